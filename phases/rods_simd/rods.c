@@ -74,8 +74,8 @@ static void set_out_rods(int first, int count, int left, int top, const struct s
     flight->linear = v_splat(2.0f) * vec_dot(eye.hi, flight->axis);
     flight->steps = flight->before = v_load(steps);
     flight->gone = v_mask_none();
-    approach_origins(eye, world->scene, &world->group->beam[k]);
-    approach_directions(flight->axis, world->scene, &world->group->beam[k]);
+    set_local_origins(eye, world->scene, &world->group->packet[k]);
+    set_local_directions(flight->axis, world->scene, &world->group->packet[k]);
     world->group->t[k] = v_load(t);
     world->group->live[k] =
         v_cmp_lt_in(v_cmp_gt(v_load(there), v_splat(0.5f)), flight->steps, size->cap);
@@ -156,13 +156,13 @@ static void march_size(int left, int top, const struct size *size, const struct 
         }
         group->count = 0;
         for (int k = 0; k < GROUP; k++) {
-            group->high[k] = v_select(group->live[k], group->beam[k].high, v_splat(-INFINITY));
+            group->high[k] = v_select(group->live[k], group->packet[k].high, v_splat(-INFINITY));
             if (v_any(group->live[k]))
                 group->list[group->count++] = k;
         }
-        struct sole_shape alone = {.shape = -1};
+        struct sole_shape sole = {.shape = -1};
         while (group->count > 0) {
-            scene_distances(group, world->scene, &alone);
+            scene_distances(group, world->scene, &sole);
             for (int i = 0; i < group->count;) {
                 int k = group->list[i];
                 if (rod_step(&flight[k], k, size, group))

@@ -12,9 +12,9 @@ struct job {
 };
 
 #define KERNEL(width)                                                                              \
-    size_t width##_own_size(const struct model *model);                                            \
+    size_t width##_scratch_size(const struct model *model);                                        \
     int width##_tiles(const struct frame *frame);                                                  \
-    void width##_tile(const struct job *job, int tile, void *own);                                 \
+    void width##_tile(const struct job *job, int tile, void *scratch);                             \
     bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
                            double *distance, int *nearest);
 KERNEL(lanes8)

@@ -9,7 +9,7 @@ struct local_ray; // core/shape_distances.h
 
 // A packet of rays. `high` + t is an upper bound of the distance to the nearest steady shape.
 struct packet_rays {
-    struct local_ray *approach; // one per shape
+    struct local_ray *local; // one per shape
     // One per shape, GROUP elements apart. A shape is not the nearest as long as its value exceeds t + the distance to
     // the nearest shape.
     vfloat *wake;
@@ -17,25 +17,25 @@ struct packet_rays {
 };
 
 // Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
-// other, so one packet alone would wait several times longer than it takes to issue them. The packets also share the
+// other, so one packet sole would wait several times longer than it takes to issue them. The packets also share the
 // choice of shapes: a shape that one of them needs is evaluated for all.
 struct packet_group {
-    struct packet_rays beam[GROUP];
+    struct packet_rays packet[GROUP];
     vfloat t[GROUP], distance[GROUP]; // of the last step
-    vfloat high[GROUP]; // that of its beam; −∞ where a ray is done, which wakes no shape
+    vfloat high[GROUP]; // that of its packet; −∞ where a ray is done, which wakes no shape
     vmask live[GROUP];
     int list[GROUP], count; // the packets that have a live ray
 };
 
 // Returns the shapes that the packet's rays may meet: all of the scene.
-static inline const struct shape_list *shapes_of(const struct packet_rays *beam,
+static inline const struct shape_list *shapes_of(const struct packet_rays *packet,
                                                  const struct prepared *scene) {
-    (void)beam;
+    (void)packet;
     return &scene->all;
 }
 
-static inline vfloat *wake_of(const struct packet_rays *beam, int shape) {
-    return &beam->wake[shape * GROUP];
+static inline vfloat *wake_of(const struct packet_rays *packet, int shape) {
+    return &packet->wake[shape * GROUP];
 }
 
 // Returns the number of packets in the group.

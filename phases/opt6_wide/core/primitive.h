@@ -19,7 +19,7 @@ enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
 // A shape as the march wants it: what is evaluated, and nothing else.
 struct primitive {
-    enum eval_kind way;
+    enum eval_kind kind;
     enum shape_type type;
     bool turned, repeated;
     bool steady; // its distance changes no faster than the place: see scene_distances()
@@ -48,7 +48,7 @@ struct shape_list {
 
 struct prepared {
     struct model model;
-    struct primitive *placed; // one per shape
+    struct primitive *primitives; // one per shape
     struct shape_list all;
 };
 

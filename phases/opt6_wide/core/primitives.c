@@ -15,7 +15,7 @@ struct primitive prepare_shape(int index, const struct shape *shape, const struc
         p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
         p.per_cell[i] = (float)p.wide_per_cell[i];
     }
-    p.way = eval_kind_of(shape, p.repeated, limits);
+    p.kind = eval_kind_of(shape, p.repeated, limits);
     prepare_rows(&p, shape, turn);
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;

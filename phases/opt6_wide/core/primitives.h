@@ -36,7 +36,7 @@ static inline void to_floats(const double from[3], float to[3]) {
 
 // See struct primitive. A plane that is not repeated has one row.
 static inline void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3]) {
-    bool linear = p->way == EVAL_LINEAR;
+    bool linear = p->kind == EVAL_LINEAR;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             const double *n = shape->plane.normal;
@@ -45,7 +45,7 @@ static inline void prepare_rows(struct primitive *p, const struct shape *shape, 
         }
         p->centre[i] = shape->position[i];
     }
-    if (p->way == EVAL_POWER) {
+    if (p->kind == EVAL_POWER) {
         p->radius_sq = shape->sphere.radius * shape->sphere.radius;
         p->b = (float)p->radius_sq;
     }

@@ -26,8 +26,8 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
         return NULL;
     if (shapes_reserve(&kept->prepared, model)) {
         kept->sixteen = variant_here().lanes == 16;
-        kept->workers = workers_start(threads, kept->sixteen ? lanes16_own_size(model)
-                                                             : lanes8_own_size(model));
+        kept->workers = workers_start(threads, kept->sixteen ? lanes16_scratch_size(model)
+                                                             : lanes8_scratch_size(model));
     }
     if (!kept->workers) {
         shapes_release(&kept->prepared);
@@ -51,12 +51,12 @@ struct frame_job {
     bool sixteen;
 };
 
-static void render_tile(const void *data, int tile, void *own) {
+static void render_tile(const void *data, int tile, void *scratch) {
     const struct frame_job *job = data;
     if (job->sixteen)
-        lanes16_tile(&job->job, tile, own);
+        lanes16_tile(&job->job, tile, scratch);
     else
-        lanes8_tile(&job->job, tile, own);
+        lanes8_tile(&job->job, tile, scratch);
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {

@@ -8,53 +8,54 @@
 
 enum { UNROLLED = 4 }; // packets
 
-// Evaluates one shape for packet k. `steady`, `way` and `type` are constants where this is inlined.
+// Evaluates one shape for packet k. `steady`, `kind` and `type` are constants where this is inlined.
 __attribute__((always_inline)) static inline void
 packet_distance(struct packet_group *group, int k, int shape, int size,
-                const struct primitive *placed, bool steady, enum eval_kind way,
+                const struct primitive *primitive, bool steady, enum eval_kind kind,
                 enum shape_type type, struct nearest_so_far *found) {
     ACTIVE(v_count(group->live[k]));
     COUNT(packet_distance, call);
-    const struct local_ray *a = &group->beam[k].approach[shape];
+    const struct local_ray *a = &group->packet[k].local[shape];
     vfloat t = group->t[k];
-    vfloat distance = distance_to_shape(a, t, placed, !steady, way, type, group->live[k]);
+    vfloat distance = distance_to_shape(a, t, primitive, !steady, kind, type, group->live[k]);
     vfloat sum = distance + t;
     found->least[k] = v_min(distance, found->least[k]);
     found->limit[k] = v_min(sum, found->limit[k]);
     if (steady) {
         COUNT(packet_distance, steady);
-        group->beam[k].wake[shape * size] = wake_bound(sum, placed);
+        group->packet[k].wake[shape * size] = wake_bound(sum, primitive);
     }
 }
 
 __attribute__((always_inline)) static inline void
-group_distances(struct packet_group *group, int shape, int size, const struct primitive *placed,
-                bool steady, enum eval_kind way, enum shape_type type,
+group_distances(struct packet_group *group, int shape, int size, const struct primitive *primitive,
+                bool steady, enum eval_kind kind, enum shape_type type,
                 struct nearest_so_far *found) {
     if (size == UNROLLED && group->count == UNROLLED)
         for (int k = 0; k < UNROLLED; k++)
-            packet_distance(group, k, shape, size, placed, steady, way, type, found);
+            packet_distance(group, k, shape, size, primitive, steady, kind, type, found);
     else
         for (int i = 0; i < group->count; i++)
-            packet_distance(group, group->list[i], shape, size, placed, steady, way, type, found);
+            packet_distance(group, group->list[i], shape, size, primitive, steady, kind, type,
+                            found);
 }
 
 // Evaluates a Mandelbulb for all packets: core/bulb_distances.c.
-void bulb_distances(struct packet_group *group, int shape, const struct primitive *placed,
+void bulb_distances(struct packet_group *group, int shape, const struct primitive *primitive,
                     struct nearest_so_far *found);
 
 // Evaluates one shape for all packets: its type is switched on once for all of them.
 __attribute__((always_inline)) static inline void
-distances_to_shape(struct packet_group *group, int shape, int size, const struct primitive *placed,
-                   bool steady, struct nearest_so_far *found) {
-#define EACH(way, type) group_distances(group, shape, size, placed, steady, way, type, found)
-    if (steady && placed->way == EVAL_LINEAR) {
+distances_to_shape(struct packet_group *group, int shape, int size,
+                   const struct primitive *primitive, bool steady, struct nearest_so_far *found) {
+#define EACH(kind, type) group_distances(group, shape, size, primitive, steady, kind, type, found)
+    if (steady && primitive->kind == EVAL_LINEAR) {
         EACH(EVAL_LINEAR, SHAPE_PLANE);
         return;
     }
-    switch (placed->type) {
+    switch (primitive->type) {
     case SHAPE_SPHERE:
-        if (steady && placed->way == EVAL_POWER)
+        if (steady && primitive->kind == EVAL_POWER)
             EACH(EVAL_POWER, SHAPE_SPHERE);
         else
             EACH(EVAL_POINT, SHAPE_SPHERE);
@@ -93,18 +94,18 @@ struct sole_shape {
 __attribute__((always_inline)) static inline void wake_of_others(const struct packet_group *group,
                                                                  int size,
                                                                  const struct shape_list *list,
-                                                                 struct sole_shape *alone) {
+                                                                 struct sole_shape *sole) {
     COUNT(wake_of_others, call);
     for (int k = 0; k < size; k++)
-        alone->until[k] = v_splat(INFINITY);
+        sole->until[k] = v_splat(INFINITY);
     for (int n = 0; n < list->count; n++) {
         int i = list->order[n];
-        if (i == alone->shape)
+        if (i == sole->shape)
             continue;
-        const vfloat *wake = &group->beam[0].wake[i * size];
+        const vfloat *wake = &group->packet[0].wake[i * size];
         for (int k = 0; k < size; k++) { // NaN becomes −∞: awake
             COUNT(wake_of_others, packet);
-            alone->until[k] = v_min(v_max(wake[k], v_splat(-INFINITY)), alone->until[k]);
+            sole->until[k] = v_min(v_max(wake[k], v_splat(-INFINITY)), sole->until[k]);
         }
     }
 }
@@ -112,30 +113,30 @@ __attribute__((always_inline)) static inline void wake_of_others(const struct pa
 // Evaluates all shapes that may be the nearest, except `sole_shape`, which the caller has evaluated.
 __attribute__((always_inline)) static inline void
 evaluate_awake(struct packet_group *group, int size, const struct prepared *scene,
-               struct sole_shape *alone, struct nearest_so_far *found) {
-    const struct shape_list *list = shapes_of(&group->beam[0], scene);
-    int asked = alone->shape, last = asked, count = asked >= 0;
+               struct sole_shape *sole, struct nearest_so_far *found) {
+    const struct shape_list *list = shapes_of(&group->packet[0], scene);
+    int asked = sole->shape, last = asked, count = asked >= 0;
     for (int n = 0; n < list->count; n++) {
         int i = list->order[n];
         if (n == list->steady)
             update_high(group, size, found);
-        if (i == asked || all_asleep(&group->beam[0].wake[i * size], size, found))
+        if (i == asked || all_asleep(&group->packet[0].wake[i * size], size, found))
             continue;
         count++;
         last = n < list->steady ? i : -1;
-        const struct primitive *placed = &scene->placed[i];
+        const struct primitive *primitive = &scene->primitives[i];
         if (n < list->steady)
-            distances_to_shape(group, i, size, placed, true, found);
-        else if (placed->type == SHAPE_MANDELBULB)
-            bulb_distances(group, i, placed, found);
+            distances_to_shape(group, i, size, primitive, true, found);
+        else if (primitive->type == SHAPE_MANDELBULB)
+            bulb_distances(group, i, primitive, found);
         else
-            distances_to_shape(group, i, size, placed, false, found);
+            distances_to_shape(group, i, size, primitive, false, found);
     }
     if (list->steady == list->count)
         update_high(group, size, found);
-    alone->shape = count == 1 ? last : -1;
-    if (alone->shape >= 0)
-        wake_of_others(group, size, list, alone);
+    sole->shape = count == 1 ? last : -1;
+    if (sole->shape >= 0)
+        wake_of_others(group, size, list, sole);
 }
 
 // Finds each packet's distance to the nearest shape at t along the rays. Precondition: t never decreases.
@@ -146,32 +147,32 @@ evaluate_awake(struct packet_group *group, int size, const struct prepared *scen
 // Remembered distances: saethrej/sphere-tracing, a student project, keeps them in a priority queue.
 __attribute__((always_inline)) static inline bool distances_of(struct packet_group *group, int size,
                                                                const struct prepared *scene,
-                                                               struct sole_shape *alone) {
+                                                               struct sole_shape *sole) {
     struct nearest_so_far found;
     reset_nearest(group, size, &found);
-    if (alone->shape >= 0)
-        distances_to_shape(group, alone->shape, size, &scene->placed[alone->shape], true, &found);
-    bool still = alone->shape >= 0 && all_asleep(alone->until, size, &found);
+    if (sole->shape >= 0)
+        distances_to_shape(group, sole->shape, size, &scene->primitives[sole->shape], true, &found);
+    bool still = sole->shape >= 0 && all_asleep(sole->until, size, &found);
     if (still)
         update_high(group, size, &found);
     else
-        evaluate_awake(group, size, scene, alone, &found);
+        evaluate_awake(group, size, scene, sole, &found);
     for (int k = 0; k < size; k++)
         group->distance[k] = found.least[k];
     return !still;
 }
 
 static inline bool scene_distances(struct packet_group *group, const struct prepared *scene,
-                                   struct sole_shape *alone) {
-    return packets_in(group) == UNROLLED ? distances_of(group, UNROLLED, scene, alone)
-                                         : distances_of(group, GROUP, scene, alone);
+                                   struct sole_shape *sole) {
+    return packets_in(group) == UNROLLED ? distances_of(group, UNROLLED, scene, sole)
+                                         : distances_of(group, GROUP, scene, sole);
 }
 
 // Lists the packets that have a live ray. A ray that is done gets high = −∞, so that it wakes no shape.
 static inline void start_packets(struct packet_group *group) {
     group->count = 0;
     for (int k = 0; k < packets_in(group); k++) {
-        group->high[k] = v_select(group->live[k], group->beam[k].high, v_splat(-INFINITY));
+        group->high[k] = v_select(group->live[k], group->packet[k].high, v_splat(-INFINITY));
         if (v_any(group->live[k]))
             group->list[group->count++] = k;
         else

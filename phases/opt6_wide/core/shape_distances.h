@@ -15,35 +15,36 @@ struct local_ray {
     vfloat power, slope;
 };
 
-static inline struct vec turned(const struct primitive *placed, struct vec v) {
+static inline struct vec turned(const struct primitive *primitive, struct vec v) {
     COUNT(turned, call);
-    if (!placed->turned)
+    if (!primitive->turned)
         return v;
     COUNT(turned, rotation);
-    return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
-                        vec_dot(vec_set(placed->turn[2]), v)};
+    return (struct vec){vec_dot(vec_set(primitive->turn[0]), v),
+                        vec_dot(vec_set(primitive->turn[1]), v),
+                        vec_dot(vec_set(primitive->turn[2]), v)};
 }
 
 // Back from the shape's frame: the matrix is orthogonal, so its transpose.
-static inline struct vec turned_back(const struct primitive *placed, struct vec v) {
+static inline struct vec turned_back(const struct primitive *primitive, struct vec v) {
     COUNT(turned_back, call);
-    if (!placed->turned)
+    if (!primitive->turned)
         return v;
     COUNT(turned_back, rotation);
-    struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
-    out = vec_along(out, vec_set(placed->turn[1]), v.y);
-    return vec_along(out, vec_set(placed->turn[2]), v.z);
+    struct vec out = vec_scale(vec_set(primitive->turn[0]), v.x);
+    out = vec_along(out, vec_set(primitive->turn[1]), v.y);
+    return vec_along(out, vec_set(primitive->turn[2]), v.z);
 }
 
 static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: not repeated
     return v_nmadd(v_splat(cell), v_floor(v_madd(x, v_splat(per_cell), v_splat(0.5f))), x);
 }
 
-static inline struct vec vec_wrapped(const struct primitive *placed, struct vec p) {
+static inline struct vec vec_wrapped(const struct primitive *primitive, struct vec p) {
     COUNT(vec_wrapped, call);
-    return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
-                        wrapped(p.y, placed->cell[1], placed->per_cell[1]),
-                        wrapped(p.z, placed->cell[2], placed->per_cell[2])};
+    return (struct vec){wrapped(p.x, primitive->cell[0], primitive->per_cell[0]),
+                        wrapped(p.y, primitive->cell[1], primitive->per_cell[1]),
+                        wrapped(p.z, primitive->cell[2], primitive->per_cell[2])};
 }
 
 static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) {
@@ -53,12 +54,13 @@ static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) 
 
 // One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
 // to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
-static inline vfloat coordinate(const struct primitive *placed, struct vec_double from, int axis) {
+static inline vfloat coordinate(const struct primitive *primitive, struct vec_double from,
+                                int axis) {
     COUNT(coordinate, call);
-    vdouble x = v_double_sub(v_double_dot(from, placed->row[axis]), placed->offset);
-    if (placed->repeated) {
+    vdouble x = v_double_sub(v_double_dot(from, primitive->row[axis]), primitive->offset);
+    if (primitive->repeated) {
         COUNT(coordinate, wrap);
-        x = v_double_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
+        x = v_double_wrapped(x, primitive->wide_cell[axis], primitive->wide_per_cell[axis]);
     }
     return v_double_to_float(x);
 }
@@ -224,53 +226,53 @@ static inline vfloat bulb_wake_bound(vfloat square, vfloat t) {
     return v_madd(v_splat(1.0f - 0x1p-10f), bound, t);
 }
 
-// At a point of the shape's own frame, wrapped if it is repeated. What way and type are is known where it
+// At a point of the shape's own frame, wrapped if it is repeated. What kind and type are is known where it
 // is inlined in group_distances().
 __attribute__((always_inline)) static inline vfloat
-distance_at(struct vec p, const struct primitive *placed, enum shape_type type, vmask live) {
+distance_at(struct vec p, const struct primitive *primitive, enum shape_type type, vmask live) {
     switch (type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, placed);
-    case SHAPE_BOX: return sdf_box(p, placed);
-    case SHAPE_TORUS: return sdf_torus(p, placed);
-    case SHAPE_CONE: return sdf_cone(p, placed);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
-    case SHAPE_PLANE: return sdf_plane(p, placed);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
-    default: return sdf_mandelbulb(p, placed, live);
+    case SHAPE_SPHERE: return sdf_sphere(p, primitive);
+    case SHAPE_BOX: return sdf_box(p, primitive);
+    case SHAPE_TORUS: return sdf_torus(p, primitive);
+    case SHAPE_CONE: return sdf_cone(p, primitive);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
+    case SHAPE_PLANE: return sdf_plane(p, primitive);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
+    default: return sdf_mandelbulb(p, primitive, live);
     }
 }
 
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline vfloat
-distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *placed,
-                  bool repeated, enum eval_kind way, enum shape_type type, vmask live) {
+distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *primitive,
+                  bool repeated, enum eval_kind kind, enum shape_type type, vmask live) {
     COUNT(distance_to_shape, call);
-    if (way == EVAL_POWER) {
+    if (kind == EVAL_POWER) {
         COUNT(distance_to_shape, power);
-        return sdf_power(v_madd(t, t + a->slope, a->power), placed);
+        return sdf_power(v_madd(t, t + a->slope, a->power), primitive);
     }
-    if (way == EVAL_LINEAR) {
+    if (kind == EVAL_LINEAR) {
         COUNT(distance_to_shape, linear);
         return v_madd(t, a->direction.x, a->origin.x);
     }
     COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
     if (repeated)
-        p = vec_wrapped(placed, p);
-    return distance_at(p, placed, type, live);
+        p = vec_wrapped(primitive, p);
+    return distance_at(p, primitive, type, live);
 }
 
 // From t on: the distance to a steady shape falls no faster than t grows, so that distance + t is what no later
 // distance + t can be less than. It is taken 2^-18 too small, of itself and of the shape: sixteen times what
 // float makes of it, as the place in the shape's frame is no further from it than distance + t + shape.
-static inline vfloat wake_bound(vfloat sum, const struct primitive *placed) {
-    return v_madd(sum, v_splat(1.0f - 0x1p-18f), v_splat(-placed->slack));
+static inline vfloat wake_bound(vfloat sum, const struct primitive *primitive) {
+    return v_madd(sum, v_splat(1.0f - 0x1p-18f), v_splat(-primitive->slack));
 }
 
 // The same from a place that may be inside.
-static inline vfloat wake_bound_inside(vfloat sum, const struct primitive *placed) {
-    return v_min(wake_bound(sum, placed),
-                 v_madd(sum, v_splat(1.0f + 0x1p-18f), v_splat(-placed->slack)));
+static inline vfloat wake_bound_inside(vfloat sum, const struct primitive *primitive) {
+    return v_min(wake_bound(sum, primitive),
+                 v_madd(sum, v_splat(1.0f + 0x1p-18f), v_splat(-primitive->slack)));
 }
 
 #endif

@@ -37,7 +37,7 @@ struct lighting {
 void shadow(const struct hit *hit, const struct lighting *light, struct trace_context *world,
             vfloat *reach);
 
-// What a hit's place says, once it is the origin of its beam: more exactly than the march,
+// What a hit's place says, once it is the origin of its packet: more exactly than the march,
 // which has rounded origin and direction in the frames of all shapes.
 struct hit_surroundings {
     vfloat distance, shape; // of the nearest
@@ -45,7 +45,7 @@ struct hit_surroundings {
 };
 
 struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
-                                 struct packet_rays *beam);
+                                 struct packet_rays *packet);
 // A hit's normal, on the side that the ray comes from, and the distance's slope along the ray: 1e30 where it is unknown.
 struct hit_normal {
     struct vec normal;
@@ -55,7 +55,7 @@ struct hit_normal {
 
 // Returns the normals of hits that are the origins of the packet.
 struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
-                            const struct prepared *scene, const struct packet_rays *beam);
+                            const struct prepared *scene, const struct packet_rays *packet);
 
 void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
            struct shaded *result);

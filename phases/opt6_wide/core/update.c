@@ -11,11 +11,12 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     for (int i = 0; i < model->shape_count; i++)
         each[i] = i;
     for (int i = 0; i < model->shape_count; i++)
-        prepared->placed[i] = prepare_shape(i, &model->shapes[i], &model->march);
+        prepared->primitives[i] = prepare_shape(i, &model->shapes[i], &model->march);
     for (int steady = 1; steady >= 0; steady--)
         for (int type = 0; type < SHAPE_TYPES; type++)
             for (int i = 0; i < model->shape_count; i++)
-                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type) {
+                if (prepared->primitives[i].steady == steady &&
+                    (int)prepared->primitives[i].type == type) {
                     order[next++] = i;
                     prepared->all.steady += steady;
                 }
@@ -23,14 +24,14 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
 }
 
 bool shapes_reserve(struct prepared *prepared, const struct model *model) {
-    prepared->placed = calloc((size_t)model->shape_count, sizeof *prepared->placed);
+    prepared->primitives = calloc((size_t)model->shape_count, sizeof *prepared->primitives);
     int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
     prepared->all.shape = both;
     prepared->all.order = both ? both + model->shape_count : NULL;
-    return prepared->placed && both;
+    return prepared->primitives && both;
 }
 
 void shapes_release(struct prepared *prepared) {
-    free(prepared->placed);
+    free(prepared->primitives);
     free((void *)prepared->all.shape); // and order
 }

@@ -36,9 +36,9 @@ void march(struct march_state *packets, const struct ray_group *rays, struct tra
         group->t[k] = first_t(at, group->live[k]);
         at->last = v_zero_where(group->live[k], at->last);
     }
-    struct sole_shape alone = {.shape = -1};
+    struct sole_shape sole = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {
-        scene_distances(group, scene, &alone);
+        scene_distances(group, scene, &sole);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {

@@ -40,10 +40,10 @@ static inline vfloat min_step(vfloat t, vfloat hit_distance) {
 
 // Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
 // horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
-static inline vfloat newton(vfloat h, vfloat slope, vfloat way) {
+static inline vfloat newton(vfloat h, vfloat slope, vfloat path) {
     COUNT(newton, call);
-    vmask own = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
-    return v_select_or_zero(own, h / v_max(slope, v_splat(0x1p-9f)));
+    vmask small = v_cmp_lt(v_abs(h), path * v_splat(0x1p-21f));
+    return v_select_or_zero(small, h / v_max(slope, v_splat(0x1p-9f)));
 }
 
 // More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.

@@ -6,11 +6,12 @@
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
 __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
                                                    const struct prepared *scene,
-                                                   const struct packet_rays *beam, vfloat *shape) {
+                                                   const struct packet_rays *packet,
+                                                   vfloat *shape) {
     ACTIVE(v_count(deep));
     COUNT(shape_inside, call);
     vfloat inside = v_splat(-1.0f);
-    nearest_shape_at(beam, t, scene, deep, &inside);
+    nearest_shape_at(packet, t, scene, deep, &inside);
     *shape = v_select(deep, inside, *shape);
 }
 
@@ -18,7 +19,7 @@ __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there: whether there is one.
 static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
-                      const struct prepared *scene, struct packet_rays *beam, vmask *live) {
+                      const struct prepared *scene, struct packet_rays *packet, vmask *live) {
     ACTIVE(v_count(at->found));
     COUNT(land_hits, call);
     if (!v_any(at->found))
@@ -28,13 +29,13 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     float twice = 2.0f * (float)scene->model.march.hit_distance;
     vmask sunk = v_and(v_andnot(settled, at->found), v_cmp_lt(at->last, v_splat(-twice)));
     if (v_any(sunk))
-        shape_inside(sunk, at->t, scene, beam, &at->inside);
+        shape_inside(sunk, at->t, scene, packet, &at->inside);
     at->deep = v_or(at->deep, sunk);
     // What has settled stays as it is to the bit, whatever its neighbours do.
     at->origin =
         point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
-    approach_origins(at->origin, scene, beam);
-    at->near = near_hit(at->found, scene, beam);
+    set_local_origins(at->origin, scene, packet);
+    at->near = near_hit(at->found, scene, packet);
     vmask off = v_and(
         at->found, v_andnot(v_or(at->deep, settled), v_cmp_gt(at->near.distance, v_splat(twice))));
     if (!v_any(off))
@@ -45,21 +46,21 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
     at->origin.lo = vec_along(at->origin.lo, direction, back);
     at->before = v_select(off, at->before + (at->t + (at->last + back)), at->before);
-    approach_origins(at->origin, scene, beam);
-    approach_directions(direction, scene, beam);
+    set_local_origins(at->origin, scene, packet);
+    set_local_directions(direction, scene, packet);
     at->found = v_andnot(off, at->found);
     *live = v_cmp_lt_in(off, at->evals, v_splat((float)march_cap(at, &scene->model)));
     return v_any(*live);
 }
 
 static struct hit finish_hit(struct march_state *at, struct vec direction,
-                             const struct prepared *scene, struct packet_rays *beam) {
+                             const struct prepared *scene, struct packet_rays *packet) {
     COUNT(finish_hit, call);
     struct hit hit = {.found = at->found, .shape = v_splat(-1.0f), .evals = at->evals};
     if (!v_any(at->found))
         return hit;
-    vfloat way = at->before + at->t;
-    vmask unmoved = v_cmp_ge(v_splat(0.0f), way); // hits wherever it starts
+    vfloat path = at->before + at->t;
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), path); // hits wherever it starts
     hit.found = v_and(hit.found, v_or(within(at->origin, &scene->model), unmoved));
     struct hit_surroundings near = at->near;
     if (v_any(at->deep)) {
@@ -68,16 +69,16 @@ static struct hit finish_hit(struct march_state *at, struct vec direction,
         near.contact = v_or(near.contact, v_and(at->deep, other));
         near.shape = v_select(at->deep, at->inside, near.shape);
     }
-    struct hit_normal at_hit = normal_at(direction, hit.found, &near, scene, beam);
+    struct hit_normal at_hit = normal_at(direction, hit.found, &near, scene, packet);
     hit.normal = at_hit.normal;
     ACTIVE(v_count(hit.found));
     COUNT(finish_hit, end);
     hit.shape = v_select(hit.found, near.shape, hit.shape);
-    vfloat more = v_zero_where(at->deep, newton(near.distance, at_hit.slope, way));
+    vfloat more = v_zero_where(at->deep, newton(near.distance, at_hit.slope, path));
     hit.t = at->before + (at->t + (at->last + more));
     hit.point = at->origin;
     hit.point.lo = vec_along(hit.point.lo, direction, more);
-    approach_moved(more, scene, beam);
+    move_local_origins(more, scene, packet);
     return hit;
 }
 
@@ -94,8 +95,8 @@ void ray_march(const struct ray_group *rays, struct trace_context *world, struct
         if (!v_any(rays->active[k]))
             continue;
         going |= 1u << k;
-        approach_origins(rays->origin[k], scene, &group->beam[k]);
-        approach_directions(rays->direction[k], scene, &group->beam[k]);
+        set_local_origins(rays->origin[k], scene, &group->packet[k]);
+        set_local_directions(rays->direction[k], scene, &group->packet[k]);
     }
     while (going) {
         vmask settled[GROUP];
@@ -104,11 +105,11 @@ void ray_march(const struct ray_group *rays, struct trace_context *world, struct
         march(packets, rays, world);
         for (int k = 0; k < packets_in(group); k++)
             if (going >> k & 1 && !land_hits(&packets[k], settled[k], rays->direction[k], scene,
-                                             &group->beam[k], &group->live[k]))
+                                             &group->packet[k], &group->live[k]))
                 going &= ~(1u << k);
     }
     for (int k = 0; k < packets_in(group); k++) {
         ACTIVE(v_count(packets[k].found));
-        hit[k] = finish_hit(&packets[k], rays->direction[k], scene, &group->beam[k]);
+        hit[k] = finish_hit(&packets[k], rays->direction[k], scene, &group->packet[k]);
     }
 }

@@ -68,53 +68,53 @@ static inline struct vec octahedron_gradient(struct vec p) {
 
 // The hit in the frame of one shape, and moved there by `step` along an axis of the world (a column
 // of the shape's matrix); axis −1: not moved.
-static inline struct vec moved_in(const struct primitive *placed, const struct local_ray *approach,
+static inline struct vec moved_in(const struct primitive *primitive, const struct local_ray *local,
                                   float step, int axis) {
     COUNT(moved_in, call);
-    struct vec p = approach->origin;
+    struct vec p = local->origin;
     if (axis < 0)
         return p;
     COUNT(moved_in, moved);
     COUNT(moved_in, scalar);
-    p = (struct vec){p.x + v_splat(step * placed->turn[0][axis]),
-                     p.y + v_splat(step * placed->turn[1][axis]),
-                     p.z + v_splat(step * placed->turn[2][axis])};
-    return placed->repeated ? vec_wrapped(placed, p) : p;
+    p = (struct vec){p.x + v_splat(step * primitive->turn[0][axis]),
+                     p.y + v_splat(step * primitive->turn[1][axis]),
+                     p.z + v_splat(step * primitive->turn[2][axis])};
+    return primitive->repeated ? vec_wrapped(primitive, p) : p;
 }
 
-static inline vfloat moved_power(const struct primitive *placed, const struct local_ray *approach,
+static inline vfloat moved_power(const struct primitive *primitive, const struct local_ray *local,
                                  float step, int axis) {
     if (axis < 0)
-        return approach->power;
+        return local->power;
     COUNT(moved_power, moved);
-    struct vec column = {v_splat(placed->turn[0][axis]), v_splat(placed->turn[1][axis]),
-                         v_splat(placed->turn[2][axis])};
+    struct vec column = {v_splat(primitive->turn[0][axis]), v_splat(primitive->turn[1][axis]),
+                         v_splat(primitive->turn[2][axis])};
     return v_madd(v_splat(step),
-                  v_madd(v_splat(2.0f), vec_dot(approach->origin, column), v_splat(step)),
-                  approach->power);
+                  v_madd(v_splat(2.0f), vec_dot(local->origin, column), v_splat(step)),
+                  local->power);
 }
 
-static inline vfloat moved_distance(const struct primitive *placed,
-                                    const struct local_ray *approach, vmask live, float step,
+static inline vfloat moved_distance(const struct primitive *primitive,
+                                    const struct local_ray *local, vmask live, float step,
                                     int axis) {
     COUNT(moved_distance, call);
-    if (placed->way == EVAL_POWER)
-        return sdf_power(moved_power(placed, approach, step, axis), placed);
-    if (placed->way == EVAL_LINEAR) {
+    if (primitive->kind == EVAL_POWER)
+        return sdf_power(moved_power(primitive, local, step, axis), primitive);
+    if (primitive->kind == EVAL_LINEAR) {
         if (axis < 0)
-            return approach->origin.x;
+            return local->origin.x;
         COUNT(moved_distance, moved);
-        return v_madd(v_splat(placed->normal[axis]), v_splat(step), approach->origin.x);
+        return v_madd(v_splat(primitive->normal[axis]), v_splat(step), local->origin.x);
     }
-    return distance_at(moved_in(placed, approach, step, axis), placed, placed->type, live);
+    return distance_at(moved_in(primitive, local, step, axis), primitive, primitive->type, live);
 }
 
-static inline struct vec difference(const struct primitive *placed,
-                                    const struct local_ray *approach, vmask live, float step) {
+static inline struct vec difference(const struct primitive *primitive,
+                                    const struct local_ray *local, vmask live, float step) {
     COUNT(difference, call);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, live, step, axis);
+        f[axis + 1] = moved_distance(primitive, local, live, step, axis);
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 

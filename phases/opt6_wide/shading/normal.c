@@ -5,10 +5,10 @@
 
 // Of the whole scene, as in the other phases.
 static struct vec scene_difference(vmask live, float step, const struct prepared *scene,
-                                   const struct packet_rays *beam) {
+                                   const struct packet_rays *packet) {
     ACTIVE(v_count(live));
     COUNT(scene_difference, call);
-    const struct shape_list *list = shapes_of(beam, scene);
+    const struct shape_list *list = shapes_of(packet, scene);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++) {
         f[axis + 1] = v_splat(INFINITY);
@@ -16,7 +16,7 @@ static struct vec scene_difference(vmask live, float step, const struct prepared
             COUNT(scene_difference, shape);
             int i = list->shape[n];
             f[axis + 1] =
-                v_min(moved_distance(&scene->placed[i], &beam->approach[i], live, step, axis),
+                v_min(moved_distance(&scene->primitives[i], &packet->local[i], live, step, axis),
                       f[axis + 1]);
         }
     }
@@ -25,27 +25,27 @@ static struct vec scene_difference(vmask live, float step, const struct prepared
 
 // Which shapes a ray from there need not ask for yet is known then, too.
 struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
-                                 struct packet_rays *beam) {
+                                 struct packet_rays *packet) {
     COUNT(near_hit, call);
     COUNT(near_hit, scalar);
     vfloat least = v_splat(INFINITY), second = least, shape = v_splat(-1.0f);
-    const struct shape_list *list = shapes_of(beam, scene);
+    const struct shape_list *list = shapes_of(packet, scene);
     for (int n = 0; n < list->count; n++) {
         int i = list->shape[n];
         COUNT(near_hit, shape);
-        const struct primitive *placed = &scene->placed[i];
-        vfloat distance = moved_distance(placed, &beam->approach[i], found, 0, -1);
-        shape = v_select(v_cmp_lt(distance, least), v_splat(placed->index),
+        const struct primitive *primitive = &scene->primitives[i];
+        vfloat distance = moved_distance(primitive, &packet->local[i], found, 0, -1);
+        shape = v_select(v_cmp_lt(distance, least), v_splat(primitive->index),
                          shape); // the first of equals
         second = v_min(second, v_max(distance, least));
         least = v_min(distance, least);
-        if (placed->steady) {
+        if (primitive->steady) {
             COUNT(near_hit, steady);
-            *wake_of(beam, i) = wake_bound_inside(distance, placed);
-            beam->high = v_min(distance, beam->high);
+            *wake_of(packet, i) = wake_bound_inside(distance, primitive);
+            packet->high = v_min(distance, packet->high);
         }
     }
-    beam->high = beam->high + v_splat(1e-30f); // at distance 0 the shape is awake
+    packet->high = packet->high + v_splat(1e-30f); // at distance 0 the shape is awake
     float step = (float)scene->model.march.normal_step;
     return (struct hit_surroundings){least, v_select(found, shape, v_splat(-1.0f)),
                                      v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
@@ -53,34 +53,34 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
 
 // `contact`: hits near another shape, whose difference is the scene's.
 static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
-                              const struct prepared *scene, const struct packet_rays *beam) {
+                              const struct prepared *scene, const struct packet_rays *packet) {
     ACTIVE(v_count(found));
     COUNT(gradient_of, call);
-    const struct primitive *placed = &scene->placed[shape];
-    const struct local_ray *approach = &beam->approach[shape];
+    const struct primitive *primitive = &scene->primitives[shape];
+    const struct local_ray *local = &packet->local[shape];
     vmask near = v_and(found, contact);
-    struct vec p = moved_in(placed, approach, 0, -1);
-    if (placed->way == EVAL_LINEAR) // it has a height alone
+    struct vec p = moved_in(primitive, local, 0, -1);
+    if (primitive->kind == EVAL_LINEAR) // it has a height sole
         p.y = p.z = v_splat(0.0f);
     struct vec exact = p, rounded = p;
-    if (placed->way != EVAL_LINEAR && v_any(v_andnot(contact, found)))
-        rounded = difference(placed, approach, found, step);
+    if (primitive->kind != EVAL_LINEAR && v_any(v_andnot(contact, found)))
+        rounded = difference(primitive, local, found, step);
     if (v_any(near))
-        rounded = vec_select(near, scene_difference(near, step, scene, beam), rounded);
+        rounded = vec_select(near, scene_difference(near, step, scene, packet), rounded);
     ACTIVE(v_count(found)); // what was called has set its own
-    switch (placed->type) {
+    switch (primitive->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, placed); break;
-    case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
-    case SHAPE_CONE: exact = cone_gradient(p, placed); break;
+    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, primitive); break;
+    case SHAPE_TORUS: exact = torus_gradient(p, primitive); break;
+    case SHAPE_CONE: exact = cone_gradient(p, primitive); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
-    case SHAPE_PLANE: exact = vec_set(placed->size); break;
+    case SHAPE_PLANE: exact = vec_set(primitive->size); break;
     default: return rounded;
     }
     COUNT(gradient_of, closed);
     COUNT(gradient_of, scalar);
-    exact = turned_back(placed, exact);
+    exact = turned_back(primitive, exact);
     exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
     rounded = vec_scale(rounded, v_splat(1.0f / step));
     struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
@@ -89,7 +89,7 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         v_madd(size, v_splat(0x1p-20f / step), v_splat(1e-3f)); // 16 half ulps, and curvature
     vmask edge =
         v_and(v_cmp_gt(vec_dot(apart, apart), noise * noise), v_cmp_lt(noise, v_splat(0.5f)));
-    if (placed->way == EVAL_LINEAR) // its own difference is the closed form
+    if (primitive->kind == EVAL_LINEAR) // its own difference is the closed form
         edge = v_and(edge, near);
     return vec_select(edge, rounded, exact);
 }
@@ -97,7 +97,7 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
 // The gradient is formed once for each shape that the packet hit. The slope is that of a closed form, which is of unit
 // length. Where a difference stands instead, it is no slope to divide by: at an edge, or through a thin plate.
 struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
-                            const struct prepared *scene, const struct packet_rays *beam) {
+                            const struct prepared *scene, const struct packet_rays *packet) {
     COUNT(normal_at, call);
     float id[LANES], step = (float)scene->model.march.normal_step;
     v_store(near->shape, id);
@@ -108,7 +108,7 @@ struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_
         int i = (int)id[__builtin_ctz(rest)];
         vmask same = v_and(found, v_cmp_ge(v_splat(0.5f), v_abs(near->shape - v_splat((float)i))));
         gradient =
-            vec_select(same, gradient_of(i, same, near->contact, step, scene, beam), gradient);
+            vec_select(same, gradient_of(i, same, near->contact, step, scene, packet), gradient);
         rest &= ~v_mask_bits(same);
     }
     ACTIVE(v_count(found));

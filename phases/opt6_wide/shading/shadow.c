@@ -22,15 +22,15 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(v_count(light[k].lit));
-        approach_directions(light[k].to_light, world->scene, &group->beam[k]);
+        set_local_directions(light[k].to_light, world->scene, &group->packet[k]);
         rays[k].exit = bounds_exit_of(hit[k].point, light[k].to_light, model);
         rays[k].twice_previous =
             v_splat(1e14f); // its square, times t's and the strength's, is a float
         group->t[k] = v_splat((float)model->march.surface_offset);
     }
-    struct sole_shape alone = {.shape = -1};
+    struct sole_shape sole = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        scene_distances(group, world->scene, &alone);
+        scene_distances(group, world->scene, &sole);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             vmask live = group->live[k];

@@ -11,32 +11,33 @@
 
 // From a place on the way to the nearest from where the shape's own distance may say "hit".
 __attribute__((always_inline)) static inline vfloat lower_bound(const struct local_ray *a, vfloat t,
-                                                                const struct primitive *placed) {
+                                                                const struct primitive *primitive) {
     COUNT(lower_bound, call);
     vfloat d;
-    if (placed->trust == BOUND_BALL) {
+    if (primitive->trust == BOUND_BALL) {
         COUNT(lower_bound, ball);
         struct vec p = vec_along(a->origin, a->direction, t);
-        d = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p) - v_splat(placed->a);
+        d = vec_norm(primitive->repeated ? vec_wrapped(primitive, p) : p) - v_splat(primitive->a);
     } else
-        d = distance_to_shape(a, t, placed, placed->repeated, placed->way, placed->type,
-                              v_mask_all());
-    return v_nmadd(v_abs(d), v_splat(0x1p-18f), d - v_splat(placed->error));
+        d = distance_to_shape(a, t, primitive, primitive->repeated, primitive->kind,
+                              primitive->type, v_mask_all());
+    return v_nmadd(v_abs(d), v_splat(0x1p-18f), d - v_splat(primitive->error));
 }
 
 // What the distance itself is not above: by as much as was taken off it.
-static inline vfloat upper_bound(vfloat lower, const struct primitive *placed) {
+static inline vfloat upper_bound(vfloat lower, const struct primitive *primitive) {
     COUNT(upper_bound, call);
     return v_madd(v_abs(lower), v_splat(0x1p-16f),
-                  v_madd(v_splat(placed->error), v_splat(2.0f), lower));
+                  v_madd(v_splat(primitive->error), v_splat(2.0f), lower));
 }
 
 static inline float near_distance(const struct limits *limits) {
     return (float)(limits->hit_distance + 4.0 * limits->normal_step);
 }
 
-static inline struct packet_rays eye_rays(struct march_scratch *own, const struct prepared *scene) {
-    return single_packet(own->eye, scene->all, own->eye_wake);
+static inline struct packet_rays eye_rays(struct march_scratch *scratch,
+                                          const struct prepared *scene) {
+    return single_packet(scratch->eye, scene->all, scratch->eye_wake);
 }
 
 // Of the shapes of the scene the wanted ones, in both orders, written to `shapes`.

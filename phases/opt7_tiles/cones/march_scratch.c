@@ -21,22 +21,22 @@ size_t march_scratch_size(const struct model *model) {
 
 struct march_scratch march_scratch_of(void *memory, const struct model *model) {
     size_t n = even_count(model->shape_count);
-    struct march_scratch own = {.packets = max_packets(model), .wake = memory};
-    size_t packets = (size_t)own.packets;
-    own.approach = (struct local_ray *)(own.wake + packets * n);
-    own.eye_wake = (vfloat *)(own.approach + packets * n);
-    own.eye = (struct local_ray *)(own.eye_wake + n);
-    own.distance = (vfloat *)(own.eye + n);
-    own.axis = (struct local_ray *)(own.distance + n);
-    own.levels[0] = (vmask *)(own.axis + n);
+    struct march_scratch scratch = {.packets = max_packets(model), .wake = memory};
+    size_t packets = (size_t)scratch.packets;
+    scratch.local = (struct local_ray *)(scratch.wake + packets * n);
+    scratch.eye_wake = (vfloat *)(scratch.local + packets * n);
+    scratch.eye = (struct local_ray *)(scratch.eye_wake + n);
+    scratch.distance = (vfloat *)(scratch.eye + n);
+    scratch.axis = (struct local_ray *)(scratch.distance + n);
+    scratch.levels[0] = (vmask *)(scratch.axis + n);
     for (int level = 1; level < CONE_LEVELS; level++)
-        own.levels[level] = own.levels[0] + level * n;
-    own.offered[0] = (int *)(own.levels[0] + CONE_LEVELS * n);
+        scratch.levels[level] = scratch.levels[0] + level * n;
+    scratch.offered[0] = (int *)(scratch.levels[0] + CONE_LEVELS * n);
     for (int level = 1; level < CONE_LEVELS; level++)
-        own.offered[level] = own.offered[0] + 2 * level * n;
-    own.tile = own.offered[0] + 2 * CONE_LEVELS * n;
-    own.mirror = own.tile + 2 * n;
-    own.shadow = own.mirror + 2 * n;
-    own.wanted = (bool *)(own.shadow + 2 * n);
-    return own;
+        scratch.offered[level] = scratch.offered[0] + 2 * level * n;
+    scratch.tile = scratch.offered[0] + 2 * CONE_LEVELS * n;
+    scratch.mirror = scratch.tile + 2 * n;
+    scratch.shadow = scratch.mirror + 2 * n;
+    scratch.wanted = (bool *)(scratch.shadow + 2 * n);
+    return scratch;
 }

@@ -14,7 +14,7 @@ enum { CONE_LEVELS = 2 };
 struct march_scratch {
     int packets;  // of the largest group: GROUP where a Mandelbulb is, else SMALL_GROUP
     vfloat *wake; // of the rays being marched: for each shape as many as a group may have packets
-    struct local_ray *approach;
+    struct local_ray *local;
     vfloat *eye_wake; // of cones and bundles
     struct local_ray *eye;
     vfloat *distance;            // at the ends of a bundle's intervals

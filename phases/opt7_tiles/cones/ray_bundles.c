@@ -86,10 +86,11 @@ static struct ray_bundle bundle_of(const struct ray_group *rays, const vfloat *l
             continue;
         struct vec apart = vec_along(rays->origin[k].hi, b.from.hi, minus);
         struct vec turned = vec_along(rays->direction[k], b.axis, minus);
-        vfloat way = length ? length[k] : exit_distance(rays->origin[k], rays->direction[k], model);
+        vfloat path =
+            length ? length[k] : exit_distance(rays->origin[k], rays->direction[k], model);
         off = v_select(rays->active[k], v_max(vec_dot(apart, apart), off), off);
         turn = v_select(rays->active[k], v_max(vec_dot(turned, turned), turn), turn);
-        far = v_select(rays->active[k], v_max(way, far), far);
+        far = v_select(rays->active[k], v_max(path, far), far);
     }
     vmask lanes = v_mask_all();
     vfloat tiny = v_splat(0x1p-18f);
@@ -142,36 +143,36 @@ static vmask may_be_nearest(vfloat d, vfloat least, const struct ray_intervals *
     return v_cmp_ge(in->radius + in->radius, apart);
 }
 
-// Into own->distance; the least of them from above.
+// Into scratch->distance; the least of them from above.
 static vfloat bounds_at(vfloat ends, const struct ray_bundle *b, enum list_kind meant,
-                        const struct prepared *scene, struct march_scratch *own) {
+                        const struct prepared *scene, struct march_scratch *scratch) {
     COUNT(bounds_at, call);
     vfloat least = v_splat(INFINITY);
-    struct packet_rays beam = eye_rays(own, scene);
-    approach_origins(b->from, scene, &beam);
-    approach_directions(b->axis, scene, &beam);
+    struct packet_rays packet = eye_rays(scratch, scene);
+    set_local_origins(b->from, scene, &packet);
+    set_local_directions(b->axis, scene, &packet);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *placed = &scene->placed[i];
-        if (placed->trust == BOUND_NONE)
+        const struct primitive *primitive = &scene->primitives[i];
+        if (primitive->trust == BOUND_NONE)
             continue;
-        vfloat d = lower_bound(&own->eye[i], ends, placed);
-        if (placed->trust == BOUND_LIPSCHITZ) {
+        vfloat d = lower_bound(&scratch->eye[i], ends, primitive);
+        if (primitive->trust == BOUND_LIPSCHITZ) {
             COUNT(bounds_at, distance);
-            least = v_min(upper_bound(d, placed), least);
+            least = v_min(upper_bound(d, primitive), least);
         } else if (meant == LIST_NEAREST) { // of the Mandelbulb's estimate
             COUNT(bounds_at, estimate);
-            d = v_max(d * v_splat(0.5f), d + v_splat(placed->a - FAR_TANGENT));
+            d = v_max(d * v_splat(0.5f), d + v_splat(primitive->a - FAR_TANGENT));
         }
-        own->distance[i] = d;
+        scratch->distance[i] = d;
     }
     return least;
 }
 
 static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list_kind meant,
-                                           const struct prepared *scene, struct march_scratch *own,
-                                           int *shapes) {
+                                           const struct prepared *scene,
+                                           struct march_scratch *scratch, int *shapes) {
     struct ray_intervals in = intervals_of(b);
-    vfloat least = bounds_at(in.ends, b, meant, scene, own);
+    vfloat least = bounds_at(in.ends, b, meant, scene, scratch);
     // A ray from within a shape is hit behind its origin: as far as it is deep.
     float ends[LANES];
     v_store(least, ends);
@@ -180,14 +181,14 @@ static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list
     vfloat close = v_splat(near_distance(&scene->model.march) + depth + ends[0]);
     for (int i = 0; i < scene->model.shape_count; i++) {
         vmask here = v_mask_all();
-        if (scene->placed[i].trust != BOUND_NONE)
-            here = meant == LIST_NEAREST ? may_be_nearest(own->distance[i], least, &in)
-                                         : may_be_hit(own->distance[i], &in, close);
-        own->wanted[i] = (v_mask_bits(here) & ~1u) != 0;
+        if (scene->primitives[i].trust != BOUND_NONE)
+            here = meant == LIST_NEAREST ? may_be_nearest(scratch->distance[i], least, &in)
+                                         : may_be_hit(scratch->distance[i], &in, close);
+        scratch->wanted[i] = (v_mask_bits(here) & ~1u) != 0;
     }
     if (meant == LIST_HIT)
-        return list_wanted_hits(own->wanted, scene, shapes);
-    return list_wanted(own->wanted, scene, shapes);
+        return list_wanted_hits(scratch->wanted, scene, shapes);
+    return list_wanted(scratch->wanted, scene, shapes);
 }
 
 void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant,
@@ -198,8 +199,8 @@ void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum li
     struct shape_list list = scene->all;
     if (list.count > 1) {
         struct ray_bundle b = bundle_of(rays, length, packets_in(world->group), &scene->model);
-        list = list_by_intervals(&b, meant, scene, world->own, shapes);
+        list = list_by_intervals(&b, meant, scene, world->scratch, shapes);
     }
     for (int k = 0; k < packets_in(world->group); k++)
-        world->group->beam[k].list = list;
+        world->group->packet[k].list = list;
 }

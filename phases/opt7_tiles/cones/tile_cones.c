@@ -19,23 +19,23 @@ struct cone_step {
 
 static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmask live,
                                      struct shape_list offered, const struct prepared *scene,
-                                     struct march_scratch *own) {
+                                     struct march_scratch *scratch) {
     struct cone_step found = {v_mask_none(), v_splat(INFINITY), v_splat(INFINITY)};
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
-        const struct primitive *placed = &scene->placed[i];
-        if (placed->trust == BOUND_NONE)
+        const struct primitive *primitive = &scene->primitives[i];
+        if (primitive->trust == BOUND_NONE)
             continue;
         COUNT(march_cones, shape);
-        vfloat d = lower_bound(&own->axis[i], t, placed);
+        vfloat d = lower_bound(&scratch->axis[i], t, primitive);
         vmask here = v_cmp_lt_in(live, d, touch);
-        vmask met = own->met[i] = v_or(own->met[i], here);
+        vmask met = scratch->met[i] = v_or(scratch->met[i], here);
         found.touched = v_or(found.touched, here);
         found.least = v_min(v_select(met, v_splat(INFINITY), d), found.least);
-        if (placed->trust != BOUND_LIPSCHITZ)
+        if (primitive->trust != BOUND_LIPSCHITZ)
             continue;
         COUNT(march_cones, depth);
-        vfloat depth = upper_bound(d, placed) + radius;
+        vfloat depth = upper_bound(d, primitive) + radius;
         found.depth = v_min(v_select(met, depth, v_splat(INFINITY)), found.depth);
     }
     return found;
@@ -46,18 +46,19 @@ static void touch_all(vmask lanes, struct shape_list offered, vmask *met) {
         met[offered.shape[n]] = v_or(met[offered.shape[n]], lanes);
 }
 
-static struct packet_rays axis_rays(struct march_scratch *own, struct shape_list list) {
-    return single_packet(own->axis, list, own->eye_wake);
+static struct packet_rays axis_rays(struct march_scratch *scratch, struct shape_list list) {
+    return single_packet(scratch->axis, list, scratch->eye_wake);
 }
 
-void set_cone_origins(struct point eye, const struct prepared *scene, struct march_scratch *own) {
-    struct packet_rays beam = axis_rays(own, scene->all);
-    approach_origins(eye, scene, &beam);
+void set_cone_origins(struct point eye, const struct prepared *scene,
+                      struct march_scratch *scratch) {
+    struct packet_rays packet = axis_rays(scratch, scene->all);
+    set_local_origins(eye, scene, &packet);
 }
 
 void march_cones(struct point eye, vmask active, struct shape_list offered,
                  struct cone_packet *cones, const struct prepared *scene,
-                 struct march_scratch *own) {
+                 struct march_scratch *scratch) {
     ACTIVE(v_count(active));
     COUNT(march_cones, call);
     const struct limits *limits = &scene->model.march;
@@ -67,30 +68,31 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
     vfloat furthest = (bounds + v_sqrt(from_centre)) * v_splat(1.0f + 0x1p-10f);
     vfloat close = v_splat(near_distance(limits)), t = cones->start;
     vfloat gap = cones->spread * v_splat(TOUCH_GAP), outer = bounds * v_splat(1.0f + 0x1p-16f);
-    struct packet_rays beam = axis_rays(own, offered);
-    approach_directions(cones->axis, scene, &beam);
+    struct packet_rays packet = axis_rays(scratch, offered);
+    set_local_directions(cones->axis, scene, &packet);
     // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
     vmask live = v_and(active, v_cmp_lt(from_centre, bounds * bounds * v_splat(1.0f - 0x1p-18f)));
     vmask met = v_andnot(live, active), at_camera = v_cmp_ge(zero, t);
     for (int i = 0; i < scene->model.shape_count; i++)
-        own->met[i] = v_mask_none();
+        scratch->met[i] = v_mask_none();
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
-        own->met[i] = scene->placed[i].trust == BOUND_NONE ? active : v_andnot(live, active);
-        met = v_or(met, own->met[i]);
+        scratch->met[i] =
+            scene->primitives[i].trust == BOUND_NONE ? active : v_andnot(live, active);
+        met = v_or(met, scratch->met[i]);
     }
     for (int step = 0; step < MAX_CONE_STEPS && v_any(live); step++) {
         ACTIVE(v_count(live));
         COUNT(march_cones, step);
         vfloat radius = v_madd(cones->spread, t, v_madd(t, v_splat(0x1p-18f), close));
         vfloat touch = v_madd(gap, t, radius);
-        struct cone_step around = touch_shapes(t, radius, touch, live, offered, scene, own);
+        struct cone_step around = touch_shapes(t, radius, touch, live, offered, scene, scratch);
         vmask first = v_andnot(met, around.touched);
         cones->start = v_select(first, t, cones->start);
         met = v_or(met, around.touched);
         // A ray from within a shape is hit behind it, near to whatever is there.
         if (step == 0 && v_any(v_and(first, at_camera))) {
-            touch_all(v_and(first, at_camera), offered, own->met);
+            touch_all(v_and(first, at_camera), offered, scratch->met);
             live = v_andnot(v_and(first, at_camera), live);
         }
         // Each of its rays has been hit by now, or is out of the bounds.
@@ -104,7 +106,7 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
     }
     if (v_any(live)) { // out of steps: known as far as they are
         cones->start = v_select(v_andnot(met, live), t, cones->start);
-        touch_all(live, offered, own->met);
+        touch_all(live, offered, scratch->met);
     }
     cones->start =
         v_select(v_cmp_lt(cones->start, v_splat(INFINITY)),
@@ -126,25 +128,25 @@ struct shape_list list_wanted(const bool *wanted, const struct prepared *scene, 
 
 struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *scene, int *shapes) {
     for (int i = 0; i < scene->model.shape_count; i++)
-        if (wanted[i] && scene->placed[i].trust == BOUND_BALL)
+        if (wanted[i] && scene->primitives[i].trust == BOUND_BALL)
             return scene->all;
     return list_wanted(wanted, scene, shapes);
 }
 
 struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
-                                    struct march_scratch *own, int *shapes) {
+                                    struct march_scratch *scratch, int *shapes) {
     for (int i = 0; i < scene->model.shape_count; i++)
-        own->wanted[i] = (v_mask_bits(met[i]) & some) != 0;
-    return list_wanted(own->wanted, scene, shapes);
+        scratch->wanted[i] = (v_mask_bits(met[i]) & some) != 0;
+    return list_wanted(scratch->wanted, scene, shapes);
 }
 
-struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
-                               float *start) {
+struct shape_list list_of_cone(int lane, const struct prepared *scene,
+                               struct march_scratch *scratch, float *start) {
     COUNT(list_of_cone, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        own->wanted[i] = v_mask_bits(own->met[i]) >> lane & 1;
-        if (own->wanted[i] && scene->placed[i].trust == BOUND_BALL)
+        scratch->wanted[i] = v_mask_bits(scratch->met[i]) >> lane & 1;
+        if (scratch->wanted[i] && scene->primitives[i].trust == BOUND_BALL)
             *start = 0.0f;
     }
-    return list_wanted_hits(own->wanted, scene, own->tile);
+    return list_wanted_hits(scratch->wanted, scene, scratch->tile);
 }

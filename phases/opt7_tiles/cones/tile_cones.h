@@ -19,19 +19,20 @@ struct cone_packet {
 };
 
 // Once, for the cones of all levels.
-void set_cone_origins(struct point eye, const struct prepared *scene, struct march_scratch *own);
-// From `start`, where the wider cones end that hold them, among what those have met. Fills start and own->met: what
+void set_cone_origins(struct point eye, const struct prepared *scene,
+                      struct march_scratch *scratch);
+// From `start`, where the wider cones end that hold them, among what those have met. Fills start and scratch->met: what
 // a ray of the cone can hit between start and the bounds, and what is so near to such a place that the normal there
 // asks for it.
 void march_cones(struct point eye, vmask active, struct shape_list offered,
                  struct cone_packet *cones, const struct prepared *scene,
-                 struct march_scratch *own);
+                 struct march_scratch *scratch);
 // What some of the cones have met; `some`: bits of their lanes.
 struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
-                                    struct march_scratch *own, int *shapes);
+                                    struct march_scratch *scratch, int *shapes);
 // Where a Mandelbulb is on it, `start` is the camera.
-struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
-                               float *start);
+struct shape_list list_of_cone(int lane, const struct prepared *scene,
+                               struct march_scratch *scratch, float *start);
 
 // By least of distances: where a ray is hit; or that very number.
 enum list_kind { LIST_HIT, LIST_NEAREST };

@@ -9,8 +9,8 @@ struct local_ray; // core/shape_distances.h
 
 // A packet of rays. `high` + t is an upper bound of the distance to the nearest steady shape.
 struct packet_rays {
-    struct local_ray *approach; // one per shape
-    struct shape_list list; // shapes that its rays can meet: the same for all packets of a group
+    struct local_ray *local; // one per shape
+    struct shape_list list;  // shapes that its rays can meet: the same for all packets of a group
     // One per shape, `apart` elements apart. A shape is not the nearest as long as its value exceeds t + the distance to
     // the nearest shape.
     vfloat *wake;
@@ -19,25 +19,25 @@ struct packet_rays {
 };
 
 // Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
-// other, so one packet alone would wait several times longer than it takes to issue them. The packets also share the
+// other, so one packet sole would wait several times longer than it takes to issue them. The packets also share the
 // choice of shapes: a shape that one of them needs is evaluated for all.
 struct packet_group {
-    struct packet_rays beam[GROUP];
+    struct packet_rays packet[GROUP];
     vfloat t[GROUP], distance[GROUP]; // of the last step
-    vfloat high[GROUP]; // that of its beam; −∞ where a ray is done, which wakes no shape
+    vfloat high[GROUP]; // that of its packet; −∞ where a ray is done, which wakes no shape
     vmask live[GROUP];
     int list[GROUP], count; // the packets that have a live ray
     int size;               // number of packets: SMALL_GROUP or GROUP
 };
 
-static inline const struct shape_list *shapes_of(const struct packet_rays *beam,
+static inline const struct shape_list *shapes_of(const struct packet_rays *packet,
                                                  const struct prepared *scene) {
     (void)scene;
-    return &beam->list;
+    return &packet->list;
 }
 
-static inline vfloat *wake_of(const struct packet_rays *beam, int shape) {
-    return &beam->wake[shape * beam->apart];
+static inline vfloat *wake_of(const struct packet_rays *packet, int shape) {
+    return &packet->wake[shape * packet->apart];
 }
 
 // Returns the number of packets in the group.
@@ -48,13 +48,13 @@ static inline int packets_in(const struct packet_group *group) {
 static inline void set_group_size(struct packet_group *group, int size) {
     group->size = size;
     for (int k = 0; k < size; k++)
-        group->beam[k].apart = size;
+        group->packet[k].apart = size;
 }
 
-// Returns a packet that marches alone.
-static inline struct packet_rays single_packet(struct local_ray *approach, struct shape_list list,
+// Returns a packet that marches sole.
+static inline struct packet_rays single_packet(struct local_ray *local, struct shape_list list,
                                                vfloat *wake) {
-    return (struct packet_rays){approach, list, wake, 1, v_splat(0.0f)};
+    return (struct packet_rays){local, list, wake, 1, v_splat(0.0f)};
 }
 
 // What scene_distances() has found so far, of each packet. `least` is the least distance. `limit` is an upper bound of

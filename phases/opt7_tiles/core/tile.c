@@ -118,7 +118,7 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
             COUNT(render_patches, packet);
             origins[k] = origin;
             direction[k] = get_direction(block, job->frame, job->view);
-            world->group->beam[k].list = list;
+            world->group->packet[k].list = list;
         }
         trace(&rays, 0, world, seen);
         for (int k = 0; k < size && first + k < blocks; k++) {
@@ -130,12 +130,13 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
     }
 }
 
-static void init_packet_rays(struct packet_group *group, struct march_scratch *own, int shapes) {
-    for (int i = 0; i < shapes * own->packets; i++)
-        own->wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
-    for (int k = 0; k < own->packets; k++)
-        group->beam[k] =
-            (struct packet_rays){.approach = own->approach + k * shapes, .wake = own->wake + k};
+static void init_packet_rays(struct packet_group *group, struct march_scratch *scratch,
+                             int shapes) {
+    for (int i = 0; i < shapes * scratch->packets; i++)
+        scratch->wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
+    for (int k = 0; k < scratch->packets; k++)
+        group->packet[k] =
+            (struct packet_rays){.local = scratch->local + k * shapes, .wake = scratch->wake + k};
 }
 
 // Where no ray of the lane's square is hit before: +∞ where none is.
@@ -157,7 +158,8 @@ static void draw_lanes(struct cone_area area, vmask there, struct cone_starts st
             store_background(&patch, job);
             continue;
         }
-        struct shape_list list = list_of_cone(lane, world->scene, world->own, &start.lane[lane]);
+        struct shape_list list =
+            list_of_cone(lane, world->scene, world->scratch, &start.lane[lane]);
         if (list.shape != world->scene->all.shape) {
             render_patches(&patch, 1, SMALL_GROUP, origin, v_splat(start.lane[lane]), list, job,
                            world);
@@ -183,9 +185,9 @@ static void draw_area(struct cone_area area, struct cone_starts start, struct sh
         square[lane] = rect_of_lane(area, lane, job->frame);
     vmask there = get_cones(square, job, &cones);
     cones.start = v_load(start.lane);
-    world->own->met = world->own->levels[area.level];
+    world->scratch->met = world->scratch->levels[area.level];
     march_cones(origin, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), offered, &cones,
-                world->scene, world->own);
+                world->scene, world->scratch);
     v_store(cones.start, start.lane);
     if (area.level == 0) {
         draw_lanes(area, there, start, origin, job, world);
@@ -199,8 +201,8 @@ static void draw_area(struct cone_area area, struct cone_starts start, struct sh
             above |= 1u << parent_lane(quarter, lane);
         }
         struct shape_list met =
-            list_for_children(above, world->own->levels[area.level], world->scene, world->own,
-                              world->own->offered[area.level]);
+            list_for_children(above, world->scratch->levels[area.level], world->scene,
+                              world->scratch, world->scratch->offered[area.level]);
         draw_area(child_area(area, quarter), below, met, origin, job, world);
     }
 }
@@ -210,18 +212,18 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
     COUNT(draw_tile, scalar);
     struct point origin = point_from_doubles(job->view->position);
     const struct prepared *scene = job->prepared;
-    struct march_scratch own = march_scratch_of(memory, &scene->model);
+    struct march_scratch scratch = march_scratch_of(memory, &scene->model);
     struct packet_group group;
-    struct trace_context world = {scene, job->view, &group, &own};
-    init_packet_rays(&group, &own, scene->model.shape_count);
+    struct trace_context world = {scene, job->view, &group, &scratch};
+    init_packet_rays(&group, &scratch, scene->model.shape_count);
     ACTIVE(LANES);
-    set_cone_origins(origin, scene, &own);
+    set_cone_origins(origin, scene, &scratch);
     struct cone_area whole = {tile % tiles_across(job->frame) * TILE_WIDTH,
                               tile / tiles_across(job->frame) * TILE_HEIGHT, TOP_LEVEL};
     draw_area(whole, (struct cone_starts){{0}}, scene->all, origin, job, &world);
 }
 
-size_t VARIANT(own_size)(const struct model *model) {
+size_t VARIANT(scratch_size)(const struct model *model) {
     return march_scratch_size(model);
 }
 
@@ -229,27 +231,27 @@ int VARIANT(tiles)(const struct frame *frame) {
     return tiles_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    draw_tile(job, tile, own);
+void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
+    draw_tile(job, tile, scratch);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = VARIANT(own_size)(&prepared->model);
-    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!own)
+    size_t size = VARIANT(scratch_size)(&prepared->model);
+    void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!scratch)
         return false;
-    struct march_scratch parts = march_scratch_of(own, &prepared->model);
-    struct packet_rays all = single_packet(parts.approach, prepared->all, parts.wake), *beam = &all;
+    struct march_scratch parts = march_scratch_of(scratch, &prepared->model);
+    struct packet_rays all = single_packet(parts.local, prepared->all, parts.wake), *packet = &all;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
-        approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
-        approach_directions(nowhere, prepared, beam);
+        set_local_origins(point_from_doubles(points + 3 * i), prepared, packet);
+        set_local_directions(nowhere, prepared, packet);
         distance[i] =
-            v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
+            v_lane0(nearest_shape_at(packet, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
-    free(own);
+    free(scratch);
     return true;
 }

@@ -17,8 +17,8 @@ struct ray_group {
 struct trace_context {
     const struct prepared *scene;
     const struct view *view;
-    struct packet_group *group; // of the rays being marched now
-    struct march_scratch *own;  // the worker's (cones/march_scratch.h)
+    struct packet_group *group;    // of the rays being marched now
+    struct march_scratch *scratch; // the worker's (cones/march_scratch.h)
 };
 
 #endif

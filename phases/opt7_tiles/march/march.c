@@ -37,16 +37,16 @@ void march(struct march_state *packets, const struct ray_group *rays, struct tra
         group->t[k] = first_t(at, group->live[k]);
         at->last = v_zero_where(group->live[k], at->last);
     }
-    struct shape_list list = group->beam[0].list;
-    if (list.count == 1 && scene->placed[*list.shape].way == EVAL_LINEAR) {
+    struct shape_list list = group->packet[0].list;
+    if (list.count == 1 && scene->primitives[*list.shape].kind == EVAL_LINEAR) {
         march_to_plane(packets, *list.shape, 1, group, &scene->model);
         return;
     }
     if (list.count == 1 && march_solid(packets, *list.shape, group, scene))
         return;
-    struct sole_shape alone = {.shape = -1};
+    struct sole_shape sole = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {
-        bool anew = scene_distances(group, scene, &alone);
+        bool anew = scene_distances(group, scene, &sole);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
@@ -56,9 +56,9 @@ void march(struct march_state *packets, const struct ray_group *rays, struct tra
             packets[k].t = group->t[k];
             group->list[i] = group->list[--group->count];
         }
-        if (anew && alone.shape >= 0 && scene->placed[alone.shape].way == EVAL_LINEAR &&
-            plane_is_sole_hit(group, &alone)) {
-            march_to_plane(packets, alone.shape, step + 1, group, &scene->model);
+        if (anew && sole.shape >= 0 && scene->primitives[sole.shape].kind == EVAL_LINEAR &&
+            plane_is_sole_hit(group, &sole)) {
+            march_to_plane(packets, sole.shape, step + 1, group, &scene->model);
             return;
         }
     }

@@ -38,7 +38,7 @@ static void march_four_to_plane(struct march_state packets[SMALL_GROUP], int fir
     vmask begun[SMALL_GROUP];
     int cap = step_cap(model), left = cap, under_way = 0;
     for (int k = 0; k < SMALL_GROUP; k++) {
-        const struct local_ray *a = &group->beam[first + k].approach[shape];
+        const struct local_ray *a = &group->packet[first + k].local[shape];
         begun[k] = group->live[first + k];
         line[k] = (struct plane_ray){a->origin.x, a->direction.x, group->t[first + k],
                                      packets[k].exit, begun[k]};
@@ -78,17 +78,17 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
 
 // Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there, which is taken
 // 2^-16 too large, 256 times what the quotient's and the steps' rounding make of it.
-bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *alone) {
+bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole) {
     COUNT(plane_is_sole_hit, call);
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
         int k = group->list[i];
         ACTIVE(v_count(group->live[k]));
         COUNT(plane_is_sole_hit, packet);
-        const struct local_ray *a = &group->beam[k].approach[alone->shape];
+        const struct local_ray *a = &group->packet[k].local[sole->shape];
         vfloat down = v_splat(0.0f) - a->direction.x;
         vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);
-        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), alone->until[k]);
+        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), sole->until[k]);
         falls = v_same(on, group->live[k]);
     }
     return falls;

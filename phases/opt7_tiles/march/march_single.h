@@ -15,8 +15,8 @@ struct sole_shape; // core/sdf.h
 void march_to_plane(struct march_state *packets, int shape, int next, struct packet_group *group,
                     const struct model *model);
 
-// Whether every live ray hits the plane `alone->shape` before any other shape can wake.
-bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *alone);
+// Whether every live ray hits the plane `sole->shape` before any other shape can wake.
+bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole);
 
 // Marches all packets to the end, where the solid `shape` is the only shape that the rays can hit. Returns false, with
 // nothing done, if there is no march for its type.

@@ -10,7 +10,7 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
                                                                   struct packet_group *group,
                                                                   const struct prepared *scene) {
     COUNT(march_one_solid, call);
-    const struct primitive *placed = &scene->placed[shape];
+    const struct primitive *primitive = &scene->primitives[shape];
     vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
     int cap = step_cap(&scene->model), under_way = group->count;
     for (int step = 1; under_way > 0; step++)
@@ -21,7 +21,7 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
             ACTIVE(v_count(live));
             COUNT(march_one_solid, step);
             vfloat t = group->t[k];
-            vfloat distance = distance_to_shape(&group->beam[k].approach[shape], t, placed, false,
+            vfloat distance = distance_to_shape(&group->packet[k].local[shape], t, primitive, false,
                                                 EVAL_POINT, type, live);
             vmask going = v_cmp_nlt_in(live, distance, min_step(t, hit_distance));
             group->t[k] = t = v_add_where(going, t, distance);
@@ -40,10 +40,10 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
 
 bool march_solid(struct march_state *packets, int shape, struct packet_group *group,
                  const struct prepared *scene) {
-    const struct primitive *placed = &scene->placed[shape];
-    if (!placed->steady || placed->way != EVAL_POINT)
+    const struct primitive *primitive = &scene->primitives[shape];
+    if (!primitive->steady || primitive->kind != EVAL_POINT)
         return false;
-    switch (placed->type) {
+    switch (primitive->type) {
     case SHAPE_SPHERE: march_one_solid(packets, shape, SHAPE_SPHERE, group, scene); return true;
     case SHAPE_BOX: march_one_solid(packets, shape, SHAPE_BOX, group, scene); return true;
     case SHAPE_TORUS: march_one_solid(packets, shape, SHAPE_TORUS, group, scene); return true;

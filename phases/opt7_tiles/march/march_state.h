@@ -56,7 +56,7 @@ static inline int steps_left(const struct march_state *at, vmask live, int cap) 
 }
 
 // Ends the rays of packet k that have left `going` (they have reached a surface) or `inside` (they have left the
-// bounds), and those that have used up their steps. `step` counts from 1. Each ray has a cap of its own, so its
+// bounds), and those that have used up their steps. `step` counts from 1. Each ray has a cap of its scratch, so its
 // neighbours in the packet do not matter.
 void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside,
               struct packet_group *group, int cap);

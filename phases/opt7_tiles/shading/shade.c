@@ -34,7 +34,7 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
     if (!one)
         return;
     set_group_size(world->group, SMALL_GROUP);
-    list_for_bundle(&mirrored, NULL, LIST_HIT, world, world->own->mirror);
+    list_for_bundle(&mirrored, NULL, LIST_HIT, world, world->scratch->mirror);
     struct shaded seen[SMALL_GROUP];
     trace(&mirrored, bounce + 1, world, seen);
     for (int k = 0; k < SMALL_GROUP; k++) {
@@ -98,7 +98,7 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
     }
 }
 
-// A large group is seen from the camera alone, so that as many bounces as a scene may ask for fit the stack.
+// A large group is seen from the camera sole, so that as many bounces as a scene may ask for fit the stack.
 __attribute__((noinline)) static void trace_many(const struct ray_group *rays, int bounce,
                                                  struct trace_context *world,
                                                  struct shaded *result) {

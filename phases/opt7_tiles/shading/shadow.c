@@ -28,10 +28,10 @@ static void list_occluders(const struct hit *hit, const struct lighting *light,
         return;
     bool soft = world->scene->model.shadows == SHADOWS_SOFT;
     list_for_bundle(&rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world,
-                    world->own->shadow);
+                    world->scratch->shadow);
     for (int k = 0; k < packets_in(group); k++)
         if (v_any(rays.active[k]))
-            approach_origins(hit[k].point, world->scene, &group->beam[k]);
+            set_local_origins(hit[k].point, world->scene, &group->packet[k]);
 }
 
 void shadow(const struct hit *hit, const struct lighting *light, struct trace_context *world,
@@ -52,15 +52,15 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(v_count(light[k].lit));
-        approach_directions(light[k].to_light, world->scene, &group->beam[k]);
+        set_local_directions(light[k].to_light, world->scene, &group->packet[k]);
         rays[k].exit = bounds_exit_of(hit[k].point, light[k].to_light, model);
         rays[k].twice_previous =
             v_splat(1e14f); // its square, times t's and the strength's, is a float
         group->t[k] = v_splat((float)model->march.surface_offset);
     }
-    struct sole_shape alone = {.shape = -1};
+    struct sole_shape sole = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        scene_distances(group, world->scene, &alone);
+        scene_distances(group, world->scene, &sole);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             vmask live = group->live[k];

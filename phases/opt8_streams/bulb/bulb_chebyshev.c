@@ -3,8 +3,8 @@
 // polynomials through CLOSE_TERMS of its places, in doubles. A step then errs by a float's rounding at the size of
 // the piece, and by that of the map's later iterations, which the derivative divides.
 //
-// The map is singular on the axis ρ = 0 alone, which a ray meets at complex t, too, no nearer than ρ to a place where it
-// has ρ. On pieces of half length ρ/32, 0.02 at most, the polynomials are off by less than 2^-24, a float's
+// The map is singular on the axis ρ = 0 sole, which a ray meets at complex t, too, no nearer than ρ to a place where it
+// has ρ. On pieces of half length ρ/32, 0.02 at cap, the polynomials are off by less than 2^-24, a float's
 // rounding of 1 (tests/py/test_close.py; ρ/16: 46 times that), as long as ρ is 1e-5 or more: nearer to the axis a
 // piece is CLOSE_PIECE_MIN and not shorter, and they are off by up to 2e-5 at ρ = 1e-6. Interpolation at Chebyshev's
 // points: Trefethen, Approximation Theory and Approximation Practice, 2013; distance to a singularity, its chapter 8.
@@ -27,23 +27,23 @@ static inline struct vec_double points_along(struct vec_double o, struct vec_dou
                                v_double_along(o.z, d.z, t)};
 }
 
-void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
-                 struct worker_scratch *scratch) {
+void queue_close(vmask m, vfloat ray, vfloat t, vfloat t_lo, vfloat evals,
+                 struct ray_queues *queues) {
     COUNT(queue_close, call);
-    if (scratch->close_count + 2 * LANES >
+    if (queues->close_count + 2 * LANES >
         CLOSE_ROOM) { // whole registers are read from the last ray on
-        int left = scratch->close_count - scratch->close_first;
+        int left = queues->close_count - queues->close_first;
         for (int i = 0; i < C_FIELDS; i++)
-            memmove(scratch->close[i], scratch->close[i] + scratch->close_first,
+            memmove(queues->close[i], queues->close[i] + queues->close_first,
                     (size_t)left * sizeof(float));
-        scratch->close_first = 0;
-        scratch->close_count = left;
+        queues->close_first = 0;
+        queues->close_count = left;
     }
-    v_compress_store(m, ray, &scratch->close[C_RAY][scratch->close_count]);
-    v_compress_store(m, t, &scratch->close[C_T][scratch->close_count]);
-    v_compress_store(m, rest, &scratch->close[C_REST][scratch->close_count]);
-    v_compress_store(m, had, &scratch->close[C_HAD][scratch->close_count]);
-    scratch->close_count += v_count(m);
+    v_compress_store(m, ray, &queues->close[C_RAY][queues->close_count]);
+    v_compress_store(m, t, &queues->close[C_T][queues->close_count]);
+    v_compress_store(m, t_lo, &queues->close[C_T_LO][queues->close_count]);
+    v_compress_store(m, evals, &queues->close[C_EVALS][queues->close_count]);
+    queues->close_count += v_count(m);
 }
 
 static inline vdouble v_double_plus(vdouble a, vdouble b) {
@@ -110,24 +110,24 @@ static void store_pieces(struct vec_double o, struct vec_double d, vdouble middl
 }
 
 // The pieces on which the first rays that wait are to go on.
-static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to) {
-    int first = scratch->close_first, count = scratch->close_count - first;
+static void prepare_pieces(struct ray_queues *queues, struct ray_pieces *to) {
+    int first = queues->close_first, count = queues->close_count - first;
     count = count < LANES ? count : LANES;
     ACTIVE(count);
     COUNT(prepare_pieces, call);
     float of[B_FIELDS][LANES];
     int rays[LANES];
     for (int lane = 0; lane < LANES; lane++)
-        rays[lane] = (int)scratch->close[C_RAY][first + (lane < count ? lane : 0)];
+        rays[lane] = (int)queues->close[C_RAY][first + (lane < count ? lane : 0)];
     for (int i = 0; i < B_FIELDS; i++)
         for (int lane = 0; lane < LANES; lane++)
-            of[i][lane] = scratch->lone[i][rays[lane]];
+            of[i][lane] = queues->single[i][rays[lane]];
     vdouble ray[6];
     for (int i = 0; i < 6; i++)
-        ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_REST + i]));
+        ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_LO + i]));
     struct vec_double o = {ray[0], ray[1], ray[2]}, d = {ray[3], ray[4], ray[5]};
     vdouble t =
-        v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_REST][first]));
+        v_double_sum(v_load(&queues->close[C_T][first]), v_load(&queues->close[C_T_LO][first]));
     struct vec_double place = points_along(o, d, t);
     vfloat x = v_double_to_float(place.x), z = v_double_to_float(place.z),
            rho = v_sqrt(v_madd(x, x, z * z));
@@ -144,28 +144,28 @@ static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to
         v_store(v_load(of[B_DIRECTION + i]), to->field[N_DIRECTION + i]);
     vfloat slope = v_load(of[B_SLOPE]);
     v_store(v_double_to_float(v_double_minus(t, middle)), to->field[N_T]);
-    vfloat until = v_load(of[B_TO]) - near_middle;
-    v_store(v_min(end, until), to->field[N_END]);
-    v_store(until, to->field[N_TO]);
+    vfloat until = v_load(of[B_END]) - near_middle;
+    v_store(v_min(end, until), to->field[N_PIECE_END]);
+    v_store(until, to->field[N_RAY_END]);
     v_store(v_madd(near_middle, slope, v_load(of[B_HEIGHT])), to->field[N_HEIGHT]);
     v_store(slope, to->field[N_SLOPE]);
     v_store(near_middle, to->field[N_MIDDLE]);
-    v_store(v_load(&scratch->close[C_RAY][first]), to->field[N_RAY]);
-    v_store(v_load(&scratch->close[C_HAD][first]), to->field[N_HAD]);
+    v_store(v_load(&queues->close[C_RAY][first]), to->field[N_RAY]);
+    v_store(v_load(&queues->close[C_EVALS][first]), to->field[N_EVALS]);
     to->next = 0;
     to->count = count;
-    scratch->close_first += count;
+    queues->close_first += count;
 }
 
 // Lanes that have ended take the next rays, if there are any.
 static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from,
-                             struct worker_scratch *scratch) {
+                             struct ray_queues *queues) {
     COUNT(refill_chebyshev, call);
     for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended;) {
         if (from->next == from->count) {
-            if (scratch->close_first == scratch->close_count)
+            if (queues->close_first == queues->close_count)
                 return;
-            prepare_pieces(scratch, from);
+            prepare_pieces(queues, from);
         }
         unsigned now = ended;
         int more = __builtin_popcount(ended) - (from->count - from->next);
@@ -179,7 +179,7 @@ static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from
 }
 
 struct chebyshev_packet {
-    vfloat t, estimate, had;
+    vfloat t, estimate, evals;
     vmask done, reached, met;
 };
 
@@ -204,23 +204,23 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
 }
 
 static inline void advance_chebyshev(struct chebyshev_packet *p, const vfloat field[N_FIELDS],
-                                     vfloat h, vfloat hit_distance, vfloat most) {
+                                     vfloat h, vfloat hit_distance, vfloat cap) {
     ACTIVE(LANES - v_count(p->done));
     COUNT(advance_chebyshev, call);
     vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
     vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
     p->estimate = v_select(live, h, p->estimate);
-    p->had = v_add_where(live, p->had, v_splat(1.0f));
+    p->evals = v_add_where(live, p->evals, v_splat(1.0f));
     p->t = p->t + v_select_or_zero(live, least);
     p->reached = v_or(p->reached, reached);
     p->met = v_or(p->met, v_cmp_nlt_in(reached, height, h));
-    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, field[N_END]);
-    p->done = v_not(v_cmp_lt_in(live, p->had, most));
+    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, field[N_PIECE_END]);
+    p->done = v_not(v_cmp_lt_in(live, p->evals, cap));
 }
 
 // A step of all packets. How many lanes have ended.
 static inline int step_chebyshev(const struct primitive *s, const struct chebyshev_lanes *lanes,
-                                 struct chebyshev_packet *p, vfloat hit_distance, vfloat most) {
+                                 struct chebyshev_packet *p, vfloat hit_distance, vfloat cap) {
     struct scaled_orbit b[INTERLEAVED];
     struct vec at[INTERLEAVED];
     vfloat h[INTERLEAVED];
@@ -239,68 +239,66 @@ static inline int step_chebyshev(const struct primitive *s, const struct chebysh
     bulbs_end(s, 1, false, true, false, INTERLEAVED, b, at, h);
     int ended = 0;
     for (int k = 0; k < INTERLEAVED; k++) {
-        advance_chebyshev(&p[k], lanes[k].field, h[k], hit_distance, most);
+        advance_chebyshev(&p[k], lanes[k].field, h[k], hit_distance, cap);
         ended += v_count(p[k].done);
     }
     return ended;
 }
 
-void store_march_result(struct worker_scratch *scratch, int ray, double t, float evals,
-                        float found) {
+void store_march_result(struct ray_queues *queues, int ray, double t, float evals, float found) {
     COUNT(store_march_result, call);
-    int slot = (int)scratch->lone[B_SLOT][ray];
+    int slot = (int)queues->single[B_SLOT][ray];
     double all =
-        ((double)scratch->lone[B_BEFORE][ray] + (double)scratch->lone[B_BEFORE_MORE][ray]) + t;
+        ((double)queues->single[B_BEFORE][ray] + (double)queues->single[B_BEFORE_LO][ray]) + t;
     float far = (float)all;
     bool goes_on = found < 0 && far < 0;
-    scratch->marched[MARCH_T][slot] = goes_on ? 0 : far;
-    scratch->marched[MARCH_LAST_STEP][slot] = (float)(all - (double)far);
-    scratch->marched[MARCH_EVALS][slot] = evals;
-    scratch->marched[MARCH_FOUND][slot] = found;
+    queues->marched[MARCH_T][slot] = goes_on ? 0 : far;
+    queues->marched[MARCH_LAST_STEP][slot] = (float)(all - (double)far);
+    queues->marched[MARCH_EVALS][slot] = evals;
+    queues->marched[MARCH_FOUND][slot] = found;
 }
 
-void march_outcome(vmask met, vmask reached, vfloat had, vfloat most, float evals[LANES],
+void march_outcome(vmask met, vmask reached, vfloat evals, vfloat cap, float counted[LANES],
                    float found[LANES]) {
     COUNT(march_outcome, call);
-    vmask capped = v_andnot(reached, v_cmp_ge(had, most)), plane = v_andnot(met, reached);
-    v_store(had - v_select_or_zero(plane, v_splat(1.0f)), evals);
+    vmask capped = v_andnot(reached, v_cmp_ge(evals, cap)), plane = v_andnot(met, reached);
+    v_store(evals - v_select_or_zero(plane, v_splat(1.0f)), counted);
     v_store(v_select(met, v_splat(1.0f), v_select(capped, v_splat(0.0f), v_splat(-1.0f))), found);
 }
 
 // Back to the rays that bulb/bulb_single.c marches in floats.
-static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, float rest,
-                            float had) {
-    int to = scratch->open_count++;
+static void leave_chebyshev(struct ray_queues *queues, int ray, float t, float t_lo, float evals) {
+    int to = queues->open_count++;
     for (int i = 0; i < B_LANE; i++)
-        scratch->open[i][to] = scratch->lone[i][ray];
-    scratch->open[B_T][to] = t;
-    scratch->open[B_MORE][to] = rest;
-    scratch->open[B_HAD][to] = had;
+        queues->open[i][to] = queues->single[i][ray];
+    queues->open[B_T][to] = t;
+    queues->open[B_T_LO][to] = t_lo;
+    queues->open[B_EVALS][to] = evals;
 }
 
 // What has ended is told; what is at the end of its piece waits for the next, and all are no longer live.
-static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, vfloat most,
-                             struct worker_scratch *scratch) {
+static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, vfloat cap,
+                             struct ray_queues *queues) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
     COUNT(retire_chebyshev, call);
     from->field[N_T] = p->t;
-    from->field[N_HAD] = p->had;
+    from->field[N_EVALS] = p->evals;
     unsigned ended = v_mask_bits(p->done) & from->live;
     from->live &= ~ended;
     if (!ended)
         return;
     COUNT(retire_chebyshev, ended);
-    float way[LANES], middle[LANES], rays[LANES], had[LANES], found[LANES];
-    vmask over = v_or(v_cmp_gt(p->t, from->field[N_TO]), v_cmp_ge(p->had, most));
+    float path[LANES], middle[LANES], rays[LANES], evals[LANES], found[LANES];
+    vmask over = v_or(v_cmp_gt(p->t, from->field[N_RAY_END]), v_cmp_ge(p->evals, cap));
     vmask on = v_andnot(v_or(p->reached, over), v_mask_of_bits(ended));
-    v_store(p->t, way);
+    v_store(p->t, path);
     v_store(from->field[N_MIDDLE], middle);
     v_store(from->field[N_RAY], rays);
-    march_outcome(p->met, p->reached, p->had, most, had, found);
+    march_outcome(p->met, p->reached, p->evals, cap, evals, found);
     for (unsigned rest = ended & ~v_mask_bits(on); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
-        store_march_result(scratch, (int)rays[lane], (double)middle[lane] + (double)way[lane],
-                           had[lane], found[lane]);
+        store_march_result(queues, (int)rays[lane], (double)middle[lane] + (double)path[lane],
+                           evals[lane], found[lane]);
     }
     if (!v_any(on))
         return;
@@ -309,38 +307,39 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
     vfloat far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
     vfloat rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
     vmask open = v_and(on, v_cmp_gt(p->estimate, v_splat(LEAVE_ESTIMATE)));
-    v_store(far, way);
+    v_store(far, path);
     v_store(rest, middle);
     for (unsigned which = v_mask_bits(open); which; which &= which - 1) {
         int lane = __builtin_ctz(which);
-        leave_chebyshev(scratch, (int)rays[lane], way[lane], middle[lane], had[lane]);
+        leave_chebyshev(queues, (int)rays[lane], path[lane], middle[lane], evals[lane]);
     }
-    queue_close(v_andnot(open, on), from->field[N_RAY], far, rest, p->had, scratch);
+    queue_close(v_andnot(open, on), from->field[N_RAY], far, rest, p->evals, queues);
 }
 
-void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat most,
+void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat cap,
                      struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
-                     struct worker_scratch *scratch) {
+                     struct ray_queues *queues) {
     COUNT(march_chebyshev, call);
     for (;;) {
         struct chebyshev_packet p[INTERLEAVED];
         int ended = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
-            refill_chebyshev(&lanes[k], pieces, scratch);
+            refill_chebyshev(&lanes[k], pieces, queues);
             COUNT(march_chebyshev, packet);
-            p[k] = (struct chebyshev_packet){lanes[k].field[N_T],   v_splat(0.0f),
-                                             lanes[k].field[N_HAD], v_mask_of_bits(~lanes[k].live),
-                                             v_mask_none(),         v_mask_none()};
+            p[k] =
+                (struct chebyshev_packet){lanes[k].field[N_T],     v_splat(0.0f),
+                                          lanes[k].field[N_EVALS], v_mask_of_bits(~lanes[k].live),
+                                          v_mask_none(),           v_mask_none()};
             ended += v_count(p[k].done);
         }
-        bool more = pieces->next < pieces->count || scratch->close_first < scratch->close_count;
+        bool more = pieces->next < pieces->count || queues->close_first < queues->close_count;
         if (ended == INTERLEAVED * LANES ||
-            (!more && ended >= REFILL_CLOSE && scratch->open_count > 0))
+            (!more && ended >= REFILL_CLOSE && queues->open_count > 0))
             return;
-        int enough = more || scratch->open_count > 0 ? ended + REFILL_CLOSE : INTERLEAVED * LANES;
+        int enough = more || queues->open_count > 0 ? ended + REFILL_CLOSE : INTERLEAVED * LANES;
         while (ended < enough && ended < INTERLEAVED * LANES)
-            ended = step_chebyshev(s, lanes, p, hit_distance, most);
+            ended = step_chebyshev(s, lanes, p, hit_distance, cap);
         for (int k = 0; k < INTERLEAVED; k++)
-            retire_chebyshev(&p[k], &lanes[k], most, scratch);
+            retire_chebyshev(&p[k], &lanes[k], cap, queues);
     }
 }

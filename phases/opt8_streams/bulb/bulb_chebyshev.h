@@ -5,7 +5,7 @@
 #include "core/primitive.h"
 #include "simd/simd.h"
 
-struct worker_scratch; // core/ray_queues.h
+struct ray_queues; // core/ray_queues.h
 
 // From such an estimate on a ray is close, and until such a one at the end of its piece. Not by the step, which may be
 // short over a plane: far out, where the first iteration has escaped, chebyshev_orbit()'s estimate is too short.
@@ -18,13 +18,13 @@ enum chebyshev_field {
     N_PLACE = CLOSE_VALUES * CLOSE_TERMS,
     N_DIRECTION = N_PLACE + 3,
     N_T = N_DIRECTION + 3,
-    N_END, // of the piece, or of the ray
-    N_TO,  // of the ray
+    N_PIECE_END, // of the piece, or of the ray
+    N_RAY_END,   // of the ray
     N_HEIGHT,
     N_SLOPE,
     N_MIDDLE,
     N_RAY, // which one on the desk
-    N_HAD,
+    N_EVALS,
     N_FIELDS
 };
 
@@ -45,18 +45,17 @@ static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble 
 }
 
 // The rays of the lanes in m wait for their next pieces. t is two floats.
-void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
-                 struct worker_scratch *scratch);
+void queue_close(vmask m, vfloat ray, vfloat t, vfloat t_lo, vfloat evals,
+                 struct ray_queues *queues);
 // Where a ray's march is over: for resume_march(). t: from where it is nearest to the centre. What goes on among the other shapes
 // may have come below the plane by its last step, and be behind the camera.
-void store_march_result(struct worker_scratch *scratch, int ray, double t, float evals,
-                        float found);
+void store_march_result(struct ray_queues *queues, int ray, double t, float evals, float found);
 // Of a packet's lanes that are over what store_march_result() wants: what has come to the plane is to ask there again.
-void march_outcome(vmask met, vmask reached, vfloat had, vfloat most, float evals[LANES],
+void march_outcome(vmask met, vmask reached, vfloat evals, vfloat cap, float counted[LANES],
                    float found[LANES]);
 // Marches the rays that wait, until none does: to the end, unless some are to be marched in floats before.
-void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat most,
+void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat cap,
                      struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
-                     struct worker_scratch *scratch);
+                     struct ray_queues *queues);
 
 #endif

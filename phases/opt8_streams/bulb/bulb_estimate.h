@@ -9,7 +9,7 @@
 #include "core/primitive.h"
 
 // A point's orbit. The derivative is slope·√product, the product of all m before: its recursion, 8·m³·√m·that + 1,
-// becomes 8·m³·slope + 1/√product, whose root is that of the small summand alone: 11 bits will do, but in the first two
+// becomes 8·m³·slope + 1/√product, whose root is that of the small summand sole: 11 bits will do, but in the first two
 // of a camera ray's (`exact`).
 struct scaled_orbit {
     vfloat x, y, z, flat, m; // flat: x² + z², m: |·|²

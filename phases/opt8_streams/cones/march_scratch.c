@@ -16,17 +16,17 @@ size_t march_scratch_size(int shapes) {
 
 struct march_scratch march_scratch_of(void *memory, int shapes) {
     size_t n = even_count(shapes);
-    struct march_scratch own = {.wake = memory};
-    own.approach = (struct local_ray *)(own.wake + GROUP * n);
-    own.eye_wake = (vfloat *)(own.approach + GROUP * n);
-    own.eye = (struct local_ray *)(own.eye_wake + GROUP * n);
-    own.distance = (vfloat *)(own.eye + n);
-    own.axis = (struct local_ray *)(own.distance + n);
-    own.met = (vmask *)(own.axis + n);
-    own.offered = (int *)(own.met + (STRIP_TILES + 1) * n);
-    own.tile = own.offered + 2 * n;
-    own.mirror = own.tile + 2 * n;
-    own.shadow = own.mirror + 2 * n;
-    own.wanted = (bool *)(own.shadow + 2 * n);
-    return own;
+    struct march_scratch scratch = {.wake = memory};
+    scratch.local = (struct local_ray *)(scratch.wake + GROUP * n);
+    scratch.eye_wake = (vfloat *)(scratch.local + GROUP * n);
+    scratch.eye = (struct local_ray *)(scratch.eye_wake + GROUP * n);
+    scratch.distance = (vfloat *)(scratch.eye + n);
+    scratch.axis = (struct local_ray *)(scratch.distance + n);
+    scratch.met = (vmask *)(scratch.axis + n);
+    scratch.offered = (int *)(scratch.met + (STRIP_TILES + 1) * n);
+    scratch.tile = scratch.offered + 2 * n;
+    scratch.mirror = scratch.tile + 2 * n;
+    scratch.shadow = scratch.mirror + 2 * n;
+    scratch.wanted = (bool *)(scratch.shadow + 2 * n);
+    return scratch;
 }

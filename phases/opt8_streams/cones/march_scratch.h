@@ -10,7 +10,7 @@ struct local_ray; // core/shape_distances.h
 // A worker's memory, of the size that march_scratch_size() says.
 struct march_scratch {
     vfloat *wake; // GROUP for each shape, as the next: of the rays being marched
-    struct local_ray *approach;
+    struct local_ray *local;
     vfloat *eye_wake; // of cones and bundles
     struct local_ray *eye;
     vfloat *distance;            // at the ends of a bundle's intervals

@@ -24,7 +24,7 @@ enum bound_kind { BOUND_LIPSCHITZ, BOUND_BALL, BOUND_NONE };
 
 // A shape as the march wants it: what is evaluated, and nothing else.
 struct primitive {
-    enum eval_kind way;
+    enum eval_kind kind;
     enum shape_type type;
     bool turned, repeated;
     bool steady; // its distance changes no faster than the place: see scene_distances()
@@ -43,8 +43,9 @@ struct primitive {
     int iterations;
     float bound, bound_sq; // a sphere about its position that holds it
     bool convex;
-    float over;                  // a plane: its offset from the world's origin
-    float slope_lit, lean, wide; // of the shadow cones that it may not meet: q, q·bound, 1 − q²
+    float over; // a plane: its offset from the world's origin
+    float slope_lit, slope_bound,
+        slope_a; // of the shadow cones that it may not meet: q, q·bound, 1 − q²
     // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
     // shine_from, its highlight is less than 1e-9 of the light.
     float color[3], share, shininess, shine_from;
@@ -65,21 +66,21 @@ struct shape_list {
 
 struct prepared {
     struct model model;
-    struct primitive *placed; // one per shape
+    struct primitive *primitives; // one per shape
     struct shape_list all;
     int bulbs; // how many Mandelbulbs
     bool
-        lone; // one, not repeated and within the bounds, with a plane at most, met to BULB_SINGLE_HIT: bulb/bulb_single.c
-    bool told;       // every shape has such a sphere, or is a plane: shadow cones say something
-    float lit_slope; // see core/update.c
+        single_bulb; // one, not repeated and within the bounds, with a plane at most, met to BULB_SINGLE_HIT: bulb/bulb_single.c
+    bool all_bounded; // every shape has such a sphere, or is a plane: shadow cones say something
+    float lit_slope;  // see core/update.c
 };
 
 // Returns the first shape of a type, or NULL.
 static inline const struct primitive *single_shape(enum shape_type type,
                                                    const struct prepared *scene) {
     for (int i = 0; i < scene->model.shape_count; i++)
-        if (scene->placed[i].type == type)
-            return &scene->placed[i];
+        if (scene->primitives[i].type == type)
+            return &scene->primitives[i];
     return NULL;
 }
 

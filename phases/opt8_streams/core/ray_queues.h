@@ -57,38 +57,38 @@ enum segment_field {
 enum bulb_single_field {
     B_ORIGIN,
     B_DIRECTION = 3,
-    B_T = 6, // from there, as two floats; until B_TO
-    B_MORE,
-    B_TO,
+    B_T = 6, // from there, as two floats; until B_END
+    B_T_LO,
+    B_END,
     B_HEIGHT, // over the plane
     B_SLOPE,
-    B_RAY, // its place on the desk
-    B_HAD, // steps so far
+    B_RAY,   // its place on the desk
+    B_EVALS, // steps so far
     B_LANE,
     B_BEFORE = B_LANE, // the way from the camera to there, as two floats
-    B_BEFORE_MORE,
+    B_BEFORE_LO,
     B_SLOT, // its pixel
-    B_REST, // what origin and direction are more, as doubles
-    B_FIELDS = B_REST + 6
+    B_LO,   // what origin and direction are more, as doubles
+    B_FIELDS = B_LO + 6
 };
 
 // Those of them that are close to it: see bulb/bulb_chebyshev.h.
-enum close_ray_field { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
+enum close_ray_field { C_RAY, C_T, C_T_LO, C_EVALS, C_FIELDS };
 enum { BULB_SINGLE_ROOM = STRIP_PIXELS + LANES, CLOSE_ROOM = 2 * STRIP_PIXELS + 2 * LANES };
 
-// A worker's own.
-struct worker_scratch {
+// A worker's scratch.
+struct ray_queues {
     float color[3][STRIP_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
     int mirrors, shadows;
-    float gaze[3][STRIP_PIXELS],
+    float camera_direction[3][STRIP_PIXELS],
         marched[MARCH_FIELDS][STRIP_PIXELS];               // camera rays of bulb/bulb_stream.c
     int camera_slot[STRIP_PIXELS / LANES], camera_packets; // the first pixel of each packet
     unsigned camera_active[STRIP_PIXELS / LANES];
-    float lone[B_FIELDS][BULB_SINGLE_ROOM], close[C_FIELDS][CLOSE_ROOM],
+    float single[B_FIELDS][BULB_SINGLE_ROOM], close[C_FIELDS][CLOSE_ROOM],
         open[B_LANE][BULB_SINGLE_ROOM];
     int single_count, close_first, close_count, open_count;
-    float leg[SEGMENT_FIELDS][QUEUE_ROOM];
+    float segment[SEGMENT_FIELDS][QUEUE_ROOM];
     unsigned under_way[QUEUE_ROOM / LANES]; // the rays of each packet that have not ended
     int *occluders,
         occluder_count; // shapes that can come between the group in work and the light, and how many
@@ -97,7 +97,7 @@ struct worker_scratch {
 // A packet of camera rays that wait for march_camera_stream(); slot: the pixel of its first lane.
 void queue_camera_rays(struct vec direction, vmask active, int slot, struct trace_context *world);
 void march_camera_stream(struct trace_context *world);
-// The same where a Mandelbulb is alone (core/primitive.h); exact: the directions once more.
+// The same where a Mandelbulb is sole (core/primitive.h); exact: the directions once more.
 void queue_camera_rays_single(struct vec direction, struct vec_double exact, vmask active, int slot,
                               struct trace_context *world);
 void march_single_bulb(struct trace_context *world);
@@ -113,7 +113,7 @@ void list_occluders(const struct hit *hit, const struct lighting *light,
 // Shadow rays that need no march: of soft ones those on which no shape but their own can bring a term of the estimator
 // below 1, and their own neither, but for the first two, since it bulges. Of hard ones those that come near nothing.
 vmask trivially_lit(const struct hit *hit, const struct lighting *light,
-                    const struct packet_rays *beam, const struct trace_context *world);
+                    const struct packet_rays *packet, const struct trace_context *world);
 // The soft shadow on these: the least of those two terms.
 vfloat self_shadow(const struct primitive *s, struct vec local, struct vec normal,
                    const struct lighting *light, const struct model *model);
@@ -138,8 +138,7 @@ static inline vmask is_shape(vfloat shape, int i) {
 }
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
-static inline void add_light(vmask m, struct vec light, vfloat pixel,
-                             struct worker_scratch *scratch) {
+static inline void add_light(vmask m, struct vec light, vfloat pixel, struct ray_queues *queues) {
     COUNT(add_light, call);
     float from[3][LANES], at[LANES];
     v_store(light.x, from[0]);
@@ -150,7 +149,7 @@ static inline void add_light(vmask m, struct vec light, vfloat pixel,
         int lane = __builtin_ctz(rest), i = (int)at[lane];
         COUNT(add_light, lane);
         for (int k = 0; k < 3; k++)
-            scratch->color[k][i] += from[k][lane];
+            queues->color[k][i] += from[k][lane];
     }
 }
 

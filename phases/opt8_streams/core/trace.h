@@ -28,7 +28,7 @@ struct lighting {
     vmask lit;
 };
 
-// What a hit's place says, once it is the origin of its beam: more exactly than the march,
+// What a hit's place says, once it is the origin of its packet: more exactly than the march,
 // which has rounded origin and direction in the frames of all shapes.
 struct hit_surroundings {
     vfloat distance, shape; // of the nearest
@@ -36,7 +36,7 @@ struct hit_surroundings {
 };
 
 struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
-                                 struct packet_rays *beam);
+                                 struct packet_rays *packet);
 // A hit's normal, on the side that the ray comes from, and the distance's slope along the ray: 1e30 where it is unknown.
 struct hit_normal {
     struct vec normal;
@@ -46,7 +46,7 @@ struct hit_normal {
 
 // Returns the normals of hits that are the origins of the packet.
 struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
-                            const struct prepared *scene, const struct packet_rays *beam);
+                            const struct prepared *scene, const struct packet_rays *packet);
 
 // What the rays see, times their weight, but for what has to wait: shadow and mirror rays are queued.
 void trace(const struct ray_group *rays, struct trace_context *world, struct vec *color,

@@ -5,18 +5,18 @@
 #include "core/primitive.h"
 #include "simd/simd.h"
 
-struct march_scratch;  // cones/march_scratch.h
-struct packet_group;   // core/packet_group.h
-struct worker_scratch; // core/ray_queues.h
+struct march_scratch; // cones/march_scratch.h
+struct packet_group;  // core/packet_group.h
+struct ray_queues;    // core/ray_queues.h
 
 struct trace_context {
     const struct prepared *scene;
     const struct view *view;
-    struct packet_group *group; // of the rays being marched now
-    struct march_scratch *own;  // the worker's (cones/tile_cones.h)
+    struct packet_group *group;    // of the rays being marched now
+    struct march_scratch *scratch; // the worker's (cones/tile_cones.h)
     struct point eye;
-    bool lone; // camera rays go by bulb/bulb_single.c
-    struct worker_scratch *scratch;
+    bool single_bulb; // camera rays go by bulb/bulb_single.c
+    struct ray_queues *queues;
 };
 
 // Only lanes of `active` are marched, shaded and written; the others may hold anything.

@@ -49,7 +49,7 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
     p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
-    if (p->way == EVAL_LINEAR)
+    if (p->kind == EVAL_LINEAR)
         p->over = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
                           p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
     const struct material *m = &model->materials[shape->material];
@@ -81,21 +81,21 @@ static float lit_slope_hard(const struct limits *limits) {
 // step's length, or to nearly 2·previous with no surface where the proof (PROOFS.md, 1.) has one.
 static void prepare_cone(struct primitive *p, float q, bool soft) {
     p->slope_lit = p->type == SHAPE_MANDELBULB ? (soft ? 1 : fminf(2 * q, 1)) : q;
-    p->lean = p->slope_lit * p->bound;
-    p->wide = 1 - p->slope_lit * p->slope_lit;
+    p->slope_bound = p->slope_lit * p->bound;
+    p->slope_a = 1 - p->slope_lit * p->slope_lit;
 }
 
 static bool is_single_bulb(const struct prepared *prepared) {
     const struct model *model = &prepared->model;
     int planes = 0;
     for (int i = 0; i < model->shape_count; i++) {
-        const struct primitive *p = &prepared->placed[i];
+        const struct primitive *p = &prepared->primitives[i];
         if (p->type == SHAPE_MANDELBULB) {
             const double *at = p->centre;
             double away = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]);
             if (p->repeated || !(away + p->a < model->march.bounds_radius * (1 - 1e-6)))
                 return false;
-        } else if (p->way == EVAL_LINEAR)
+        } else if (p->kind == EVAL_LINEAR)
             planes++;
         else
             return false;
@@ -106,7 +106,7 @@ static bool is_single_bulb(const struct prepared *prepared) {
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
-    prepared->told = true;
+    prepared->all_bounded = true;
     prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = model->shadows == SHADOWS_HARD ? lit_slope_hard(&model->march)
                                                          : lit_slope_soft(model->shadow_strength);
@@ -115,18 +115,19 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     for (int i = 0; i < model->shape_count; i++)
         each[i] = i;
     for (int i = 0; i < model->shape_count; i++) {
-        struct primitive *p = &prepared->placed[i];
+        struct primitive *p = &prepared->primitives[i];
         *p = prepare_shape(i, &model->shapes[i], &model->march);
         prepare_bounds(p, &model->shapes[i], &model->march);
         prepare_solid(p, &model->shapes[i], model);
         prepare_cone(p, prepared->lit_slope, model->shadows != SHADOWS_HARD);
-        prepared->told = prepared->told && !p->repeated && p->way != EVAL_POWER;
+        prepared->all_bounded = prepared->all_bounded && !p->repeated && p->kind != EVAL_POWER;
     }
-    prepared->lone = is_single_bulb(prepared);
+    prepared->single_bulb = is_single_bulb(prepared);
     for (int steady = 1; steady >= 0; steady--)
         for (int type = 0; type < SHAPE_TYPES; type++)
             for (int i = 0; i < model->shape_count; i++)
-                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type) {
+                if (prepared->primitives[i].steady == steady &&
+                    (int)prepared->primitives[i].type == type) {
                     order[next++] = i;
                     prepared->all.steady += steady;
                 }
@@ -134,14 +135,14 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
 }
 
 bool shapes_reserve(struct prepared *prepared, const struct model *model) {
-    prepared->placed = calloc((size_t)model->shape_count, sizeof *prepared->placed);
+    prepared->primitives = calloc((size_t)model->shape_count, sizeof *prepared->primitives);
     int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
     prepared->all.shape = both;
     prepared->all.order = both ? both + model->shape_count : NULL;
-    return prepared->placed && both;
+    return prepared->primitives && both;
 }
 
 void shapes_release(struct prepared *prepared) {
-    free(prepared->placed);
+    free(prepared->primitives);
     free((void *)prepared->all.shape); // and order
 }

@@ -75,7 +75,7 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
     int cap = step_cap(model), left = cap, under_way = group->count, far = next;
     vmask outside = v_mask_none();
     for (int k = 0; k < GROUP; k++) {
-        const struct local_ray *a = &group->beam[k].approach[shape];
+        const struct local_ray *a = &group->packet[k].local[shape];
         line[k] = (struct plane_ray){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
                                      group->live[k]};
         if (v_any(group->live[k]) && packets[k].left < left)
@@ -119,17 +119,17 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
 
 // Up to the plane, distance + t is at most the ray's t on the plane, origin/−direction. That quotient is taken 2^-16 too
 // large, 256 times the rounding errors of the quotient and of the steps.
-bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *alone) {
+bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole) {
     COUNT(plane_is_sole_hit, call);
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
         int k = group->list[i];
         ACTIVE(v_count(group->live[k]));
         COUNT(plane_is_sole_hit, packet);
-        const struct local_ray *a = &group->beam[k].approach[alone->shape];
+        const struct local_ray *a = &group->packet[k].local[sole->shape];
         vfloat down = v_splat(0.0f) - a->direction.x;
         vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);
-        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), alone->until[k]);
+        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), sole->until[k]);
         falls = v_same(on, group->live[k]);
     }
     return falls;

@@ -17,7 +17,7 @@ struct march_state {
     int left;   // steps that every ray still has before its cap
     vmask deep; // a ray that started inside a shape has stepped back out of it
     vmask
-        told; // bulb/bulb_single.c has found the hit, more exactly than land_hits() could check it
+        exact; // bulb/bulb_single.c has found the hit, more exactly than land_hits() could check it
     vfloat inside; // the number of the shape that a ray of `deep` was in; else −1
     struct hit_surroundings near;
 };
@@ -30,7 +30,7 @@ static inline struct march_state march_state_of(const struct ray_group *rays, in
     struct march_state at = {.origin = rays->origin[k], .inside = v_splat(-1.0f)};
     at.before = at.t = at.last = at.evals = zero;
     at.start = rays->start;
-    at.found = at.deep = at.told = v_mask_none();
+    at.found = at.deep = at.exact = v_mask_none();
     return at;
 }
 
@@ -54,7 +54,7 @@ static inline int steps_left(const struct march_state *at, vmask live, int cap) 
 }
 
 // Ends the rays of packet k that have left `going` (they have reached a surface) or `inside` (they have left the
-// bounds), and those that have used up their steps. `step` counts from 1. Each ray has a cap of its own, so its
+// bounds), and those that have used up their steps. `step` counts from 1. Each ray has a cap of its scratch, so its
 // neighbours in the packet do not matter.
 void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside,
               struct packet_group *group, int cap);

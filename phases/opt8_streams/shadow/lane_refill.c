@@ -8,31 +8,31 @@ static void pack_in_place(vmask m, vfloat *first, int count) {
         v_compress_store(m, first[i], (float *)&first[i]);
 }
 
-// What of a shape's approach is used.
-static int approach_reals(const struct primitive *placed) {
-    return placed->way == EVAL_POWER ? 8 : 6;
+// What of a shape's local is used.
+static int local_ray_floats(const struct primitive *primitive) {
+    return primitive->kind == EVAL_POWER ? 8 : 6;
 }
 
 void prepare_packet(struct ray_stream *stream, vmask m, const struct prepared *scene) {
     ACTIVE(v_count(m));
     COUNT(prepare_packet, call);
-    struct packet_rays *beam = &stream->beam;
+    struct packet_rays *packet = &stream->packet;
     vfloat least = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *placed = &scene->placed[i];
-        struct local_ray *a = &beam->approach[i];
-        if (placed->steady) {
+        const struct primitive *primitive = &scene->primitives[i];
+        struct local_ray *a = &packet->local[i];
+        if (primitive->steady) {
             COUNT(prepare_packet, steady);
-            vfloat distance =
-                distance_to_shape(a, stream->t, placed, false, placed->way, placed->type, m);
-            beam->wake[i * GROUP] = wake_bound_inside(distance + stream->t, placed);
+            vfloat distance = distance_to_shape(a, stream->t, primitive, false, primitive->kind,
+                                                primitive->type, m);
+            packet->wake[i * GROUP] = wake_bound_inside(distance + stream->t, primitive);
             least = v_min(distance, least);
-            pack_in_place(m, &beam->wake[i * GROUP], 1);
+            pack_in_place(m, &packet->wake[i * GROUP], 1);
         }
-        pack_in_place(m, &a->origin.x, approach_reals(placed));
+        pack_in_place(m, &a->origin.x, local_ray_floats(primitive));
     }
     stream->high = least - stream->t + v_splat(1e-30f); // at distance 0 the shape is awake
-    pack_in_place(m, &stream->ready.shade.least_sq, POOL_REALS);
+    pack_in_place(m, &stream->ready.shade.least_sq, REFILLED_FLOATS);
     pack_in_place(m, &stream->t, 1);
     pack_in_place(m, &stream->high, 1);
     stream->waiting = __builtin_popcount(v_mask_bits(m));
@@ -47,24 +47,24 @@ static void fill_reals(vmask m, vfloat *to, const vfloat *from, int gone, int co
 static void fill_lanes(struct ray_stream *stream, int k, unsigned lanes,
                        struct trace_context *world) {
     struct packet_group *group = world->group;
-    struct refilled_packet *pool = &stream->pool[k];
+    struct refilled_packet *refilled = &stream->refilled[k];
     vmask m = v_mask_of_bits(lanes);
     int gone = stream->gone;
-    fill_reals(m, &pool->shade.least_sq, &stream->ready.shade.least_sq, gone, POOL_REALS);
+    fill_reals(m, &refilled->shade.least_sq, &stream->ready.shade.least_sq, gone, REFILLED_FLOATS);
     fill_reals(m, &group->t[k], &stream->t, gone, 1);
     fill_reals(m, &group->high[k], &stream->high, gone, 1);
     for (int i = 0; i < world->scene->model.shape_count; i++) {
-        const struct primitive *placed = &world->scene->placed[i];
-        fill_reals(m, &group->beam[k].approach[i].origin.x, &stream->beam.approach[i].origin.x,
-                   gone, approach_reals(placed));
-        vfloat *wake = &group->beam[k].wake[i * GROUP];
-        if (placed->steady)
-            fill_reals(m, wake, &stream->beam.wake[i * GROUP], gone, 1);
+        const struct primitive *primitive = &world->scene->primitives[i];
+        fill_reals(m, &group->packet[k].local[i].origin.x, &stream->packet.local[i].origin.x, gone,
+                   local_ray_floats(primitive));
+        vfloat *wake = &group->packet[k].wake[i * GROUP];
+        if (primitive->steady)
+            fill_reals(m, wake, &stream->packet.wake[i * GROUP], gone, 1);
         else
             *wake = v_select(m, v_splat(-INFINITY), *wake);
     }
-    pool->found = v_andnot(m, pool->found);
-    pool->passed = v_andnot(m, pool->passed);
+    refilled->found = v_andnot(m, refilled->found);
+    refilled->passed = v_andnot(m, refilled->passed);
     stream->gone += __builtin_popcount(lanes);
     stream->waiting -= __builtin_popcount(lanes);
 }
@@ -82,12 +82,12 @@ int refill_lanes(struct ray_stream *stream, struct trace_context *world) {
     int live = 0;
     group->count = 0;
     for (int k = 0; k < GROUP; k++) {
-        struct refilled_packet *pool = &stream->pool[k];
+        struct refilled_packet *refilled = &stream->refilled[k];
         unsigned lanes = v_mask_bits(group->live[k]),
                  free = v_mask_bits(v_andnot(group->live[k], v_mask_all()));
-        vmask ended = v_andnot(group->live[k], pool->held);
+        vmask ended = v_andnot(group->live[k], refilled->held);
         if (v_any(ended))
-            stream->finish_rays(pool, ended, group->t[k], world->scratch);
+            stream->finish_rays(refilled, ended, group->t[k], world->queues);
         while (free) {
             while (stream->waiting == 0 && stream->next < stream->count) {
                 int number = stream->next++;
@@ -101,7 +101,7 @@ int refill_lanes(struct ray_stream *stream, struct trace_context *world) {
             lanes |= here;
             free &= ~here;
         }
-        group->live[k] = pool->held = v_mask_of_bits(lanes);
+        group->live[k] = refilled->held = v_mask_of_bits(lanes);
         if (lanes)
             group->list[group->count++] = k;
         live += __builtin_popcount(lanes);
@@ -112,9 +112,9 @@ int refill_lanes(struct ray_stream *stream, struct trace_context *world) {
 void stream_begin(struct ray_stream *stream, struct trace_context *world) {
     struct packet_group *group = world->group;
     for (int k = 0; k < GROUP; k++) {
-        stream->pool[k].held = group->live[k] = v_mask_none();
+        stream->refilled[k].held = group->live[k] = v_mask_none();
         group->t[k] = v_splat(0.0f);
         group->high[k] = v_splat(-INFINITY);
-        group->beam[k].list = world->scene->all;
+        group->packet[k].list = world->scene->all;
     }
 }

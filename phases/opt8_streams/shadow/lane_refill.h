@@ -7,32 +7,33 @@
 #include "core/packet_group.h"
 #include "march/march_step.h"
 
-struct trace_context;  // core/trace_context.h
-struct worker_scratch; // core/ray_queues.h
+struct trace_context; // core/trace_context.h
+struct ray_queues;    // core/ray_queues.h
 
 enum { REFILL = GROUP * LANES / 16 }; // lanes that have ended
 
 // What the lanes of a packet have, but for what is in the group.
 struct refilled_packet {
-    struct shadow_state shade;      // camera rays have its exit alone
-    vfloat evals, length, end, ray; // ray: a whole number. POOL_REALS from the beginning to here
-    vfloat last;                    // of a camera ray that has been hit
-    vmask held, found, passed;      // with a ray, if it has ended or not; of those that have: how
+    struct shadow_state shade; // camera rays have its exit sole
+    vfloat evals, length, end,
+        ray;                   // ray: a whole number. REFILLED_FLOATS from the beginning to here
+    vfloat last;               // of a camera ray that has been hit
+    vmask held, found, passed; // with a ray, if it has ended or not; of those that have: how
 };
-enum { POOL_REALS = 8 };
+enum { REFILLED_FLOATS = 8 };
 
 // Packets of rays that are made ready one by one, and go lane by lane to where one is free.
 struct ray_stream {
     int next, count; // of the packets that wait
-    struct refilled_packet pool[GROUP], ready;
-    struct packet_rays beam; // of the one that is ready
+    struct refilled_packet refilled[GROUP], ready;
+    struct packet_rays packet; // of the one that is ready
     vfloat t, high;
     int waiting, gone; // of its rays
     // Makes packet `number` ready. Returns false if it has no ray.
     bool (*next_packet)(struct ray_stream *stream, int number, struct trace_context *world);
     // Stores the results of lanes whose ray has ended.
-    void (*finish_rays)(const struct refilled_packet *pool, vmask ended, vfloat t,
-                        struct worker_scratch *scratch);
+    void (*finish_rays)(const struct refilled_packet *refilled, vmask ended, vfloat t,
+                        struct ray_queues *queues);
 };
 
 // The rays of m, which may start inside of a shape, move to the front; how far the steady shapes are is known of all of

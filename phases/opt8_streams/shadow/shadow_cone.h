@@ -7,18 +7,18 @@
 
 // Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
 struct shadow_cone {
-    vfloat need, lean; // |v|² − R², v·l + q·R
+    vfloat c, b; // |v|² − R², v·l + q·R
 };
 
 static inline struct shadow_cone shadow_cone_to(struct vec v, struct vec l,
                                                 const struct primitive *s) {
     return (struct shadow_cone){vec_dot(v, v) - v_splat(s->bound_sq),
-                                vec_dot(v, l) + v_splat(s->lean)};
+                                vec_dot(v, l) + v_splat(s->slope_bound)};
 }
 
-static inline vmask cone_misses(struct shadow_cone c, const struct primitive *s) {
-    vfloat lean = v_max(c.lean, v_splat(0.0f));
-    return v_cmp_lt(lean * lean, v_splat(s->wide) * c.need);
+static inline vmask cone_misses(struct shadow_cone cone, const struct primitive *s) {
+    vfloat b = v_max(cone.b, v_splat(0.0f));
+    return v_cmp_lt(b * b, v_splat(s->slope_a) * cone.c);
 }
 
 static inline struct vec to_centre(const struct primitive *s, struct vec p) {

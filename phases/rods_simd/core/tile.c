@@ -41,14 +41,14 @@ static int tiles_across(const struct frame *frame) {
 }
 
 // In a worker's own memory.
-static struct survey *init_packet_rays(struct packet_group *group, void *own, int shapes) {
-    vfloat *wake = own;
-    struct local_ray *approach = (struct local_ray *)(wake + shapes * GROUP);
+static struct survey *init_packet_rays(struct packet_group *group, void *scratch, int shapes) {
+    vfloat *wake = scratch;
+    struct local_ray *local = (struct local_ray *)(wake + shapes * GROUP);
     for (int i = 0; i < shapes * GROUP; i++)
         wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
     for (int k = 0; k < GROUP; k++)
-        group->beam[k] = (struct packet_rays){.approach = approach + k * shapes, .wake = wake + k};
-    return (struct survey *)(approach + GROUP * shapes);
+        group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
+    return (struct survey *)(local + GROUP * shapes);
 }
 
 // What a block's rays begin with; the lanes that have one. Of the others start is −1.
@@ -123,14 +123,14 @@ static void draw_block(struct pixel_block block, struct point origin, struct beg
         draw_waiting(waiting, job, world);
 }
 
-static void draw_tile(const struct job *job, int tile, void *own) {
+static void draw_tile(const struct job *job, int tile, void *scratch) {
     COUNT(draw_tile, call);
     COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     const struct model *model = &job->prepared->model;
     struct packet_group group;
     struct trace_context world = {.scene = job->prepared, .view = job->view, .group = &group};
-    struct survey *survey = init_packet_rays(&group, own, model->shape_count);
+    struct survey *survey = init_packet_rays(&group, scratch, model->shape_count);
     struct point origin = point_from_doubles(job->view->position);
     int left = tile % tiles_across(frame) * TILE, right = int_min(frame->width, left + TILE);
     int top = tile / tiles_across(frame) * TILE, bottom = int_min(frame->height, top + TILE);
@@ -157,7 +157,7 @@ static void draw_tile(const struct job *job, int tile, void *own) {
         draw_waiting(&waiting, job, &world);
 }
 
-size_t VARIANT(own_size)(const struct model *model) {
+size_t VARIANT(scratch_size)(const struct model *model) {
     return GROUP * (size_t)model->shape_count * (sizeof(vfloat) + sizeof(struct local_ray)) +
            sizeof(struct survey);
 }
@@ -166,28 +166,28 @@ int VARIANT(tiles)(const struct frame *frame) {
     return tiles_across(frame) * ((frame->height + TILE - 1) / TILE);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    draw_tile(job, tile, own);
+void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
+    draw_tile(job, tile, scratch);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = VARIANT(own_size)(&prepared->model);
-    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!own)
+    size_t size = VARIANT(scratch_size)(&prepared->model);
+    void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!scratch)
         return false;
     struct packet_group group;
-    init_packet_rays(&group, own, prepared->model.shape_count);
-    struct packet_rays *beam = &group.beam[0];
+    init_packet_rays(&group, scratch, prepared->model.shape_count);
+    struct packet_rays *packet = &group.packet[0];
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
-        approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
-        approach_directions(nowhere, prepared, beam);
+        set_local_origins(point_from_doubles(points + 3 * i), prepared, packet);
+        set_local_directions(nowhere, prepared, packet);
         distance[i] =
-            v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
+            v_lane0(nearest_shape_at(packet, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
-    free(own);
+    free(scratch);
     return true;
 }
