@@ -1,8 +1,8 @@
-// Rod marching: W. Edwards, "Rod Marching" (article, 6 July 2012), with perspective (cone marching), and with the step
-// that no ray of a rod can take too far: the ball of radius d about the axis is empty, and its rays are within radius of
-// the axis, so that all may go on by d − radius. A rod is split in four when less than its radius is left.
+// Rod marching: W. Edwards, "Rod Marching" (article, 6 July 2012), with perspective (cone marching). No ray of a rod
+// is taken too far: the ball of radius d around the axis is empty, and its rays are within `radius` of the axis, so
+// all may go on by d − radius. A rod is split in four when it may go on by less than its radius.
 //
-// A rod in each lane, those of one size together: "some fancy SSE doing the children in parallel".
+// Rods of one size march together, one in each lane: "some fancy SSE doing the children in parallel".
 #include "rods.h"
 #include "core/kernel.h"
 #include "core/local_rays.h"
@@ -10,14 +10,14 @@
 #include "core/trace_context.h"
 #include "march/march_step.h"
 
-// A packet of rods under way.
+// A packet of rods.
 struct flight {
     struct vec axis;
     vfloat linear, before, steps;
     vmask gone; // out of the bounds with all of its rays
 };
 
-// What all rods of a size share.
+// What all rods of one size share.
 struct size {
     int side; // pixels
     vfloat spread, from_centre, outer, close, cap;
@@ -58,7 +58,7 @@ static void set_out_rods(int first, int count, int left, int top, const struct s
     double per_height = job->view->tan_half_fov / frame->height;
     float x[LANES], y[LANES], t[LANES] = {0}, steps[LANES] = {0}, there[LANES] = {0};
     for (int lane = 0; lane < LANES; lane++) {
-        int i = first + (lane < count ? lane : 0); // what is too much does as the first
+        int i = first + (lane < count ? lane : 0); // spare lanes repeat the first rod
         COUNT(set_out_rods, rod);
         x[lane] = (float)((2 * (left + rods->x[i]) + size->side - frame->width) * per_height);
         y[lane] = (float)((frame->height - 2 * (top + rods->y[i]) - size->side) * per_height);
@@ -81,7 +81,7 @@ static void set_out_rods(int first, int count, int left, int top, const struct s
         v_cmp_lt_in(v_cmp_gt(v_load(there), v_splat(0.5f)), flight->steps, size->cap);
 }
 
-// What float makes of a distance, 2⁻¹⁸ of t at most, is taken off it before it is believed. False after the last step.
+// Takes one step. A distance is lowered by its rounding error, at most 2⁻¹⁸ of t. Returns false after the last step.
 static inline bool rod_step(struct flight *rod, int k, const struct size *size,
                             struct packet_group *group) {
     vmask live = group->live[k];
@@ -102,7 +102,7 @@ static inline bool rod_step(struct flight *rod, int k, const struct size *size,
     return v_any(on);
 }
 
-// The pixels of a rod begin there.
+// Stores where the pixels of a rod begin.
 static void settle(int x, int y, int side, float start, float steps, struct survey *survey) {
     for (int row = y; row < y + side; row++)
         for (int column = x; column < x + side; column++) {
@@ -135,7 +135,7 @@ static void land_rods(int first, int count, int across, int down, const struct s
     }
 }
 
-// All rods of a size, as many packets at a time as a group holds.
+// Marches all rods of one size, a group of packets at a time.
 static void march_size(int left, int top, const struct size *size, const struct job *job,
                        struct point eye, struct trace_context *world, struct survey *survey) {
     COUNT(march_size, call);
@@ -187,7 +187,7 @@ void march_rods(int left, int top, const struct job *job, struct point eye,
         from_centre += job->view->position[i] * job->view->position[i];
     for (int i = 0; i < TILE_PIXELS; i++)
         survey->start[i] = survey->steps[i] = survey->share[i] = 0.0f;
-    // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
+    // From outside of the bounds, a ray's first step decides whether it goes on. So nothing is known about it.
     if (settings->pixels || !(from_centre < bounds * bounds * (1.0 - 0x1p-18)))
         return;
     survey->now.count = survey->next.count = 0;

@@ -17,7 +17,7 @@ struct packet_rays {
 };
 
 // Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
-// other, so one packet sole would wait several times longer than it takes to issue them. The packets also share the
+// other, so a single packet would wait several times longer than it takes to issue them. The packets also share the
 // choice of shapes: a shape that one of them needs is evaluated for all.
 struct packet_group {
     struct packet_rays packet[GROUP];

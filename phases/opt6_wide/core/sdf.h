@@ -6,7 +6,7 @@
 #include "core/packet_group.h"
 #include "core/shape_distances.h"
 
-enum { UNROLLED = 4 }; // packets
+enum { UNROLLED = (int)GROUP < 4 ? (int)GROUP : 4 }; // loops over so many packets are unrolled
 
 // Evaluates one shape for packet k. `steady`, `kind` and `type` are constants where this is inlined.
 __attribute__((always_inline)) static inline void
@@ -48,26 +48,37 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
 __attribute__((always_inline)) static inline void
 distances_to_shape(struct packet_group *group, int shape, int size,
                    const struct primitive *primitive, bool steady, struct nearest_so_far *found) {
-#define EACH(kind, type) group_distances(group, shape, size, primitive, steady, kind, type, found)
     if (steady && primitive->kind == EVAL_LINEAR) {
-        EACH(EVAL_LINEAR, SHAPE_PLANE);
+        group_distances(group, shape, size, primitive, steady, EVAL_LINEAR, SHAPE_PLANE, found);
         return;
     }
     switch (primitive->type) {
     case SHAPE_SPHERE:
         if (steady && primitive->kind == EVAL_POWER)
-            EACH(EVAL_POWER, SHAPE_SPHERE);
+            group_distances(group, shape, size, primitive, steady, EVAL_POWER, SHAPE_SPHERE, found);
         else
-            EACH(EVAL_POINT, SHAPE_SPHERE);
+            group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_SPHERE, found);
         break;
-    case SHAPE_BOX: EACH(EVAL_POINT, SHAPE_BOX); break;
-    case SHAPE_TORUS: EACH(EVAL_POINT, SHAPE_TORUS); break;
-    case SHAPE_CONE: EACH(EVAL_POINT, SHAPE_CONE); break;
-    case SHAPE_OCTAHEDRON: EACH(EVAL_POINT, SHAPE_OCTAHEDRON); break;
-    case SHAPE_ROUNDED_BOX: EACH(EVAL_POINT, SHAPE_ROUNDED_BOX); break;
-    default: EACH(EVAL_POINT, SHAPE_PLANE); break;
+    case SHAPE_BOX:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_BOX, found);
+        break;
+    case SHAPE_TORUS:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_TORUS, found);
+        break;
+    case SHAPE_CONE:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_CONE, found);
+        break;
+    case SHAPE_OCTAHEDRON:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_OCTAHEDRON, found);
+        break;
+    case SHAPE_ROUNDED_BOX:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_ROUNDED_BOX,
+                        found);
+        break;
+    default:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_PLANE, found);
+        break;
     }
-#undef EACH
 }
 
 // Begins an evaluation of the scene's distance for packet k. The limit is −∞ where a ray is done.
@@ -115,12 +126,12 @@ __attribute__((always_inline)) static inline void
 evaluate_awake(struct packet_group *group, int size, const struct prepared *scene,
                struct sole_shape *sole, struct nearest_so_far *found) {
     const struct shape_list *list = shapes_of(&group->packet[0], scene);
-    int asked = sole->shape, last = asked, count = asked >= 0;
+    int first = sole->shape, last = first, count = first >= 0;
     for (int n = 0; n < list->count; n++) {
         int i = list->order[n];
         if (n == list->steady)
             update_high(group, size, found);
-        if (i == asked || all_asleep(&group->packet[0].wake[i * size], size, found))
+        if (i == first || all_asleep(&group->packet[0].wake[i * size], size, found))
             continue;
         count++;
         last = n < list->steady ? i : -1;

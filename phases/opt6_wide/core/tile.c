@@ -1,5 +1,5 @@
-// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
-// of a block lies outside the picture is masked, so any size will do.
+// Draws the tiles of a picture. A tile's pixels are drawn in blocks, four wide, with one ray through the middle of
+// each pixel. Lanes of a block outside the picture are masked, so the picture may have any size.
 #include "core/camera_rays.h"
 #include "core/kernel.h"
 #include "core/local_rays.h"
@@ -8,8 +8,8 @@
 
 #include <stdlib.h>
 
-// 32 pixels of a row are whole cache lines of every plane where the width is a multiple of 32. A tile takes
-// some 30 µs of scene0, hundreds of times the contended counter.
+// 32 pixels of a row are whole cache lines of every plane if the picture's width is a multiple of 32. A tile of scene0
+// takes some 30 µs, hundreds of times the cost of the shared counter.
 enum { TILE_WIDTH = 32, TILE_HEIGHT = 8 };
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
@@ -31,17 +31,17 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
 
-// In a worker's own memory.
+// Divides a worker's memory between the packets of a group.
 static void init_packet_rays(struct packet_group *group, void *scratch, int shapes) {
     vfloat *wake = scratch;
     struct local_ray *local = (struct local_ray *)(wake + shapes * GROUP);
     for (int i = 0; i < shapes * GROUP; i++)
-        wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
+        wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
     for (int k = 0; k < GROUP; k++)
         group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
 }
 
-// Blocks of one column after the other, GROUP at a time.
+// Draws a tile, GROUP blocks at a time, column by column.
 static void draw_tile(const struct job *job, int tile, void *scratch) {
     COUNT(draw_tile, call);
     COUNT(draw_tile, scalar);

@@ -27,18 +27,18 @@ struct shaded {
 void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit *hit);
 
 struct lighting {
-    struct vec to_light; // of unit length
-    vfloat distance, facing;
+    struct vec to_light;     // of unit length
+    vfloat distance, facing; // facing: normal·to_light
     vmask lit;
 };
 
-// From points that are the origins of the group's packets. 1: the light reaches the point, 0: it does not; between, the
-// penumbra of a soft shadow.
+// Sets how much of the light reaches each hit: 1 lit, 0 in shadow, between them the penumbra of a soft shadow. The
+// hits must be the origins of the group's packets.
 void shadow(const struct hit *hit, const struct lighting *light, struct trace_context *world,
             vfloat *reach);
 
-// What a hit's place says, once it is the origin of its packet: more exactly than the march,
-// which has rounded origin and direction in the frames of all shapes.
+// The surroundings of a hit, evaluated with the hit as origin. The march is less exact: it has rounded origin and
+// direction in the frames of all shapes.
 struct hit_surroundings {
     vfloat distance, shape; // of the nearest
     vmask contact;          // another shape is within two normal steps of it

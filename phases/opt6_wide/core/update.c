@@ -1,4 +1,4 @@
-// The scene in the form that the march needs, prepared anew whenever it has moved.
+// Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/primitives.h"
 
 #include <stdlib.h>
@@ -33,5 +33,5 @@ bool shapes_reserve(struct prepared *prepared, const struct model *model) {
 
 void shapes_release(struct prepared *prepared) {
     free(prepared->primitives);
-    free((void *)prepared->all.shape); // and order
+    free((void *)prepared->all.shape); // frees `order` too: one block of memory
 }

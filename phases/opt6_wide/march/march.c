@@ -1,10 +1,10 @@
-// Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
-// of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+// Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing of implicit
+// surfaces", The Visual Computer 12 (1996). A packet marches until its last ray is done.
 #include "core/packet_group.h"
 #include "core/sdf.h"
 #include "march/march_state.h"
 
-// The step-th step of a packet, its distance known. False after the last.
+// Takes a packet's step number `step`, with its distance known. Returns false if no ray of the packet is left.
 static inline bool march_step(struct march_state *at, int step, int k, struct packet_group *group,
                               const struct model *model) {
     vmask live = group->live[k];
@@ -21,7 +21,7 @@ static inline bool march_step(struct march_state *at, int step, int k, struct pa
     return v_any(group->live[k]);
 }
 
-// Until every ray has ended, by the hit test of a float march, which errs with t.
+// The hit test is min_step()'s, which widens with t as a float's error does.
 void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world) {
     COUNT(march, call);
     const struct prepared *scene = world->scene;

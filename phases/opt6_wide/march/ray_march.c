@@ -3,7 +3,8 @@
 #include "core/packet_group.h"
 #include "march/march_state.h"
 
-// The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
+// Finds the shape that a ray of `deep` was in when its march ended. It is found here because the step back may bring
+// the ray nearer to another shape.
 __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
                                                    const struct prepared *scene,
                                                    const struct packet_rays *packet,
@@ -15,9 +16,10 @@ __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
     *shape = v_select(deep, inside, *shape);
 }
 
-// Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
-// a shape, not of the way to it. A hit that is still further than twice the hit distance, because
-// the march erred or its test was wider than the scene's, marches on from there: whether there is one.
+// Makes each hit the origin of its ray, in the frames of all shapes. There a distance is rounded at the size of a
+// shape, not of the path to it. A hit may still be further than twice the hit distance from any shape: the march has
+// rounding errors, and its test may be wider than the scene's. Such a ray marches on. Returns whether there is one.
+// Hits in `settled` were landed by an earlier call.
 static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
                       const struct prepared *scene, struct packet_rays *packet, vmask *live) {
     ACTIVE(v_count(at->found));
@@ -31,7 +33,7 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     if (v_any(sunk))
         shape_inside(sunk, at->t, scene, packet, &at->inside);
     at->deep = v_or(at->deep, sunk);
-    // What has settled stays as it is to the bit, whatever its neighbours do.
+    // A settled hit keeps every bit, whatever its neighbours in the packet do.
     at->origin =
         point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
     set_local_origins(at->origin, scene, packet);
@@ -42,7 +44,7 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
         return false;
     ACTIVE(v_count(off));
     COUNT(land_hits, on);
-    // From where it surely was before that surface, be it as thin as an ulp of t.
+    // The ray restarts a few ulps of t earlier, surely before the surface, however thin the shape is.
     vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
     at->origin.lo = vec_along(at->origin.lo, direction, back);
     at->before = v_select(off, at->before + (at->t + (at->last + back)), at->before);
@@ -53,6 +55,7 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     return v_any(*live);
 }
 
+// Returns the hits once all have landed: distance, place, normal and shape, after Newton's last step.
 static struct hit finish_hit(struct march_state *at, struct vec direction,
                              const struct prepared *scene, struct packet_rays *packet) {
     COUNT(finish_hit, call);
@@ -60,7 +63,7 @@ static struct hit finish_hit(struct march_state *at, struct vec direction,
     if (!v_any(at->found))
         return hit;
     vfloat path = at->before + at->t;
-    vmask unmoved = v_cmp_ge(v_splat(0.0f), path); // hits wherever it starts
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), path); // starts at or in a shape, and hits it there
     hit.found = v_and(hit.found, v_or(within(at->origin, &scene->model), unmoved));
     struct hit_surroundings near = at->near;
     if (v_any(at->deep)) {
@@ -82,6 +85,7 @@ static struct hit finish_hit(struct march_state *at, struct vec direction,
     return hit;
 }
 
+// Rays that march on from a hit are landed again, until all have landed.
 void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit *hit) {
     COUNT(ray_march, call);
     const struct prepared *scene = world->scene;

@@ -3,7 +3,7 @@
 #include "core/trace.h"
 #include "shading/gradients.h"
 
-// Of the whole scene, as in the other phases.
+// Returns the forward differences of the whole scene's distance.
 static struct vec scene_difference(vmask live, float step, const struct prepared *scene,
                                    const struct packet_rays *packet) {
     ACTIVE(v_count(live));
@@ -23,7 +23,7 @@ static struct vec scene_difference(vmask live, float step, const struct prepared
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
-// Which shapes a ray from there need not ask for yet is known then, too.
+// Finds the nearest shape at the origins of the packet, and sets the packet's wakes for a ray that starts there.
 struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
                                  struct packet_rays *packet) {
     COUNT(near_hit, call);
@@ -36,7 +36,7 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
         const struct primitive *primitive = &scene->primitives[i];
         vfloat distance = moved_distance(primitive, &packet->local[i], found, 0, -1);
         shape = v_select(v_cmp_lt(distance, least), v_splat(primitive->index),
-                         shape); // the first of equals
+                         shape); // the first of equal ones
         second = v_min(second, v_max(distance, least));
         least = v_min(distance, least);
         if (primitive->steady) {
@@ -51,7 +51,8 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
                                      v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
 }
 
-// `contact`: hits near another shape, whose difference is the scene's.
+// Returns the gradients of one shape at the hits `found`. Where another shape is in `contact`, the scene's difference
+// is used.
 static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
                               const struct prepared *scene, const struct packet_rays *packet) {
     ACTIVE(v_count(found));
@@ -60,14 +61,14 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     const struct local_ray *local = &packet->local[shape];
     vmask near = v_and(found, contact);
     struct vec p = moved_in(primitive, local, 0, -1);
-    if (primitive->kind == EVAL_LINEAR) // it has a height sole
+    if (primitive->kind == EVAL_LINEAR) // it has a distance along its normal only
         p.y = p.z = v_splat(0.0f);
     struct vec exact = p, rounded = p;
     if (primitive->kind != EVAL_LINEAR && v_any(v_andnot(contact, found)))
         rounded = difference(primitive, local, found, step);
     if (v_any(near))
         rounded = vec_select(near, scene_difference(near, step, scene, packet), rounded);
-    ACTIVE(v_count(found)); // what was called has set its own
+    ACTIVE(v_count(found)); // the functions called have changed it
     switch (primitive->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX:
@@ -89,13 +90,14 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         v_madd(size, v_splat(0x1p-20f / step), v_splat(1e-3f)); // 16 half ulps, and curvature
     vmask edge =
         v_and(v_cmp_gt(vec_dot(apart, apart), noise * noise), v_cmp_lt(noise, v_splat(0.5f)));
-    if (primitive->kind == EVAL_LINEAR) // its own difference is the closed form
+    if (primitive->kind == EVAL_LINEAR) // its difference equals the closed form
         edge = v_and(edge, near);
     return vec_select(edge, rounded, exact);
 }
 
-// The gradient is formed once for each shape that the packet hit. The slope is that of a closed form, which is of unit
-// length. Where a difference stands instead, it is no slope to divide by: at an edge, or through a thin plate.
+// The gradient is formed once for each shape that the packet hit. The slope comes from a closed form, which has unit
+// length. Where a difference is used instead, at an edge or through a thin plate, it would not be a slope to divide
+// by.
 struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                             const struct prepared *scene, const struct packet_rays *packet) {
     COUNT(normal_at, call);
@@ -118,7 +120,7 @@ struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_
                             v_splat(1e30f));
     vmask away = v_cmp_gt(along, v_splat(0.0f));
     struct vec n = vec_scale(gradient, v_negate_where(away, v_splat(1.0f) / length));
-    // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
+    // Without a direction, as at a centre, the normal is towards the ray. 1e-18: its square is a normal float.
     vmask clear = v_and(v_cmp_gt(length, v_splat(1e-18f)), v_cmp_lt(length, v_splat(1e18f)));
     n = vec_select(clear, n, vec_scale(direction, v_splat(-1.0f)));
     n = (struct vec){v_select_or_zero(found, n.x), v_select_or_zero(found, n.y),

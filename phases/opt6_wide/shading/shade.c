@@ -1,10 +1,10 @@
-// The colour of a ray: what it hits in the light, mirrors by recursion, fog.
+// The colour of a ray: the hit's colour in the light, mirrors by recursion, and fog.
 #include "core/trace.h"
 #include "core/trace_context.h"
 #include "shading/phong.h"
 
-// Colours of what the reflective hits mirror, added to theirs. One reflective ray makes the call; the others
-// are masked out of it and of their colour.
+// Adds the mirrored colours to those of the reflective hits. The recursive call is made if one ray is reflective. The
+// other rays are masked.
 static void mirror(const struct ray_group *rays, int bounce, struct trace_context *world,
                    const struct surfaces surface[GROUP], struct shaded *result) {
     COUNT(mirror, call);

@@ -1,4 +1,4 @@
-// Rays to the light, as a packet each: soft shadows and hard ones.
+// Soft and hard shadows: one packet of shadow rays for each packet of hits.
 #include "core/local_rays.h"
 #include "core/sdf.h"
 #include "core/trace.h"
@@ -25,7 +25,7 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
         set_local_directions(light[k].to_light, world->scene, &group->packet[k]);
         rays[k].exit = bounds_exit_of(hit[k].point, light[k].to_light, model);
         rays[k].twice_previous =
-            v_splat(1e14f); // its square, times t's and the strength's, is a float
+            v_splat(1e14f); // its square times t² and strength² is still a float
         group->t[k] = v_splat((float)model->march.surface_offset);
     }
     struct sole_shape sole = {.shape = -1};

@@ -2,7 +2,8 @@
 #include "cones/march_scratch.h"
 #include "core/shape_distances.h"
 
-static size_t even_count(int shapes) { // so many that whole numbers behind masks are aligned
+// Rounds up to an even count, so that the lists behind the masks are aligned.
+static size_t even_count(int shapes) {
     return ((size_t)shapes + 1) / 2 * 2;
 }
 

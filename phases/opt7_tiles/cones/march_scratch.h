@@ -1,4 +1,4 @@
-// A worker's memory: where rays are in the frames of all shapes, and lists of shapes.
+// A worker's memory: rays in the frames of all shapes, and lists of shapes.
 #ifndef MARCH_SCRATCH_H
 #define MARCH_SCRATCH_H
 
@@ -7,23 +7,25 @@
 
 struct local_ray; // core/shape_distances.h
 
-// Of cones, each over a square of pixels: of a level above the lowest, 0, it has four below it.
+// Levels of cones. A cone covers a square of pixels. Above the lowest level, 0, it has four cones below it.
 enum { CONE_LEVELS = 2 };
 
-// A worker's memory, of the size that march_scratch_size() says.
+// A worker's memory, of the size that march_scratch_size() returns.
 struct march_scratch {
-    int packets;  // of the largest group: GROUP where a Mandelbulb is, else SMALL_GROUP
-    vfloat *wake; // of the rays being marched: for each shape as many as a group may have packets
+    int packets;  // in the largest group: GROUP if the scene has a Mandelbulb, else SMALL_GROUP
+    vfloat *wake; // of the rays that march: `packets` for each shape
     struct local_ray *local;
     vfloat *eye_wake; // of cones and bundles
     struct local_ray *eye;
-    vfloat *distance;            // at the ends of a bundle's intervals
-    struct local_ray *axis;      // of cones
-    vmask *levels[CONE_LEVELS];  // lanes whose cone can meet the shape, for the cones of each level
-    vmask *met;                  // those of the cones that march now
-    int *offered[CONE_LEVELS];   // what the cones of a level can meet: a list for the next one
-    int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
-    bool *wanted;                // of each shape, on the way to a list
+    vfloat *distance;           // at the ends of a bundle's intervals
+    struct local_ray *axis;     // of cones
+    vmask *levels[CONE_LEVELS]; // lanes whose cone can meet the shape, for the cones of each level
+    vmask *met;                 // the level of the cones that march now
+    int *offered
+        [CONE_LEVELS]; // the shapes that cones of a level have met: the list of the next level
+    int *tile, *mirror,
+        *shadow;  // lists: in the scene's order, then again in the order of evaluation
+    bool *wanted; // whether each shape goes on the list in work
 };
 
 size_t march_scratch_size(const struct model *model);

@@ -1,17 +1,17 @@
-// Cones: see cones/tile_cones.h. A cone's axis stands at t; its rays are within spread·t of it. All of them may go
-// on by d(axis) − spread·t, for the ball of radius d about the axis holds no surface. What float makes of a
-// distance is taken off it before it is believed.
+// Cones of camera rays. A cone's axis stands at t, and its rays are within spread·t of it. All rays may go on by
+// d(axis) − spread·t, because the ball of radius d around the axis holds no surface. A distance is lowered by its
+// rounding error first.
 #include "cones/tile_cones.h"
 #include "cones/distance_bounds.h"
 #include "core/local_rays.h"
 
 enum { MAX_CONE_STEPS = 512 };
 
-// A cone meets a shape once the gap to it is below this part of the cone's radius.
+// A cone touches a shape once the gap to it is below this part of its radius.
 #define TOUCH_GAP 0.5f
 
-// One step of the cones: what they touch where they are, how far to the nearest of what they have not met
-// (`least`), how deep they are in what they have.
+// The result of one step: the cones that touch a shape, the least distance to a shape not met, and the depth of the
+// axis in the shapes met.
 struct cone_step {
     vmask touched;
     vfloat least, depth;
@@ -70,7 +70,7 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
     vfloat gap = cones->spread * v_splat(TOUCH_GAP), outer = bounds * v_splat(1.0f + 0x1p-16f);
     struct packet_rays packet = axis_rays(scratch, offered);
     set_local_directions(cones->axis, scene, &packet);
-    // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
+    // From outside of the bounds, a ray's first step decides whether it goes on. So nothing is known about it.
     vmask live = v_and(active, v_cmp_lt(from_centre, bounds * bounds * v_splat(1.0f - 0x1p-18f)));
     vmask met = v_andnot(live, active), at_camera = v_cmp_ge(zero, t);
     for (int i = 0; i < scene->model.shape_count; i++)
@@ -90,12 +90,12 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
         vmask first = v_andnot(met, around.touched);
         cones->start = v_select(first, t, cones->start);
         met = v_or(met, around.touched);
-        // A ray from within a shape is hit behind it, near to whatever is there.
+        // A ray that starts inside a shape is hit behind its start, near to any shape there.
         if (step == 0 && v_any(v_and(first, at_camera))) {
             touch_all(v_and(first, at_camera), offered, scratch->met);
             live = v_andnot(v_and(first, at_camera), live);
         }
-        // Each of its rays has been hit by now, or is out of the bounds.
+        // Every ray of the cone has been hit, or is out of the bounds.
         vmask hit = v_cmp_lt(around.depth, zero);
         t = v_add_where(live, t, around.least - radius);
         vfloat wide = v_madd(cones->spread, t, outer);
@@ -104,7 +104,7 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
         cones->start = v_select(v_and(live, v_andnot(met, out)), v_splat(INFINITY), cones->start);
         live = v_andnot(v_or(hit, out), live);
     }
-    if (v_any(live)) { // out of steps: known as far as they are
+    if (v_any(live)) { // out of steps: the start holds as far as the cone has come
         cones->start = v_select(v_andnot(met, live), t, cones->start);
         touch_all(live, offered, scratch->met);
     }

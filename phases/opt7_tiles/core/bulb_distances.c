@@ -18,7 +18,7 @@ static void bulbs_iterate(struct bulb_orbit bulb[GROUP], int count,
     }
 }
 
-// Where the rays of packet k are, in the Mandelbulb's frame.
+// Returns where the rays of packet k are, in the Mandelbulb's frame.
 static struct vec bulb_point(const struct packet_group *group, int k, int shape,
                              const struct primitive *primitive) {
     COUNT(bulb_point, call);
@@ -35,7 +35,7 @@ static void store_bulb_distance(const struct packet_group *group, int k, vfloat 
     found->limit[k] = v_min(distance + group->t[k], found->limit[k]);
 }
 
-// Evaluates a Mandelbulb for the rays in `asking` sole. The other rays have ended, or another shape is surely nearer.
+// Evaluates a Mandelbulb for the rays in `asking` only. The other rays have ended, or another shape is surely nearer.
 // An estimate costs ten times as much as the rest of a step. So the rays in `asking`, `rays` in number, are
 // packed into as few packets as they fill, evaluated, and spread again.
 static void pack_bulb_points(struct packet_group *group, int shape,

@@ -19,7 +19,7 @@ struct packet_rays {
 };
 
 // Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
-// other, so one packet sole would wait several times longer than it takes to issue them. The packets also share the
+// other, so a single packet would wait several times longer than it takes to issue them. The packets also share the
 // choice of shapes: a shape that one of them needs is evaluated for all.
 struct packet_group {
     struct packet_rays packet[GROUP];
@@ -51,7 +51,7 @@ static inline void set_group_size(struct packet_group *group, int size) {
         group->packet[k].apart = size;
 }
 
-// Returns a packet that marches sole.
+// Returns a packet that marches alone.
 static inline struct packet_rays single_packet(struct local_ray *local, struct shape_list list,
                                                vfloat *wake) {
     return (struct packet_rays){local, list, wake, 1, v_splat(0.0f)};

@@ -1,5 +1,5 @@
-// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
-// of a block lies outside the picture is masked, so any size will do.
+// Draws the tiles of a picture. A tile's pixels are drawn in blocks, four wide, with one ray through the middle of
+// each pixel. Lanes of a block outside the picture are masked, so the picture may have any size.
 #include "cones/march_scratch.h"
 #include "cones/pixel_cones.h"
 #include "cones/tile_cones.h"
@@ -11,20 +11,20 @@
 
 #include <stdlib.h>
 
-// A tile is drawn by one worker. Cones march together, one in each lane: first those of squares of PATCH << TOP_LEVEL
-// pixels, then, quarter by quarter, those of the four squares in each of them, down to the patches. A patch is a group
-// of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the width is a
-// multiple of 32.
+// One worker draws a tile. Cones march first, one in each lane: those of squares of PATCH << TOP_LEVEL pixels. Then,
+// quarter by quarter, those of the four squares in each of them, down to the patches. A patch is one group of packets
+// (two with 8 lanes). 32 pixels of a row are whole cache lines of every plane if the picture's width is a multiple of
+// 32.
 enum { PATCH = 8, PATCHES_ACROSS = 4 };
 enum { PATCHES_DOWN = LANES / PATCHES_ACROSS, TOP_LEVEL = CONE_LEVELS - 1 };
 enum {
     TILE_WIDTH = PATCHES_ACROSS * PATCH << TOP_LEVEL,
     TILE_HEIGHT = PATCHES_DOWN * PATCH << TOP_LEVEL
 };
-enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
+enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // in a patch
 enum {
     BULB_PATCHES = (int)GROUP > (int)BLOCKS ? (int)GROUP / (int)BLOCKS : 1
-}; // patches where a Mandelbulb is
+}; // patches in a large group
 
 static void store_block_result(struct frame *frame, struct pixel_block block, vfloat start,
                                int shapes, const struct shaded *seen) {
@@ -49,7 +49,7 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
 
-// Cones that march together: a square of PATCH << level pixels for each lane.
+// Cones that march together: each lane has a square of PATCH << level pixels.
 struct cone_area {
     int left, top, level;
 };
@@ -68,7 +68,7 @@ static struct cone_area child_area(struct cone_area area, int quarter) {
                               area.top + quarter / 2 * PATCHES_DOWN * half, area.level - 1};
 }
 
-// The lane of the cone above that holds a lane's cone, which is of a quarter of those.
+// Returns the lane of the wider cone that holds a lane's cone. `quarter` is the cones' quarter of the wider area.
 static int parent_lane(int quarter, int lane) {
     int column = quarter % 2 * PATCHES_ACROSS + lane % PATCHES_ACROSS;
     int row = quarter / 2 * PATCHES_DOWN + lane / PATCHES_ACROSS;
@@ -82,7 +82,7 @@ static struct pixel_block block_in_rect(const struct pixel_rect *patch, int numb
                                 int_min(BLOCK_HEIGHT, patch->bottom - row)};
 }
 
-// Nothing is hit by any of its rays.
+// Draws a patch whose rays hit nothing.
 static void store_background(const struct pixel_rect *patch, const struct job *job) {
     struct shaded nothing = {.color = vec_from_doubles(job->prepared->model.background)};
     nothing.hit.found = v_mask_none();
@@ -94,7 +94,7 @@ static void store_background(const struct pixel_rect *patch, const struct job *j
                            &nothing); // no start
 }
 
-// Patches with one start and one list, `size` of their packets at a time.
+// Draws patches that share a start and a list, `size` packets at a time.
 static void render_patches(const struct pixel_rect *patch, int patches, int size,
                            struct point origin, vfloat start, struct shape_list list,
                            const struct job *job, struct trace_context *world) {
@@ -133,19 +133,19 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
 static void init_packet_rays(struct packet_group *group, struct march_scratch *scratch,
                              int shapes) {
     for (int i = 0; i < shapes * scratch->packets; i++)
-        scratch->wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
+        scratch->wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
     for (int k = 0; k < scratch->packets; k++)
         group->packet[k] =
             (struct packet_rays){.local = scratch->local + k * shapes, .wake = scratch->wake + k};
 }
 
-// Where no ray of the lane's square is hit before: +∞ where none is.
+// Where the rays of each lane's square begin: no ray is hit before. +∞: no ray is hit at all.
 struct cone_starts {
     float lane[LANES];
 };
 
-// Those that can meet a Mandelbulb are offered all shapes, and start at the camera: as many together as make a large
-// group.
+// Draws the patches of an area. Patches that can meet a Mandelbulb have the list of all shapes and start at the
+// camera. They are collected until they fill a large group.
 static void draw_lanes(struct cone_area area, vmask there, struct cone_starts start,
                        struct point origin, const struct job *job, struct trace_context *world) {
     struct pixel_rect waiting[BULB_PATCHES];
@@ -175,7 +175,8 @@ static void draw_lanes(struct cone_area area, vmask there, struct cone_starts st
         render_patches(waiting, count, GROUP, origin, v_splat(0.0f), world->scene->all, job, world);
 }
 
-// The cones of an area from where those above them end, among what these have met; then those below them.
+// Marches the cones of an area from the starts of the wider cones, among the shapes these have met. Then draws the
+// areas below.
 static void draw_area(struct cone_area area, struct cone_starts start, struct shape_list offered,
                       struct point origin, const struct job *job, struct trace_context *world) {
     COUNT(draw_area, call);

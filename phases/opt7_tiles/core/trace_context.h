@@ -5,20 +5,20 @@
 #include "core/primitive.h"
 #include "simd/simd.h"
 
-// Of the packets of the group that is under way. Only lanes of `active` are marched, shaded and written; the others may
-// hold anything.
+// Rays of the group that marches now, one element per packet. Only lanes of `active` are marched, shaded and written.
+// The other lanes may hold anything.
 struct ray_group {
     struct point *origin;
     struct vec *direction;
     vmask *active;
-    vfloat start; // where they begin
+    vfloat start; // distance at which all rays begin
 };
 
 struct trace_context {
     const struct prepared *scene;
     const struct view *view;
     struct packet_group *group;    // of the rays being marched now
-    struct march_scratch *scratch; // the worker's (cones/march_scratch.h)
+    struct march_scratch *scratch; // the worker's memory: cones/march_scratch.h
 };
 
 #endif

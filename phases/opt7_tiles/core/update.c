@@ -1,20 +1,21 @@
-// The scene in the form that the march needs, prepared anew whenever it has moved.
+// Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/primitives.h"
 
 #include <stdlib.h>
 
-// Beyond it the power-8 map's orbits escape (|w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on), and its estimate is at least half
-// of the distance to that ball: tests/py/test_tiles.py samples it.
+// Beyond this radius the power-8 map's orbits escape: |w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on. There the estimate is at
+// least half of the distance to the ball: tests/py/test_tiles.py samples it.
 #define BALL_RADIUS 1.15f
 
-// A wrapped distance is a distance where the shape is the mirror image of itself at its cell's walls.
+// A wrapped distance is 1-Lipschitz if the shape is its mirror image at the walls of its cell. A plane or a cone is
+// not.
 static enum bound_kind bound_kind_of(const struct shape *shape, bool repeated) {
     if (repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE))
         return BOUND_NONE;
     return shape->type == SHAPE_MANDELBULB ? BOUND_BALL : BOUND_LIPSCHITZ;
 }
 
-// Sets what bounds a shape's distance.
+// Sets the members that cones and bundles need.
 static void prepare_bounds(struct primitive *p, const struct shape *shape,
                            const struct limits *limits) {
     if (p->type == SHAPE_MANDELBULB)
@@ -55,5 +56,5 @@ bool shapes_reserve(struct prepared *prepared, const struct model *model) {
 
 void shapes_release(struct prepared *prepared) {
     free(prepared->primitives);
-    free((void *)prepared->all.shape); // and order
+    free((void *)prepared->all.shape); // frees `order` too: one block of memory
 }

@@ -6,15 +6,14 @@
 #include "march/march_single.h"
 #include "march/march_state.h"
 
-// Where a plane is all that the rays can hit, nothing but t changes: all packets abreast, each a chain of
-// operations that wait for each other.
+// A packet of rays, by their distance from the plane: `origin` at t = 0, and `direction` per unit of t.
 struct plane_ray {
     vfloat origin, direction, t;
     struct bounds_exit exit;
     vmask live;
 };
 
-// What a step has come to.
+// The outcome of a step.
 struct step_result {
     vfloat distance;
     vmask going, inside;
@@ -30,7 +29,8 @@ static inline struct step_result step_to_plane(struct plane_ray *line, vfloat hi
     return (struct step_result){distance, going, inside};
 }
 
-// From step number `next` on.
+// Marches four packets from step number `next` on. They march abreast: the operations of each depend on each other, so
+// the processor works on the others meanwhile.
 static void march_four_to_plane(struct march_state packets[SMALL_GROUP], int first, int shape,
                                 int next, struct packet_group *group, const struct model *model) {
     vfloat hit_distance = v_splat((float)model->march.hit_distance);
@@ -76,8 +76,8 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
         march_four_to_plane(packets + first, first, shape, next, group, model);
 }
 
-// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there, which is taken
-// 2^-16 too large, 256 times what the quotient's and the steps' rounding make of it.
+// Up to the plane, distance + t is at most the ray's t on the plane, origin/−direction. That quotient is taken 2^-16
+// too large, 256 times the rounding errors of the quotient and of the steps.
 bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole) {
     COUNT(plane_is_sole_hit, call);
     bool falls = true;

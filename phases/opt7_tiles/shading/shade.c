@@ -1,4 +1,4 @@
-// The colour of a ray: what it hits in the light, mirrors by recursion, fog.
+// The colour of a ray: the hit's colour in the light, mirrors by recursion, and fog.
 #include "cones/march_scratch.h"
 #include "cones/tile_cones.h"
 #include "core/packet_group.h"
@@ -6,8 +6,8 @@
 #include "core/trace_context.h"
 #include "shading/phong.h"
 
-// Colours of what the reflective hits of a few packets mirror, added to theirs. One reflective ray makes the call; the
-// others are masked out of it and of their colour.
+// Adds the mirrored colours to those of the reflective hits of a few packets. The recursive call is made if one ray is
+// reflective. The other rays are masked.
 static void mirror(const struct ray_group *rays, int bounce, struct trace_context *world,
                    const struct surfaces *surface, struct shaded *result) {
     COUNT(mirror, call);
@@ -49,7 +49,7 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
     }
 }
 
-// The group's packets seen; the arrays have one for each.
+// Traces all packets of the group. Each array has one element per packet.
 static inline void trace_packets(const struct ray_group *rays, int bounce,
                                  struct trace_context *world, struct hit *hit,
                                  struct lighting *light, struct surfaces *surface, vfloat *reach,
@@ -98,7 +98,7 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
     }
 }
 
-// A large group is seen from the camera sole, so that as many bounces as a scene may ask for fit the stack.
+// A large group holds camera rays only, so the recursion's arrays stay small and every bounce fits the stack.
 __attribute__((noinline)) static void trace_many(const struct ray_group *rays, int bounce,
                                                  struct trace_context *world,
                                                  struct shaded *result) {

@@ -1,13 +1,14 @@
-// Camera rays that are close to a Mandelbulb: their last digits decide where they end (bulb/bulb_single.c). Along a ray the map's
-// first iteration is a smooth function of t, and steps are short here: it is told for a piece of the ray at once, as
-// polynomials through CLOSE_TERMS of its places, in doubles. A step then errs by a float's rounding at the size of
-// the piece, and by that of the map's later iterations, which the derivative divides.
+// Camera rays that are close to a Mandelbulb: the last digits of their steps decide where they end
+// (bulb/bulb_single.c). Along a ray the map's first iteration is a smooth function of t, and steps are short here. So
+// that iteration is evaluated for a piece of the ray at once, as polynomials through CLOSE_TERMS points, in doubles. A
+// step then has the rounding error of a float at the size of the piece, and that of the later iterations, which the
+// derivative divides.
 //
-// The map is singular on the axis ρ = 0 sole, which a ray meets at complex t, too, no nearer than ρ to a place where it
-// has ρ. On pieces of half length ρ/32, 0.02 at cap, the polynomials are off by less than 2^-24, a float's
-// rounding of 1 (tests/py/test_close.py; ρ/16: 46 times that), as long as ρ is 1e-5 or more: nearer to the axis a
-// piece is CLOSE_PIECE_MIN and not shorter, and they are off by up to 2e-5 at ρ = 1e-6. Interpolation at Chebyshev's
-// points: Trefethen, Approximation Theory and Approximation Practice, 2013; distance to a singularity, its chapter 8.
+// The map is singular on the axis ρ = 0 only. From a point with ρ, a ray meets the axis at complex t no nearer than ρ.
+// On pieces of half length ρ/32, at most 0.02, the polynomials are off by less than 2^-24, a float's rounding of 1
+// (tests/py/test_close.py; ρ/16: 46 times that), for ρ ≥ 1e-5. Nearer to the axis a piece is CLOSE_PIECE_MIN, and they
+// are off by up to 2e-5 at ρ = 1e-6. Interpolation at Chebyshev's points: Trefethen, Approximation Theory and
+// Approximation Practice, 2013; distance to a singularity, its chapter 8.
 #include "bulb/bulb_chebyshev.h"
 #include "bulb/bulb_estimate.h"
 #include "core/ray_queues.h"
@@ -31,7 +32,7 @@ void queue_close(vmask m, vfloat ray, vfloat t, vfloat t_lo, vfloat evals,
                  struct ray_queues *queues) {
     COUNT(queue_close, call);
     if (queues->close_count + 2 * LANES >
-        CLOSE_ROOM) { // whole registers are read from the last ray on
+        CLOSE_ROOM) { // loading reads whole registers from the last ray on
         int left = queues->close_count - queues->close_first;
         for (int i = 0; i < C_FIELDS; i++)
             memmove(queues->close[i], queues->close[i] + queues->close_first,
@@ -64,7 +65,8 @@ static inline void lane0_double(struct vec_double place, vdouble to[CLOSE_VALUES
     to[3] = (vdouble){low.slope, high.slope};
 }
 
-// One coordinate's: even and odd part of the values at ±node·end, by the inverse of the nodes' powers.
+// Stores one coordinate's polynomial: even and odd part of the values at ±node·end, by the inverse of the nodes'
+// powers.
 static inline void store_terms(const vdouble sum[3], const vdouble difference[3],
                                const vfloat power[CLOSE_TERMS], int axis, struct ray_pieces *to) {
     static const double even[3][3] = {
@@ -109,7 +111,7 @@ static void store_pieces(struct vec_double o, struct vec_double d, vdouble middl
         store_terms(sum[axis], difference[axis], power, axis, to);
 }
 
-// The pieces on which the first rays that wait are to go on.
+// Makes the next pieces of the first rays that wait.
 static void prepare_pieces(struct ray_queues *queues, struct ray_pieces *to) {
     int first = queues->close_first, count = queues->close_count - first;
     count = count < LANES ? count : LANES;
@@ -157,7 +159,7 @@ static void prepare_pieces(struct ray_queues *queues, struct ray_pieces *to) {
     queues->close_first += count;
 }
 
-// Lanes that have ended take the next rays, if there are any.
+// Gives ended lanes the next rays, if there are any.
 static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from,
                              struct ray_queues *queues) {
     COUNT(refill_chebyshev, call);
@@ -183,7 +185,7 @@ struct chebyshev_packet {
     vmask done, reached, met;
 };
 
-// After the first iteration.
+// Returns the orbit after the first iteration, from the polynomials.
 static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t,
                                                   vmask done) {
     ACTIVE(LANES);
@@ -218,7 +220,7 @@ static inline void advance_chebyshev(struct chebyshev_packet *p, const vfloat fi
     p->done = v_not(v_cmp_lt_in(live, p->evals, cap));
 }
 
-// A step of all packets. How many lanes have ended.
+// Takes a step of all packets. Returns how many lanes have ended.
 static inline int step_chebyshev(const struct primitive *s, const struct chebyshev_lanes *lanes,
                                  struct chebyshev_packet *p, vfloat hit_distance, vfloat cap) {
     struct scaled_orbit b[INTERLEAVED];
@@ -266,7 +268,7 @@ void march_outcome(vmask met, vmask reached, vfloat evals, vfloat cap, float cou
     v_store(v_select(met, v_splat(1.0f), v_select(capped, v_splat(0.0f), v_splat(-1.0f))), found);
 }
 
-// Back to the rays that bulb/bulb_single.c marches in floats.
+// Returns a ray to those that bulb/bulb_single.c marches in floats.
 static void leave_chebyshev(struct ray_queues *queues, int ray, float t, float t_lo, float evals) {
     int to = queues->open_count++;
     for (int i = 0; i < B_LANE; i++)
@@ -276,7 +278,7 @@ static void leave_chebyshev(struct ray_queues *queues, int ray, float t, float t
     queues->open[B_EVALS][to] = evals;
 }
 
-// What has ended is told; what is at the end of its piece waits for the next, and all are no longer live.
+// Stores the results of ended rays. Rays at the end of their piece wait for the next piece. Neither is live any more.
 static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, vfloat cap,
                              struct ray_queues *queues) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));

@@ -7,23 +7,24 @@
 
 struct ray_queues; // core/ray_queues.h
 
-// From such an estimate on a ray is close, and until such a one at the end of its piece. Not by the step, which may be
-// short over a plane: far out, where the first iteration has escaped, chebyshev_orbit()'s estimate is too short.
+// A ray is close below CLOSE_ESTIMATE, and stays so until its estimate is above LEAVE_ESTIMATE at the end of its
+// piece. The step does not decide, because it may be short over a plane: far out, where the first iteration has
+// escaped, chebyshev_orbit()'s estimate is too short.
 #define CLOSE_ESTIMATE 5e-3f
 enum { CLOSE_TERMS = 6, CLOSE_VALUES = 4 }; // x, y, z and the derivative
 
-// What a lane knows; all from the middle of its piece.
+// The fields of a lane. Distances count from the middle of its piece.
 enum chebyshev_field {
-    N_TERM, // the constants of all that is told, then the factors of t …
+    N_TERM, // the constant terms of all values, then the factors of t, t² …
     N_PLACE = CLOSE_VALUES * CLOSE_TERMS,
     N_DIRECTION = N_PLACE + 3,
     N_T = N_DIRECTION + 3,
-    N_PIECE_END, // of the piece, or of the ray
-    N_RAY_END,   // of the ray
+    N_PIECE_END, // end of the piece, or of the ray
+    N_RAY_END,   // end of the ray
     N_HEIGHT,
     N_SLOPE,
     N_MIDDLE,
-    N_RAY, // which one on the desk
+    N_RAY, // its index in queues->single
     N_EVALS,
     N_FIELDS
 };
@@ -33,7 +34,7 @@ struct chebyshev_lanes {
     unsigned live;
 };
 
-// Rays that have their pieces, and wait for lanes.
+// Rays that have a piece and wait for a lane.
 struct ray_pieces {
     float field[N_FIELDS][2 * LANES];
     int next, count;
@@ -44,16 +45,17 @@ static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble 
                      v_half_madd(direction.high, t.high, origin.high)};
 }
 
-// The rays of the lanes in m wait for their next pieces. t is two floats.
+// Queues the rays of the lanes in m for their next pieces. t is the sum of two floats.
 void queue_close(vmask m, vfloat ray, vfloat t, vfloat t_lo, vfloat evals,
                  struct ray_queues *queues);
-// Where a ray's march is over: for resume_march(). t: from where it is nearest to the centre. What goes on among the other shapes
-// may have come below the plane by its last step, and be behind the camera.
+// Stores the result of a ray's march, for resume_march(). t counts from the point nearest to the centre. A ray that
+// marches on may have come below the plane by its last step, and so be behind the camera.
 void store_march_result(struct ray_queues *queues, int ray, double t, float evals, float found);
-// Of a packet's lanes that are over what store_march_result() wants: what has come to the plane is to ask there again.
+// Sets the results of a packet's ended lanes, as store_march_result() takes them. A ray at the plane evaluates its
+// last step again.
 void march_outcome(vmask met, vmask reached, vfloat evals, vfloat cap, float counted[LANES],
                    float found[LANES]);
-// Marches the rays that wait, until none does: to the end, unless some are to be marched in floats before.
+// Marches the rays that wait to their ends. Returns earlier if rays must be marched in floats first.
 void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat cap,
                      struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
                      struct ray_queues *queues);

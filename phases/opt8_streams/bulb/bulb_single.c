@@ -1,8 +1,10 @@
-// Camera rays where one Mandelbulb stands sole, or over a plane. Their steps are those of a march from the camera by the
-// least of the estimate and the plane's distance; rays that miss the bounding sphere take none, and such as have passed
-// it, or come to the plane, go on in march/march.c.
-// Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface bulb/bulb_chebyshev.h tells them.
-// Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
+// Camera rays of a scene with one Mandelbulb and at most a plane. Their steps are those of a march from the camera by
+// the smaller of the estimate and the plane's distance. Rays that miss the bounding sphere take no steps. Rays that
+// have passed the sphere, or reached the plane, go on in march/ray_march.c.
+//
+// Where a march ends depends on the last digits of its steps. So t is the sum of two floats, and near the surface
+// bulb/bulb_chebyshev.c takes the steps. Packets step by turns. Lanes are refilled from the rays that wait as soon as
+// enough of them have ended.
 #include "bulb/bulb_chebyshev.h"
 #include "bulb/bulb_estimate.h"
 #include "core/ray_queues.h"
@@ -35,7 +37,7 @@ static int refill_single(struct bulb_lanes *to, int next, int count,
 
 struct bulb_packet {
     struct vec origin, direction;
-    vfloat t, t_lo, end, evals; // t: two floats
+    vfloat t, t_lo, end, evals; // t is the sum of two floats
     vfloat height, slope;       // of the plane
     vmask done, reached, met, close;
 };
@@ -76,7 +78,7 @@ static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_dist
     p->done = v_or(v_not(live), p->close);
 }
 
-// What has ended is told, what is close waits, and both are no longer live.
+// Stores the results of ended rays, and queues close ones. Neither is live any more.
 static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, vfloat cap,
                           struct ray_queues *queues) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
@@ -104,7 +106,7 @@ static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, 
         queue_close(close, from->field[B_RAY], p->t, p->t_lo, p->evals, queues);
 }
 
-// A step of all packets. How many lanes have ended.
+// Takes a step of all packets. Returns how many lanes have ended.
 __attribute__((always_inline)) static inline int step_single(const struct primitive *s,
                                                              struct bulb_packet *p, bool soon,
                                                              vfloat hit_distance, vfloat cap) {
@@ -127,8 +129,8 @@ __attribute__((always_inline)) static inline int step_single(const struct primit
     return ended;
 }
 
-// The first steps of rays that begin together are much alike, and need few iterations: packets take them as they are,
-// until a ray of theirs ends.
+// Takes the first steps of rays, whole packets at a time, until a ray of a packet ends. These steps are alike and need
+// few iterations.
 static void step_first_together(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM],
                                 int count, vfloat hit_distance, vfloat cap) {
     COUNT(step_first_together, call);
@@ -170,7 +172,7 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_SINGLE_RO
     struct bulb_lanes lanes[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
         lanes[k].live = 0;
-        for (int i = 0; i < B_LANE; i++) // a point to work on, and nothing comes of it
+        for (int i = 0; i < B_LANE; i++) // spare lanes work on this point, without a result
             lanes[k].field[i] = v_splat(2.0f);
     }
     int next = 0;
@@ -209,7 +211,7 @@ void march_single_bulb(struct trace_context *world) {
     struct chebyshev_lanes lanes[INTERLEAVED];
     struct ray_pieces pieces = {.next = 0, .count = 0};
     memset(lanes, 0, sizeof lanes);
-    for (;;) { // rays may still be in the lanes when some are to be marched in floats
+    for (;;) { // lanes may keep rays while others are marched in floats
         march_chebyshev(s, hit_distance, cap, lanes, &pieces, queues);
         if (queues->open_count == 0)
             break;
@@ -258,7 +260,7 @@ void queue_camera_rays_single(struct vec direction, struct vec_double exact, vma
         height = coordinate(plane, vec_double_sub(eye, plane->centre), 0);
         slope = vec_dot(vec_set(plane->normal), direction);
     }
-    // To where the ray is nearest to the centre: what is marched is of the shape's size.
+    // t counts from the point nearest to the centre, so that it has the shape's size.
     vdouble path = v_double_product(o, d),
             back = {v_half_splat(0.0) - path.low, v_half_splat(0.0) - path.high};
     struct vec_double c = {v_double_along(o.x, d.x, back), v_double_along(o.y, d.y, back),

@@ -1,4 +1,5 @@
-// Camera rays that may meet a Mandelbulb: all of a tile's in one stream (shadow/lane_refill.h), before its patches are shaded.
+// Camera rays that may meet a Mandelbulb: one stream (shadow/lane_refill.h) marches all rays of a strip before its
+// patches are shaded.
 #include "cones/distance_bounds.h"
 #include "core/local_rays.h"
 #include "core/ray_queues.h"
@@ -6,8 +7,8 @@
 #include "core/trace_context.h"
 #include "shadow/lane_refill.h"
 
-// Of rays of unit length those that come near the ball of one; what float makes of |v|² − (v·d)² is 2^-20 of it at most.
-// `out`: where the last of the balls is behind them.
+// Returns the rays that come near the ball of a Mandelbulb. |v|² − (v·d)² has a rounding error of at most 2^-20 of
+// |v|². `out` becomes the distance at which the last ball is behind the ray.
 static vmask meets_bulbs(struct vec direction, vmask active, const struct trace_context *world,
                          vfloat *out) {
     COUNT(meets_bulbs, call);
@@ -72,7 +73,7 @@ static bool next_camera_packet(struct ray_stream *stream, int number, struct tra
     return true;
 }
 
-// For resume_march().
+// Stores the results of ended lanes for resume_march().
 static void finish_camera_rays(const struct refilled_packet *refilled, vmask ended, vfloat t,
                                struct ray_queues *queues) {
     float values[MARCH_FIELDS][LANES], ray[LANES];
@@ -90,7 +91,7 @@ static void finish_camera_rays(const struct refilled_packet *refilled, vmask end
     }
 }
 
-// How many lanes are still at work.
+// Takes a step. Returns how many lanes are still live.
 static inline int camera_stream_step(struct refilled_packet *refilled, int k, vfloat cap,
                                      struct trace_context *world) {
     struct packet_group *group = world->group;
@@ -122,7 +123,7 @@ void march_camera_stream(struct trace_context *world) {
     stream_begin(&stream, world);
     vfloat cap = v_splat((float)step_cap(&world->scene->model));
     for (int live; (live = refill_lanes(&stream, world)) > 0;) {
-        struct sole_shape sole = {.shape = -1}; // rays that are filled in bring wakes of their own
+        struct sole_shape sole = {.shape = -1}; // refilled rays bring their own wakes
         for (int least = refill_threshold(&stream, live); live > least;) {
             scene_distances(group, world->scene, &sole);
             live = 0;

@@ -1,4 +1,4 @@
-// A worker's memory: where rays are in the frames of all shapes, and lists of shapes.
+// A worker's memory: rays in the frames of all shapes, and lists of shapes.
 #ifndef MARCH_SCRATCH_H
 #define MARCH_SCRATCH_H
 
@@ -7,18 +7,19 @@
 
 struct local_ray; // core/shape_distances.h
 
-// A worker's memory, of the size that march_scratch_size() says.
+// A worker's memory, of the size that march_scratch_size() returns.
 struct march_scratch {
-    vfloat *wake; // GROUP for each shape, as the next: of the rays being marched
+    vfloat *wake; // GROUP for each shape, as `local`: of the rays that march
     struct local_ray *local;
     vfloat *eye_wake; // of cones and bundles
     struct local_ray *eye;
-    vfloat *distance;            // at the ends of a bundle's intervals
-    struct local_ray *axis;      // of cones
-    vmask *met;                  // lanes whose cone can meet the shape
-    int *offered;                // a list of what wider cones have met
-    int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
-    bool *wanted;                // of each shape, on the way to a list
+    vfloat *distance;       // at the ends of a bundle's intervals
+    struct local_ray *axis; // of cones
+    vmask *met;             // lanes whose cone can meet the shape
+    int *offered;           // list of the shapes that wider cones have met
+    int *tile, *mirror,
+        *shadow;  // lists: in the scene's order, then again in the order of evaluation
+    bool *wanted; // whether each shape goes on the list in work
 };
 
 size_t march_scratch_size(int shapes);

@@ -18,7 +18,7 @@ struct packet_rays {
 };
 
 // Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
-// other, so one packet sole would wait several times longer than it takes to issue them. The packets also share the
+// other, so a single packet would wait several times longer than it takes to issue them. The packets also share the
 // choice of shapes: a shape that one of them needs is evaluated for all.
 struct packet_group {
     struct packet_rays packet[GROUP];
@@ -44,7 +44,7 @@ static inline int packets_in(const struct packet_group *group) {
     return GROUP;
 }
 
-// Returns a packet that marches sole.
+// Returns a packet that marches alone.
 static inline struct packet_rays single_packet(struct local_ray *local, struct shape_list list,
                                                vfloat *wake) {
     return (struct packet_rays){local, list, wake, v_splat(0.0f)};

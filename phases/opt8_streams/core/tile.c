@@ -167,15 +167,15 @@ static size_t whole_lines(size_t size) {
     return (size + 63) / 64 * 64;
 }
 
-// A worker's memory holds its march_scratch, its worker_scratch from this offset on, and then the list of occluders.
+// A worker's memory holds its march_scratch, its ray_queues from this offset on, and then the list of occluders.
 static size_t scratch_offset(int shapes) {
     return whole_lines(march_scratch_size(shapes));
 }
 
-// A tile, or a strip's squares, while it is drawn.
+// A tile, or the squares of a strip, in work.
 struct tile_in_work {
     int tile;
-    unsigned patches; // a bit for each patch that may hit something
+    unsigned patches; // a bit for each patch whose cone meets a shape
     vmask *met;
     float start[LANES];
 };

@@ -1,5 +1,5 @@
 // From a ray to its colour: the data of each stage, and the functions that the stages call. core/tile.c calls trace(),
-// which calls ray_march() and then shadow(); ray_march() calls near_hit() and normal_at().
+// which calls ray_march() and queues shadow and mirror rays; ray_march() calls near_hit() and normal_at().
 #ifndef TRACE_H
 #define TRACE_H
 
@@ -15,7 +15,7 @@ struct hit {
     vfloat t; // distance along the ray
     struct point point;
     struct vec normal; // towards the ray; 0 where not found
-    vmask smooth;      // the normal is the shape's own there, and points out of it
+    vmask smooth;      // the normal is a closed form, and points out of the shape
     vfloat shape;      // a whole number; −1 where not found
     vfloat evals;      // evaluations of the scene's distance
 };
@@ -23,13 +23,13 @@ struct hit {
 void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit *hit);
 
 struct lighting {
-    struct vec to_light; // of unit length
-    vfloat distance, facing;
+    struct vec to_light;     // of unit length
+    vfloat distance, facing; // facing: normal·to_light
     vmask lit;
 };
 
-// What a hit's place says, once it is the origin of its packet: more exactly than the march,
-// which has rounded origin and direction in the frames of all shapes.
+// The surroundings of a hit, evaluated with the hit as origin. The march is less exact: it has rounded origin and
+// direction in the frames of all shapes.
 struct hit_surroundings {
     vfloat distance, shape; // of the nearest
     vmask contact;          // another shape is within two normal steps of it
@@ -48,7 +48,7 @@ struct hit_normal {
 struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                             const struct prepared *scene, const struct packet_rays *packet);
 
-// What the rays see, times their weight, but for what has to wait: shadow and mirror rays are queued.
+// Sets the colours of the rays, times their weight. Shadow and mirror rays are queued and add their part later.
 void trace(const struct ray_group *rays, struct trace_context *world, struct vec *color,
            struct hit *hit);
 

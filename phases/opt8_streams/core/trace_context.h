@@ -13,22 +13,22 @@ struct trace_context {
     const struct prepared *scene;
     const struct view *view;
     struct packet_group *group;    // of the rays being marched now
-    struct march_scratch *scratch; // the worker's (cones/tile_cones.h)
+    struct march_scratch *scratch; // the worker's memory: cones/march_scratch.h
     struct point eye;
-    bool single_bulb; // camera rays go by bulb/bulb_single.c
+    bool single_bulb; // bulb/bulb_single.c marches the camera rays
     struct ray_queues *queues;
 };
 
-// Only lanes of `active` are marched, shaded and written; the others may hold anything.
+// Rays of one group. Only lanes of `active` are marched, shaded and written. The other lanes may hold anything.
 struct ray_group {
     struct point origin[GROUP];
     struct vec direction[GROUP];
     vmask active[GROUP];
-    vfloat weight[GROUP]; // of what they see in their pixel
+    vfloat weight[GROUP]; // of their colour in their pixel
     vfloat pixel[GROUP], bounce[GROUP];
-    vfloat start;             // where they begin
-    struct shape_list others; // what those of them can meet that no Mandelbulb is before
-    int marched;              // the pixel of the first, if the desk knows where they end; else −1
+    vfloat start;             // distance at which all rays begin
+    struct shape_list others; // shapes for rays that have passed all Mandelbulbs
+    int marched; // first pixel of the rays in queues->marched, if they were marched; else −1
 };
 
 #endif

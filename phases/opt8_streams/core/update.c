@@ -1,20 +1,21 @@
-// The scene in the form that the march needs, prepared anew whenever it has moved.
+// Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/primitives.h"
 
 #include <stdlib.h>
 
-// Beyond it the power-8 map's orbits escape (|w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on), and its estimate is at least half
-// of the distance to that ball: tests/py/test_tiles.py samples it.
+// Beyond this radius the power-8 map's orbits escape: |w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on. There the estimate is at
+// least half of the distance to the ball: tests/py/test_tiles.py samples it.
 #define BALL_RADIUS 1.15f
 
-// A wrapped distance is a distance where the shape is the mirror image of itself at its cell's walls.
+// A wrapped distance is 1-Lipschitz if the shape is its mirror image at the walls of its cell. A plane or a cone is
+// not.
 static enum bound_kind bound_kind_of(const struct shape *shape, bool repeated) {
     if (repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE))
         return BOUND_NONE;
     return shape->type == SHAPE_MANDELBULB ? BOUND_BALL : BOUND_LIPSCHITZ;
 }
 
-// Sets what bounds a shape's distance.
+// Sets the members that cones and bundles need.
 static void prepare_bounds(struct primitive *p, const struct shape *shape,
                            const struct limits *limits) {
     if (p->type == SHAPE_MANDELBULB)
@@ -23,7 +24,7 @@ static void prepare_bounds(struct primitive *p, const struct shape *shape,
     p->error = 0x1p-18f * fmaxf(extent_of(shape), shape->type == SHAPE_PLANE ? fabsf(p->a) : 1.0f);
 }
 
-// A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
+// Returns the radius of a sphere around the shape's position that holds it. 1e-5 is for rounding.
 static double bounding_radius(const struct shape *shape) {
     const double *half = shape->box.half_size;
     switch (shape->type) {
@@ -43,6 +44,7 @@ static double bounding_radius(const struct shape *shape) {
     }
 }
 
+// Sets the members that shadow cones and shading need.
 static void prepare_solid(struct primitive *p, const struct shape *shape,
                           const struct model *model) {
     double bound = bounding_radius(shape);
@@ -59,8 +61,8 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
 }
 
-// The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
-// 1, whatever its steps (PROOFS.md, 1.): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+// Returns the least slope q for soft shadows: a ray with h(t) ≥ q·t everywhere has no term of the estimator below 1,
+// whatever its steps (PROOFS.md, 1): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
 static float lit_slope_soft(double strength) {
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {
@@ -71,20 +73,22 @@ static float lit_slope_soft(double strength) {
     return (float)(high * (1 + 1e-5));
 }
 
-// Of a hard shadow: such a ray is nowhere within twice the hit distance of a surface.
+// Returns the slope for hard shadows: a ray above it is nowhere within twice the hit distance of a surface.
 static float lit_slope_hard(const struct limits *limits) {
     return (float)fmax(1e-3, 2.0 * limits->hit_distance / limits->surface_offset);
 }
 
-// Outside of its ball a Mandelbulb's estimate is at least half of the distance to that: so much for hard shadows.
-// None clears a soft shadow's ray past a Mandelbulb: its estimate is less than the distance, so that h may grow by more than a
-// step's length, or to nearly 2·previous with no surface where the proof (PROOFS.md, 1.) has one.
+// Sets the shape's shadow cone. Outside of its ball a Mandelbulb's estimate is at least half of the distance to the
+// ball, so hard shadows need twice the slope. No cone clears a soft shadow past a Mandelbulb: its estimate is less
+// than the distance, so h may grow by more than a step's length, which the proof (PROOFS.md, 1) excludes for
+// distances.
 static void prepare_cone(struct primitive *p, float q, bool soft) {
     p->slope_lit = p->type == SHAPE_MANDELBULB ? (soft ? 1 : fminf(2 * q, 1)) : q;
     p->slope_bound = p->slope_lit * p->bound;
     p->slope_a = 1 - p->slope_lit * p->slope_lit;
 }
 
+// Whether one Mandelbulb, not repeated and within the bounds, and at most one plane are all shapes.
 static bool is_single_bulb(const struct prepared *prepared) {
     const struct model *model = &prepared->model;
     int planes = 0;
@@ -144,5 +148,5 @@ bool shapes_reserve(struct prepared *prepared, const struct model *model) {
 
 void shapes_release(struct prepared *prepared) {
     free(prepared->primitives);
-    free((void *)prepared->all.shape); // and order
+    free((void *)prepared->all.shape); // frees `order` too: one block of memory
 }

@@ -6,18 +6,17 @@
 #include "core/trace_context.h"
 #include "march/march_step.h"
 
-// Where the rays of a packet are: at the distance before + t + last. t and the last step are kept apart, because
-// their rounded sum would lose the digits that place the hit on the surface.
+// Where the rays of a packet are: at the distance before + t + last. t and the last step are kept apart, because their
+// rounded sum would lose the digits that place the hit on the surface.
 struct march_state {
     struct point origin; // at the distance `before`
     vfloat before, t, last, evals;
     vfloat start; // t of the next evaluation
     vmask found;
     struct bounds_exit exit;
-    int left;   // steps that every ray still has before its cap
-    vmask deep; // a ray that started inside a shape has stepped back out of it
-    vmask
-        exact; // bulb/bulb_single.c has found the hit, more exactly than land_hits() could check it
+    int left;      // steps that every ray still has before its cap
+    vmask deep;    // a ray that started inside a shape has stepped back out of it
+    vmask exact;   // bulb/bulb_single.c has found the hit, more exactly than land_hits() could
     vfloat inside; // the number of the shape that a ray of `deep` was in; else −1
     struct hit_surroundings near;
 };
@@ -54,7 +53,7 @@ static inline int steps_left(const struct march_state *at, vmask live, int cap) 
 }
 
 // Ends the rays of packet k that have left `going` (they have reached a surface) or `inside` (they have left the
-// bounds), and those that have used up their steps. `step` counts from 1. Each ray has a cap of its scratch, so its
+// bounds), and those that have used up their steps. `step` counts from 1. Each ray has its own cap, so its
 // neighbours in the packet do not matter.
 void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside,
               struct packet_group *group, int cap);

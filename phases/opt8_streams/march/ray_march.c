@@ -39,8 +39,8 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
         point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
     set_local_origins(at->origin, scene, packet);
     at->near = near_hit(at->found, scene, packet);
-    vmask asked = v_andnot(v_or(at->exact, v_or(at->deep, settled)), at->found);
-    vmask off = v_and(asked, v_cmp_gt(at->near.distance, v_splat(twice)));
+    vmask unsettled = v_andnot(v_or(at->exact, v_or(at->deep, settled)), at->found);
+    vmask off = v_and(unsettled, v_cmp_gt(at->near.distance, v_splat(twice)));
     if (!v_any(off))
         return false;
     ACTIVE(v_count(off));

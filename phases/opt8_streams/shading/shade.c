@@ -1,5 +1,5 @@
-// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), fog; and what has to wait for a shadow or a mirror ray.
+// The colour of hits: light (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975)) and fog.
+// Shadow and mirror rays are queued.
 #include "cones/march_scratch.h"
 #include "cones/tile_cones.h"
 #include "core/packet_group.h"
@@ -8,13 +8,13 @@
 #include "core/trace.h"
 #include "core/trace_context.h"
 
-// Materials of hits.
+// The materials of a packet's hits.
 struct surface {
     struct vec color;
     vfloat share, shininess, shine_from;
 };
 
-// Once for each shape that the packet hit.
+// Gathers the materials, once for each shape that the packet hit.
 static struct surface surface_of(const struct hit *hit, const struct prepared *scene) {
     COUNT(surface_of, call);
     float id[LANES];
@@ -49,19 +49,19 @@ static struct lighting light_from(struct point p, struct vec n, vmask found,
     vfloat distance = vec_norm(to_light);
     to_light = vec_scale(to_light, v_splat(1.0f) / distance);
     vfloat facing = vec_dot(n, to_light);
-    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
+    // A surface turned away is unlit whatever the shadow. A light on the surface has no direction.
     vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
     return (struct lighting){to_light, distance, facing, lit};
 }
 
-// What the light brings to the pixel where nothing is in its way.
+// Returns the light's contribution to the pixel if nothing is in its way.
 static struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
                            vfloat weight, const struct surface *surface, const struct view *view) {
     ACTIVE(v_count(light->lit));
     COUNT(light_at, call);
     struct vec base = surface->color;
     vfloat reach = weight / light->distance, facing = light->facing;
-    // Of the light's direction: minus the paper's R.
+    // The mirrored direction is minus the paper's R.
     vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);
     vfloat specular = v_splat(0.0f);
     vmask shines = v_and(light->lit, v_cmp_gt(shine, surface->shine_from));
@@ -110,7 +110,7 @@ static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, v
     queues->mirrors += __builtin_popcount(v_mask_bits(m));
 }
 
-// Of cleared rays: their own shape's terms, where it rises slowly.
+// Scales the light of unshadowed rays by their own shape's terms, where the surface rises slowly.
 static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const struct hit *hit,
                                        const struct lighting *light,
                                        const struct packet_rays *packet,
@@ -132,7 +132,7 @@ static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const str
     return bright;
 }
 
-// The light on a packet's hits: what is told at once is added, what is not waits.
+// Adds the light on a packet's hits where no march is needed. The other shadow rays are queued.
 static struct vec lit_color(struct vec color, struct vec bright, const struct hit *hit,
                             const struct lighting *light, vfloat pixel,
                             const struct packet_rays *packet, struct trace_context *world) {
@@ -141,9 +141,9 @@ static struct vec lit_color(struct vec color, struct vec bright, const struct hi
     vmask open = light->lit;
     if (scene->model.shadows != SHADOWS_NONE) {
         open = scene->all_bounded ? trivially_lit(hit, light, packet, world) : v_mask_none();
-        vmask asked = v_andnot(open, light->lit);
-        if (v_any(asked))
-            queue_shadow(asked, hit, light, bright, pixel, world->queues);
+        vmask shadowed = v_andnot(open, light->lit);
+        if (v_any(shadowed))
+            queue_shadow(shadowed, hit, light, bright, pixel, world->queues);
         if (soft && v_any(open))
             bright = scale_by_self_shadow(bright, open, hit, light, packet, scene);
     }
@@ -153,7 +153,7 @@ static struct vec lit_color(struct vec color, struct vec bright, const struct hi
                         v_add_where(open, color.z, bright.z)};
 }
 
-// A packet's hits, whose lighting is known.
+// Returns the colours of a packet's rays, apart from queued shadows and mirrors.
 static struct vec color_of(const struct ray_group *rays, int k, const struct hit *hit,
                            const struct lighting *light, const struct packet_rays *packet,
                            struct trace_context *world) {
@@ -220,7 +220,7 @@ void trace(const struct ray_group *rays, struct trace_context *world, struct vec
             color[k] = color_of(rays, k, &hit[k], &light[k], &world->group->packet[k], world);
 }
 
-// The last of the rays that wait first: what they see may make more of them.
+// Traces the queued mirror rays, the last ones first, because they may queue more.
 void follow_mirrors(struct trace_context *world) {
     COUNT(follow_mirrors, call);
     struct ray_queues *queues = world->queues;

@@ -8,7 +8,7 @@ static void pack_in_place(vmask m, vfloat *first, int count) {
         v_compress_store(m, first[i], (float *)&first[i]);
 }
 
-// What of a shape's local is used.
+// Returns how many vectors of a local ray are in use.
 static int local_ray_floats(const struct primitive *primitive) {
     return primitive->kind == EVAL_POWER ? 8 : 6;
 }
@@ -69,7 +69,7 @@ static void fill_lanes(struct ray_stream *stream, int k, unsigned lanes,
     stream->waiting -= __builtin_popcount(lanes);
 }
 
-// The first `count` of them.
+// Returns the first `count` of the lanes.
 static unsigned lowest_lanes(unsigned lanes, int count) {
     unsigned rest = lanes;
     for (; rest && count > 0; count--)

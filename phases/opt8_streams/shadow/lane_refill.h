@@ -1,6 +1,6 @@
-// Where Mandelbulbs are, some rays take a thousand steps and most a few dozen: lanes whose ray has ended are filled
-// again from the rays that wait, so that the lanes of a packet are rays of different age. No lane's result depends on
-// its neighbours, so that it is to the bit that of a packet which waits for its last ray.
+// Streams of rays. Near a Mandelbulb some rays take a thousand steps and most a few dozen. Lanes whose ray has ended
+// are filled again from the rays that wait, so the lanes of a packet hold rays of different age. No lane's result
+// depends on its neighbours: every bit is that of a packet which waits for its last ray.
 #ifndef LANE_REFILL_H
 #define LANE_REFILL_H
 
@@ -10,25 +10,25 @@
 struct trace_context; // core/trace_context.h
 struct ray_queues;    // core/ray_queues.h
 
-enum { REFILL = GROUP * LANES / 16 }; // lanes that have ended
+enum { REFILL = GROUP * LANES / 16 }; // ended lanes before the next refill
 
-// What the lanes of a packet have, but for what is in the group.
+// The state of a refilled packet's lanes, except the members of the group.
 struct refilled_packet {
-    struct shadow_state shade; // camera rays have its exit sole
+    struct shadow_state shade; // camera rays use its exit only
     vfloat evals, length, end,
-        ray;                   // ray: a whole number. REFILLED_FLOATS from the beginning to here
-    vfloat last;               // of a camera ray that has been hit
-    vmask held, found, passed; // with a ray, if it has ended or not; of those that have: how
+        ray;                   // ray: a whole number. The first REFILLED_FLOATS vectors end here
+    vfloat last;               // the last step of a camera ray that is hit
+    vmask held, found, passed; // lanes with a ray, live or ended; how the ended rays have ended
 };
 enum { REFILLED_FLOATS = 8 };
 
-// Packets of rays that are made ready one by one, and go lane by lane to where one is free.
+// A stream: packets of rays are made ready one by one, and their rays fill lanes that are free.
 struct ray_stream {
-    int next, count; // of the packets that wait
+    int next, count; // packets that wait
     struct refilled_packet refilled[GROUP], ready;
-    struct packet_rays packet; // of the one that is ready
+    struct packet_rays packet; // the packet that is ready
     vfloat t, high;
-    int waiting, gone; // of its rays
+    int waiting, gone; // rays of `ready`
     // Makes packet `number` ready. Returns false if it has no ray.
     bool (*next_packet)(struct ray_stream *stream, int number, struct trace_context *world);
     // Stores the results of lanes whose ray has ended.
@@ -36,15 +36,15 @@ struct ray_stream {
                         struct ray_queues *queues);
 };
 
-// The rays of m, which may start inside of a shape, move to the front; how far the steady shapes are is known of all of
-// them at once: so no lane that is filled wakes one for the others.
+// Moves the rays of m to the front of their packet. They may start inside a shape. The distances to all steady shapes
+// are evaluated for the whole packet, so that a refilled lane wakes no shape for the others.
 void prepare_packet(struct ray_stream *stream, vmask m, const struct prepared *scene);
-// What has ended is delivered, and lanes that are free get a ray, as long as there is one. How many lanes have one.
+// Stores the results of ended lanes, and gives free lanes a ray while there is one. Returns how many lanes have a ray.
 int refill_lanes(struct ray_stream *stream, struct trace_context *world);
-// Nothing is under way.
+// Begins a stream: no lane has a ray.
 void stream_begin(struct ray_stream *stream, struct trace_context *world);
 
-// So many lanes may still be at work when the next rays are asked for.
+// Returns how many lanes may be live when the next rays are loaded.
 static inline int refill_threshold(const struct ray_stream *stream, int live) {
     return stream->waiting || stream->next < stream->count ? live - REFILL : 0;
 }

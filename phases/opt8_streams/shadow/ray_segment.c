@@ -1,7 +1,7 @@
-// Shadow rays where there is a Mandelbulb. Its estimate costs more than all else, and most of a ray's way leads where a
-// plane is nearer than any Mandelbulb can be. So a ray goes among the other shapes, in packets, to the stretch where one
-// may be the nearest; through that in a stream (shadow/lane_refill.h); and behind it as before. Its steps are the same: what is left
-// out is further than what is returned.
+// Shadow rays in a scene with a Mandelbulb. Its estimate costs more than all other shapes, and for most of a ray's
+// path a plane is nearer than any Mandelbulb can be. So a ray has a *segment* where a Mandelbulb may be the nearest.
+// Before the segment it marches in packets among the other shapes, through it in a stream (shadow/lane_refill.h), and
+// behind it in packets again. Its steps stay the same: a shape left out is further than the distance returned.
 #include "bulb/bulb_estimate.h"
 #include "cones/distance_bounds.h"
 #include "core/local_rays.h"
@@ -15,8 +15,8 @@ struct ray_segment {
     vfloat from, to; // from > to: none
 };
 
-// Where |origin + t·direction| < radius + t·slope; never narrower than that. Near to a slope of 1: everywhere.
-// `along`: origin·direction; `square`: |origin|².
+// Returns where |origin + t·direction| < radius + t·slope, never narrower. `along` is origin·direction, `square` is
+// |origin|². With a slope near 1 the segment is everything.
 static struct ray_segment segment_within(vfloat along, vfloat square, vfloat radius, vfloat slope) {
     COUNT(segment_within, call);
     vfloat none = v_splat(INFINITY), zero = v_splat(0.0f);
@@ -25,7 +25,7 @@ static struct ray_segment segment_within(vfloat along, vfloat square, vfloat rad
     vfloat c = v_nmadd(radius, radius, square);
     vfloat discriminant = v_nmadd(a, c, b * b);
     discriminant = v_madd(v_splat(0x1p-20f), v_madd(b, b, v_abs(c)),
-                          discriminant); // what float makes of it
+                          discriminant); // rounding errors
     vfloat side = v_sqrt(v_max(discriminant, zero)), per = v_splat(1.0f) / a;
     vfloat from = (b - side) * per, to = (b + side) * per;
     vmask some = v_and(v_cmp_ge(discriminant, zero), v_cmp_ge(to, zero));
@@ -35,8 +35,8 @@ static struct ray_segment segment_within(vfloat along, vfloat square, vfloat rad
     return (struct ray_segment){v_select(narrow, from, -none), v_select(narrow, to, none)};
 }
 
-// Where the Mandelbulb may be nearer than the plane: its estimate is at least b of the distance to its ball, and above
-// the tangent of its form from afar.
+// Returns where the Mandelbulb may be nearer than the plane. Its estimate is at least half of the distance to its
+// ball, and above the tangent of its form from afar.
 static struct ray_segment segment_before_plane(const struct local_ray *bulb,
                                                const struct local_ray *plane,
                                                const struct primitive *primitive) {
@@ -76,7 +76,7 @@ static struct ray_segment segment_of(const struct packet_rays *packet,
     return all;
 }
 
-// The shadow rays from `first` on, of the desk's queue.
+// Loads the queued shadow rays from `first` on. Returns the lanes that have one.
 static vmask load_shadow_rays(int first, struct ray_queues *queues, struct point *origin,
                               struct vec *to_light) {
     float (*field)[QUEUE_ROOM] = queues->shadow;
@@ -85,11 +85,11 @@ static vmask load_shadow_rays(int first, struct ray_queues *queues, struct point
     return lanes_until(queues->shadows - first);
 }
 
-// Four packets that go together among the other shapes.
+// Four packets that march together among the other shapes.
 struct segment_packets {
     struct shadow_state shade[GROUP];
     vfloat evals[GROUP], length[GROUP], until[GROUP];
-    vmask there[GROUP]; // rays that have come as far
+    vmask there[GROUP]; // rays that have come to the segment
 };
 
 static void begin_segment(struct segment_packets *packets, int k, int first, bool before,
@@ -114,9 +114,9 @@ static void begin_segment(struct segment_packets *packets, int k, int first, boo
         packets->length[k] = v_load(&queues->shadow[S_DISTANCE][first]);
         packets->until[k] = v_splat(INFINITY);
         if (before) {
-            struct ray_segment stretch = segment_of(packet, world->scene);
-            packets->until[k] = stretch.from;
-            v_store(stretch.to, &queues->segment[SEGMENT_END][first]);
+            struct ray_segment segment = segment_of(packet, world->scene);
+            packets->until[k] = segment.from;
+            v_store(segment.to, &queues->segment[SEGMENT_END][first]);
         }
         group->t[k] = v_load(&queues->segment[SEGMENT_T][first]);
         packets->shade[k].least_sq = v_load(&queues->segment[SEGMENT_LEAST_SQ][first]);
@@ -128,7 +128,7 @@ static void begin_segment(struct segment_packets *packets, int k, int first, boo
     packet->list = others;
 }
 
-// False after the packet's last step.
+// Takes a packet's step. Returns false after the last.
 static inline bool step_among_others(struct segment_packets *packets, int k, float strength_sq,
                                      vfloat cap, struct trace_context *world) {
     struct packet_group *group = world->group;
@@ -148,7 +148,7 @@ static inline bool step_among_others(struct segment_packets *packets, int k, flo
     return end_shadow_rays(k, before, group);
 }
 
-// What scene_distances() finds where nothing but a plane is left.
+// Sets the group's distances where a plane is the only other shape.
 static inline void plane_distances(struct packet_group *group, const struct primitive *plane) {
     COUNT(plane_distances, call);
     for (int i = 0; i < group->count; i++) {
@@ -160,7 +160,7 @@ static inline void plane_distances(struct packet_group *group, const struct prim
     }
 }
 
-// Four packets of the queue, as far as the stretch, or from behind it on.
+// Marches four packets of the queue up to their segments, or (`before` false) from behind them on.
 static void march_among_others(int first, bool before, struct shape_list others,
                                struct trace_context *world) {
     COUNT(march_among_others, call);
@@ -202,7 +202,7 @@ static void march_among_others(int first, bool before, struct shape_list others,
     }
 }
 
-// One packet of those that have come to the stretch, to go lane by lane.
+// Makes one packet of rays that have come to their segment ready for the stream.
 static bool next_shadow_packet(struct ray_stream *stream, int number, struct trace_context *world) {
     struct ray_queues *queues = world->queues;
     int first = number * LANES;
@@ -249,7 +249,7 @@ static void finish_shadow_rays(const struct refilled_packet *refilled, vmask end
     }
 }
 
-// How many lanes are still at work.
+// Takes a step. Returns how many lanes are still live.
 static inline int shadow_stream_step(struct refilled_packet *refilled, int k, float strength_sq,
                                      vfloat cap, struct trace_context *world) {
     struct packet_group *group = world->group;
@@ -268,7 +268,7 @@ static inline int shadow_stream_step(struct refilled_packet *refilled, int k, fl
     return __builtin_popcount(v_mask_bits(stay));
 }
 
-// What scene_distances() finds where a Mandelbulb is sole: nobody asks which shape is awake.
+// Sets the group's distances where a Mandelbulb and at most a plane are all shapes.
 static inline void single_bulb_distances(struct packet_group *group, const struct primitive *bulb,
                                          const struct primitive *plane) {
     COUNT(single_bulb_distances, call);
@@ -305,7 +305,7 @@ static void march_segments(struct trace_context *world) {
     const struct primitive *bulb = single_shape(SHAPE_MANDELBULB, world->scene);
     const struct primitive *plane = single_shape(SHAPE_PLANE, world->scene);
     for (int live; (live = refill_lanes(&stream, world)) > 0;) {
-        struct sole_shape sole = {.shape = -1}; // rays that are filled in bring wakes of their own
+        struct sole_shape sole = {.shape = -1}; // refilled rays bring their own wakes
         for (int least = refill_threshold(&stream, live); live > least;) {
             if (world->scene->single_bulb)
                 single_bulb_distances(group, bulb, plane);
@@ -320,14 +320,14 @@ static void march_segments(struct trace_context *world) {
     }
 }
 
-// As all rays begin.
+// Sets the state in which every ray begins.
 static void begin_segments(struct trace_context *world) {
     struct ray_queues *queues = world->queues;
     vfloat start = v_splat((float)world->scene->model.march.surface_offset);
     for (int first = 0; first < queues->shadows; first += LANES) {
         v_store(start, &queues->segment[SEGMENT_T][first]);
         v_store(v_splat(1.0f), &queues->segment[SEGMENT_LEAST_SQ][first]);
-        // its square, times t's and the strength's, is a float
+        // its square times t² and strength² is still a float
         v_store(v_splat(1e14f), &queues->segment[SEGMENT_TWICE][first]);
         v_store(v_splat(0.0f), &queues->segment[SEGMENT_EVALS][first]);
     }

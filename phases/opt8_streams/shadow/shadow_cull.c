@@ -1,6 +1,7 @@
-// Shadow rays that c no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
-// steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
-// that only touches the march changes it; but of most rays it can be told without one. PROOFS.md has the proofs.
+// Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
+// steps of a march by the distance h to the whole scene, with y = h²/(2·previous h). It depends on the steps, so a
+// shape that only touches the march changes it. But for most rays a cone around the ray decides. PROOFS.md has the
+// proofs.
 #include "core/packet_group.h"
 #include "core/ray_queues.h"
 #include "core/shape_distances.h"
@@ -8,7 +9,7 @@
 #include "core/trace_context.h"
 #include "shadow/shadow_cone.h"
 
-// The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
+// A bundle of shadow rays: the group's hits lie in a ball, and the rays diverge from `to_light` by at most `spread`.
 struct light_bundle {
     float centre[3], radius, to_light[3], spread;
 };
@@ -46,10 +47,10 @@ static bool light_bundle_of(const struct hit *hit, const struct lighting *light,
     ball->spread = ball->radius / (distance - ball->radius);
     for (int k = 0; k < 3; k++)
         ball->to_light[k] /= distance;
-    return ball->radius < 0.25f * distance; // not where nothing is lit: −∞ and NaN are not
+    return ball->radius < 0.25f * distance; // false where no hit is lit: the radius is −∞ or NaN
 }
 
-// Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
+// Whether no cone of slope q around a ray of the bundle meets the shape's bounding sphere.
 static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s) {
     COUNT(bundle_misses, call);
     float radius = s->bound + ball->radius, along = 0, c = -radius * radius;
@@ -90,7 +91,7 @@ vmask trivially_lit(const struct hit *hit, const struct lighting *light,
     float q = scene->lit_slope;
     struct vec point = hit->point.hi;
     vmask clear = light->lit;
-    if (scene->model.shadows == SHADOWS_HARD) // of its own shape it asks for the slope, too
+    if (scene->model.shadows == SHADOWS_HARD) // its own shape must fall away by the slope, too
         clear = v_and(clear, v_cmp_ge(light->facing, v_splat(q)));
     for (int k = 0; k < world->queues->occluder_count && v_any(clear); k++) {
         int i = world->queues->occluders[k];
@@ -112,7 +113,8 @@ vmask trivially_lit(const struct hit *hit, const struct lighting *light,
     return clear;
 }
 
-// Half of how fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
+// Returns half of the rate at which the distance's slope grows along l, from a point with normal n: the surface's
+// curvature.
 static vfloat half_curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
                              const struct primitive *s) {
     COUNT(half_curvature, call);
@@ -152,7 +154,7 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec norma
     vfloat inside = v_nmadd(v_splat(0.25f) * ratio, ratio, one);
     vfloat term = strength * v * v_sqrt(v_max(inside, v_splat(0.0f))) /
                   v_nmadd(v_splat(0.5f) * ratio, v, one);
-    // A march that is within the hit distance at its first step has no term at all.
+    // A march within the hit distance at its first step has no term.
     vmask first = v_cmp_ge(u * t, hit), second = v_and(first, v_cmp_ge(v * further, hit));
     if (model->march.max_steps < 2)
         second = v_mask_none();

@@ -1,4 +1,4 @@
-// Shadow rays that wait, in packets: see core/ray_queues.h. Each of them marches until its last ray is done.
+// Marches the queued shadow rays in packets: see core/ray_queues.h. Each packet marches until its last ray is done.
 #include "cones/march_scratch.h"
 #include "cones/tile_cones.h"
 #include "core/local_rays.h"
@@ -21,7 +21,7 @@ static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int 
     }
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
+// Returns how much of the light reaches each origin: 1 lit, 0 in shadow, between them the penumbra of a soft shadow.
 static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
                    struct trace_context *world, vfloat reach[GROUP]) {
     COUNT(shadow, call);
@@ -47,7 +47,7 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
         set_local_directions(rays->direction[k], scene, &group->packet[k]);
         shades[k].exit = bounds_exit_of(rays->origin[k], rays->direction[k], model);
         shades[k].twice_previous =
-            v_splat(1e14f); // its square, times t's and the strength's, is a float
+            v_splat(1e14f); // its square times t² and strength² is still a float
         group->t[k] = v_splat((float)model->march.surface_offset);
     }
     struct sole_shape sole = {.shape = -1};

@@ -1,5 +1,5 @@
-// The phase's entry points, and the choice between the kernels for 8 and for 16 lanes: the same sources
-// (core/tile.c, rods.c, march/march.c, shading/shade.c), built twice.
+// The phase's entry points, and the choice between the kernels for 8 and for 16 lanes. Both are built from the files
+// of each_variant in phase.json.
 #include <stdalign.h>
 #include <stdlib.h>
 
@@ -8,11 +8,11 @@
 #include "driver/variant.h"
 #include "workers/workers.h"
 
-// What the march reads is `prepared`, as in opt4; the team stands behind it.
+// The march reads `prepared`. The workers stand behind it.
 struct phase_state {
     struct prepared prepared;
     struct workers *workers;
-    bool sixteen; // lanes, not eight
+    bool sixteen; // 16 lanes, else 8
 };
 
 const char *phase_unsupported(const struct scene *scene) {
@@ -54,7 +54,7 @@ void phase_release(struct prepared *prepared) {
     free(kept);
 }
 
-// Apart from what the caller writes on its stack: all workers read it.
+// All workers read it, so it has cache lines of its own.
 struct frame_job {
     alignas(WORKERS_APART) struct job job;
     bool sixteen;

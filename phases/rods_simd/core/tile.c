@@ -1,6 +1,6 @@
-// The pixels of a tile: rods say where their rays begin, and which of them meet nothing. The others are finished in
-// blocks of neighbours on both axes, four wide, one ray through the middle of each; what of a block lies outside the
-// picture is masked, so any size will do.
+// Draws the tiles of a picture. Rods find where the rays of a tile begin, and which rays hit nothing. The other rays
+// are marched in blocks, four wide, with one ray through the middle of each pixel. Lanes of a block outside the
+// picture are masked, so the picture may have any size.
 #include "core/camera_rays.h"
 #include "core/kernel.h"
 #include "core/local_rays.h"
@@ -11,7 +11,7 @@
 
 #include <stdlib.h>
 
-// Where the rays of a block begin, evaluations of the rods that led there, and those of them told with each.
+// Where the rays of a block begin, the steps of their rods, and their share of them (see struct survey).
 struct beginning {
     vfloat start, steps, share;
 };
@@ -40,18 +40,18 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE - 1) / TILE;
 }
 
-// In a worker's own memory.
+// Divides a worker's memory between the packets of a group.
 static struct survey *init_packet_rays(struct packet_group *group, void *scratch, int shapes) {
     vfloat *wake = scratch;
     struct local_ray *local = (struct local_ray *)(wake + shapes * GROUP);
     for (int i = 0; i < shapes * GROUP; i++)
-        wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
+        wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
     for (int k = 0; k < GROUP; k++)
         group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
     return (struct survey *)(local + GROUP * shapes);
 }
 
-// What a block's rays begin with; the lanes that have one. Of the others start is −1.
+// Sets where a block's rays begin; −1 for rays that hit nothing. Returns the other lanes.
 static vmask begin(struct pixel_block block, int left, int top, const struct survey *survey,
                    struct beginning *began) {
     COUNT(begin, call);
@@ -69,7 +69,7 @@ static vmask begin(struct pixel_block block, int left, int top, const struct sur
     return active;
 }
 
-// Of rays that were not marched: nothing.
+// Clears the lanes whose ray was not marched.
 static void blank(vmask active, const struct model *model, struct shaded *seen) {
     struct hit *hit = &seen->hit;
     struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};

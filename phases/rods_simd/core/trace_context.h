@@ -5,7 +5,7 @@
 #include "core/primitive.h"
 #include "simd/simd.h"
 
-// Only lanes of `active` are marched, shaded and written; the others may hold anything.
+// Rays of one group. Only lanes of `active` are marched, shaded and written. The other lanes may hold anything.
 struct ray_group {
     struct point origin[GROUP];
     struct vec direction[GROUP];
