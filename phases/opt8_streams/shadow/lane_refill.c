@@ -3,13 +3,24 @@
 #include "core/shape_distances.h"
 #include "core/trace_context.h"
 
+#include <assert.h>
+#include <stddef.h>
+
+// A refilled packet and a local ray are moved as rows of vectors.
+static_assert(offsetof(struct refilled_packet, last) == REFILLED_VECTORS * sizeof(vfloat),
+              "the first vectors of a refilled packet");
+static_assert(offsetof(struct local_ray, power) == 6 * sizeof(vfloat) &&
+                  sizeof(struct local_ray) == 8 * sizeof(vfloat),
+              "the vectors of a local ray");
+
+// Packs the lanes of m to the front, in `count` vectors.
 static void pack_in_place(vmask m, vfloat *first, int count) {
     for (int i = 0; i < count; i++)
         v_compress_store(m, first[i], (float *)&first[i]);
 }
 
 // Returns how many vectors of a local ray are in use.
-static int local_ray_floats(const struct primitive *primitive) {
+static int local_ray_vectors(const struct primitive *primitive) {
     return primitive->kind == EVAL_POWER ? 8 : 6;
 }
 
@@ -29,17 +40,18 @@ void prepare_packet(struct ray_stream *stream, vmask m, const struct prepared *s
             least = v_min(distance, least);
             pack_in_place(m, &packet->wake[i * GROUP], 1);
         }
-        pack_in_place(m, &a->origin.x, local_ray_floats(primitive));
+        pack_in_place(m, (vfloat *)a, local_ray_vectors(primitive));
     }
     stream->high = least - stream->t + v_splat(1e-30f); // at distance 0 the shape is awake
-    pack_in_place(m, &stream->ready.shade.least_sq, REFILLED_FLOATS);
+    pack_in_place(m, (vfloat *)&stream->ready, REFILLED_VECTORS);
     pack_in_place(m, &stream->t, 1);
     pack_in_place(m, &stream->high, 1);
     stream->waiting = __builtin_popcount(v_mask_bits(m));
     stream->gone = 0;
 }
 
-static void fill_reals(vmask m, vfloat *to, const vfloat *from, int gone, int count) {
+// Fills the lanes of m in `count` vectors, from the packed lanes behind the first `gone`.
+static void fill_vectors(vmask m, vfloat *to, const vfloat *from, int gone, int count) {
     for (int i = 0; i < count; i++)
         to[i] = v_expand_load(m, to[i], (const float *)&from[i] + gone);
 }
@@ -50,16 +62,16 @@ static void fill_lanes(struct ray_stream *stream, int k, unsigned lanes,
     struct refilled_packet *refilled = &stream->refilled[k];
     vmask m = v_mask_of_bits(lanes);
     int gone = stream->gone;
-    fill_reals(m, &refilled->shade.least_sq, &stream->ready.shade.least_sq, gone, REFILLED_FLOATS);
-    fill_reals(m, &group->t[k], &stream->t, gone, 1);
-    fill_reals(m, &group->high[k], &stream->high, gone, 1);
+    fill_vectors(m, (vfloat *)refilled, (const vfloat *)&stream->ready, gone, REFILLED_VECTORS);
+    fill_vectors(m, &group->t[k], &stream->t, gone, 1);
+    fill_vectors(m, &group->high[k], &stream->high, gone, 1);
     for (int i = 0; i < world->scene->model.shape_count; i++) {
         const struct primitive *primitive = &world->scene->primitives[i];
-        fill_reals(m, &group->packet[k].local[i].origin.x, &stream->packet.local[i].origin.x, gone,
-                   local_ray_floats(primitive));
+        fill_vectors(m, (vfloat *)&group->packet[k].local[i],
+                     (const vfloat *)&stream->packet.local[i], gone, local_ray_vectors(primitive));
         vfloat *wake = &group->packet[k].wake[i * GROUP];
         if (primitive->steady)
-            fill_reals(m, wake, &stream->packet.wake[i * GROUP], gone, 1);
+            fill_vectors(m, wake, &stream->packet.wake[i * GROUP], gone, 1);
         else
             *wake = v_select(m, v_splat(-INFINITY), *wake);
     }

@@ -16,11 +16,11 @@ enum { REFILL = GROUP * LANES / 16 }; // ended lanes before the next refill
 struct refilled_packet {
     struct shadow_state shade; // camera rays use its exit only
     vfloat evals, length, end,
-        ray;                   // ray: a whole number. The first REFILLED_FLOATS vectors end here
+        ray;                   // ray: a whole number. The first REFILLED_VECTORS vectors end here
     vfloat last;               // the last step of a camera ray that is hit
     vmask held, found, passed; // lanes with a ray, live or ended; how the ended rays have ended
 };
-enum { REFILLED_FLOATS = 8 };
+enum { REFILLED_VECTORS = 8 };
 
 // A stream: packets of rays are made ready one by one, and their rays fill lanes that are free.
 struct ray_stream {

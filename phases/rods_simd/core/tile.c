@@ -12,12 +12,12 @@
 #include <stdlib.h>
 
 // Where the rays of a block begin, the steps of their rods, and their share of them (see struct survey).
-struct beginning {
+struct ray_starts {
     vfloat start, steps, share;
 };
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
-                               const struct shaded *seen, const struct beginning *began) {
+                               const struct shaded *seen, const struct ray_starts *starts) {
     COUNT(store_block_result, call);
     store_plane(frame->rgb, 3, frame, block, seen->color.x);
     store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
@@ -31,9 +31,9 @@ static void store_block_result(struct frame *frame, struct pixel_block block,
     store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
     store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
     store_plane(frame->evals, 1, frame, block, hit->evals);
-    store_plane(frame->planes[0], 1, frame, block, began->start);
-    store_plane(frame->planes[1], 1, frame, block, began->steps);
-    store_plane(frame->planes[2], 1, frame, block, began->share);
+    store_plane(frame->planes[0], 1, frame, block, starts->start);
+    store_plane(frame->planes[1], 1, frame, block, starts->steps);
+    store_plane(frame->planes[2], 1, frame, block, starts->share);
 }
 
 static int tiles_across(const struct frame *frame) {
@@ -52,9 +52,9 @@ static struct survey *init_packet_rays(struct packet_group *group, void *scratch
 }
 
 // Sets where a block's rays begin; −1 for rays that hit nothing. Returns the other lanes.
-static vmask begin(struct pixel_block block, int left, int top, const struct survey *survey,
-                   struct beginning *began) {
-    COUNT(begin, call);
+static vmask load_starts(struct pixel_block block, int left, int top, const struct survey *survey,
+                         struct ray_starts *starts) {
+    COUNT(load_starts, call);
     float start[LANES], steps[LANES], share[LANES];
     for (int lane = 0; lane < LANES; lane++) {
         int row = block.row - top + lane / BLOCK_WIDTH, column = block.column - left;
@@ -63,9 +63,9 @@ static vmask begin(struct pixel_block block, int left, int top, const struct sur
         steps[lane] = survey->steps[pixel];
         share[lane] = survey->share[pixel];
     }
-    *began = (struct beginning){v_load(start), v_load(steps), v_load(share)};
-    vmask active = v_cmp_lt_in(in_picture(block), began->start, v_splat(INFINITY));
-    began->start = v_select(active, began->start, v_splat(-1.0f));
+    *starts = (struct ray_starts){v_load(start), v_load(steps), v_load(share)};
+    vmask active = v_cmp_lt_in(in_picture(block), starts->start, v_splat(INFINITY));
+    starts->start = v_select(active, starts->start, v_splat(-1.0f));
     return active;
 }
 
@@ -83,7 +83,7 @@ static void blank(vmask active, const struct model *model, struct shaded *seen) 
 // Blocks that wait until a group of them is full.
 struct waiting {
     struct pixel_block block[GROUP];
-    struct beginning began[GROUP];
+    struct ray_starts starts[GROUP];
     struct ray_group rays;
     int count;
 };
@@ -98,12 +98,12 @@ static void draw_waiting(struct waiting *waiting, const struct job *job,
     for (int k = 0; k < waiting->count; k++) {
         ACTIVE(waiting->block[k].across * waiting->block[k].down);
         blank(waiting->rays.active[k], &job->prepared->model, &seen[k]);
-        store_block_result(job->frame, waiting->block[k], &seen[k], &waiting->began[k]);
+        store_block_result(job->frame, waiting->block[k], &seen[k], &waiting->starts[k]);
     }
     waiting->count = 0;
 }
 
-static void draw_block(struct pixel_block block, struct point origin, struct beginning began,
+static void draw_block(struct pixel_block block, struct point origin, struct ray_starts starts,
                        vmask active, const struct job *job, struct trace_context *world,
                        struct waiting *waiting) {
     ACTIVE(v_count(active));
@@ -115,10 +115,10 @@ static void draw_block(struct pixel_block block, struct point origin, struct beg
     rays->origin[k] = origin;
     rays->direction[k] = get_direction(block, job->frame, job->view);
     rays->active[k] = active;
-    world->start[k] = v_select_or_zero(active, began.start);
+    world->start[k] = v_select_or_zero(active, starts.start);
     world->cap[k] = settings->finish > 0 ? int_min(cap, settings->finish) : cap;
     waiting->block[k] = block;
-    waiting->began[k] = began;
+    waiting->starts[k] = starts;
     if (waiting->count == GROUP)
         draw_waiting(waiting, job, world);
 }
@@ -143,15 +143,15 @@ static void draw_tile(const struct job *job, int tile, void *scratch) {
                                         int_min(BLOCK_HEIGHT, bottom - row)};
             ACTIVE(block.across * block.down);
             COUNT(draw_tile, packet);
-            struct beginning began;
-            vmask active = begin(block, left, top, survey, &began);
+            struct ray_starts starts;
+            vmask active = load_starts(block, left, top, survey, &starts);
             if (v_any(active)) {
-                draw_block(block, origin, began, active, job, &world, &waiting);
+                draw_block(block, origin, starts, active, job, &world, &waiting);
                 continue;
             }
             struct shaded nothing = {0};
             blank(active, model, &nothing);
-            store_block_result(frame, block, &nothing, &began);
+            store_block_result(frame, block, &nothing, &starts);
         }
     if (waiting.count > 0)
         draw_waiting(&waiting, job, &world);
