@@ -214,4 +214,11 @@ static inline vfloat v_pow2_unit(vfloat a) {
     return _mm_castsi128_ps(_mm_sub_epi32(_mm_set1_epi32(0x7f000000), field));
 }
 
+static inline void v_compress_store(vmask m, vfloat a, float to[LANES]) {
+    float lanes[LANES];
+    v_store(a, lanes);
+    for (unsigned rest = v_mask_bits(m); rest; rest &= rest - 1)
+        *to++ = lanes[__builtin_ctz(rest)];
+}
+
 #endif

@@ -1,4 +1,4 @@
-// Sixteen lanes: AVX-512 F and DQ. See permute.h.
+// Sixteen lanes: AVX-512 F and DQ. See simd.h.
 #ifndef SIMD_PERMUTE16_H
 #define SIMD_PERMUTE16_H
 
@@ -16,6 +16,10 @@ static inline vindex v_compress_index(vmask m) {
 
 static inline void v_permute_store(vindex index, vfloat a, float to[LANES]) {
     _mm512_storeu_ps(to, _mm512_permutexvar_ps(index, a));
+}
+
+static inline void v_compress_store(vmask m, vfloat a, float to[LANES]) {
+    v_permute_store(v_compress_index(m), a, to);
 }
 
 static inline void v_compress_store_int(vmask m, const int from[LANES], int to[LANES]) {

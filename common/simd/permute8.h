@@ -1,4 +1,4 @@
-// Eight lanes: AVX2. See permute.h.
+// Eight lanes: AVX2. See simd.h.
 #ifndef SIMD_PERMUTE8_H
 #define SIMD_PERMUTE8_H
 
@@ -25,6 +25,10 @@ static inline vindex v_compress_index(vmask m) {
 
 static inline void v_permute_store(vindex index, vfloat a, float to[LANES]) {
     _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(a, index));
+}
+
+static inline void v_compress_store(vmask m, vfloat a, float to[LANES]) {
+    v_permute_store(v_compress_index(m), a, to);
 }
 
 static inline void v_compress_store_int(vmask m, const int from[LANES], int to[LANES]) {

@@ -1,4 +1,4 @@
-// Sixteen lanes: AVX-512 F and DQ. See rgb.h.
+// Sixteen lanes: AVX-512 F and DQ. See simd.h.
 #ifndef SIMD_RGB16_H
 #define SIMD_RGB16_H
 

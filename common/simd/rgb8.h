@@ -1,4 +1,4 @@
-// Eight lanes: AVX2. See rgb.h.
+// Eight lanes: AVX2. See simd.h.
 #ifndef SIMD_RGB8_H
 #define SIMD_RGB8_H
 

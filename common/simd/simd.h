@@ -32,20 +32,51 @@
 //   v_negate_where(m, a)        v_madd_where(m, a, b, c): a*b + c or a
 //   v_add_where(m, a, b)        a + b or a; outside of m, -0 may become 0 (~)
 //
-//   vhalf                       8 and 16 lanes: doubles for half of the lanes, as v_half_...; point.h has both halves
+//   vhalf                       8 and 16 lanes: doubles for half of the lanes, as v_half_...; vdouble has both halves
+//
+// vectors.h: struct vec; with 8 and 16 lanes struct point, a sum of two floats, and doubles. powers.h: v_log, v_exp, v_pow.
+//
+// Lanes that change their place, with 8 and 16 lanes: rays are compacted, refilled and gathered by these.
+// With 4 lanes there is v_compress_store alone; it writes as many floats as m has lanes.
+//
+//   vindex                             a whole number in each lane
+//   v_compress_index(m)                the numbers of the lanes of m, in their order
+//   v_permute_store(index, a, to)      writes LANES floats: lane index[i] of a as the i-th
+//   v_compress_store(m, a, to)         the lanes of m in a row; LANES floats are written at most
+//   v_compress_store_int(m, from, to)  the same of whole numbers; LANES are read and written
+//   v_compress_store_lanes(m, first, shift, to)  first + 2^shift * lane of the lanes of m; LANES are written
+//   v_index_u16(m, from)               from[i] in the lanes of m, from[0] in the others; LANES are read
+//   v_gather(from, index)              from[index[i]] in lane i
+//   v_expand_load(m, a, from)          a, but the lanes of m get the next floats from `from` on
+//   v_expand_rows(to, count, lanes, from, stride)  the same for `count` vectors, whose floats stand in rows `stride`
+//                                      apart. `lanes` are bits; with 16 lanes LANES floats are read of a row
+//   v_move_lanes(to, there, from, here, count)  copies the lanes `here` of `count` vectors into the lanes `there` of
+//                                      others, in their order; both have as many bits
+//
+// From three vectors (red, green, blue; a pixel a lane) to a picture of interleaved floats, with 8 and 16 lanes:
+//
+//   v_store_or_stream(to, stream, a)   stores a; stream: past the caches, `to` aligned to a vector
+//   v_store_block(rgb, stride, r, g, b)  a block of 4 x LANES/4 pixels, its rows `stride` floats apart
+//   v_load_block_row(from)             one row of neighbouring blocks that were stored one behind the other
+//   v_store_row(rgb, stream, r, g, b)  LANES pixels of a row
 #ifndef SIMD_SIMD_H
 #define SIMD_SIMD_H
 
 #include <immintrin.h>
 #include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "counting/flops.h"
 
 #if LANES == 16
 #include "simd/lanes16.h"
+#include "simd/permute16.h"
+#include "simd/rgb16.h"
 #elif LANES == 8
 #include "simd/lanes8.h"
+#include "simd/permute8.h"
+#include "simd/rgb8.h"
 #elif LANES == 4
 #include "simd/lanes4.h"
 #else
@@ -118,5 +149,8 @@ static inline vfloat v_sqrt_below(vfloat a) {
     const float room = LANES == 16 ? 0x1p-13f : 0x1p-11f; // more than the approximation's error
     return a * v_rsqrt_approx(a) * v_splat(1.0f - room);
 }
+
+#include "simd/powers.h"
+#include "simd/vectors.h"
 
 #endif

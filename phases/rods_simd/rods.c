@@ -1,20 +1,24 @@
-// Rod marching: W. Edwards, "Rod Marching" (article, 6 July 2012), with perspective (cone marching), and with the step
-// that no ray of a rod can take too far: the ball of radius d about the axis is empty, and its rays are within radius of
-// the axis, so that all may go on by d − radius. A rod is split in four when less than its radius is left.
+// Rod marching: W. Edwards, "Rod Marching" (article, 6 July 2012), with perspective (cone marching). No ray of a rod
+// is taken too far: the ball of radius d around the axis is empty, and its rays are within `radius` of the axis, so
+// all may go on by d − radius. A rod is split in four when it may go on by less than its radius.
 //
-// A rod in each lane, those of one size together: "some fancy SSE doing the children in parallel".
+// Rods of one size march together, one in each lane: "some fancy SSE doing the children in parallel".
 #include "rods.h"
-#include "simd/point.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
+#include "core/sdf.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
 
-// A packet of rods under way.
-struct flight {
+// A packet of rods.
+struct rod_packet {
     struct vec axis;
     vfloat linear, before, steps;
     vmask gone; // out of the bounds with all of its rays
 };
 
-// What all rods of a size share.
-struct size {
+// What all rods of one size share.
+struct rod_size {
     int side; // pixels
     vfloat spread, from_centre, outer, close, cap;
 };
@@ -28,7 +32,7 @@ static void append(struct rod_list *list, int x, int y, float t, float steps) {
 
 // The axis is the ray through the rod's middle. A ray to a point of the picture plane and the axis differ, both of unit
 // length, by no more than the two points: half of the diagonal at most.
-static struct size size_of(int side, const struct job *job, struct point eye) {
+static struct rod_size size_of(int side, const struct job *job, struct point eye) {
     COUNT(size_of, call);
     ACTIVE(LANES);
     COUNT(size_of, wide);
@@ -36,17 +40,18 @@ static struct size size_of(int side, const struct job *job, struct point eye) {
     double per_height = job->view->tan_half_fov / job->frame->height;
     double half = per_height * side * 1.41421356237309505;
     int steps = job->prepared->settings.steps, cap = step_cap(&job->prepared->model);
-    return (struct size){.side = side,
-                         .spread = v_splat((float)(half * (1.0 + 0x1p-16) + 0x1p-20)),
-                         .from_centre = vec_dot(eye.hi, eye.hi),
-                         .outer = v_splat((float)(limits->bounds_radius * (1.0 + 0x1p-16))),
-                         .close = v_splat((float)limits->hit_distance),
-                         .cap = v_splat((float)(steps > 0 && steps < cap ? steps : cap))};
+    return (struct rod_size){.side = side,
+                             .spread = v_splat((float)(half * (1.0 + 0x1p-16) + 0x1p-20)),
+                             .from_centre = vec_dot(eye.hi, eye.hi),
+                             .outer = v_splat((float)(limits->bounds_radius * (1.0 + 0x1p-16))),
+                             .close = v_splat((float)limits->hit_distance),
+                             .cap = v_splat((float)(steps > 0 && steps < cap ? steps : cap))};
 }
 
-static void set_out_rods(int first, int count, int left, int top, const struct size *size,
+// Sets up packet k with `count` rods of a list, from number `first` on.
+static void set_out_rods(int first, int count, int left, int top, const struct rod_size *size,
                          const struct job *job, struct point eye, struct trace_context *world,
-                         int k, const struct rod_list *rods, struct flight *flight) {
+                         int k, const struct rod_list *rods, struct rod_packet *packet) {
     ACTIVE(count);
     COUNT(set_out_rods, call);
     COUNT(set_out_rods, scalar);
@@ -54,7 +59,7 @@ static void set_out_rods(int first, int count, int left, int top, const struct s
     double per_height = job->view->tan_half_fov / frame->height;
     float x[LANES], y[LANES], t[LANES] = {0}, steps[LANES] = {0}, there[LANES] = {0};
     for (int lane = 0; lane < LANES; lane++) {
-        int i = first + (lane < count ? lane : 0); // what is too much does as the first
+        int i = first + (lane < count ? lane : 0); // spare lanes repeat the first rod
         COUNT(set_out_rods, rod);
         x[lane] = (float)((2 * (left + rods->x[i]) + size->side - frame->width) * per_height);
         y[lane] = (float)((frame->height - 2 * (top + rods->y[i]) - size->side) * per_height);
@@ -66,19 +71,19 @@ static void set_out_rods(int first, int count, int left, int top, const struct s
     struct vec d =
         vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), v_load(x));
     d = vec_along(d, vec_from_doubles(view->up), v_load(y));
-    flight->axis = vec_scale(d, v_splat(1.0f) / vec_norm(d));
-    flight->linear = v_splat(2.0f) * vec_dot(eye.hi, flight->axis);
-    flight->steps = flight->before = v_load(steps);
-    flight->gone = v_mask_none();
-    approach_origins(eye, world->scene, &world->group.beam[k]);
-    approach_directions(flight->axis, world->scene, world->group.beam[k].approach);
-    world->group.t[k] = v_load(t);
-    world->group.live[k] =
-        v_cmp_lt_in(v_cmp_gt(v_load(there), v_splat(0.5f)), flight->steps, size->cap);
+    packet->axis = vec_scale(d, v_splat(1.0f) / vec_norm(d));
+    packet->linear = v_splat(2.0f) * vec_dot(eye.hi, packet->axis);
+    packet->steps = packet->before = v_load(steps);
+    packet->gone = v_mask_none();
+    set_local_origins(eye, world->scene, &world->group->packet[k]);
+    set_local_directions(packet->axis, world->scene, &world->group->packet[k]);
+    world->group->t[k] = v_load(t);
+    world->group->live[k] =
+        v_cmp_lt_in(v_cmp_gt(v_load(there), v_splat(0.5f)), packet->steps, size->cap);
 }
 
-// What float makes of a distance, 2⁻¹⁸ of t at most, is taken off it before it is believed. False after the last step.
-static inline bool rod_step(struct flight *rod, int k, const struct size *size,
+// Takes one step. A distance is lowered by its rounding error, at most 2⁻¹⁸ of t. Returns false after the last step.
+static inline bool rod_step(struct rod_packet *rod, int k, const struct rod_size *size,
                             struct packet_group *group) {
     vmask live = group->live[k];
     ACTIVE(v_count(live));
@@ -98,7 +103,7 @@ static inline bool rod_step(struct flight *rod, int k, const struct size *size,
     return v_any(on);
 }
 
-// The pixels of a rod begin there.
+// Stores where the pixels of a rod begin.
 static void settle(int x, int y, int side, float start, float steps, struct survey *survey) {
     for (int row = y; row < y + side; row++)
         for (int column = x; column < x + side; column++) {
@@ -107,8 +112,9 @@ static void settle(int x, int y, int side, float start, float steps, struct surv
         }
 }
 
-static void land_rods(int first, int count, int across, int down, const struct size *size, vfloat t,
-                      const struct flight *rods, struct survey *survey, int least) {
+// Ends `count` rods: their pixels begin here, or their four children go on the next list.
+static void land_rods(int first, int count, int across, int down, const struct rod_size *size,
+                      vfloat t, const struct rod_packet *rods, struct survey *survey, int least) {
     COUNT(land_rods, call);
     float at[LANES], steps[LANES], cap = v_lane0(size->cap);
     v_store(t, at);
@@ -131,13 +137,13 @@ static void land_rods(int first, int count, int across, int down, const struct s
     }
 }
 
-// All rods of a size, as many packets at a time as a group holds.
-static void march_size(int left, int top, const struct size *size, const struct job *job,
+// Marches all rods of one size, a group of packets at a time.
+static void march_size(int left, int top, const struct rod_size *size, const struct job *job,
                        struct point eye, struct trace_context *world, struct survey *survey) {
     COUNT(march_size, call);
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     const struct rod_list *rods = &survey->now;
-    struct flight flight[GROUP];
+    struct rod_packet packet[GROUP];
     for (int first = 0; first < rods->count; first += GROUP * LANES) {
         int counts[GROUP];
         for (int k = 0; k < GROUP; k++) {
@@ -146,22 +152,22 @@ static void march_size(int left, int top, const struct size *size, const struct 
             group->live[k] = v_mask_none();
             if (counts[k] > 0)
                 set_out_rods(first + k * LANES, counts[k], left, top, size, job, eye, world, k,
-                             rods, &flight[k]);
+                             rods, &packet[k]);
             else
                 group->t[k] = v_splat(0.0f);
         }
         group->count = 0;
         for (int k = 0; k < GROUP; k++) {
-            group->high[k] = v_select(group->live[k], group->beam[k].high, v_splat(-INFINITY));
+            group->high[k] = v_select(group->live[k], group->packet[k].high, v_splat(-INFINITY));
             if (v_any(group->live[k]))
                 group->list[group->count++] = k;
         }
-        struct sole_shape alone = {.shape = -1};
+        struct sole_shape sole = {.shape = -1};
         while (group->count > 0) {
-            scene_distances(group, world->scene, &alone);
+            scene_distances(group, world->scene, &sole);
             for (int i = 0; i < group->count;) {
                 int k = group->list[i];
-                if (rod_step(&flight[k], k, size, group))
+                if (rod_step(&packet[k], k, size, group))
                     i++;
                 else
                     group->list[i] = group->list[--group->count];
@@ -169,7 +175,7 @@ static void march_size(int left, int top, const struct size *size, const struct 
         }
         int across = job->frame->width - left, down = job->frame->height - top;
         for (int k = 0; k < GROUP; k++)
-            land_rods(first + k * LANES, counts[k], across, down, size, group->t[k], &flight[k],
+            land_rods(first + k * LANES, counts[k], across, down, size, group->t[k], &packet[k],
                       survey, world->scene->settings.least);
     }
 }
@@ -183,7 +189,7 @@ void march_rods(int left, int top, const struct job *job, struct point eye,
         from_centre += job->view->position[i] * job->view->position[i];
     for (int i = 0; i < TILE_PIXELS; i++)
         survey->start[i] = survey->steps[i] = survey->share[i] = 0.0f;
-    // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
+    // From outside of the bounds, a ray's first step decides whether it goes on. So nothing is known about it.
     if (settings->pixels || !(from_centre < bounds * bounds * (1.0 - 0x1p-18)))
         return;
     survey->now.count = survey->next.count = 0;
@@ -191,7 +197,7 @@ void march_rods(int left, int top, const struct job *job, struct point eye,
         for (int x = 0; x < TILE && left + x < job->frame->width; x += settings->size)
             append(&survey->now, x, y, 0.0f, 0.0f);
     for (int side = settings->size; side >= settings->least && survey->now.count > 0; side /= 2) {
-        struct size size = size_of(side, job, eye);
+        struct rod_size size = size_of(side, job, eye);
         march_size(left, top, &size, job, eye, world, survey);
         survey->now = survey->next;
         survey->next.count = 0;

@@ -1,10 +1,11 @@
-// Where the rays of a tile begin: what its rods have found. See rods.c.
+// Where the rays of a tile begin, found by rods: see rods.c.
 #ifndef RODS_H
 #define RODS_H
 
-#include "core/trace.h"
-#include "march/march_step.h"
-#include "simd/point.h"
+#include "simd/simd.h"
+
+struct job; // core/kernel.h
+struct trace_context;
 
 enum { TILE = 64, TILE_PIXELS = TILE * TILE }; // the largest rod
 
@@ -13,11 +14,11 @@ struct rod_list {
     int count;
     short x[TILE_PIXELS], y[TILE_PIXELS];
     float t[TILE_PIXELS],
-        steps[TILE_PIXELS]; // where they begin, and what the rods that they are in have had
+        steps[TILE_PIXELS]; // where each begins, and the steps of the rods around it
 };
 
-// Of each pixel: where its ray begins (+∞: it meets nothing), steps of its rods, and those of them that are told with
-// it: a rod's are told with its first pixel.
+// For each pixel: where its ray begins (+∞: it hits nothing), the steps of its rods, and its share of them. The steps
+// of a rod are the share of the rod's first pixel.
 struct survey {
     float start[TILE_PIXELS], steps[TILE_PIXELS], share[TILE_PIXELS];
     struct rod_list now, next;

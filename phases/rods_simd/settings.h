@@ -1,4 +1,4 @@
-// What the article would have a throttle choose, read from STEPWISE_RODS; unset, what the phase's notes say.
+// The settings that the article's throttle would choose, read from STEPWISE_RODS. Unset: the phase's defaults.
 #ifndef SETTINGS_H
 #define SETTINGS_H
 
@@ -7,15 +7,16 @@
 struct settings {
     bool pixels; // march=pixels: no rods; march=rods
     int size;    // pixels on a side of the starting rods: a power of two
-    int least;   // of the smallest: a power of two, no more than size
-    int steps;   // of the rods that a pixel is in, together; 0: the scene's cap
-    int finish;  // of the pixel's own march behind them; 0: the scene's cap
+    int least;   // pixels on a side of the smallest rods: a power of two, at most size
+    int steps;   // most steps of all rods around a pixel; 0: the scene's cap
+    int finish;  // most steps of a pixel's march behind the rods; 0: the scene's cap
 };
 
-// False, with one line in `error` (512 bytes), if the text is none. NULL: the phase's own settings.
+// Reads the settings from `text`; NULL: the defaults. Returns false, with one line in `error` (512 bytes), if the text
+// is wrong.
 bool settings_read(const char *text, struct settings *settings, char *error);
 
-// All of them, in the form that is read; `text` has room for 128 bytes.
+// Writes all settings in the form that settings_read() reads. `text` has room for 128 bytes.
 void settings_say(const struct settings *settings, char *text);
 
 #endif

@@ -1,4 +1,4 @@
-"""Rules of the house for C code: sizes of files, functions and folders, and no cycles between files."""
+"""Rules of the house for C code: sizes of files, functions and folders, depth of includes, and no cycles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FILES = sorted(
     for path in (ROOT / folder).rglob("*.[ch]")
     if "/." not in str(path.relative_to(ROOT))
 )
-MOST_LINES, MOST_FILES, MOST_FUNCTION = 400, 20, 60
+MOST_LINES, MOST_FILES, MOST_FUNCTION, MOST_INCLUDES = 400, 20, 60, 5
 HEAD = re.compile(r"^(?!typedef|struct \w+ \{|enum|union|#)[A-Za-z_].*[^;]$")
 
 
@@ -87,6 +87,21 @@ def test_includes_have_no_cycle(phase: str) -> None:
     assert cycle(includes(phase)) == []
 
 
+def deepest(graph: dict[str, set[str]]) -> list[str]:
+    """The longest chain of includes, from the file that begins it. The graph has no cycle."""
+    chains: dict[str, list[str]] = {}
+    for name in graphlib.TopologicalSorter(graph).static_order():  # what is included comes first
+        below = max((chains[other] for other in graph.get(name, ())), key=len, default=[])
+        chains[name] = [name, *below]
+    return max(chains.values(), key=len, default=[])
+
+
+@pytest.mark.parametrize("phase", registry.phases())
+def test_no_chain_has_more_than_five_includes(phase: str) -> None:
+    chain = deepest(includes(phase))
+    assert len(chain) - 1 <= MOST_INCLUDES, " -> ".join(chain)
+
+
 def calls(objects: list[Path]) -> dict[str, set[str]]:
     """Which object uses a symbol that another one defines."""
     defined: dict[str, str] = {}
@@ -115,3 +130,8 @@ def test_no_two_files_of_common_call_each_other() -> None:
 def test_a_cycle_is_found() -> None:
     assert set(cycle({"a": {"b"}, "b": {"c"}, "c": {"a"}})) == {"a", "b", "c"}
     assert cycle({"a": {"b", "c"}, "b": {"c"}}) == []
+
+
+def test_the_deepest_chain_is_found() -> None:
+    graph = {"a.c": {"b.h", "c.h"}, "b.h": {"c.h"}, "c.h": {"d.h"}}
+    assert deepest(graph) == ["a.c", "b.h", "c.h", "d.h"] and deepest({}) == []

@@ -1,24 +1,26 @@
 // The camera's rays through the pixels of a block.
-#ifndef CAMERA_H
-#define CAMERA_H
+#ifndef CAMERA_RAYS_H
+#define CAMERA_RAYS_H
 
 #include "core/pixel_block.h"
 
-// Of a block's lanes: twice the column, and the row.
+// For each lane of a block: twice its column, and its row.
 static const float twice_right[16] = {0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6};
 static const float row_below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
 
+// Returns the lanes of a block that are in the picture.
 static inline vmask in_picture(struct pixel_block block) {
     return v_and(v_cmp_lt(v_load(twice_right), v_splat(2.0f * (float)block.across)),
                  v_cmp_lt(v_load(row_below), v_splat((float)block.down)));
 }
 
+// Returns the directions of a block's camera rays, of unit length.
 static inline struct vec get_direction(struct pixel_block block, const struct frame *frame,
                                        const struct view *view) {
     COUNT(get_direction, call);
     COUNT(get_direction, scalar);
     double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
-    // By masks: a register that is loaded from floats just stored one by one waits for all of them.
+    // Rows are selected by masks: loading floats that were just stored one by one would stall.
     vfloat y = v_splat(0.0f);
     for (int i = 0; i < BLOCK_HEIGHT; i++) {
         COUNT(get_direction, row);

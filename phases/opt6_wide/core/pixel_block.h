@@ -1,10 +1,9 @@
-// Blocks of neighbouring pixels on both axes, four wide: the pixels of a packet. Lanes outside of the picture are masked.
-#ifndef BLOCK_H
-#define BLOCK_H
+// Blocks of 4 × LANES/4 pixels: the pixels of a packet. Lanes outside of the picture are masked.
+#ifndef PIXEL_BLOCK_H
+#define PIXEL_BLOCK_H
 
 #include "core/primitive.h"
-#include "simd/point.h"
-#include "simd/rgb.h"
+#include "simd/simd.h"
 
 enum { BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
 
@@ -17,9 +16,10 @@ static inline struct point point_from_doubles(const double a[3]) {
 
 struct pixel_block {
     int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
+    int across, down; // columns and rows that are in the picture
 };
 
+// Stores one value per pixel, `stride` floats apart.
 static inline void store_plane(float *plane, int stride, const struct frame *frame,
                                struct pixel_block block, vfloat values) {
     float lanes[LANES];

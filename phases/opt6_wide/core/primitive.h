@@ -1,71 +1,58 @@
-// What core/render.c and core/primitives.c prepare, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
-// lanes in here.
-#ifndef PLACED_H
-#define PLACED_H
+// The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
+#ifndef PRIMITIVE_H
+#define PRIMITIVE_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
 #include "phase.h"
 
-// As an unevaluated sum of two floats.
+// Splits a double into the sum of two floats.
 static inline void split(double a, float *hi, float *lo) {
     *hi = (float)a;
     *lo = (float)(a - *hi);
 }
 
-// What is evaluated along a ray: the shape's distance at a point of its frame; for a plane that is
-// not repeated, a line in t; for a sphere wider than the bounds, its power, a polynomial in t.
+// How a shape is evaluated along a ray: its distance at a point of its frame; a line in t, for a plane that is not
+// repeated; or its power, a polynomial in t, for a sphere wider than the bounds.
 enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
-// A shape as the march wants it: what is evaluated, and nothing else.
+// A shape in the form that the march evaluates.
 struct primitive {
-    enum eval_kind way;
+    enum eval_kind kind;
     enum shape_type type;
     bool turned, repeated;
-    bool steady; // its distance changes no faster than the place: see scene_distances()
-    float slack; // by which scene_distances() mistrusts it, where the place is within the shape
+    bool steady; // its distance changes no faster than the point moves: see scene_distances()
+    float slack; // rounding error of its distance within the shape
     float index; // in the scene
     float position[3], position_lo[3];
     float turn[3][3]; // rows: the three rotations as one matrix
     float cell[3], per_cell[3];
     float normal[3];              // plane: in the world's axes
-    float a, b, c;                // sizes: see prepare_shape() in core/render.c
+    float a, b, c;                // sizes: see prepare_shape()
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
     float size[3];                // box: half size; plane: normal
     float bailout;
     int iterations;
-    // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
-    // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
+    // For ray origins, which are moved into the shape's frame in double and then rounded once: position, rows of the
+    // shape's matrix (linear plane: its normal in the world's axes), cells.
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
+};
+
+// Shapes by their index in the scene.
+struct shape_list {
+    int count, steady; // steady: how many of the shapes are
+    const int *shape;  // in the scene's order
+    const int *order;  // of evaluation: steady shapes first, then by type
 };
 
 struct prepared {
     struct model model;
-    struct primitive *placed; // one per shape
-    int *order;               // of evaluation: steady shapes first, then by type
-    int steady_count;
+    struct primitive *primitives; // one per shape
+    struct shape_list all;
 };
 
-// core/primitives.c: memory for as many shapes as the model has. False when it is short; either way shapes_release() frees it.
-bool shapes_reserve(struct prepared *prepared, const struct model *model);
-void shapes_release(struct prepared *prepared);
-
-// One frame's work for all workers.
-struct job {
-    const struct prepared *prepared;
-    const struct view *view;
-    struct frame *frame;
-};
-
-#define KERNEL(width)                                                                              \
-    size_t width##_own_size(const struct model *model);                                            \
-    int width##_tiles(const struct frame *frame);                                                  \
-    void width##_tile(const struct job *job, int tile, void *own);                                 \
-    bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
-                           double *distance, int *nearest);
-KERNEL(lanes8)
-KERNEL(lanes16)
-#undef KERNEL
+// Packets of rays that march together: a group.
+enum { GROUP = 4 };
 
 #endif

@@ -1,10 +1,7 @@
-// The shapes as the march wants them, anew whenever the scene has moved.
+// A shape in the form that the march needs.
 #include "core/primitives.h"
 
-#include <stdlib.h>
-
-static struct primitive prepare_shape(int index, const struct shape *shape,
-                                      const struct limits *limits) {
+struct primitive prepare_shape(int index, const struct shape *shape, const struct limits *limits) {
     struct primitive p = {.type = shape->type, .index = (float)index};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
@@ -18,7 +15,7 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
         p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
         p.per_cell[i] = (float)p.wide_per_cell[i];
     }
-    p.way = eval_kind_of(shape, p.repeated, limits);
+    p.kind = eval_kind_of(shape, p.repeated, limits);
     prepare_rows(&p, shape, turn);
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
@@ -55,31 +52,4 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
     p.steady = !p.repeated && p.type != SHAPE_MANDELBULB;
     p.slack = 0x1p-18f * extent_of(shape);
     return p;
-}
-
-bool phase_update(struct prepared *prepared, const struct model *model) {
-    prepared->model = *model;
-    int next = 0;
-    prepared->steady_count = 0;
-    for (int i = 0; i < model->shape_count; i++)
-        prepared->placed[i] = prepare_shape(i, &model->shapes[i], &model->march);
-    for (int steady = 1; steady >= 0; steady--)
-        for (int type = 0; type < SHAPE_TYPES; type++)
-            for (int i = 0; i < model->shape_count; i++)
-                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type) {
-                    prepared->order[next++] = i;
-                    prepared->steady_count += steady;
-                }
-    return true;
-}
-
-bool shapes_reserve(struct prepared *prepared, const struct model *model) {
-    prepared->placed = calloc((size_t)model->shape_count, sizeof *prepared->placed);
-    prepared->order = calloc((size_t)model->shape_count, sizeof *prepared->order);
-    return prepared->placed && prepared->order;
-}
-
-void shapes_release(struct prepared *prepared) {
-    free(prepared->placed);
-    free(prepared->order);
 }

@@ -1,14 +1,21 @@
-// Frames and sizes of shapes, for core/primitives.c.
-#ifndef PLACE_H
-#define PLACE_H
+// How shapes are prepared: core/primitives.c, and the frames and sizes it uses.
+#ifndef PRIMITIVES_H
+#define PRIMITIVES_H
 
 #include <math.h>
 #include <string.h>
 
 #include "core/primitive.h"
 
-// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
-// then (x,z), then (x,y).
+// Returns a shape in the form that the march needs. `index` is its number in the scene.
+struct primitive prepare_shape(int index, const struct shape *shape, const struct limits *limits);
+
+// Memory for as many shapes as the model has. Returns false if it is short. shapes_release() frees it in any case.
+bool shapes_reserve(struct prepared *prepared, const struct model *model);
+void shapes_release(struct prepared *prepared);
+
+// Rotation about x, then y, then z as one matrix. Each turns (u, v) to (c·u − s·v, s·u + c·v), on (y,z), then (x,z),
+// then (x,y).
 static inline void rotation_matrix(const double *degrees, double m[3][3]) {
     static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
@@ -27,9 +34,9 @@ static inline void to_floats(const double from[3], float to[3]) {
         to[i] = (float)from[i];
 }
 
-// See struct primitive. A plane that is not repeated has one row.
+// Sets the members in double: see struct primitive. A plane that is not repeated has one row.
 static inline void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3]) {
-    bool linear = p->way == EVAL_LINEAR;
+    bool linear = p->kind == EVAL_LINEAR;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             const double *n = shape->plane.normal;
@@ -38,7 +45,7 @@ static inline void prepare_rows(struct primitive *p, const struct shape *shape, 
         }
         p->centre[i] = shape->position[i];
     }
-    if (p->way == EVAL_POWER) {
+    if (p->kind == EVAL_POWER) {
         p->radius_sq = shape->sphere.radius * shape->sphere.radius;
         p->b = (float)p->radius_sq;
     }
@@ -48,11 +55,11 @@ static inline void prepare_rows(struct primitive *p, const struct shape *shape, 
     }
 }
 
-// Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
-// power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
+// Returns how the shape is evaluated. Of a sphere wider than the bounds only a part is seen, from nearer than its
+// radius. There its power is as exact as a point, and more exact near the surface. For other spheres a point is
 // cheaper, and from many radii away more exact. 1e15: its square is a float.
-static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
-                                   const struct limits *limits) {
+static inline enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
+                                          const struct limits *limits) {
     if (repeated)
         return EVAL_POINT;
     if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
@@ -61,7 +68,7 @@ static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
     return shape->type == SHAPE_PLANE ? EVAL_LINEAR : EVAL_POINT;
 }
 
-// From a shape's centre to its furthest point; of a plane, which is nowhere near, nothing.
+// Returns the distance from a shape's centre to its furthest point; 0 for a plane.
 static inline float extent_of(const struct shape *shape) {
     const double *half = shape->box.half_size;
     switch (shape->type) {

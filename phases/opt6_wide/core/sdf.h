@@ -1,230 +1,87 @@
-// Distances of a scene's shapes, for several packets of rays at once, and which shapes need not be asked.
-//
-// In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated in world
-// coordinates: each ray holds, for each shape, its origin and direction in that shape's own frame, and the
-// march evaluates origin + t·direction there, rounded once at the size of the shape. Branches that differ
-// between lanes are evaluated for all and selected by mask.
+// Distances of a scene's shapes, for a group of packets at once, and which shapes need not be evaluated. Branches that
+// differ between lanes are evaluated for all lanes and selected by mask.
 #ifndef SDF_H
 #define SDF_H
 
+#include "core/packet_group.h"
 #include "core/shape_distances.h"
-#include "simd/point.h"
 
-// Packets under way together, one instruction of each after the other: the chain of operations through a step
-// is several times as long as it takes to issue them. They share the questions, too: a shape that one of
-// them needs is evaluated for all.
-enum { GROUP = 4 };
+enum { UNROLLED = (int)GROUP < 4 ? (int)GROUP : 4 }; // loops over so many packets are unrolled
 
-// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape.
-struct packet_rays {
-    struct local_ray *approach; // one per shape
-    // One per shape, GROUP apart: the shape is not the nearest as long as this is above (distance to the
-    // nearest) + t.
-    vfloat *wake;
-    vfloat high;
-};
-
-// Fills one approach per shape: where the rays are, and then where they go.
-static inline void approach_origins(struct point origin, const struct prepared *scene,
-                                    struct packet_rays *beam) {
-    COUNT(approach_origins, call);
-    struct local_ray *approach = beam->approach;
-    beam->high = v_splat(INFINITY);
-    struct vec_double at = vec_double_of(origin);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *placed = &scene->placed[i];
-        beam->wake[i * GROUP] = v_splat(-INFINITY);
-        if (placed->way == EVAL_POINT && !placed->turned && !placed->repeated) {
-            approach[i].origin = point_sub(origin, placed->position, placed->position_lo);
-            continue;
-        }
-        struct vec_double from = vec_double_sub(at, placed->centre);
-        approach[i].origin.x = coordinate(placed, from, 0);
-        if (placed->way == EVAL_LINEAR)
-            continue;
-        approach[i].origin.y = coordinate(placed, from, 1);
-        approach[i].origin.z = coordinate(placed, from, 2);
-        if (placed->way == EVAL_POWER)
-            approach[i].power = power_at(from, placed->radius_sq);
-    }
-}
-
-static inline void approach_directions(struct vec direction, const struct prepared *scene,
-                                       struct local_ray *approach) {
-    COUNT(approach_directions, call);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *placed = &scene->placed[i];
-        if (placed->way == EVAL_LINEAR) {
-            COUNT(approach_directions, linear);
-            approach[i].direction.x = vec_dot(vec_set(placed->normal), direction);
-            continue;
-        }
-        approach[i].direction = turned(placed, direction);
-        if (placed->way == EVAL_POWER) {
-            COUNT(approach_directions, power);
-            approach[i].slope = v_splat(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
-        }
-    }
-}
-
-// Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
-static inline vfloat nearest_shape_at(const struct local_ray *approach, vfloat t,
-                                      const struct prepared *scene, vmask live, vfloat *shape) {
-    COUNT(nearest_shape_at, call);
-    vfloat least = v_splat(INFINITY);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        COUNT(nearest_shape_at, shape);
-        const struct primitive *placed = &scene->placed[i];
-        vfloat distance = distance_to_shape(&approach[i], t, placed, placed->repeated, placed->way,
-                                            placed->type, live);
-        *shape = v_select(v_cmp_lt(distance, least), v_splat(placed->index), *shape);
-        least = v_min(distance, least);
-    }
-    return least;
-}
-
-// The origins moved by a little along the rays.
-static inline void approach_moved(vfloat by, const struct prepared *scene,
-                                  struct packet_rays *beam) {
-    COUNT(approach_moved, call);
-    beam->high = beam->high + v_abs(by);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        struct local_ray *a = &beam->approach[i];
-        COUNT(approach_moved, first);
-        beam->wake[i * GROUP] = beam->wake[i * GROUP] - v_abs(by);
-        a->origin.x = v_madd(a->direction.x, by, a->origin.x);
-        if (scene->placed[i].way == EVAL_LINEAR)
-            continue;
-        COUNT(approach_moved, others);
-        a->origin.y = v_madd(a->direction.y, by, a->origin.y);
-        a->origin.z = v_madd(a->direction.z, by, a->origin.z);
-        if (scene->placed[i].way == EVAL_POWER) {
-            COUNT(approach_moved, power);
-            a->power = v_madd(by, by + a->slope, a->power);
-        }
-    }
-}
-
-struct packet_group {
-    struct packet_rays beam[GROUP];
-    vfloat t[GROUP], distance[GROUP]; // of the last step
-    vfloat high[GROUP];               // of its beam; −∞ where a ray is done: it wakes no shape
-    vmask live[GROUP];
-    int list[GROUP], count; // of the packets that have a live ray
-};
-
-// What scene_distances() has found so far of each packet. `limit`: distance + t of the nearest is no more.
-struct nearest_so_far {
-    vfloat least[GROUP], limit[GROUP];
-};
-
-// `steady`, `eval_kind` and `type` are known where these are inlined.
+// Evaluates one shape for packet k. `steady`, `kind` and `type` are constants where this is inlined.
 __attribute__((always_inline)) static inline void
-packet_distance(struct packet_group *group, int k, int shape, const struct primitive *placed,
-                bool steady, enum eval_kind way, enum shape_type type,
-                struct nearest_so_far *found) {
+packet_distance(struct packet_group *group, int k, int shape, int size,
+                const struct primitive *primitive, bool steady, enum eval_kind kind,
+                enum shape_type type, struct nearest_so_far *found) {
     ACTIVE(v_count(group->live[k]));
     COUNT(packet_distance, call);
-    const struct local_ray *a = &group->beam[k].approach[shape];
+    const struct local_ray *a = &group->packet[k].local[shape];
     vfloat t = group->t[k];
-    vfloat distance = distance_to_shape(a, t, placed, !steady, way, type, group->live[k]);
+    vfloat distance = distance_to_shape(a, t, primitive, !steady, kind, type, group->live[k]);
     vfloat sum = distance + t;
     found->least[k] = v_min(distance, found->least[k]);
     found->limit[k] = v_min(sum, found->limit[k]);
     if (steady) {
         COUNT(packet_distance, steady);
-        group->beam[k].wake[shape * GROUP] = wake_bound(sum, placed);
+        group->packet[k].wake[shape * size] = wake_bound(sum, primitive);
     }
 }
 
 __attribute__((always_inline)) static inline void
-group_distances(struct packet_group *group, int shape, const struct primitive *placed, bool steady,
-                enum eval_kind way, enum shape_type type, struct nearest_so_far *found) {
-    if (group->count == GROUP) // unrolled
-        for (int k = 0; k < GROUP; k++)
-            packet_distance(group, k, shape, placed, steady, way, type, found);
+group_distances(struct packet_group *group, int shape, int size, const struct primitive *primitive,
+                bool steady, enum eval_kind kind, enum shape_type type,
+                struct nearest_so_far *found) {
+    if (size == UNROLLED && group->count == UNROLLED)
+        for (int k = 0; k < UNROLLED; k++)
+            packet_distance(group, k, shape, size, primitive, steady, kind, type, found);
     else
         for (int i = 0; i < group->count; i++)
-            packet_distance(group, group->list[i], shape, placed, steady, way, type, found);
+            packet_distance(group, group->list[i], shape, size, primitive, steady, kind, type,
+                            found);
 }
 
-// An iteration of each packet after the other: one alone is a chain of a hundred cycles, and too long for the
-// processor to look beyond it to the next packet.
-static inline void bulb_distances(struct packet_group *group, int shape,
-                                  const struct primitive *placed, struct nearest_so_far *found) {
-    COUNT(bulb_distances, call);
-    struct bulb_orbit bulb[GROUP];
-    int count = group->count;
-    for (int i = 0; i < count; i++) {
-        int k = group->list[i];
-        ACTIVE(v_count(group->live[k]));
-        COUNT(bulb_distances, packet);
-        const struct local_ray *a = &group->beam[k].approach[shape];
-        struct vec p = vec_along(a->origin, a->direction, group->t[k]);
-        bulb[i] = bulb_start(placed->repeated ? vec_wrapped(placed, p) : p, group->live[k]);
-        if (!placed->repeated)
-            group->beam[k].wake[shape * GROUP] = bulb_wake_bound(bulb[i].m, group->t[k]);
-    }
-    for (int n = 0; n < placed->iterations; n++) {
-        vmask inside = v_mask_none();
-        for (int i = 0; i < count; i++) {
-            bulb_iterate(&bulb[i], v_splat(placed->bailout));
-            inside = v_or(inside, bulb[i].inside);
-        }
-        if (!v_any(inside))
-            break;
-    }
-    for (int i = 0; i < count; i++) {
-        int k = group->list[i];
-        ACTIVE(v_count(group->live[k]));
-        vfloat distance = bulb_estimate(&bulb[i]);
-        found->least[k] = v_min(distance, found->least[k]);
-        found->limit[k] = v_min(distance + group->t[k], found->limit[k]);
-    }
-}
+// Evaluates a Mandelbulb for all packets: core/bulb_distances.c.
+void bulb_distances(struct packet_group *group, int shape, const struct primitive *primitive,
+                    struct nearest_so_far *found);
 
-static inline bool all_asleep(const vfloat *wake, const struct nearest_so_far *found) {
-    COUNT(all_asleep, call);
-    vmask awake = v_cmp_nge(wake[0], found->limit[0]);
-    for (int k = 1; k < GROUP; k++)
-        awake = v_or(awake, v_cmp_nge(wake[k], found->limit[k]));
-    return !v_any(awake);
-}
-
-// The types told apart once for all packets.
+// Evaluates one shape for all packets: its type is switched on once for all of them.
 __attribute__((always_inline)) static inline void
-distances_to_shape(struct packet_group *group, int shape, const struct primitive *placed,
-                   bool steady, struct nearest_so_far *found) {
-#define EACH(way, type) group_distances(group, shape, placed, steady, way, type, found)
-    if (steady && placed->way == EVAL_LINEAR) {
-        EACH(EVAL_LINEAR, SHAPE_PLANE);
+distances_to_shape(struct packet_group *group, int shape, int size,
+                   const struct primitive *primitive, bool steady, struct nearest_so_far *found) {
+    if (steady && primitive->kind == EVAL_LINEAR) {
+        group_distances(group, shape, size, primitive, steady, EVAL_LINEAR, SHAPE_PLANE, found);
         return;
     }
-    switch (placed->type) {
+    switch (primitive->type) {
     case SHAPE_SPHERE:
-        if (steady && placed->way == EVAL_POWER)
-            EACH(EVAL_POWER, SHAPE_SPHERE);
+        if (steady && primitive->kind == EVAL_POWER)
+            group_distances(group, shape, size, primitive, steady, EVAL_POWER, SHAPE_SPHERE, found);
         else
-            EACH(EVAL_POINT, SHAPE_SPHERE);
+            group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_SPHERE, found);
         break;
-    case SHAPE_BOX: EACH(EVAL_POINT, SHAPE_BOX); break;
-    case SHAPE_TORUS: EACH(EVAL_POINT, SHAPE_TORUS); break;
-    case SHAPE_CONE: EACH(EVAL_POINT, SHAPE_CONE); break;
-    case SHAPE_OCTAHEDRON: EACH(EVAL_POINT, SHAPE_OCTAHEDRON); break;
-    case SHAPE_ROUNDED_BOX: EACH(EVAL_POINT, SHAPE_ROUNDED_BOX); break;
-    default: EACH(EVAL_POINT, SHAPE_PLANE); break;
+    case SHAPE_BOX:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_BOX, found);
+        break;
+    case SHAPE_TORUS:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_TORUS, found);
+        break;
+    case SHAPE_CONE:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_CONE, found);
+        break;
+    case SHAPE_OCTAHEDRON:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_OCTAHEDRON, found);
+        break;
+    case SHAPE_ROUNDED_BOX:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_ROUNDED_BOX,
+                        found);
+        break;
+    default:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_PLANE, found);
+        break;
     }
-#undef EACH
 }
 
-// Steady shapes are no further than this in the next steps.
-static inline void update_high(struct packet_group *group, const struct nearest_so_far *found) {
-    COUNT(update_high, call);
-    for (int k = 0; k < GROUP; k++)
-        group->high[k] = v_min(found->least[k] - group->t[k], group->high[k]);
-}
-
-// An evaluation of the scene's distance begins, of one packet. −∞ where no ray is left.
+// Begins an evaluation of the scene's distance for packet k. The limit is −∞ where a ray is done.
 static inline void sdf(const struct packet_group *group, int k, struct nearest_so_far *found) {
     ACTIVE(v_count(group->live[k]));
     COUNT(sdf, call);
@@ -232,81 +89,101 @@ static inline void sdf(const struct packet_group *group, int k, struct nearest_s
     found->limit[k] = v_madd(v_splat(2.0f), group->t[k], group->high[k]);
 }
 
-// The one shape that was asked in the last step, if it was one and steady, and how long all others sleep.
+__attribute__((always_inline)) static inline void
+reset_nearest(const struct packet_group *group, int size, struct nearest_so_far *found) {
+    for (int k = 0; k < size; k++)
+        sdf(group, k, found);
+}
+
+// The shape that was evaluated in the last step, if it was the only one and steady. Until distance + t reaches `until`,
+// no other shape can be nearer.
 struct sole_shape {
     int shape; // −1: none, or more than one
     vfloat until[GROUP];
 };
 
-static inline void wake_of_others(const struct packet_group *group, const struct prepared *scene,
-                                  struct sole_shape *alone) {
+__attribute__((always_inline)) static inline void wake_of_others(const struct packet_group *group,
+                                                                 int size,
+                                                                 const struct shape_list *list,
+                                                                 struct sole_shape *sole) {
     COUNT(wake_of_others, call);
-    for (int k = 0; k < GROUP; k++)
-        alone->until[k] = v_splat(INFINITY);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        if (i == alone->shape)
+    for (int k = 0; k < size; k++)
+        sole->until[k] = v_splat(INFINITY);
+    for (int n = 0; n < list->count; n++) {
+        int i = list->order[n];
+        if (i == sole->shape)
             continue;
-        const vfloat *wake = &group->beam[0].wake[i * GROUP];
-        for (int k = 0; k < GROUP; k++) { // no number: awake
+        const vfloat *wake = &group->packet[0].wake[i * size];
+        for (int k = 0; k < size; k++) { // NaN becomes −∞: awake
             COUNT(wake_of_others, packet);
-            alone->until[k] = v_min(v_max(wake[k], v_splat(-INFINITY)), alone->until[k]);
+            sole->until[k] = v_min(v_max(wake[k], v_splat(-INFINITY)), sole->until[k]);
         }
     }
 }
 
-// All shapes that may be the nearest, but `sole_shape`, which has been asked.
-static inline void evaluate_awake(struct packet_group *group, const struct prepared *scene,
-                                  struct sole_shape *alone, struct nearest_so_far *found) {
-    int asked = alone->shape, last = asked, count = asked >= 0;
-    for (int n = 0; n < scene->model.shape_count; n++) {
-        int i = scene->order[n];
-        if (n == scene->steady_count)
-            update_high(group, found);
-        if (i == asked || all_asleep(&group->beam[0].wake[i * GROUP], found))
+// Evaluates all shapes that may be the nearest, except `sole_shape`, which the caller has evaluated.
+__attribute__((always_inline)) static inline void
+evaluate_awake(struct packet_group *group, int size, const struct prepared *scene,
+               struct sole_shape *sole, struct nearest_so_far *found) {
+    const struct shape_list *list = shapes_of(&group->packet[0], scene);
+    int first = sole->shape, last = first, count = first >= 0;
+    for (int n = 0; n < list->count; n++) {
+        int i = list->order[n];
+        if (n == list->steady)
+            update_high(group, size, found);
+        if (i == first || all_asleep(&group->packet[0].wake[i * size], size, found))
             continue;
         count++;
-        last = n < scene->steady_count ? i : -1;
-        const struct primitive *placed = &scene->placed[i];
-        if (n < scene->steady_count)
-            distances_to_shape(group, i, placed, true, found);
-        else if (placed->type == SHAPE_MANDELBULB)
-            bulb_distances(group, i, placed, found);
+        last = n < list->steady ? i : -1;
+        const struct primitive *primitive = &scene->primitives[i];
+        if (n < list->steady)
+            distances_to_shape(group, i, size, primitive, true, found);
+        else if (primitive->type == SHAPE_MANDELBULB)
+            bulb_distances(group, i, primitive, found);
         else
-            distances_to_shape(group, i, placed, false, found);
+            distances_to_shape(group, i, size, primitive, false, found);
     }
-    if (scene->steady_count == scene->model.shape_count)
-        update_high(group, found);
-    alone->shape = count == 1 ? last : -1;
-    if (alone->shape >= 0)
-        wake_of_others(group, scene, alone);
+    if (list->steady == list->count)
+        update_high(group, size, found);
+    sole->shape = count == 1 ? last : -1;
+    if (sole->shape >= 0)
+        wake_of_others(group, size, list, sole);
 }
 
-// Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
-// sleeps until it may be the nearest of some ray under way: what is left out is further than what is
-// returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
-// `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
-// project, keeps them in a priority queue.) Of most steps one shape is all that is awake, and the next step's
-// too: it is asked first, and then all others at once.
-static inline void scene_distances(struct packet_group *group, const struct prepared *scene,
-                                   struct sole_shape *alone) {
+// Finds each packet's distance to the nearest shape at t along the rays. Precondition: t never decreases.
+// A steady shape sleeps until it may be the nearest shape of some live ray. A sleeping shape is further than the
+// result, so no bit of the result depends on sleep or on which rays share a packet. Lanes that are not `live` may hold
+// anything. In most steps one shape is awake, the same as in the step before. It is evaluated first, and one test says
+// whether all others still sleep. Returns whether `sole_shape` was formed anew.
+// Remembered distances: saethrej/sphere-tracing, a student project, keeps them in a priority queue.
+__attribute__((always_inline)) static inline bool distances_of(struct packet_group *group, int size,
+                                                               const struct prepared *scene,
+                                                               struct sole_shape *sole) {
     struct nearest_so_far found;
-    for (int k = 0; k < GROUP; k++)
-        sdf(group, k, &found);
-    if (alone->shape >= 0)
-        distances_to_shape(group, alone->shape, &scene->placed[alone->shape], true, &found);
-    if (alone->shape >= 0 && all_asleep(alone->until, &found))
-        update_high(group, &found);
+    reset_nearest(group, size, &found);
+    if (sole->shape >= 0)
+        distances_to_shape(group, sole->shape, size, &scene->primitives[sole->shape], true, &found);
+    bool still = sole->shape >= 0 && all_asleep(sole->until, size, &found);
+    if (still)
+        update_high(group, size, &found);
     else
-        evaluate_awake(group, scene, alone, &found);
-    for (int k = 0; k < GROUP; k++)
+        evaluate_awake(group, size, scene, sole, &found);
+    for (int k = 0; k < size; k++)
         group->distance[k] = found.least[k];
+    return !still;
 }
 
-// The packets that have a live ray, and what of a ray that has none would wake a shape.
+static inline bool scene_distances(struct packet_group *group, const struct prepared *scene,
+                                   struct sole_shape *sole) {
+    return packets_in(group) == UNROLLED ? distances_of(group, UNROLLED, scene, sole)
+                                         : distances_of(group, GROUP, scene, sole);
+}
+
+// Lists the packets that have a live ray. A ray that is done gets high = −∞, so that it wakes no shape.
 static inline void start_packets(struct packet_group *group) {
     group->count = 0;
-    for (int k = 0; k < GROUP; k++) {
-        group->high[k] = v_select(group->live[k], group->beam[k].high, v_splat(-INFINITY));
+    for (int k = 0; k < packets_in(group); k++) {
+        group->high[k] = v_select(group->live[k], group->packet[k].high, v_splat(-INFINITY));
         if (v_any(group->live[k]))
             group->list[group->count++] = k;
         else

@@ -1,50 +1,51 @@
-// Signed distances of one shape from as many points at once as there are lanes. Sphere, box, torus, capped cone,
-// octahedron: I. Quilez, "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and
-// P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
-// "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
-#ifndef SHAPES_H
-#define SHAPES_H
+// Signed distances of one shape, from one point in each lane. Sphere, box, torus, capped cone, octahedron: I. Quilez,
+// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map
+// without trigonometry, with the running derivative: I. Quilez, "mandelbulb" (iquilezles.org/articles/mandelbulb). It
+// is an estimate, not a bound.
+#ifndef SHAPE_DISTANCES_H
+#define SHAPE_DISTANCES_H
 
 #include "core/primitive.h"
-#include "simd/point.h"
-#include "simd/pow.h"
+#include "simd/simd.h"
 
-// Rays in the frame of one shape. EVAL_LINEAR: the distance is origin.x + t·direction.x. EVAL_POWER:
-// |p|² − radius² is power + t·(t + slope).
+// Rays in the frame of one shape. With EVAL_LINEAR the distance is origin.x + t·direction.x. With EVAL_POWER |p|² −
+// radius² is power + t·(t + slope).
 struct local_ray {
     struct vec origin, direction;
     vfloat power, slope;
 };
 
-static inline struct vec turned(const struct primitive *placed, struct vec v) {
+// Returns v in the axes of the shape.
+static inline struct vec turned(const struct primitive *primitive, struct vec v) {
     COUNT(turned, call);
-    if (!placed->turned)
+    if (!primitive->turned)
         return v;
     COUNT(turned, rotation);
-    return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
-                        vec_dot(vec_set(placed->turn[2]), v)};
+    return (struct vec){vec_dot(vec_set(primitive->turn[0]), v),
+                        vec_dot(vec_set(primitive->turn[1]), v),
+                        vec_dot(vec_set(primitive->turn[2]), v)};
 }
 
-// Back from the shape's frame: the matrix is orthogonal, so its transpose.
-static inline struct vec turned_back(const struct primitive *placed, struct vec v) {
+// Returns v in the world's axes. The matrix is orthogonal, so its inverse is its transpose.
+static inline struct vec turned_back(const struct primitive *primitive, struct vec v) {
     COUNT(turned_back, call);
-    if (!placed->turned)
+    if (!primitive->turned)
         return v;
     COUNT(turned_back, rotation);
-    struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
-    out = vec_along(out, vec_set(placed->turn[1]), v.y);
-    return vec_along(out, vec_set(placed->turn[2]), v.z);
+    struct vec out = vec_scale(vec_set(primitive->turn[0]), v.x);
+    out = vec_along(out, vec_set(primitive->turn[1]), v.y);
+    return vec_along(out, vec_set(primitive->turn[2]), v.z);
 }
 
 static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: not repeated
     return v_nmadd(v_splat(cell), v_floor(v_madd(x, v_splat(per_cell), v_splat(0.5f))), x);
 }
 
-static inline struct vec vec_wrapped(const struct primitive *placed, struct vec p) {
+static inline struct vec vec_wrapped(const struct primitive *primitive, struct vec p) {
     COUNT(vec_wrapped, call);
-    return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
-                        wrapped(p.y, placed->cell[1], placed->per_cell[1]),
-                        wrapped(p.z, placed->cell[2], placed->per_cell[2])};
+    return (struct vec){wrapped(p.x, primitive->cell[0], primitive->per_cell[0]),
+                        wrapped(p.y, primitive->cell[1], primitive->per_cell[1]),
+                        wrapped(p.z, primitive->cell[2], primitive->per_cell[2])};
 }
 
 static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) {
@@ -52,18 +53,20 @@ static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) 
     return v_double_madd(turns, -cell, x);
 }
 
-// One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
-// to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
-static inline vfloat coordinate(const struct primitive *placed, struct vec_double from, int axis) {
+// Returns one coordinate in the shape's frame, computed in double because it cancels. In float, a point 5 from a
+// turned box would have a face's distance to 5e-7, which is the hit distance, and in the 10,000th cell to 4e-3.
+static inline vfloat coordinate(const struct primitive *primitive, struct vec_double from,
+                                int axis) {
     COUNT(coordinate, call);
-    vdouble x = v_double_sub(v_double_dot(from, placed->row[axis]), placed->offset);
-    if (placed->repeated) {
+    vdouble x = v_double_sub(v_double_dot(from, primitive->row[axis]), primitive->offset);
+    if (primitive->repeated) {
         COUNT(coordinate, wrap);
-        x = v_double_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
+        x = v_double_wrapped(x, primitive->wide_cell[axis], primitive->wide_per_cell[axis]);
     }
     return v_double_to_float(x);
 }
 
+// Returns |from|² − square.
 static inline vfloat power_at(struct vec_double from, double square) {
     COUNT(power_at, call);
     struct vec_double p = from;
@@ -73,12 +76,21 @@ static inline vfloat power_at(struct vec_double from, double square) {
                   p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
 }
 
+// Whether points are within the scene's bounds, computed in double.
+static inline vmask within(struct point place, const struct model *model) {
+    COUNT(within, call);
+    COUNT(within, scalar);
+    double radius = model->march.bounds_radius;
+    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
+}
+
 static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {
     COUNT(sdf_sphere, call);
     return vec_norm(p) - v_splat(s->a);
 }
 
-// |p| − a from |p|² − a². The difference of two numbers of a planet's size would be lost.
+// Returns |p| − a, from power = |p|² − a². For a sphere of a planet's size, the difference of |p| and a would lose all
+// digits.
 static inline vfloat sdf_power(vfloat power, const struct primitive *s) {
     COUNT(sdf_power, call);
     return power / (v_sqrt(v_max(power + v_splat(s->b), v_splat(0.0f))) + v_splat(s->a));
@@ -147,8 +159,8 @@ static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s)
     return v_select(edges, edge, face);
 }
 
-// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
-// have (the paper's Fig. 5).
+// A point's orbit under the map, in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep their
+// values (the paper's Fig. 5).
 struct bulb_orbit {
     struct vec p, w;
     vfloat m, dz;
@@ -157,8 +169,8 @@ struct bulb_orbit {
 
 static inline struct bulb_orbit bulb_start(struct vec p, vmask live) {
     COUNT(bulb_start, call);
-    // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
-    // to a float's precision, after the one iteration that escapes.
+    // |w|² becomes |p|^16, which overflows from |p| = 256 on. From 32 on the estimate after the one iteration that
+    // escapes is r·ln(r)/3 to a float's precision.
     vfloat m = vec_dot(p, p);
     vmask far = v_cmp_gt(m, v_splat(1024.0f));
     return (struct bulb_orbit){p, p, m, v_splat(1.5f), far, v_andnot(far, live)};
@@ -207,9 +219,9 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
     return bulb_estimate(&bulb);
 }
 
-// What the estimate is not less than from a place at distance √square from the centre on, as long as that
-// falls no faster than t grows. Beyond r = 3/2 the first iteration ends at w ≥ r⁸ − r, so that the estimate,
-// ½·w·ln(w)/(12·r⁷ + 1) and hardly less by further iterations, is over 0.18 + (r − 3/2)/2.
+// Returns a lower bound of estimate + t for all later t, from a point at distance √square from the centre. The
+// distance to the centre falls no faster than t grows. Beyond r = 3/2 the first iteration ends at w ≥ r⁸ − r. So the
+// estimate, ½·w·ln(w)/(12·r⁷ + 1), is above 0.18 + (r − 3/2)/2, and further iterations hardly lower it.
 static inline vfloat bulb_wake_bound(vfloat square, vfloat t) {
     COUNT(bulb_wake_bound, call);
     vfloat out = v_sqrt_below(square) - v_splat(1.5f);
@@ -217,53 +229,54 @@ static inline vfloat bulb_wake_bound(vfloat square, vfloat t) {
     return v_madd(v_splat(1.0f - 0x1p-10f), bound, t);
 }
 
-// At a point of the shape's own frame, wrapped if it is repeated. What way and type are is known where it
-// is inlined in group_distances().
+// Returns the distance at a point of the shape's frame, wrapped if it is repeated. `type` is a constant where this is
+// inlined in group_distances().
 __attribute__((always_inline)) static inline vfloat
-distance_at(struct vec p, const struct primitive *placed, enum shape_type type, vmask live) {
+distance_at(struct vec p, const struct primitive *primitive, enum shape_type type, vmask live) {
     switch (type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, placed);
-    case SHAPE_BOX: return sdf_box(p, placed);
-    case SHAPE_TORUS: return sdf_torus(p, placed);
-    case SHAPE_CONE: return sdf_cone(p, placed);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
-    case SHAPE_PLANE: return sdf_plane(p, placed);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
-    default: return sdf_mandelbulb(p, placed, live);
+    case SHAPE_SPHERE: return sdf_sphere(p, primitive);
+    case SHAPE_BOX: return sdf_box(p, primitive);
+    case SHAPE_TORUS: return sdf_torus(p, primitive);
+    case SHAPE_CONE: return sdf_cone(p, primitive);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
+    case SHAPE_PLANE: return sdf_plane(p, primitive);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
+    default: return sdf_mandelbulb(p, primitive, live);
     }
 }
 
-// Distance to one shape at distance t along the rays.
+// Returns the distance to one shape at distance t along the rays. `kind` and `type` are constants where this is
+// inlined.
 __attribute__((always_inline)) static inline vfloat
-distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *placed,
-                  bool repeated, enum eval_kind way, enum shape_type type, vmask live) {
+distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *primitive,
+                  bool repeated, enum eval_kind kind, enum shape_type type, vmask live) {
     COUNT(distance_to_shape, call);
-    if (way == EVAL_POWER) {
+    if (kind == EVAL_POWER) {
         COUNT(distance_to_shape, power);
-        return sdf_power(v_madd(t, t + a->slope, a->power), placed);
+        return sdf_power(v_madd(t, t + a->slope, a->power), primitive);
     }
-    if (way == EVAL_LINEAR) {
+    if (kind == EVAL_LINEAR) {
         COUNT(distance_to_shape, linear);
         return v_madd(t, a->direction.x, a->origin.x);
     }
     COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
     if (repeated)
-        p = vec_wrapped(placed, p);
-    return distance_at(p, placed, type, live);
+        p = vec_wrapped(primitive, p);
+    return distance_at(p, primitive, type, live);
 }
 
-// From t on: the distance to a steady shape falls no faster than t grows, so that distance + t is what no later
-// distance + t can be less than. It is taken 2^-18 too small, of itself and of the shape: sixteen times what
-// float makes of it, as the place in the shape's frame is no further from it than distance + t + shape.
-static inline vfloat wake_bound(vfloat sum, const struct primitive *placed) {
-    return v_madd(sum, v_splat(1.0f - 0x1p-18f), v_splat(-placed->slack));
+// Returns a lower bound of distance + t for all later t. The distance to a steady shape falls no faster than t grows.
+// The bound is 2^-18 smaller, of itself and of the shape's size: sixteen times the rounding error, because the point
+// in the shape's frame is no further from it than distance + t + size.
+static inline vfloat wake_bound(vfloat sum, const struct primitive *primitive) {
+    return v_madd(sum, v_splat(1.0f - 0x1p-18f), v_splat(-primitive->slack));
 }
 
-// The same from a place that may be inside.
-static inline vfloat wake_bound_inside(vfloat sum, const struct primitive *placed) {
-    return v_min(wake_bound(sum, placed),
-                 v_madd(sum, v_splat(1.0f + 0x1p-18f), v_splat(-placed->slack)));
+// Returns the same bound for a point that may be inside the shape.
+static inline vfloat wake_bound_inside(vfloat sum, const struct primitive *primitive) {
+    return v_min(wake_bound(sum, primitive),
+                 v_madd(sum, v_splat(1.0f + 0x1p-18f), v_splat(-primitive->slack)));
 }
 
 #endif

@@ -1,13 +1,15 @@
-// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
-// of a block lies outside the picture is masked, so any size will do.
+// Draws the tiles of a picture. A tile's pixels are drawn in blocks, four wide, with one ray through the middle of
+// each pixel. Lanes of a block outside the picture are masked, so the picture may have any size.
 #include "core/camera_rays.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
 #include "core/trace.h"
-#include "simd/point.h"
+#include "core/trace_context.h"
 
 #include <stdlib.h>
 
-// 32 pixels of a row are whole cache lines of every plane where the width is a multiple of 32. A tile takes
-// some 30 µs of scene0, hundreds of times the contended counter.
+// 32 pixels of a row are whole cache lines of every plane if the picture's width is a multiple of 32. A tile of scene0
+// takes some 30 µs, hundreds of times the cost of the shared counter.
 enum { TILE_WIDTH = 32, TILE_HEIGHT = 8 };
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
@@ -29,23 +31,24 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
 
-// In a worker's own memory.
-static void init_packet_rays(struct packet_group *group, void *own, int shapes) {
-    vfloat *wake = own;
-    struct local_ray *approach = (struct local_ray *)(wake + shapes * GROUP);
+// Divides a worker's memory between the packets of a group.
+static void init_packet_rays(struct packet_group *group, void *scratch, int shapes) {
+    vfloat *wake = scratch;
+    struct local_ray *local = (struct local_ray *)(wake + shapes * GROUP);
     for (int i = 0; i < shapes * GROUP; i++)
-        wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
+        wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
     for (int k = 0; k < GROUP; k++)
-        group->beam[k] = (struct packet_rays){.approach = approach + k * shapes, .wake = wake + k};
+        group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
 }
 
-// Blocks of one column after the other, GROUP at a time.
-static void draw_tile(const struct job *job, int tile, void *own) {
+// Draws a tile, GROUP blocks at a time, column by column.
+static void draw_tile(const struct job *job, int tile, void *scratch) {
     COUNT(draw_tile, call);
     COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
-    struct trace_context world = {.scene = job->prepared, .view = job->view};
-    init_packet_rays(&world.group, own, job->prepared->model.shape_count);
+    struct packet_group group;
+    struct trace_context world = {job->prepared, job->view, &group};
+    init_packet_rays(&group, scratch, job->prepared->model.shape_count);
     struct point origin = point_from_doubles(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = int_min(frame->width, left + TILE_WIDTH);
@@ -77,7 +80,7 @@ static void draw_tile(const struct job *job, int tile, void *own) {
     }
 }
 
-size_t VARIANT(own_size)(const struct model *model) {
+size_t VARIANT(scratch_size)(const struct model *model) {
     return GROUP * (size_t)model->shape_count * (sizeof(vfloat) + sizeof(struct local_ray));
 }
 
@@ -85,28 +88,28 @@ int VARIANT(tiles)(const struct frame *frame) {
     return tiles_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    draw_tile(job, tile, own);
+void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
+    draw_tile(job, tile, scratch);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = VARIANT(own_size)(&prepared->model);
-    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!own)
+    size_t size = VARIANT(scratch_size)(&prepared->model);
+    void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!scratch)
         return false;
     struct packet_group group;
-    init_packet_rays(&group, own, prepared->model.shape_count);
-    struct packet_rays *beam = &group.beam[0];
+    init_packet_rays(&group, scratch, prepared->model.shape_count);
+    struct packet_rays *packet = &group.packet[0];
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
-        approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
-        approach_directions(nowhere, prepared, beam->approach);
-        distance[i] = v_lane0(
-            nearest_shape_at(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        set_local_origins(point_from_doubles(points + 3 * i), prepared, packet);
+        set_local_directions(nowhere, prepared, packet);
+        distance[i] =
+            v_lane0(nearest_shape_at(packet, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
-    free(own);
+    free(scratch);
     return true;
 }

@@ -1,22 +1,14 @@
-// What the files of a packet's way call of each other: core/tile.c, march/march.c, shading/shadow.c, shading/normal.c and shading/shade.c.
+// From a ray to its colour: the data of each stage, and the functions that the stages call. core/tile.c calls trace(),
+// which calls ray_march() and then shadow(); ray_march() calls near_hit() and normal_at().
 #ifndef TRACE_H
 #define TRACE_H
 
-#include "core/sdf.h"
-#include "simd/point.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
-struct trace_context {
-    const struct prepared *scene;
-    const struct view *view;
-    struct packet_group group; // of the rays being marched now
-};
-
-// Only lanes of `active` are marched, shaded and written; the others may hold anything.
-struct ray_group {
-    struct point origin[GROUP];
-    struct vec direction[GROUP];
-    vmask active[GROUP];
-};
+struct packet_rays; // core/packet_group.h
+struct ray_group;
+struct trace_context; // core/trace_context.h
 
 struct hit {
     vmask found;
@@ -32,32 +24,40 @@ struct shaded {
     struct hit hit;
 };
 
-void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit hit[GROUP]);
+void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit *hit);
 
 struct lighting {
-    struct vec to_light; // of unit length
-    vfloat distance, facing;
+    struct vec to_light;     // of unit length
+    vfloat distance, facing; // facing: normal·to_light
     vmask lit;
 };
 
-// From points that are the origins of world->group. 1: the light reaches the point, 0: it does not; between, the
-// penumbra of a soft shadow.
-void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP],
-            struct trace_context *world, vfloat reach[GROUP]);
+// Sets how much of the light reaches each hit: 1 lit, 0 in shadow, between them the penumbra of a soft shadow. The
+// hits must be the origins of the group's packets.
+void shadow(const struct hit *hit, const struct lighting *light, struct trace_context *world,
+            vfloat *reach);
 
-// What a hit's place says, once it is the origin of its beam: more exactly than the march,
-// which has rounded origin and direction in the frames of all shapes.
+// The surroundings of a hit, evaluated with the hit as origin. The march is less exact: it has rounded origin and
+// direction in the frames of all shapes.
 struct hit_surroundings {
     vfloat distance, shape; // of the nearest
     vmask contact;          // another shape is within two normal steps of it
 };
 
 struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
-                                 struct packet_rays *beam);
-// Of hits that are the origins of the beam, and the slope there.
-struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
-                     const struct prepared *scene, const struct local_ray *approach, vfloat *slope);
+                                 struct packet_rays *packet);
+// A hit's normal, on the side that the ray comes from, and the distance's slope along the ray: 1e30 where it is unknown.
+struct hit_normal {
+    struct vec normal;
+    vfloat slope;
+    vmask inward; // the ray comes from inside the shape
+};
+
+// Returns the normals of hits that are the origins of the packet.
+struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
+                            const struct prepared *scene, const struct packet_rays *packet);
+
 void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
-           struct shaded result[GROUP]);
+           struct shaded *result);
 
 #endif

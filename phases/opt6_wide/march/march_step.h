@@ -1,11 +1,12 @@
-// What every march asks: where a ray leaves the bounds, how small a step may be, and Newton's last step.
-#ifndef MARCHING_H
-#define MARCHING_H
+// What every march needs: where a ray leaves the bounds, how small a step may be, and Newton's last step.
+#ifndef MARCH_STEP_H
+#define MARCH_STEP_H
 
-#include "core/shape_distances.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
-// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
-// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
+// Where a ray leaves the bounds: |o + t·d|² > radius², a polynomial in t. Its error is a few 2^-24 of radius², so a
+// ray within 2^-20 goes on, and within() decides on its hit.
 struct bounds_exit {
     vfloat linear, constant; // t·(t + linear) + constant > 0
 };
@@ -20,32 +21,33 @@ static inline struct bounds_exit bounds_exit_of(struct point origin, struct vec 
                                 vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
 }
 
-static inline vmask within(struct point place, const struct model *model) {
-    COUNT(within, call);
-    COUNT(within, scalar);
-    double radius = model->march.bounds_radius;
-    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
-}
+// The state of a packet's shadow rays.
+struct shadow_state {
+    vfloat least_sq;       // squared light that is left; the root is taken once, at the end
+    vfloat twice_previous; // twice the distance at the step before
+    struct bounds_exit exit;
+};
 
 static inline vfloat outside_of_bounds(struct bounds_exit exit, vfloat t) { // > 0: outside
     return v_madd(t, t + exit.linear, exit.constant);
 }
 
-// The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
-// moves the ray, and it would stall there until the step cap.
+// Returns the smallest step. A step below half an ulp of t, at most 2^-24·t, no longer moves the ray, which would
+// stall there until the step cap.
 static inline vfloat min_step(vfloat t, vfloat hit_distance) {
     return v_max(hit_distance, t * v_splat(0x1p-24f));
 }
 
-// Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
-// horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
-static inline vfloat newton(vfloat h, vfloat slope, vfloat way) {
+// Returns Newton's last step. Where a ray grazes, more than h is left to go: 33 h on scene0's plane at the horizon. It
+// corrects only the error of a march in float, 2^-21 of the path: what a larger hit_distance leaves is part of the
+// scene's picture.
+static inline vfloat newton(vfloat h, vfloat slope, vfloat path) {
     COUNT(newton, call);
-    vmask own = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
-    return v_select_or_zero(own, h / v_max(slope, v_splat(0x1p-9f)));
+    vmask small = v_cmp_lt(v_abs(h), path * v_splat(0x1p-21f));
+    return v_select_or_zero(small, h / v_max(slope, v_splat(0x1p-9f)));
 }
 
-// More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.
+// Floats count whole steps up to this. A ray with a larger cap ends here as at its cap.
 enum { MAX_COUNTED_STEPS = 1 << 24 };
 
 static inline int step_cap(const struct model *model) {

@@ -1,15 +1,15 @@
-// Closed forms of the shapes' gradients, and differences of their distances.
+// Gradients of the shapes' distances: closed forms, and differences.
 #ifndef GRADIENTS_H
 #define GRADIENTS_H
 
 #include "core/shape_distances.h"
 
-// Normals. The scene asks for forward differences of its distance over normal_step; in float they
-// are noise in the third digit (an ulp of the point over 1e-4). So the gradient of the shape that
-// was hit, in closed form, stands where the two agree to that noise. Where they do not, within a
-// step of an edge, the shape's difference stands; and where another shape is within reach of the
-// step, as where two touch, the difference of the whole scene. The Mandelbulb has only differences.
-// Gradients are in the world's axes in the end, and need not be of unit length.
+// A scene defines its normals by forward differences of its distance over normal_step. In float these differences are
+// noise in the third digit: an ulp of the point over 1e-4. So the closed form of the shape's gradient is used where
+// both agree within that noise. Within a step of an edge they disagree, and the shape's difference is used. Where
+// another shape is within reach of the step, the difference of the whole scene is used. The Mandelbulb has only
+// differences.
+// The results are in the world's axes and need not be of unit length.
 static inline struct vec box_gradient(struct vec p, const struct primitive *s) {
     COUNT(box_gradient, call);
     vfloat zero = v_splat(0.0f);
@@ -46,7 +46,7 @@ static inline struct vec cone_gradient(struct vec p, const struct primitive *s) 
     vfloat along = v_min(v_max(across, zero), v_splat(1.0f));
     vfloat side_x = v_madd(v_splat(s->slope[0]), along, x);
     vfloat side_y = v_madd(v_splat(s->slope[1]), along, y);
-    // Beside the slope its own normal: the vector to it is all rounding when the point is on it.
+    // Beside the slope, the slope's normal is used: for a point on it, the vector to it is mostly rounding.
     vmask beside = v_and(v_cmp_gt(across, zero), v_cmp_lt(across, v_splat(1.0f)));
     vfloat out = v_select(beside, v_splat(s->slope[1]), side_x),
            up = v_select(beside, v_splat(-s->slope[0]), side_y);
@@ -66,55 +66,55 @@ static inline struct vec octahedron_gradient(struct vec p) {
     return (struct vec){v_copysign(one, p.x), v_copysign(one, p.y), v_copysign(one, p.z)};
 }
 
-// The hit in the frame of one shape, and moved there by `step` along an axis of the world (a column
-// of the shape's matrix); axis −1: not moved.
-static inline struct vec moved_in(const struct primitive *placed, const struct local_ray *approach,
+// Returns the hit in the frame of one shape, moved by `step` along an axis of the world, which is a column of the
+// shape's matrix. Axis −1: not moved.
+static inline struct vec moved_in(const struct primitive *primitive, const struct local_ray *local,
                                   float step, int axis) {
     COUNT(moved_in, call);
-    struct vec p = approach->origin;
+    struct vec p = local->origin;
     if (axis < 0)
         return p;
     COUNT(moved_in, moved);
     COUNT(moved_in, scalar);
-    p = (struct vec){p.x + v_splat(step * placed->turn[0][axis]),
-                     p.y + v_splat(step * placed->turn[1][axis]),
-                     p.z + v_splat(step * placed->turn[2][axis])};
-    return placed->repeated ? vec_wrapped(placed, p) : p;
+    p = (struct vec){p.x + v_splat(step * primitive->turn[0][axis]),
+                     p.y + v_splat(step * primitive->turn[1][axis]),
+                     p.z + v_splat(step * primitive->turn[2][axis])};
+    return primitive->repeated ? vec_wrapped(primitive, p) : p;
 }
 
-static inline vfloat moved_power(const struct primitive *placed, const struct local_ray *approach,
+static inline vfloat moved_power(const struct primitive *primitive, const struct local_ray *local,
                                  float step, int axis) {
     if (axis < 0)
-        return approach->power;
+        return local->power;
     COUNT(moved_power, moved);
-    struct vec column = {v_splat(placed->turn[0][axis]), v_splat(placed->turn[1][axis]),
-                         v_splat(placed->turn[2][axis])};
+    struct vec column = {v_splat(primitive->turn[0][axis]), v_splat(primitive->turn[1][axis]),
+                         v_splat(primitive->turn[2][axis])};
     return v_madd(v_splat(step),
-                  v_madd(v_splat(2.0f), vec_dot(approach->origin, column), v_splat(step)),
-                  approach->power);
+                  v_madd(v_splat(2.0f), vec_dot(local->origin, column), v_splat(step)),
+                  local->power);
 }
 
-static inline vfloat moved_distance(const struct primitive *placed,
-                                    const struct local_ray *approach, vmask live, float step,
+static inline vfloat moved_distance(const struct primitive *primitive,
+                                    const struct local_ray *local, vmask live, float step,
                                     int axis) {
     COUNT(moved_distance, call);
-    if (placed->way == EVAL_POWER)
-        return sdf_power(moved_power(placed, approach, step, axis), placed);
-    if (placed->way == EVAL_LINEAR) {
+    if (primitive->kind == EVAL_POWER)
+        return sdf_power(moved_power(primitive, local, step, axis), primitive);
+    if (primitive->kind == EVAL_LINEAR) {
         if (axis < 0)
-            return approach->origin.x;
+            return local->origin.x;
         COUNT(moved_distance, moved);
-        return v_madd(v_splat(placed->normal[axis]), v_splat(step), approach->origin.x);
+        return v_madd(v_splat(primitive->normal[axis]), v_splat(step), local->origin.x);
     }
-    return distance_at(moved_in(placed, approach, step, axis), placed, placed->type, live);
+    return distance_at(moved_in(primitive, local, step, axis), primitive, primitive->type, live);
 }
 
-static inline struct vec difference(const struct primitive *placed,
-                                    const struct local_ray *approach, vmask live, float step) {
+static inline struct vec difference(const struct primitive *primitive,
+                                    const struct local_ray *local, vmask live, float step) {
     COUNT(difference, call);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, live, step, axis);
+        f[axis + 1] = moved_distance(primitive, local, live, step, axis);
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 

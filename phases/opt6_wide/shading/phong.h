@@ -1,11 +1,10 @@
-// What a hit looks like in the light: B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975).
+// The light on a hit: B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975).
 #ifndef PHONG_H
 #define PHONG_H
 
 #include "core/trace.h"
-#include "simd/pow.h"
 
-// Materials of hits, gathered.
+// The materials of a packet's hits, gathered.
 struct surfaces {
     struct vec color;
     vfloat reflectivity, shininess;
@@ -42,7 +41,7 @@ static inline struct lighting light_from(struct point p, struct vec n, vmask fou
     vfloat distance = vec_norm(to_light);
     to_light = vec_scale(to_light, v_splat(1.0f) / distance);
     vfloat facing = vec_dot(n, to_light);
-    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
+    // A surface turned away is unlit whatever the shadow. A light on the surface has no direction.
     vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
     return (struct lighting){to_light, distance, facing, lit};
 }
@@ -57,7 +56,7 @@ static inline struct vec light_at(struct vec n, struct vec direction, const stru
     ACTIVE(v_count(light->lit));
     COUNT(light_at, lit);
     vfloat reach = shadow / light->distance, facing = light->facing;
-    // Of the light's direction: minus the paper's R.
+    // The mirrored direction is minus the paper's R.
     vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);
     vfloat specular = v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
     specular = v_select_or_zero(v_cmp_gt(shine, v_splat(0.0f)), specular);

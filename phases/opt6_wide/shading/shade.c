@@ -1,13 +1,12 @@
-// The colour of a ray: what it hits in the light, mirrors by recursion, fog.
+// The colour of a ray: the hit's colour in the light, mirrors by recursion, and fog.
 #include "core/trace.h"
+#include "core/trace_context.h"
 #include "shading/phong.h"
-#include "simd/point.h"
-#include "simd/pow.h"
 
-// Colours of what the reflective hits mirror, added to theirs. One reflective ray makes the call; the others
-// are masked out of it and of their colour.
+// Adds the mirrored colours to those of the reflective hits. The recursive call is made if one ray is reflective. The
+// other rays are masked.
 static void mirror(const struct ray_group *rays, int bounce, struct trace_context *world,
-                   const struct surfaces surface[GROUP], struct shaded result[GROUP]) {
+                   const struct surfaces surface[GROUP], struct shaded *result) {
     COUNT(mirror, call);
     struct ray_group mirrored;
     bool one = false;
@@ -43,7 +42,7 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
 }
 
 void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
-           struct shaded result[GROUP]) {
+           struct shaded *result) {
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;

@@ -1,43 +1,50 @@
-// What cones and bundles take a shape's distance for: what float makes of it is taken off before it is believed.
-#ifndef BOUNDS_H
-#define BOUNDS_H
+// Lower and upper bounds of a shape's distance, as cones and bundles need them: rounding errors are taken off.
+#ifndef DISTANCE_BOUNDS_H
+#define DISTANCE_BOUNDS_H
 
-#include "cones/tile_cones.h"
+#include "cones/march_scratch.h"
+#include "core/packet_group.h"
+#include "core/shape_distances.h"
 
-// From a place on the way to the nearest from where the shape's own distance may say "hit".
+// From afar the Mandelbulb's estimate is r·ln(r)/3. That is above its tangent at e²: r minus this.
+#define FAR_TANGENT 2.48f
+
+// Returns a lower bound of the distance from a point to where the march may report a hit of the shape.
 __attribute__((always_inline)) static inline vfloat lower_bound(const struct local_ray *a, vfloat t,
-                                                                const struct primitive *placed) {
+                                                                const struct primitive *primitive) {
     COUNT(lower_bound, call);
     vfloat d;
-    if (placed->trust == BOUND_BALL) {
+    if (primitive->trust == BOUND_BALL) {
         COUNT(lower_bound, ball);
         struct vec p = vec_along(a->origin, a->direction, t);
-        d = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p) - v_splat(placed->a);
+        d = vec_norm(primitive->repeated ? vec_wrapped(primitive, p) : p) - v_splat(primitive->a);
     } else
-        d = distance_to_shape(a, t, placed, placed->repeated, placed->way, placed->type,
-                              v_mask_all());
-    return v_nmadd(v_abs(d), v_splat(0x1p-18f), d - v_splat(placed->error));
+        d = distance_to_shape(a, t, primitive, primitive->repeated, primitive->kind,
+                              primitive->type, v_mask_all());
+    return v_nmadd(v_abs(d), v_splat(0x1p-18f), d - v_splat(primitive->error));
 }
 
-// What the distance itself is not above: by as much as was taken off it.
-static inline vfloat upper_bound(vfloat lower, const struct primitive *placed) {
+// Returns an upper bound of the distance, from its lower bound.
+static inline vfloat upper_bound(vfloat lower, const struct primitive *primitive) {
     COUNT(upper_bound, call);
     return v_madd(v_abs(lower), v_splat(0x1p-16f),
-                  v_madd(v_splat(placed->error), v_splat(2.0f), lower));
+                  v_madd(v_splat(primitive->error), v_splat(2.0f), lower));
 }
 
+// Returns how near to a hit a shape must be for the normal there to need it.
 static inline float near_distance(const struct limits *limits) {
     return (float)(limits->hit_distance + 4.0 * limits->normal_step);
 }
 
-static inline struct packet_rays eye_rays(struct march_scratch *own, const struct prepared *scene) {
-    return (struct packet_rays){own->eye, scene->all, own->eye_wake, 1, v_splat(0.0f)};
+static inline struct packet_rays eye_rays(struct march_scratch *scratch,
+                                          const struct prepared *scene) {
+    return single_packet(scratch->eye, scene->all, scratch->eye_wake);
 }
 
-// Of the shapes of the scene the wanted ones, in both orders, written to `shapes`.
+// Lists the wanted shapes of the scene, in both orders, into `shapes`.
 struct shape_list list_wanted(const bool *wanted, const struct prepared *scene, int *shapes);
-// The same for rays that are to be hit: all shapes where a Mandelbulb is wanted. Its estimate is no bound, a march leaps
-// over what is thin, and what it finds hangs on every step from the ray's origin on.
+// Lists the wanted shapes for rays that may be hit. If a Mandelbulb is wanted, the list has all shapes: its estimate
+// is no bound, and what a march finds depends on every step from the ray's origin on.
 struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *scene, int *shapes);
 
 #endif

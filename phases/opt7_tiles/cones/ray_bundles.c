@@ -1,10 +1,10 @@
-// Bundles of secondary rays: see cones/tile_cones.h. All of them are within `radius` of an axis, in each of some intervals of
-// the way; an interval is a lane.
+// Bundles of secondary rays: see cones/tile_cones.h. The path is cut into intervals, one per lane. In each interval
+// all rays are within `radius` of an axis.
 #include "cones/distance_bounds.h"
-#include "simd/point.h"
-
-// From afar the Mandelbulb's estimate is r·ln(r)/3, which is above its tangent at e²: r less this.
-#define FAR_TANGENT 2.48f
+#include "cones/tile_cones.h"
+#include "core/local_rays.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
 
 static vfloat most_lane(vmask active, vfloat a) {
     COUNT(most_lane, call);
@@ -12,28 +12,29 @@ static vfloat most_lane(vmask active, vfloat a) {
     return v_max_of_lanes(a);
 }
 
-static vfloat lane_before(vfloat a) { // of each lane that of the lane below
+// Returns the value of the lane below, in each lane.
+static vfloat lane_before(vfloat a) {
     float lanes[LANES + 1];
     v_store(a, lanes + 1);
     lanes[0] = lanes[1];
     return v_load(lanes);
 }
 
-// Rays from around a place into about one direction: in every lane the same.
+// A bundle: rays from around a point, in about one direction. Every lane holds the same values.
 struct ray_bundle {
     struct point from;
     struct vec axis;
     vfloat radius, spread, length;
 };
 
-// The middle of what the group's lanes hold; `most` and the most of −a, lane by lane.
+// Returns the middle of the range of a over all lanes, from its maxima and those of −a, lane by lane.
 static vfloat middle_of_lanes(vfloat most, vfloat most_negative) {
     vmask lanes = v_mask_all();
     return v_splat(0.5f) * (most_lane(lanes, most) - most_lane(lanes, most_negative));
 }
 
 struct vec_range {
-    struct vec most, least; // least: of −v
+    struct vec most, least; // least: the maxima of −v
 };
 
 static struct vec_range empty_range(void) {
@@ -56,7 +57,7 @@ static struct vec middle_of_range(const struct vec_range *extent) {
                         middle_of_lanes(extent->most.z, extent->least.z)};
 }
 
-// Where rays leave the bounds.
+// Returns the distance at which rays leave the bounds.
 static vfloat exit_distance(struct point origin, struct vec direction, const struct model *model) {
     COUNT(exit_distance, call);
     struct bounds_exit exit = bounds_exit_of(origin, direction, model);
@@ -86,10 +87,11 @@ static struct ray_bundle bundle_of(const struct ray_group *rays, const vfloat *l
             continue;
         struct vec apart = vec_along(rays->origin[k].hi, b.from.hi, minus);
         struct vec turned = vec_along(rays->direction[k], b.axis, minus);
-        vfloat way = length ? length[k] : exit_distance(rays->origin[k], rays->direction[k], model);
+        vfloat path =
+            length ? length[k] : exit_distance(rays->origin[k], rays->direction[k], model);
         off = v_select(rays->active[k], v_max(vec_dot(apart, apart), off), off);
         turn = v_select(rays->active[k], v_max(vec_dot(turned, turned), turn), turn);
-        far = v_select(rays->active[k], v_max(way, far), far);
+        far = v_select(rays->active[k], v_max(path, far), far);
     }
     vmask lanes = v_mask_all();
     vfloat tiny = v_splat(0x1p-18f);
@@ -100,7 +102,8 @@ static struct ray_bundle bundle_of(const struct ray_group *rays, const vfloat *l
     return b;
 }
 
-// The ends of the intervals, of the whole way: each half as long again as the one before it, or twice.
+// Returns the ends of the intervals, as parts of the whole path. Each interval is 1.5 times (16 lanes) or twice (8) as
+// long as the one before it.
 static vfloat interval_ends(void) {
 #if LANES == 16
     static const float ends[LANES] = {0,          0.00342551f, 0.00513826f, 0.00770739f,
@@ -113,8 +116,8 @@ static vfloat interval_ends(void) {
     return v_load(ends);
 }
 
-// The way cut in intervals: lane i ends at ends, begins where lane i − 1 ends, and its rays stay within `radius`
-// of the axis. Lane 0 is no interval.
+// The path in intervals. Lane i begins where lane i − 1 ends, and its rays stay within `radius` of the axis. Lane 0 is
+// no interval.
 struct ray_intervals {
     vfloat ends, length, radius;
 };
@@ -127,13 +130,15 @@ static struct ray_intervals intervals_of(const struct ray_bundle *b) {
         v_madd(b->spread, ends, v_madd(ends, v_splat(0x1p-18f), b->radius))};
 }
 
-// Between the ends, u and length − u away, a distance is within the bounds from both.
+// Whether a ray may hit the shape in an interval. At u behind one end, the distance is at least d0 − u and at least d
+// − (length − u).
 static vmask may_be_hit(vfloat d, const struct ray_intervals *in, vfloat close) {
     COUNT(may_be_hit, call);
     return v_cmp_ge(in->radius + close, v_splat(0.5f) * (lane_before(d) + d - in->length));
 }
 
-// Three of the four pairs of the shape's lower and the least's upper bound.
+// Whether the shape may be the nearest in an interval: three of the four pairs of its lower bound and the least upper
+// bound.
 static vmask may_be_nearest(vfloat d, vfloat least, const struct ray_intervals *in) {
     COUNT(may_be_nearest, call);
     vfloat d0 = lane_before(d), least0 = lane_before(least), length = in->length;
@@ -142,37 +147,37 @@ static vmask may_be_nearest(vfloat d, vfloat least, const struct ray_intervals *
     return v_cmp_ge(in->radius + in->radius, apart);
 }
 
-// Into own->distance; the least of them from above.
+// Sets scratch->distance to lower bounds at the ends of the intervals. Returns the least upper bound of all shapes.
 static vfloat bounds_at(vfloat ends, const struct ray_bundle *b, enum list_kind meant,
-                        const struct prepared *scene, struct march_scratch *own) {
+                        const struct prepared *scene, struct march_scratch *scratch) {
     COUNT(bounds_at, call);
     vfloat least = v_splat(INFINITY);
-    struct packet_rays beam = eye_rays(own, scene);
-    approach_origins(b->from, scene, &beam);
-    approach_directions(b->axis, scene, &beam);
+    struct packet_rays packet = eye_rays(scratch, scene);
+    set_local_origins(b->from, scene, &packet);
+    set_local_directions(b->axis, scene, &packet);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *placed = &scene->placed[i];
-        if (placed->trust == BOUND_NONE)
+        const struct primitive *primitive = &scene->primitives[i];
+        if (primitive->trust == BOUND_NONE)
             continue;
-        vfloat d = lower_bound(&own->eye[i], ends, placed);
-        if (placed->trust == BOUND_LIPSCHITZ) {
+        vfloat d = lower_bound(&scratch->eye[i], ends, primitive);
+        if (primitive->trust == BOUND_LIPSCHITZ) {
             COUNT(bounds_at, distance);
-            least = v_min(upper_bound(d, placed), least);
-        } else if (meant == LIST_NEAREST) { // of the Mandelbulb's estimate
+            least = v_min(upper_bound(d, primitive), least);
+        } else if (meant == LIST_NEAREST) { // bounds of the Mandelbulb's estimate
             COUNT(bounds_at, estimate);
-            d = v_max(d * v_splat(0.5f), d + v_splat(placed->a - FAR_TANGENT));
+            d = v_max(d * v_splat(0.5f), d + v_splat(primitive->a - FAR_TANGENT));
         }
-        own->distance[i] = d;
+        scratch->distance[i] = d;
     }
     return least;
 }
 
 static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list_kind meant,
-                                           const struct prepared *scene, struct march_scratch *own,
-                                           int *shapes) {
+                                           const struct prepared *scene,
+                                           struct march_scratch *scratch, int *shapes) {
     struct ray_intervals in = intervals_of(b);
-    vfloat least = bounds_at(in.ends, b, meant, scene, own);
-    // A ray from within a shape is hit behind its origin: as far as it is deep.
+    vfloat least = bounds_at(in.ends, b, meant, scene, scratch);
+    // A ray that starts inside a shape is hit behind its origin, by at most its depth.
     float ends[LANES];
     v_store(least, ends);
     float depth = ends[0] < 0.0f ? -ends[0] : 0.0f;
@@ -180,14 +185,14 @@ static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list
     vfloat close = v_splat(near_distance(&scene->model.march) + depth + ends[0]);
     for (int i = 0; i < scene->model.shape_count; i++) {
         vmask here = v_mask_all();
-        if (scene->placed[i].trust != BOUND_NONE)
-            here = meant == LIST_NEAREST ? may_be_nearest(own->distance[i], least, &in)
-                                         : may_be_hit(own->distance[i], &in, close);
-        own->wanted[i] = (v_mask_bits(here) & ~1u) != 0;
+        if (scene->primitives[i].trust != BOUND_NONE)
+            here = meant == LIST_NEAREST ? may_be_nearest(scratch->distance[i], least, &in)
+                                         : may_be_hit(scratch->distance[i], &in, close);
+        scratch->wanted[i] = (v_mask_bits(here) & ~1u) != 0;
     }
     if (meant == LIST_HIT)
-        return list_wanted_hits(own->wanted, scene, shapes);
-    return list_wanted(own->wanted, scene, shapes);
+        return list_wanted_hits(scratch->wanted, scene, shapes);
+    return list_wanted(scratch->wanted, scene, shapes);
 }
 
 void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant,
@@ -197,9 +202,9 @@ void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum li
     const struct prepared *scene = world->scene;
     struct shape_list list = scene->all;
     if (list.count > 1) {
-        struct ray_bundle b = bundle_of(rays, length, world->group.size, &scene->model);
-        list = list_by_intervals(&b, meant, scene, world->own, shapes);
+        struct ray_bundle b = bundle_of(rays, length, packets_in(world->group), &scene->model);
+        list = list_by_intervals(&b, meant, scene, world->scratch, shapes);
     }
-    for (int k = 0; k < world->group.size; k++)
-        world->group.beam[k].list = list;
+    for (int k = 0; k < packets_in(world->group); k++)
+        world->group->packet[k].list = list;
 }

@@ -1,80 +1,41 @@
-// Cones: see cones/tile_cones.h. A cone's axis stands at t; its rays are within spread·t of it. All of them may go
-// on by d(axis) − spread·t, for the ball of radius d about the axis holds no surface. What float makes of a
-// distance is taken off it before it is believed.
+// Cones of camera rays. A cone's axis stands at t, and its rays are within spread·t of it. All rays may go on by
+// d(axis) − spread·t, because the ball of radius d around the axis holds no surface. A distance is lowered by its
+// rounding error first.
+#include "cones/tile_cones.h"
 #include "cones/distance_bounds.h"
-#include "simd/point.h"
+#include "core/local_rays.h"
 
 enum { MAX_CONE_STEPS = 512 };
 
-// A cone meets a shape once the gap to it is below this part of the cone's radius.
+// A cone touches a shape once the gap to it is below this part of its radius.
 #define TOUCH_GAP 0.5f
 
-static size_t even_count(int shapes) { // so many that whole numbers behind masks are aligned
-    return ((size_t)shapes + 1) / 2 * 2;
-}
-
-static int max_packets(const struct model *model) {
-    for (int i = 0; i < model->shape_count; i++)
-        if (model->shapes[i].type == SHAPE_MANDELBULB)
-            return GROUP;
-    return SMALL_GROUP;
-}
-
-size_t march_scratch_size(const struct model *model) {
-    return even_count(model->shape_count) *
-           ((size_t)(max_packets(model) + 2) * (sizeof(struct local_ray) + sizeof(vfloat)) +
-            CONE_LEVELS * sizeof(vmask) + (6 + 2 * CONE_LEVELS) * sizeof(int) + sizeof(bool));
-}
-
-struct march_scratch march_scratch_of(void *memory, const struct model *model) {
-    size_t n = even_count(model->shape_count);
-    struct march_scratch own = {.packets = max_packets(model), .wake = memory};
-    size_t packets = (size_t)own.packets;
-    own.approach = (struct local_ray *)(own.wake + packets * n);
-    own.eye_wake = (vfloat *)(own.approach + packets * n);
-    own.eye = (struct local_ray *)(own.eye_wake + n);
-    own.distance = (vfloat *)(own.eye + n);
-    own.axis = (struct local_ray *)(own.distance + n);
-    own.met[0] = (vmask *)(own.axis + n);
-    for (int level = 1; level < CONE_LEVELS; level++)
-        own.met[level] = own.met[0] + level * n;
-    own.offered[0] = (int *)(own.met[0] + CONE_LEVELS * n);
-    for (int level = 1; level < CONE_LEVELS; level++)
-        own.offered[level] = own.offered[0] + 2 * level * n;
-    own.tile = own.offered[0] + 2 * CONE_LEVELS * n;
-    own.mirror = own.tile + 2 * n;
-    own.shadow = own.mirror + 2 * n;
-    own.wanted = (bool *)(own.shadow + 2 * n);
-    return own;
-}
-
-// One step of the cones: what they touch where they are, how far to the nearest of what they have not met
-// (`least`), how deep they are in what they have.
+// The result of one step: the cones that touch a shape, the least distance to a shape not met, and the depth of the
+// axis in the shapes met.
 struct cone_step {
     vmask touched;
     vfloat least, depth;
 };
 
 static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmask live,
-                                     struct shape_list offered, vmask *all_met,
-                                     const struct prepared *scene,
-                                     const struct march_scratch *own) {
+                                     struct shape_list offered, const struct prepared *scene,
+                                     struct march_scratch *scratch) {
     struct cone_step found = {v_mask_none(), v_splat(INFINITY), v_splat(INFINITY)};
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
-        const struct primitive *placed = &scene->placed[i];
-        if (placed->trust == BOUND_NONE)
+        const struct primitive *primitive = &scene->primitives[i];
+        if (primitive->trust == BOUND_NONE)
             continue;
         COUNT(march_cones, shape);
-        vfloat d = lower_bound(&own->axis[i], t, placed);
+        vfloat d = lower_bound(&scratch->axis[i], t, primitive);
         vmask here = v_cmp_lt_in(live, d, touch);
-        vmask met = all_met[i] = v_or(all_met[i], here);
+        vmask met = scratch->met[i] = v_or(scratch->met[i], here);
         found.touched = v_or(found.touched, here);
         found.least = v_min(v_select(met, v_splat(INFINITY), d), found.least);
-        if (placed->trust != BOUND_LIPSCHITZ)
+        if (primitive->trust != BOUND_LIPSCHITZ)
             continue;
         COUNT(march_cones, depth);
-        vfloat depth = upper_bound(d, placed) + radius;
+        vfloat depth = upper_bound(d, primitive) + radius;
         found.depth = v_min(v_select(met, depth, v_splat(INFINITY)), found.depth);
     }
     return found;
@@ -85,18 +46,19 @@ static void touch_all(vmask lanes, struct shape_list offered, vmask *met) {
         met[offered.shape[n]] = v_or(met[offered.shape[n]], lanes);
 }
 
-static struct packet_rays axis_rays(struct march_scratch *own, struct shape_list list) {
-    return (struct packet_rays){own->axis, list, own->eye_wake, 1, v_splat(0.0f)};
+static struct packet_rays axis_rays(struct march_scratch *scratch, struct shape_list list) {
+    return single_packet(scratch->axis, list, scratch->eye_wake);
 }
 
-void set_cone_origins(struct point eye, const struct prepared *scene, struct march_scratch *own) {
-    struct packet_rays beam = axis_rays(own, scene->all);
-    approach_origins(eye, scene, &beam);
+void set_cone_origins(struct point eye, const struct prepared *scene,
+                      struct march_scratch *scratch) {
+    struct packet_rays packet = axis_rays(scratch, scene->all);
+    set_local_origins(eye, scene, &packet);
 }
 
-void march_cones(struct point eye, vmask active, int level, struct shape_list offered,
+void march_cones(struct point eye, vmask active, struct shape_list offered,
                  struct cone_packet *cones, const struct prepared *scene,
-                 struct march_scratch *own) {
+                 struct march_scratch *scratch) {
     ACTIVE(v_count(active));
     COUNT(march_cones, call);
     const struct limits *limits = &scene->model.march;
@@ -106,33 +68,34 @@ void march_cones(struct point eye, vmask active, int level, struct shape_list of
     vfloat furthest = (bounds + v_sqrt(from_centre)) * v_splat(1.0f + 0x1p-10f);
     vfloat close = v_splat(near_distance(limits)), t = cones->start;
     vfloat gap = cones->spread * v_splat(TOUCH_GAP), outer = bounds * v_splat(1.0f + 0x1p-16f);
-    struct packet_rays beam = axis_rays(own, offered);
-    approach_directions(cones->axis, scene, &beam);
-    // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
+    struct packet_rays packet = axis_rays(scratch, offered);
+    set_local_directions(cones->axis, scene, &packet);
+    // From outside of the bounds, a ray's first step decides whether it goes on. So nothing is known about it.
     vmask live = v_and(active, v_cmp_lt(from_centre, bounds * bounds * v_splat(1.0f - 0x1p-18f)));
-    vmask met = v_andnot(live, active), *each = own->met[level], at_camera = v_cmp_ge(zero, t);
+    vmask met = v_andnot(live, active), at_camera = v_cmp_ge(zero, t);
     for (int i = 0; i < scene->model.shape_count; i++)
-        each[i] = v_mask_none();
+        scratch->met[i] = v_mask_none();
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
-        each[i] = scene->placed[i].trust == BOUND_NONE ? active : v_andnot(live, active);
-        met = v_or(met, each[i]);
+        scratch->met[i] =
+            scene->primitives[i].trust == BOUND_NONE ? active : v_andnot(live, active);
+        met = v_or(met, scratch->met[i]);
     }
     for (int step = 0; step < MAX_CONE_STEPS && v_any(live); step++) {
         ACTIVE(v_count(live));
         COUNT(march_cones, step);
         vfloat radius = v_madd(cones->spread, t, v_madd(t, v_splat(0x1p-18f), close));
         vfloat touch = v_madd(gap, t, radius);
-        struct cone_step around = touch_shapes(t, radius, touch, live, offered, each, scene, own);
+        struct cone_step around = touch_shapes(t, radius, touch, live, offered, scene, scratch);
         vmask first = v_andnot(met, around.touched);
         cones->start = v_select(first, t, cones->start);
         met = v_or(met, around.touched);
-        // A ray from within a shape is hit behind it, near to whatever is there.
+        // A ray that starts inside a shape is hit behind its start, near to any shape there.
         if (step == 0 && v_any(v_and(first, at_camera))) {
-            touch_all(v_and(first, at_camera), offered, each);
+            touch_all(v_and(first, at_camera), offered, scratch->met);
             live = v_andnot(v_and(first, at_camera), live);
         }
-        // Each of its rays has been hit by now, or is out of the bounds.
+        // Every ray of the cone has been hit, or is out of the bounds.
         vmask hit = v_cmp_lt(around.depth, zero);
         t = v_add_where(live, t, around.least - radius);
         vfloat wide = v_madd(cones->spread, t, outer);
@@ -141,9 +104,9 @@ void march_cones(struct point eye, vmask active, int level, struct shape_list of
         cones->start = v_select(v_and(live, v_andnot(met, out)), v_splat(INFINITY), cones->start);
         live = v_andnot(v_or(hit, out), live);
     }
-    if (v_any(live)) { // out of steps: known as far as they are
+    if (v_any(live)) { // out of steps: the start holds as far as the cone has come
         cones->start = v_select(v_andnot(met, live), t, cones->start);
-        touch_all(live, offered, each);
+        touch_all(live, offered, scratch->met);
     }
     cones->start =
         v_select(v_cmp_lt(cones->start, v_splat(INFINITY)),
@@ -165,25 +128,25 @@ struct shape_list list_wanted(const bool *wanted, const struct prepared *scene, 
 
 struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *scene, int *shapes) {
     for (int i = 0; i < scene->model.shape_count; i++)
-        if (wanted[i] && scene->placed[i].trust == BOUND_BALL)
+        if (wanted[i] && scene->primitives[i].trust == BOUND_BALL)
             return scene->all;
     return list_wanted(wanted, scene, shapes);
 }
 
-struct shape_list list_for_children(unsigned some, int level, const struct prepared *scene,
-                                    struct march_scratch *own) {
+struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
+                                    struct march_scratch *scratch, int *shapes) {
     for (int i = 0; i < scene->model.shape_count; i++)
-        own->wanted[i] = (v_mask_bits(own->met[level][i]) & some) != 0;
-    return list_wanted(own->wanted, scene, own->offered[level]);
+        scratch->wanted[i] = (v_mask_bits(met[i]) & some) != 0;
+    return list_wanted(scratch->wanted, scene, shapes);
 }
 
-struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
-                               float *start) {
+struct shape_list list_of_cone(int lane, const struct prepared *scene,
+                               struct march_scratch *scratch, float *start) {
     COUNT(list_of_cone, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        own->wanted[i] = v_mask_bits(own->met[0][i]) >> lane & 1;
-        if (own->wanted[i] && scene->placed[i].trust == BOUND_BALL)
+        scratch->wanted[i] = v_mask_bits(scratch->met[i]) >> lane & 1;
+        if (scratch->wanted[i] && scene->primitives[i].trust == BOUND_BALL)
             *start = 0.0f;
     }
-    return list_wanted_hits(own->wanted, scene, own->tile);
+    return list_wanted_hits(scratch->wanted, scene, scratch->tile);
 }

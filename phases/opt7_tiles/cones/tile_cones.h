@@ -1,60 +1,46 @@
-// Rays together: cones of neighbouring pixels and bundles of secondary rays, and which shapes they can meet.
-// Cones over distances: J. Amanatides, "Ray tracing with cones" (SIGGRAPH 1984); J. C. Hart, "Sphere tracing" (1996);
-// see opt7_tiles/PROOFS.md, 1 and 2, for rods of pixels. Two places |p − q| apart differ in distance by no more than that.
-#ifndef TILES_H
-#define TILES_H
+// Cones of neighbouring camera rays, bundles of secondary rays, and the shapes that they can meet. Cones: J.
+// Amanatides, "Ray tracing with cones" (SIGGRAPH 1984); J. C. Hart, "Sphere tracing" (1996). Two points p and q differ
+// in distance by at most |p − q|: see opt7_tiles/PROOFS.md, 1 and 2.
+#ifndef TILE_CONES_H
+#define TILE_CONES_H
 
-#include "core/trace.h"
-#include "simd/point.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
-// Of cones, each over a square of pixels: of a level above the lowest, 0, it has four below it.
-enum { CONE_LEVELS = 2 };
-
-// A worker's memory, of the size that march_scratch_size() says.
-struct march_scratch {
-    int packets;  // of the largest group: GROUP where a Mandelbulb is, else SMALL_GROUP
-    vfloat *wake; // of the rays being marched: for each shape as many as a group may have packets
-    struct local_ray *approach;
-    vfloat *eye_wake; // of cones and bundles
-    struct local_ray *eye;
-    vfloat *distance;            // at the ends of a bundle's intervals
-    struct local_ray *axis;      // of cones
-    vmask *met[CONE_LEVELS];     // lanes whose cone can meet the shape
-    int *offered[CONE_LEVELS];   // what the cones of a level can meet: a list for the next one
-    int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
-    bool *wanted;                // of each shape, on the way to a list
-};
-
-size_t march_scratch_size(const struct model *model);
-struct march_scratch march_scratch_of(void *memory, const struct model *model);
+struct march_scratch; // cones/march_scratch.h
+struct ray_group;
+struct trace_context; // core/trace_context.h
 
 // A cone of pixels in each lane: |dir − axis| ≤ spread for each of its rays.
 struct cone_packet {
     struct vec axis;
     vfloat spread;
-    vfloat start; // no ray of it is hit before; +∞: none is at all
+    vfloat start; // no ray of the cone is hit before it; +∞: no ray is hit at all
 };
 
-// Once, for the cones of all levels.
-void set_cone_origins(struct point eye, const struct prepared *scene, struct march_scratch *own);
-// From `start`, where the wider cones end that hold them, among what those have met. Fills start and own->met: what
-// a ray of the cone can hit between start and the bounds, and what is so near to such a place that the normal there
-// asks for it.
-void march_cones(struct point eye, vmask active, int level, struct shape_list offered,
+// Sets the origins of the cones' axes, once for the cones of all levels.
+void set_cone_origins(struct point eye, const struct prepared *scene,
+                      struct march_scratch *scratch);
+// Marches cones from cones->start among the shapes `offered`, which wider cones around them have met. Sets
+// cones->start and scratch->met: the shapes that a ray of the cone can hit between start and the bounds, and those so
+// near to such a hit that its normal needs them.
+void march_cones(struct point eye, vmask active, struct shape_list offered,
                  struct cone_packet *cones, const struct prepared *scene,
-                 struct march_scratch *own);
-// What some of the cones have met; `some`: bits of their lanes.
-struct shape_list list_for_children(unsigned some, int level, const struct prepared *scene,
-                                    struct march_scratch *own);
-// Where a Mandelbulb is on it, `start` is the camera.
-struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
-                               float *start);
+                 struct march_scratch *scratch);
+// Lists the shapes that some of the cones have met, into `shapes`. `some` has a bit for each of their lanes.
+struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
+                                    struct march_scratch *scratch, int *shapes);
+// Lists the shapes that one cone has met. If a Mandelbulb is among them, the list has all shapes and `start` becomes
+// 0.
+struct shape_list list_of_cone(int lane, const struct prepared *scene,
+                               struct march_scratch *scratch, float *start);
 
-// By least of distances: where a ray is hit; or that very number.
+// What a list must keep: LIST_HIT, every shape that a ray can hit; LIST_NEAREST, every shape that can be the nearest
+// anywhere on the ray.
 enum list_kind { LIST_HIT, LIST_NEAREST };
 
-// Lists for the rays of a group, in its beams. LIST_HIT: what a ray can hit, and what is near such a place; LIST_NEAREST: the
-// least of all distances is that of the list, everywhere. `length`: of the rays; NULL: to the bounds.
+// Lists the shapes for the rays of a group, in its packets. LIST_HIT also lists shapes near a hit. LIST_NEAREST keeps
+// the least distance the same everywhere. `length` is the rays' length; NULL: to the bounds.
 void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant,
                      struct trace_context *world, int *shapes);
 

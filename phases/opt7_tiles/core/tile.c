@@ -1,25 +1,30 @@
-// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
-// of a block lies outside the picture is masked, so any size will do.
+// Draws the tiles of a picture. A tile's pixels are drawn in blocks, four wide, with one ray through the middle of
+// each pixel. Lanes of a block outside the picture are masked, so the picture may have any size.
+#include "cones/march_scratch.h"
+#include "cones/pixel_cones.h"
 #include "cones/tile_cones.h"
 #include "core/camera_rays.h"
-#include "simd/point.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 
 #include <stdlib.h>
 
-// A tile is drawn by one worker. Cones march together, one in each lane: first those of squares of PATCH << TOP_LEVEL
-// pixels, then, quarter by quarter, those of the four squares in each of them, down to the patches. A patch is a group
-// of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the width is a
-// multiple of 32.
+// One worker draws a tile. Cones march first, one in each lane: those of squares of PATCH << TOP_LEVEL pixels. Then,
+// quarter by quarter, those of the four squares in each of them, down to the patches. A patch is one group of packets
+// (two with 8 lanes). 32 pixels of a row are whole cache lines of every plane if the picture's width is a multiple of
+// 32.
 enum { PATCH = 8, PATCHES_ACROSS = 4 };
 enum { PATCHES_DOWN = LANES / PATCHES_ACROSS, TOP_LEVEL = CONE_LEVELS - 1 };
 enum {
     TILE_WIDTH = PATCHES_ACROSS * PATCH << TOP_LEVEL,
     TILE_HEIGHT = PATCHES_DOWN * PATCH << TOP_LEVEL
 };
-enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
+enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // in a patch
 enum {
     BULB_PATCHES = (int)GROUP > (int)BLOCKS ? (int)GROUP / (int)BLOCKS : 1
-}; // patches where a Mandelbulb is
+}; // patches in a large group
 
 static void store_block_result(struct frame *frame, struct pixel_block block, vfloat start,
                                int shapes, const struct shaded *seen) {
@@ -44,11 +49,7 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
 
-struct pixel_rect { // of pixels, what of it is in the picture
-    int left, top, right, bottom;
-};
-
-// Cones that march together: a square of PATCH << level pixels for each lane.
+// Cones that march together: each lane has a square of PATCH << level pixels.
 struct cone_area {
     int left, top, level;
 };
@@ -67,57 +68,11 @@ static struct cone_area child_area(struct cone_area area, int quarter) {
                               area.top + quarter / 2 * PATCHES_DOWN * half, area.level - 1};
 }
 
-// The lane of the cone above that holds a lane's cone, which is of a quarter of those.
+// Returns the lane of the wider cone that holds a lane's cone. `quarter` is the cones' quarter of the wider area.
 static int parent_lane(int quarter, int lane) {
     int column = quarter % 2 * PATCHES_ACROSS + lane % PATCHES_ACROSS;
     int row = quarter / 2 * PATCHES_DOWN + lane / PATCHES_ACROSS;
     return row / 2 * PATCHES_ACROSS + column / 2;
-}
-
-static struct vec unit(struct vec v) {
-    return vec_scale(v, v_splat(1.0f) / vec_norm(v));
-}
-
-// Through the middles of the corner pixels: no ray between is further from the axis, since a circle about the
-// axis is an ellipse in the picture, and what is between two of its points is within.
-static struct cone_packet cones_around(vfloat x[2], vfloat y[2], const struct view *view) {
-    COUNT(cones_around, call);
-    struct vec corner[4], sum = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-    for (int i = 0; i < 4; i++) {
-        corner[i] =
-            vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x[i & 1]);
-        corner[i] = unit(vec_along(corner[i], vec_from_doubles(view->up), y[i >> 1]));
-        sum = vec_along(sum, corner[i], v_splat(1.0f));
-    }
-    struct cone_packet cones = {.axis = unit(sum)};
-    vfloat most = v_splat(0.0f);
-    for (int i = 0; i < 4; i++) {
-        struct vec apart = vec_along(corner[i], cones.axis, v_splat(-1.0f));
-        most = v_max(most, vec_dot(apart, apart));
-    }
-    cones.spread = v_madd(v_sqrt(most), v_splat(1.0f + 0x1p-16f), v_splat(0x1p-20f));
-    return cones;
-}
-
-// A cone for each square of the area; which of them there are.
-static vmask get_cones(struct cone_area area, const struct job *job, struct cone_packet *cones) {
-    COUNT(get_cones, call);
-    const struct frame *frame = job->frame;
-    double per_height = job->view->tan_half_fov / frame->height;
-    float edge[4][LANES], there[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        COUNT(get_cones, scalar);
-        struct pixel_rect p = rect_of_lane(area, lane, frame);
-        there[lane] = p.left < p.right && p.top < p.bottom ? 1.0f : 0.0f;
-        edge[0][lane] = (float)((2.0 * p.left + 1.0 - frame->width) * per_height);
-        edge[1][lane] = (float)((2.0 * p.right - 1.0 - frame->width) * per_height);
-        edge[2][lane] = (float)((frame->height - 1.0 - 2.0 * p.top) * per_height);
-        edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
-    }
-    vfloat x[2] = {v_load(edge[0]), v_load(edge[1])}, y[2] = {v_load(edge[2]), v_load(edge[3])};
-    ACTIVE(LANES);
-    *cones = cones_around(x, y, job->view);
-    return v_cmp_gt(v_load(there), v_splat(0.5f));
 }
 
 static struct pixel_block block_in_rect(const struct pixel_rect *patch, int number) {
@@ -127,7 +82,7 @@ static struct pixel_block block_in_rect(const struct pixel_rect *patch, int numb
                                 int_min(BLOCK_HEIGHT, patch->bottom - row)};
 }
 
-// Nothing is hit by any of its rays.
+// Draws a patch whose rays hit nothing.
 static void store_background(const struct pixel_rect *patch, const struct job *job) {
     struct shaded nothing = {.color = vec_from_doubles(job->prepared->model.background)};
     nothing.hit.found = v_mask_none();
@@ -139,7 +94,7 @@ static void store_background(const struct pixel_rect *patch, const struct job *j
                            &nothing); // no start
 }
 
-// Patches with one start and one list, `size` of their packets at a time.
+// Draws patches that share a start and a list, `size` packets at a time.
 static void render_patches(const struct pixel_rect *patch, int patches, int size,
                            struct point origin, vfloat start, struct shape_list list,
                            const struct job *job, struct trace_context *world) {
@@ -151,7 +106,7 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
     int blocks = patches * BLOCKS;
     for (int first = 0; first < blocks; first += size) {
         struct shaded seen[GROUP];
-        group_size(&world->group, size);
+        set_group_size(world->group, size);
         for (int k = 0; k < size; k++) {
             active[k] = v_mask_none();
             if (first + k >= blocks)
@@ -163,7 +118,7 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
             COUNT(render_patches, packet);
             origins[k] = origin;
             direction[k] = get_direction(block, job->frame, job->view);
-            world->group.beam[k].list = list;
+            world->group->packet[k].list = list;
         }
         trace(&rays, 0, world, seen);
         for (int k = 0; k < size && first + k < blocks; k++) {
@@ -175,21 +130,22 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
     }
 }
 
-static void init_packet_rays(struct packet_group *group, struct march_scratch *own, int shapes) {
-    for (int i = 0; i < shapes * own->packets; i++)
-        own->wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
-    for (int k = 0; k < own->packets; k++)
-        group->beam[k] =
-            (struct packet_rays){.approach = own->approach + k * shapes, .wake = own->wake + k};
+static void init_packet_rays(struct packet_group *group, struct march_scratch *scratch,
+                             int shapes) {
+    for (int i = 0; i < shapes * scratch->packets; i++)
+        scratch->wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
+    for (int k = 0; k < scratch->packets; k++)
+        group->packet[k] =
+            (struct packet_rays){.local = scratch->local + k * shapes, .wake = scratch->wake + k};
 }
 
-// Where no ray of the lane's square is hit before: +∞ where none is.
+// Where the rays of each lane's square begin: no ray is hit before. +∞: no ray is hit at all.
 struct cone_starts {
     float lane[LANES];
 };
 
-// Those that can meet a Mandelbulb are offered all shapes, and start at the camera: as many together as make a large
-// group.
+// Draws the patches of an area. Patches that can meet a Mandelbulb have the list of all shapes and start at the
+// camera. They are collected until they fill a large group.
 static void draw_lanes(struct cone_area area, vmask there, struct cone_starts start,
                        struct point origin, const struct job *job, struct trace_context *world) {
     struct pixel_rect waiting[BULB_PATCHES];
@@ -202,7 +158,8 @@ static void draw_lanes(struct cone_area area, vmask there, struct cone_starts st
             store_background(&patch, job);
             continue;
         }
-        struct shape_list list = list_of_cone(lane, world->scene, world->own, &start.lane[lane]);
+        struct shape_list list =
+            list_of_cone(lane, world->scene, world->scratch, &start.lane[lane]);
         if (list.shape != world->scene->all.shape) {
             render_patches(&patch, 1, SMALL_GROUP, origin, v_splat(start.lane[lane]), list, job,
                            world);
@@ -218,15 +175,20 @@ static void draw_lanes(struct cone_area area, vmask there, struct cone_starts st
         render_patches(waiting, count, GROUP, origin, v_splat(0.0f), world->scene->all, job, world);
 }
 
-// The cones of an area from where those above them end, among what these have met; then those below them.
+// Marches the cones of an area from the starts of the wider cones, among the shapes these have met. Then draws the
+// areas below.
 static void draw_area(struct cone_area area, struct cone_starts start, struct shape_list offered,
                       struct point origin, const struct job *job, struct trace_context *world) {
     COUNT(draw_area, call);
     struct cone_packet cones;
-    vmask there = get_cones(area, job, &cones);
+    struct pixel_rect square[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        square[lane] = rect_of_lane(area, lane, job->frame);
+    vmask there = get_cones(square, job, &cones);
     cones.start = v_load(start.lane);
-    march_cones(origin, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), area.level, offered,
-                &cones, world->scene, world->own);
+    world->scratch->met = world->scratch->levels[area.level];
+    march_cones(origin, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), offered, &cones,
+                world->scene, world->scratch);
     v_store(cones.start, start.lane);
     if (area.level == 0) {
         draw_lanes(area, there, start, origin, job, world);
@@ -239,7 +201,9 @@ static void draw_area(struct cone_area area, struct cone_starts start, struct sh
             below.lane[lane] = start.lane[parent_lane(quarter, lane)];
             above |= 1u << parent_lane(quarter, lane);
         }
-        struct shape_list met = list_for_children(above, area.level, world->scene, world->own);
+        struct shape_list met =
+            list_for_children(above, world->scratch->levels[area.level], world->scene,
+                              world->scratch, world->scratch->offered[area.level]);
         draw_area(child_area(area, quarter), below, met, origin, job, world);
     }
 }
@@ -249,17 +213,18 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
     COUNT(draw_tile, scalar);
     struct point origin = point_from_doubles(job->view->position);
     const struct prepared *scene = job->prepared;
-    struct march_scratch own = march_scratch_of(memory, &scene->model);
-    struct trace_context world = {.scene = scene, .view = job->view, .own = &own};
-    init_packet_rays(&world.group, &own, scene->model.shape_count);
+    struct march_scratch scratch = march_scratch_of(memory, &scene->model);
+    struct packet_group group;
+    struct trace_context world = {scene, job->view, &group, &scratch};
+    init_packet_rays(&group, &scratch, scene->model.shape_count);
     ACTIVE(LANES);
-    set_cone_origins(origin, scene, &own);
+    set_cone_origins(origin, scene, &scratch);
     struct cone_area whole = {tile % tiles_across(job->frame) * TILE_WIDTH,
                               tile / tiles_across(job->frame) * TILE_HEIGHT, TOP_LEVEL};
     draw_area(whole, (struct cone_starts){{0}}, scene->all, origin, job, &world);
 }
 
-size_t VARIANT(own_size)(const struct model *model) {
+size_t VARIANT(scratch_size)(const struct model *model) {
     return march_scratch_size(model);
 }
 
@@ -267,28 +232,27 @@ int VARIANT(tiles)(const struct frame *frame) {
     return tiles_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    draw_tile(job, tile, own);
+void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
+    draw_tile(job, tile, scratch);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = VARIANT(own_size)(&prepared->model);
-    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!own)
+    size_t size = VARIANT(scratch_size)(&prepared->model);
+    void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!scratch)
         return false;
-    struct march_scratch parts = march_scratch_of(own, &prepared->model);
-    struct packet_rays all = {parts.approach, prepared->all, parts.wake, 1, v_splat(0.0f)},
-                       *beam = &all;
+    struct march_scratch parts = march_scratch_of(scratch, &prepared->model);
+    struct packet_rays all = single_packet(parts.local, prepared->all, parts.wake), *packet = &all;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
-        approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
-        approach_directions(nowhere, prepared, beam);
+        set_local_origins(point_from_doubles(points + 3 * i), prepared, packet);
+        set_local_directions(nowhere, prepared, packet);
         distance[i] =
-            v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
+            v_lane0(nearest_shape_at(packet, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
-    free(own);
+    free(scratch);
     return true;
 }

@@ -1,52 +1,11 @@
-// Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
-// of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
-#include "cones/tile_cones.h"
-#include "march/march_step.h"
-#include "simd/point.h"
+// Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing of implicit
+// surfaces", The Visual Computer 12 (1996). A packet marches until its last ray is done.
+#include "core/packet_group.h"
+#include "core/sdf.h"
+#include "march/march_single.h"
+#include "march/march_state.h"
 
-// Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
-// sum, rounded, would lose what places the hit on the surface.
-struct march_state {
-    struct point origin; // at the distance `before`
-    vfloat before, t, last, evals;
-    vfloat start; // t of the next evaluation
-    vmask found;
-    struct bounds_exit exit;
-    int left;   // steps that every ray has before its cap
-    vmask deep; // a ray that started inside a shape has stepped back out of it
-    vfloat inside;
-    struct hit_surroundings near;
-};
-
-// Rays that march on from a hit have had some of their evaluations.
-static int steps_left(const struct march_state *at, vmask live, int cap) {
-    float evals[LANES];
-    v_store(v_select_or_zero(live, at->evals), evals);
-    int had = 0;
-    for (int lane = 0; lane < LANES; lane++)
-        had = (int)evals[lane] > had ? (int)evals[lane] : had;
-    return cap - had;
-}
-
-// Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
-// neighbours had.
-__attribute__((noinline)) static void end_rays(struct march_state *at, int step, int k, vmask going,
-                                               vmask inside, struct packet_group *group, int cap) {
-    COUNT(end_rays, call);
-    vmask live = group->live[k], reached = v_andnot(going, live);
-    at->last = v_select(reached, group->distance[k], at->last);
-    at->found = v_or(at->found, reached);
-    vfloat evals = at->evals + v_splat((float)step);
-    if (step >= at->left) {
-        COUNT(end_rays, cap);
-        inside = v_cmp_lt_in(inside, evals, v_splat((float)cap));
-    }
-    at->evals = v_select(v_andnot(inside, live), evals, at->evals);
-    group->live[k] = inside;
-    group->high[k] = v_select(inside, group->high[k], v_splat(-INFINITY));
-}
-
-// The step-th step of a packet, its distance known. False after the last.
+// Takes a packet's step number `step`, with its distance known. Returns false if no ray of the packet is left.
 static inline bool march_step(struct march_state *at, int step, int k, struct packet_group *group,
                               const struct model *model) {
     vmask live = group->live[k];
@@ -59,177 +18,35 @@ static inline bool march_step(struct march_state *at, int step, int k, struct pa
     vmask inside = v_cmp_ngt_in(going, outside_of_bounds(at->exit, t), v_splat(0.0f));
     if (v_same(inside, live) && step < at->left)
         return true;
-    end_rays(at, step, k, going, inside, group, step_cap(model));
+    end_rays(at, step, k, going, inside, group, march_cap(at, model));
     return v_any(group->live[k]);
 }
 
-// Where a plane is all that the rays can hit, nothing but t changes: all packets abreast, each a chain of
-// operations that wait for each other.
-struct plane_ray {
-    vfloat origin, direction, t;
-    struct bounds_exit exit;
-    vmask live;
-};
-
-// What a step has come to.
-struct step_result {
-    vfloat distance;
-    vmask going, inside;
-};
-
-static inline struct step_result step_to_plane(struct plane_ray *line, vfloat hit_distance) {
-    ACTIVE(v_count(line->live));
-    COUNT(step_to_plane, call);
-    vfloat distance = v_madd(line->t, line->direction, line->origin);
-    vmask going = v_cmp_nlt_in(line->live, distance, min_step(line->t, hit_distance));
-    line->t = v_add_where(going, line->t, distance);
-    vmask inside = v_cmp_ngt_in(going, outside_of_bounds(line->exit, line->t), v_splat(0.0f));
-    return (struct step_result){distance, going, inside};
-}
-
-// From step number `next` on.
-static void march_to_plane(struct march_state packets[SMALL_GROUP], int first, int shape, int next,
-                           struct packet_group *group, const struct model *model) {
-    vfloat hit_distance = v_splat((float)model->march.hit_distance);
-    struct plane_ray line[SMALL_GROUP];
-    vmask begun[SMALL_GROUP];
-    int cap = step_cap(model), left = cap, under_way = 0;
-    for (int k = 0; k < SMALL_GROUP; k++) {
-        const struct local_ray *a = &group->beam[first + k].approach[shape];
-        begun[k] = group->live[first + k];
-        line[k] = (struct plane_ray){a->origin.x, a->direction.x, group->t[first + k],
-                                     packets[k].exit, begun[k]};
-        under_way += v_any(begun[k]);
-        if (v_any(begun[k]) && packets[k].left < left)
-            left = packets[k].left;
-    }
-    for (int step = next; under_way > 0; step++) {
-        struct step_result stride[SMALL_GROUP];
-        bool on = step < left;
-        for (int k = 0; k < SMALL_GROUP; k++)
-            stride[k] = step_to_plane(&line[k], hit_distance);
-        for (int k = 0; k < SMALL_GROUP; k++)
-            on = on && v_same(stride[k].inside, line[k].live);
-        if (on)
-            continue;
-        for (int k = 0; k < SMALL_GROUP; k++) {
-            if (!v_any(line[k].live) ||
-                (v_same(stride[k].inside, line[k].live) && step < packets[k].left))
-                continue;
-            group->distance[first + k] = stride[k].distance;
-            end_rays(&packets[k], step, first + k, stride[k].going, stride[k].inside, group, cap);
-            line[k].live = group->live[first + k];
-            under_way -= !v_any(line[k].live);
-        }
-    }
-    for (int k = 0; k < SMALL_GROUP; k++)
-        if (v_any(begun[k]))
-            packets[k].t = line[k].t;
-}
-
-static void march_all_to_plane(struct march_state packets[GROUP], int shape, int next,
-                               struct packet_group *group, const struct model *model) {
-    for (int first = 0; first < group->size; first += SMALL_GROUP)
-        march_to_plane(packets + first, first, shape, next, group, model);
-}
-
-// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there, which is taken
-// 2^-16 too large, 256 times what the quotient's and the steps' rounding make of it.
-static bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *alone) {
-    COUNT(plane_is_sole_hit, call);
-    bool falls = true;
-    for (int i = 0; i < group->count && falls; i++) {
-        int k = group->list[i];
-        ACTIVE(v_count(group->live[k]));
-        COUNT(plane_is_sole_hit, packet);
-        const struct local_ray *a = &group->beam[k].approach[alone->shape];
-        vfloat down = v_splat(0.0f) - a->direction.x;
-        vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);
-        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), alone->until[k]);
-        falls = v_same(on, group->live[k]);
-    }
-    return falls;
-}
-
-// The same where one solid is all that they can hit: no question which shape is awake, and its type is known.
-__attribute__((always_inline)) static inline void march_one_solid(struct march_state packets[GROUP],
-                                                                  int shape, enum shape_type type,
-                                                                  struct packet_group *group,
-                                                                  const struct prepared *scene) {
-    COUNT(march_one_solid, call);
-    const struct primitive *placed = &scene->placed[shape];
-    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
-    int cap = step_cap(&scene->model), under_way = group->count;
-    for (int step = 1; under_way > 0; step++)
-        for (int i = 0; i < under_way;) {
-            int k = group->list[i];
-            struct march_state *at = &packets[k];
-            vmask live = group->live[k];
-            ACTIVE(v_count(live));
-            COUNT(march_one_solid, step);
-            vfloat t = group->t[k];
-            vfloat distance = distance_to_shape(&group->beam[k].approach[shape], t, placed, false,
-                                                EVAL_POINT, type, live);
-            vmask going = v_cmp_nlt_in(live, distance, min_step(t, hit_distance));
-            group->t[k] = t = v_add_where(going, t, distance);
-            vmask inside = v_cmp_ngt_in(going, outside_of_bounds(at->exit, t), v_splat(0.0f));
-            i++;
-            if (v_same(inside, live) && step < at->left)
-                continue;
-            group->distance[k] = distance;
-            end_rays(at, step, k, going, inside, group, cap);
-            if (v_any(group->live[k]))
-                continue;
-            at->t = t;
-            group->list[--i] = group->list[--under_way];
-        }
-}
-
-static bool march_solid(struct march_state packets[GROUP], int shape, struct packet_group *group,
-                        const struct prepared *scene) {
-    const struct primitive *placed = &scene->placed[shape];
-    if (!placed->steady || placed->way != EVAL_POINT)
-        return false;
-    switch (placed->type) {
-#define EACH(type)                                                                                 \
-    case type: march_one_solid(packets, shape, type, group, scene); return true;
-        EACH(SHAPE_SPHERE)
-        EACH(SHAPE_BOX)
-        EACH(SHAPE_TORUS)
-        EACH(SHAPE_CONE)
-        EACH(SHAPE_OCTAHEDRON)
-#undef EACH
-    default: return false;
-    }
-}
-
-// Until every ray has ended, by the hit test of a float march, which errs with t.
-static void march(struct march_state packets[GROUP], const struct ray_group *rays,
-                  struct trace_context *world) {
+// The hit test is min_step()'s, which widens with t as a float's error does.
+void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world) {
     COUNT(march, call);
     const struct prepared *scene = world->scene;
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(v_count(group->live[k]));
         struct march_state *at = &packets[k];
         at->exit = bounds_exit_of(at->origin, rays->direction[k], &scene->model);
-        at->left = steps_left(at, group->live[k], step_cap(&scene->model));
-        group->t[k] = v_select(group->live[k], at->start, at->t); // what is done stays where it is
-        at->start = v_splat(0.0f);
+        at->left = steps_left(at, group->live[k], march_cap(at, &scene->model));
+        group->t[k] = first_t(at, group->live[k]);
         at->last = v_zero_where(group->live[k], at->last);
     }
-    struct shape_list list = group->beam[0].list;
-    if (list.count == 1 && scene->placed[*list.shape].way == EVAL_LINEAR) {
-        march_all_to_plane(packets, *list.shape, 1, group, &scene->model);
+    struct shape_list list = group->packet[0].list;
+    if (list.count == 1 && scene->primitives[*list.shape].kind == EVAL_LINEAR) {
+        march_to_plane(packets, *list.shape, 1, group, &scene->model);
         return;
     }
     if (list.count == 1 && march_solid(packets, *list.shape, group, scene))
         return;
-    struct sole_shape alone = {.shape = -1};
+    struct sole_shape sole = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {
-        bool anew = scene_distances(group, scene, &alone);
+        bool anew = scene_distances(group, scene, &sole);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
@@ -239,124 +56,10 @@ static void march(struct march_state packets[GROUP], const struct ray_group *ray
             packets[k].t = group->t[k];
             group->list[i] = group->list[--group->count];
         }
-        if (anew && alone.shape >= 0 && scene->placed[alone.shape].way == EVAL_LINEAR &&
-            plane_is_sole_hit(group, &alone)) {
-            march_all_to_plane(packets, alone.shape, step + 1, group, &scene->model);
+        if (anew && sole.shape >= 0 && scene->primitives[sole.shape].kind == EVAL_LINEAR &&
+            plane_is_sole_hit(group, &sole)) {
+            march_to_plane(packets, sole.shape, step + 1, group, &scene->model);
             return;
         }
-    }
-}
-
-// The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
-                                                   const struct prepared *scene,
-                                                   const struct packet_rays *beam, vfloat *shape) {
-    ACTIVE(v_count(deep));
-    COUNT(shape_inside, call);
-    vfloat inside = v_splat(-1.0f);
-    nearest_shape_at(beam, t, scene, deep, &inside);
-    *shape = v_select(deep, inside, *shape);
-}
-
-// Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
-// a shape, not of the way to it. A hit that is still further than twice the hit distance, because
-// the march erred or its test was wider than the scene's, marches on from there: whether there is one.
-static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
-                      const struct prepared *scene, struct packet_rays *beam, vmask *live) {
-    ACTIVE(v_count(at->found));
-    COUNT(land_hits, call);
-    if (!v_any(at->found))
-        return false;
-    COUNT(land_hits, point);
-    COUNT(land_hits, scalar);
-    float twice = 2.0f * (float)scene->model.march.hit_distance;
-    vmask sunk = v_and(v_andnot(settled, at->found), v_cmp_lt(at->last, v_splat(-twice)));
-    if (v_any(sunk))
-        shape_inside(sunk, at->t, scene, beam, &at->inside);
-    at->deep = v_or(at->deep, sunk);
-    // What has settled stays as it is to the bit, whatever its neighbours do.
-    at->origin =
-        point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
-    approach_origins(at->origin, scene, beam);
-    at->near = near_hit(at->found, scene, beam);
-    vmask off = v_and(
-        at->found, v_andnot(v_or(at->deep, settled), v_cmp_gt(at->near.distance, v_splat(twice))));
-    if (!v_any(off))
-        return false;
-    ACTIVE(v_count(off));
-    COUNT(land_hits, on);
-    // From where it surely was before that surface, be it as thin as an ulp of t.
-    vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
-    at->origin.lo = vec_along(at->origin.lo, direction, back);
-    at->before = v_select(off, at->before + (at->t + (at->last + back)), at->before);
-    approach_origins(at->origin, scene, beam);
-    approach_directions(direction, scene, beam);
-    at->found = v_andnot(off, at->found);
-    *live = v_cmp_lt_in(off, at->evals, v_splat((float)step_cap(&scene->model)));
-    return v_any(*live);
-}
-
-static struct hit finish_hit(struct march_state *at, struct vec direction,
-                             const struct prepared *scene, struct packet_rays *beam) {
-    COUNT(finish_hit, call);
-    struct hit hit = {.found = at->found, .shape = v_splat(-1.0f), .evals = at->evals};
-    if (!v_any(at->found))
-        return hit;
-    vfloat way = at->before + at->t;
-    vmask unmoved = v_cmp_ge(v_splat(0.0f), way); // hits wherever it starts
-    hit.found = v_and(hit.found, v_or(within(at->origin, &scene->model), unmoved));
-    struct hit_surroundings near = at->near;
-    if (v_any(at->deep)) {
-        COUNT(finish_hit, deep);
-        vmask other = v_cmp_ge(v_abs(near.shape - at->inside), v_splat(0.5f));
-        near.contact = v_or(near.contact, v_and(at->deep, other));
-        near.shape = v_select(at->deep, at->inside, near.shape);
-    }
-    vfloat slope;
-    hit.normal = normal_at(direction, hit.found, &near, scene, beam, &slope);
-    ACTIVE(v_count(hit.found));
-    COUNT(finish_hit, end);
-    hit.shape = v_select(hit.found, near.shape, hit.shape);
-    vfloat more = v_zero_where(at->deep, newton(near.distance, slope, way));
-    hit.t = at->before + (at->t + (at->last + more));
-    hit.point = at->origin;
-    hit.point.lo = vec_along(hit.point.lo, direction, more);
-    approach_moved(more, scene, beam);
-    return hit;
-}
-
-void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit *hit) {
-    COUNT(ray_march, call);
-    const struct prepared *scene = world->scene;
-    struct march_state packets[GROUP];
-    unsigned going = 0;
-    for (int k = 0; k < world->group.size; k++) {
-        ACTIVE(v_count(rays->active[k]));
-        vfloat zero = v_splat(0.0f);
-        packets[k] = (struct march_state){.origin = rays->origin[k]};
-        packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
-        packets[k].found = packets[k].deep = v_mask_none();
-        packets[k].inside = v_splat(-1.0f);
-        packets[k].start = rays->start;
-        world->group.live[k] = rays->active[k];
-        if (!v_any(rays->active[k]))
-            continue;
-        going |= 1u << k;
-        approach_origins(rays->origin[k], scene, &world->group.beam[k]);
-        approach_directions(rays->direction[k], scene, &world->group.beam[k]);
-    }
-    while (going) {
-        vmask settled[GROUP];
-        for (int k = 0; k < world->group.size; k++)
-            settled[k] = packets[k].found;
-        march(packets, rays, world);
-        for (int k = 0; k < world->group.size; k++)
-            if (going >> k & 1 && !land_hits(&packets[k], settled[k], rays->direction[k], scene,
-                                             &world->group.beam[k], &world->group.live[k]))
-                going &= ~(1u << k);
-    }
-    for (int k = 0; k < world->group.size; k++) {
-        ACTIVE(v_count(packets[k].found));
-        hit[k] = finish_hit(&packets[k], rays->direction[k], scene, &world->group.beam[k]);
     }
 }

@@ -1,11 +1,13 @@
-// The colour of a ray: what it hits in the light, mirrors by recursion, fog.
+// The colour of a ray: the hit's colour in the light, mirrors by recursion, and fog.
+#include "cones/march_scratch.h"
 #include "cones/tile_cones.h"
+#include "core/packet_group.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 #include "shading/phong.h"
-#include "simd/point.h"
-#include "simd/pow.h"
 
-// Colours of what the reflective hits of a few packets mirror, added to theirs. One reflective ray makes the call; the
-// others are masked out of it and of their colour.
+// Adds the mirrored colours to those of the reflective hits of a few packets. The recursive call is made if one ray is
+// reflective. The other rays are masked.
 static void mirror(const struct ray_group *rays, int bounce, struct trace_context *world,
                    const struct surfaces *surface, struct shaded *result) {
     COUNT(mirror, call);
@@ -31,8 +33,8 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
     }
     if (!one)
         return;
-    group_size(&world->group, SMALL_GROUP);
-    list_for_bundle(&mirrored, NULL, LIST_HIT, world, world->own->mirror);
+    set_group_size(world->group, SMALL_GROUP);
+    list_for_bundle(&mirrored, NULL, LIST_HIT, world, world->scratch->mirror);
     struct shaded seen[SMALL_GROUP];
     trace(&mirrored, bounce + 1, world, seen);
     for (int k = 0; k < SMALL_GROUP; k++) {
@@ -47,7 +49,7 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
     }
 }
 
-// The group's packets seen; the arrays have one for each.
+// Traces all packets of the group. Each array has one element per packet.
 static inline void trace_packets(const struct ray_group *rays, int bounce,
                                  struct trace_context *world, struct hit *hit,
                                  struct lighting *light, struct surfaces *surface, vfloat *reach,
@@ -56,7 +58,7 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
-    const int size = world->group.size;
+    const int size = packets_in(world->group);
     ray_march(rays, world, hit);
     for (int k = 0; k < size; k++) {
         ACTIVE(v_count(hit[k].found));
@@ -96,7 +98,7 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
     }
 }
 
-// A large group is seen from the camera alone, so that as many bounces as a scene may ask for fit the stack.
+// A large group holds camera rays only, so the recursion's arrays stay small and every bounce fits the stack.
 __attribute__((noinline)) static void trace_many(const struct ray_group *rays, int bounce,
                                                  struct trace_context *world,
                                                  struct shaded *result) {
@@ -119,7 +121,7 @@ __attribute__((noinline)) static void trace_few(const struct ray_group *rays, in
 
 void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
            struct shaded *result) {
-    if (world->group.size == SMALL_GROUP)
+    if (packets_in(world->group) == SMALL_GROUP)
         trace_few(rays, bounce, world, result);
     else
         trace_many(rays, bounce, world, result);

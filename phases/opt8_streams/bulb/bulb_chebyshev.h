@@ -1,45 +1,31 @@
-// Camera rays that are close to a Mandelbulb: their last digits decide where they end (bulb/bulb_single.c). Along a ray the map's
-// first iteration is a smooth function of t, and steps are short here: it is told for a piece of the ray at once, as
-// polynomials through CLOSE_TERMS of its places, in doubles. A step then errs by a float's rounding at the size of
-// the piece, and by that of the map's later iterations, which the derivative divides.
-//
-// The map is singular on the axis ρ = 0 alone, which a ray meets at complex t, too, no nearer than ρ to a place where it
-// has ρ. On pieces of half length ρ/32, 0.02 at most, the polynomials are off by less than 2^-24, a float's
-// rounding of 1 (tests/py/test_close.py; ρ/16: 46 times that), as long as ρ is 1e-5 or more: nearer to the axis a
-// piece is CLOSE_PIECE_MIN and not shorter, and they are off by up to 2e-5 at ρ = 1e-6. Interpolation at Chebyshev's
-// points: Trefethen, Approximation Theory and Approximation Practice, 2013; distance to a singularity, its chapter 8.
-#ifndef CLOSE_H
-#define CLOSE_H
+// Camera rays that are close to a Mandelbulb march on polynomials: see bulb/bulb_chebyshev.c.
+#ifndef BULB_CHEBYSHEV_H
+#define BULB_CHEBYSHEV_H
 
-#include "bulb/bulb_estimate.h"
-#include "core/ray_queues.h"
-#include "simd/permute.h"
-#include "simd/point.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
-#include <string.h>
+struct ray_queues; // core/ray_queues.h
 
-// From such an estimate on a ray is close, and until such a one at the end of its piece. Not by the step, which may be
-// short over a plane: far out, where the first iteration has escaped, chebyshev_orbit()'s estimate is too short.
+// A ray is close below CLOSE_ESTIMATE, and stays so until its estimate is above LEAVE_ESTIMATE at the end of its
+// piece. The step does not decide, because it may be short over a plane: far out, where the first iteration has
+// escaped, chebyshev_orbit()'s estimate is too short.
 #define CLOSE_ESTIMATE 5e-3f
-#define LEAVE_ESTIMATE 1e-2f
-#define CLOSE_PIECE 0.02f // half length of a piece, at most
-#define CLOSE_PIECE_MIN 0x1p-20f
-#define CLOSE_PIECE_SHARE 0.03125f          // of ρ
 enum { CLOSE_TERMS = 6, CLOSE_VALUES = 4 }; // x, y, z and the derivative
 
-// What a lane knows; all from the middle of its piece.
+// The fields of a lane. Distances count from the middle of its piece.
 enum chebyshev_field {
-    N_TERM, // the constants of all that is told, then the factors of t …
+    N_TERM, // the constant terms of all values, then the factors of t, t² …
     N_PLACE = CLOSE_VALUES * CLOSE_TERMS,
     N_DIRECTION = N_PLACE + 3,
     N_T = N_DIRECTION + 3,
-    N_END, // of the piece, or of the ray
-    N_TO,  // of the ray
+    N_PIECE_END, // end of the piece, or of the ray
+    N_RAY_END,   // end of the ray
     N_HEIGHT,
     N_SLOPE,
     N_MIDDLE,
-    N_RAY, // which one on the desk
-    N_HAD,
+    N_RAY, // its index in queues->single
+    N_EVALS,
     N_FIELDS
 };
 
@@ -48,346 +34,30 @@ struct chebyshev_lanes {
     unsigned live;
 };
 
-// Rays that have their pieces, and wait for lanes.
+// Rays that have a piece and wait for a lane.
 struct ray_pieces {
     float field[N_FIELDS][2 * LANES];
     int next, count;
 };
-
-enum { REFILL_BULB_SINGLE = LANES * LANES / 32, REFILL_CLOSE = LANES / 2 }; // ended lanes
 
 static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble t) {
     return (vdouble){v_half_madd(direction.low, t.low, origin.low),
                      v_half_madd(direction.high, t.high, origin.high)};
 }
 
-static inline struct vec_double points_along(struct vec_double o, struct vec_double d, vdouble t) {
-    COUNT(points_along, call);
-    return (struct vec_double){v_double_along(o.x, d.x, t), v_double_along(o.y, d.y, t),
-                               v_double_along(o.z, d.z, t)};
-}
-
-// The rays of the lanes in m wait for their next pieces. t is two floats.
-static void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
-                        struct worker_scratch *scratch) {
-    COUNT(queue_close, call);
-    if (scratch->close_count + 2 * LANES >
-        CLOSE_ROOM) { // whole registers are read from the last ray on
-        int left = scratch->close_count - scratch->close_first;
-        for (int i = 0; i < C_FIELDS; i++)
-            memmove(scratch->close[i], scratch->close[i] + scratch->close_first,
-                    (size_t)left * sizeof(float));
-        scratch->close_first = 0;
-        scratch->close_count = left;
-    }
-    v_compress_store(m, ray, &scratch->close[C_RAY][scratch->close_count]);
-    v_compress_store(m, t, &scratch->close[C_T][scratch->close_count]);
-    v_compress_store(m, rest, &scratch->close[C_REST][scratch->close_count]);
-    v_compress_store(m, had, &scratch->close[C_HAD][scratch->close_count]);
-    scratch->close_count += v_count(m);
-}
-
-static inline vdouble v_double_plus(vdouble a, vdouble b) {
-    return (vdouble){a.low + b.low, a.high + b.high};
-}
-
-static inline vdouble v_double_minus(vdouble a, vdouble b) {
-    return (vdouble){a.low - b.low, a.high - b.high};
-}
-
-static inline void lane0_double(struct vec_double place, vdouble to[CLOSE_VALUES]) {
-    COUNT(bulb_first, both);
-    struct orbit_double low = bulb_first(place.x.low, place.y.low, place.z.low);
-    struct orbit_double high = bulb_first(place.x.high, place.y.high, place.z.high);
-    to[0] = (vdouble){low.x, high.x};
-    to[1] = (vdouble){low.y, high.y};
-    to[2] = (vdouble){low.z, high.z};
-    to[3] = (vdouble){low.slope, high.slope};
-}
-
-// One coordinate's: even and odd part of the values at ±node·end, by the inverse of the nodes' powers.
-static inline void store_terms(const vdouble sum[3], const vdouble difference[3],
-                               const vfloat power[CLOSE_TERMS], int axis, struct ray_pieces *to) {
-    static const double even[3][3] = {
-        {0.044658198738520484, -0.16666666666666696, 0.62200846792814624},
-        {-0.75598306414370742, 2.6666666666666665, -1.9106836025229585},
-        {1.333333333333333, -2.6666666666666661, 1.3333333333333328}};
-    static const double odd[3][3] = {{0.046233569414009822, -0.23570226039551659, 2.40325617336917},
-                                     {-0.7826512591014092, 3.7712361663282561, -7.3823145501758569},
-                                     {1.3803682405467781, -3.7712361663282552, 5.151604406875034}};
-    COUNT(store_terms, call);
-    for (int k = 0; k < CLOSE_TERMS; k++) {
-        const double *row = k % 2 ? odd[k / 2] : even[k / 2];
-        const vdouble *value = k % 2 ? difference : sum;
-        vdouble term = v_double_madd(
-            value[0], row[0], v_double_madd(value[1], row[1], v_double_mul(value[2], row[2])));
-        vfloat factor = v_double_to_float(term);
-        if (k > 0)
-            factor = factor * power[k];
-        v_store(factor, to->field[N_TERM + CLOSE_VALUES * k + axis]);
-    }
-}
-
-static void store_pieces(struct vec_double o, struct vec_double d, vdouble middle, vfloat end,
-                         vfloat per_end, struct ray_pieces *to) {
-    static const double nodes[3] = {0.96592582628906831, 0.70710678118654757, 0.25881904510252074};
-    COUNT(store_pieces, call);
-    vdouble sum[CLOSE_VALUES][3], difference[CLOSE_VALUES][3],
-        reach = v_double_sum(end, v_splat(0.0f));
-    for (int i = 0; i < 3; i++) {
-        vdouble away = v_double_mul(reach, nodes[i]), before[CLOSE_VALUES], behind[CLOSE_VALUES];
-        lane0_double(points_along(o, d, v_double_minus(middle, away)), before);
-        lane0_double(points_along(o, d, v_double_plus(middle, away)), behind);
-        for (int axis = 0; axis < CLOSE_VALUES; axis++) {
-            sum[axis][i] = v_double_plus(behind[axis], before[axis]);
-            difference[axis][i] = v_double_minus(behind[axis], before[axis]);
-        }
-    }
-    vfloat power[CLOSE_TERMS] = {v_splat(1.0f), per_end};
-    for (int k = 2; k < CLOSE_TERMS; k++)
-        power[k] = power[k - 1] * per_end;
-    for (int axis = 0; axis < CLOSE_VALUES; axis++)
-        store_terms(sum[axis], difference[axis], power, axis, to);
-}
-
-// The pieces on which the first rays that wait are to go on.
-static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to) {
-    int first = scratch->close_first, count = scratch->close_count - first;
-    count = count < LANES ? count : LANES;
-    ACTIVE(count);
-    COUNT(prepare_pieces, call);
-    float of[B_FIELDS][LANES];
-    int rays[LANES];
-    for (int lane = 0; lane < LANES; lane++)
-        rays[lane] = (int)scratch->close[C_RAY][first + (lane < count ? lane : 0)];
-    for (int i = 0; i < B_FIELDS; i++)
-        for (int lane = 0; lane < LANES; lane++)
-            of[i][lane] = scratch->lone[i][rays[lane]];
-    vdouble ray[6];
-    for (int i = 0; i < 6; i++)
-        ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_REST + i]));
-    struct vec_double o = {ray[0], ray[1], ray[2]}, d = {ray[3], ray[4], ray[5]};
-    vdouble t =
-        v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_REST][first]));
-    struct vec_double place = points_along(o, d, t);
-    vfloat x = v_double_to_float(place.x), z = v_double_to_float(place.z),
-           rho = v_sqrt(v_madd(x, x, z * z));
-    vfloat end = v_max(v_min(rho * v_splat(CLOSE_PIECE_SHARE), v_splat(CLOSE_PIECE)),
-                       v_splat(CLOSE_PIECE_MIN));
-    vfloat near_middle = v_double_to_float(t) + end;
-    vdouble middle = v_double_sum(near_middle, v_splat(0.0f));
-    store_pieces(o, d, middle, end, v_splat(1.0f) / end, to);
-    place = points_along(o, d, middle);
-    v_store(v_double_to_float(place.x), to->field[N_PLACE]);
-    v_store(v_double_to_float(place.y), to->field[N_PLACE + 1]);
-    v_store(v_double_to_float(place.z), to->field[N_PLACE + 2]);
-    for (int i = 0; i < 3; i++)
-        v_store(v_load(of[B_DIRECTION + i]), to->field[N_DIRECTION + i]);
-    vfloat slope = v_load(of[B_SLOPE]);
-    v_store(v_double_to_float(v_double_minus(t, middle)), to->field[N_T]);
-    vfloat until = v_load(of[B_TO]) - near_middle;
-    v_store(v_min(end, until), to->field[N_END]);
-    v_store(until, to->field[N_TO]);
-    v_store(v_madd(near_middle, slope, v_load(of[B_HEIGHT])), to->field[N_HEIGHT]);
-    v_store(slope, to->field[N_SLOPE]);
-    v_store(near_middle, to->field[N_MIDDLE]);
-    v_store(v_load(&scratch->close[C_RAY][first]), to->field[N_RAY]);
-    v_store(v_load(&scratch->close[C_HAD][first]), to->field[N_HAD]);
-    to->next = 0;
-    to->count = count;
-    scratch->close_first += count;
-}
-
-// Lanes that have ended take the next rays, if there are any.
-static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from,
-                             struct worker_scratch *scratch) {
-    COUNT(refill_chebyshev, call);
-    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended;) {
-        if (from->next == from->count) {
-            if (scratch->close_first == scratch->close_count)
-                return;
-            prepare_pieces(scratch, from);
-        }
-        unsigned now = ended;
-        int more = __builtin_popcount(ended) - (from->count - from->next);
-        for (; more > 0; more--)
-            now &= now - 1;
-        v_expand_rows(to->field, N_FIELDS, now, &from->field[0][from->next], 2 * LANES);
-        from->next += __builtin_popcount(now);
-        to->live |= now;
-        ended &= ~now;
-    }
-}
-
-struct chebyshev_packet {
-    vfloat t, estimate, had;
-    vmask done, reached, met;
-};
-
-// After the first iteration.
-static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t,
-                                                  vmask done) {
-    ACTIVE(LANES);
-    COUNT(chebyshev_orbit, call);
-    const vfloat *term = lanes->field + N_TERM + CLOSE_VALUES * (CLOSE_TERMS - 1);
-    vfloat x = term[0], y = term[1], z = term[2], slope = term[3];
-    for (int k = 1; k < CLOSE_TERMS; k++) {
-        term -= CLOSE_VALUES;
-        x = v_madd(x, t, term[0]);
-        y = v_madd(y, t, term[1]);
-        z = v_madd(z, t, term[2]);
-        slope = v_madd(slope, t, term[3]);
-    }
-    vfloat flat = v_madd(x, x, v_madd(z, z, v_splat(1e-30f)));
-    vfloat m = v_madd(y, y, flat);
-    return (struct scaled_orbit){
-        x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
-}
-
-static inline void advance_chebyshev(struct chebyshev_packet *p, const vfloat field[N_FIELDS],
-                                     vfloat h, vfloat hit_distance, vfloat most) {
-    ACTIVE(LANES - v_count(p->done));
-    COUNT(advance_chebyshev, call);
-    vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
-    vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
-    p->estimate = v_select(live, h, p->estimate);
-    p->had = v_add_where(live, p->had, v_splat(1.0f));
-    p->t = p->t + v_select_or_zero(live, least);
-    p->reached = v_or(p->reached, reached);
-    p->met = v_or(p->met, v_cmp_nlt_in(reached, height, h));
-    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, field[N_END]);
-    p->done = v_not(v_cmp_lt_in(live, p->had, most));
-}
-
-// A step of all packets. How many lanes have ended.
-static inline int step_chebyshev(const struct primitive *s, const struct chebyshev_lanes *lanes,
-                                 struct chebyshev_packet *p, vfloat hit_distance, vfloat most) {
-    struct scaled_orbit b[INTERLEAVED];
-    struct vec at[INTERLEAVED];
-    vfloat h[INTERLEAVED];
-    COUNT(step_chebyshev, call);
-    for (int k = 0; k < INTERLEAVED; k++) {
-        const vfloat *field = lanes[k].field;
-        ACTIVE(LANES - v_count(p[k].done));
-        COUNT(step_chebyshev, packet);
-        at[k] = vec_along(
-            (struct vec){field[N_PLACE], field[N_PLACE + 1], field[N_PLACE + 2]},
-            (struct vec){field[N_DIRECTION], field[N_DIRECTION + 1], field[N_DIRECTION + 2]},
-            p[k].t);
-        b[k] = chebyshev_orbit(&lanes[k], p[k].t, p[k].done);
-        b[k].on = v_cmp_ngt_in(b[k].on, b[k].m, v_splat(s->bailout));
-    }
-    bulbs_end(s, 1, false, true, false, INTERLEAVED, b, at, h);
-    int ended = 0;
-    for (int k = 0; k < INTERLEAVED; k++) {
-        advance_chebyshev(&p[k], lanes[k].field, h[k], hit_distance, most);
-        ended += v_count(p[k].done);
-    }
-    return ended;
-}
-
-// Where a ray's march is over: for resume_march(). t: from where it is nearest to the centre. What goes on among the other shapes
-// may have come below the plane by its last step, and be behind the camera.
-static void store_march_result(struct worker_scratch *scratch, int ray, double t, float evals,
-                               float found) {
-    COUNT(store_march_result, call);
-    int slot = (int)scratch->lone[B_SLOT][ray];
-    double all =
-        ((double)scratch->lone[B_BEFORE][ray] + (double)scratch->lone[B_BEFORE_MORE][ray]) + t;
-    float far = (float)all;
-    bool goes_on = found < 0 && far < 0;
-    scratch->marched[MARCH_T][slot] = goes_on ? 0 : far;
-    scratch->marched[MARCH_LAST_STEP][slot] = (float)(all - (double)far);
-    scratch->marched[MARCH_EVALS][slot] = evals;
-    scratch->marched[MARCH_FOUND][slot] = found;
-}
-
-// Of a packet's lanes that are over what store_march_result() wants: what has come to the plane is to ask there again.
-static inline void march_outcome(vmask met, vmask reached, vfloat had, vfloat most,
-                                 float evals[LANES], float found[LANES]) {
-    COUNT(march_outcome, call);
-    vmask capped = v_andnot(reached, v_cmp_ge(had, most)), plane = v_andnot(met, reached);
-    v_store(had - v_select_or_zero(plane, v_splat(1.0f)), evals);
-    v_store(v_select(met, v_splat(1.0f), v_select(capped, v_splat(0.0f), v_splat(-1.0f))), found);
-}
-
-// Back to the rays that bulb/bulb_single.c marches in floats.
-static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, float rest,
-                            float had) {
-    int to = scratch->open_count++;
-    for (int i = 0; i < B_LANE; i++)
-        scratch->open[i][to] = scratch->lone[i][ray];
-    scratch->open[B_T][to] = t;
-    scratch->open[B_MORE][to] = rest;
-    scratch->open[B_HAD][to] = had;
-}
-
-// What has ended is told; what is at the end of its piece waits for the next, and all are no longer live.
-static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, vfloat most,
-                             struct worker_scratch *scratch) {
-    ACTIVE(v_count(v_mask_of_bits(from->live)));
-    COUNT(retire_chebyshev, call);
-    from->field[N_T] = p->t;
-    from->field[N_HAD] = p->had;
-    unsigned ended = v_mask_bits(p->done) & from->live;
-    from->live &= ~ended;
-    if (!ended)
-        return;
-    COUNT(retire_chebyshev, ended);
-    float way[LANES], middle[LANES], rays[LANES], had[LANES], found[LANES];
-    vmask over = v_or(v_cmp_gt(p->t, from->field[N_TO]), v_cmp_ge(p->had, most));
-    vmask on = v_andnot(v_or(p->reached, over), v_mask_of_bits(ended));
-    v_store(p->t, way);
-    v_store(from->field[N_MIDDLE], middle);
-    v_store(from->field[N_RAY], rays);
-    march_outcome(p->met, p->reached, p->had, most, had, found);
-    for (unsigned rest = ended & ~v_mask_bits(on); rest; rest &= rest - 1) {
-        int lane = __builtin_ctz(rest);
-        store_march_result(scratch, (int)rays[lane], (double)middle[lane] + (double)way[lane],
-                           had[lane], found[lane]);
-    }
-    if (!v_any(on))
-        return;
-    ACTIVE(v_count(on));
-    COUNT(retire_chebyshev, on);
-    vfloat far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
-    vfloat rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
-    vmask open = v_and(on, v_cmp_gt(p->estimate, v_splat(LEAVE_ESTIMATE)));
-    v_store(far, way);
-    v_store(rest, middle);
-    for (unsigned which = v_mask_bits(open); which; which &= which - 1) {
-        int lane = __builtin_ctz(which);
-        leave_chebyshev(scratch, (int)rays[lane], way[lane], middle[lane], had[lane]);
-    }
-    queue_close(v_andnot(open, on), from->field[N_RAY], far, rest, p->had, scratch);
-}
-
-// Marches the rays that wait, until none does: to the end, unless some are to be marched in floats before.
-static void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat most,
-                            struct chebyshev_lanes lanes[INTERLEAVED], struct ray_pieces *pieces,
-                            struct worker_scratch *scratch) {
-    COUNT(march_chebyshev, call);
-    for (;;) {
-        struct chebyshev_packet p[INTERLEAVED];
-        int ended = 0;
-        for (int k = 0; k < INTERLEAVED; k++) {
-            refill_chebyshev(&lanes[k], pieces, scratch);
-            COUNT(march_chebyshev, packet);
-            p[k] = (struct chebyshev_packet){lanes[k].field[N_T],   v_splat(0.0f),
-                                             lanes[k].field[N_HAD], v_mask_of_bits(~lanes[k].live),
-                                             v_mask_none(),         v_mask_none()};
-            ended += v_count(p[k].done);
-        }
-        bool more = pieces->next < pieces->count || scratch->close_first < scratch->close_count;
-        if (ended == INTERLEAVED * LANES ||
-            (!more && ended >= REFILL_CLOSE && scratch->open_count > 0))
-            return;
-        int enough = more || scratch->open_count > 0 ? ended + REFILL_CLOSE : INTERLEAVED * LANES;
-        while (ended < enough && ended < INTERLEAVED * LANES)
-            ended = step_chebyshev(s, lanes, p, hit_distance, most);
-        for (int k = 0; k < INTERLEAVED; k++)
-            retire_chebyshev(&p[k], &lanes[k], most, scratch);
-    }
-}
+// Queues the rays of the lanes in m for their next pieces. t is the sum of two floats.
+void queue_close(vmask m, vfloat ray, vfloat t, vfloat t_lo, vfloat evals,
+                 struct ray_queues *queues);
+// Stores the result of a ray's march, for resume_march(). t counts from the point nearest to the centre. A ray that
+// marches on may have come below the plane by its last step, and so be behind the camera.
+void store_march_result(struct ray_queues *queues, int ray, double t, float evals, float found);
+// Sets the results of a packet's ended lanes, as store_march_result() takes them. A ray at the plane evaluates its
+// last step again.
+void march_outcome(vmask met, vmask reached, vfloat evals, vfloat cap, float counted[LANES],
+                   float found[LANES]);
+// Marches the rays that wait to their ends. Returns earlier if rays must be marched in floats first.
+void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat cap,
+                     struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
+                     struct ray_queues *queues);
 
 #endif

@@ -1,17 +1,16 @@
 // A Mandelbulb's distance estimate. D. White and P. Nylander's power-8 map with the running derivative (I. Quilez,
-// "mandelbulb", iquilezles.org/articles/mandelbulb), as three squarings each of two unit phasors: (ρ + iy)⁸ and
-// (x + iz)⁸/ρ⁸, ρ² = x² + z²: no division and no exact root. What only scales the estimate (the derivative's root and
-// quotient) has 14 bits: the surface stays where it is, and a step's length errs by 2⁻¹³ of itself.
-#ifndef BULB_H
-#define BULB_H
+// "mandelbulb", iquilezles.org/articles/mandelbulb), as three squarings of two unit phasors: (ρ + iy)⁸ and (x +
+// iz)⁸/ρ⁸, ρ² = x² + z². It needs no division and no exact root. The derivative's root and quotient only scale the
+// estimate and have 14 bits: the surface stays where it is, and a step's length errs by 2⁻¹³ of itself.
+#ifndef BULB_ESTIMATE_H
+#define BULB_ESTIMATE_H
 
 #include "core/numerics.h"
-#include "core/sdf.h"
-#include "simd/pow.h"
+#include "core/primitive.h"
 
-// A point's orbit. The derivative is slope·√product, the product of all m before: its recursion, 8·m³·√m·that + 1,
-// becomes 8·m³·slope + 1/√product, whose root is that of the small summand alone: 11 bits will do, but in the first two
-// of a camera ray's (`exact`).
+// A point's orbit. The derivative is slope·√product, with the product of all earlier m. Its recursion,
+// 8·m³·√m·derivative + 1, becomes 8·m³·slope + 1/√product. Only the small summand has a root, so 11 bits are enough,
+// except in the first two iterations of a camera ray (`exact`).
 struct scaled_orbit {
     vfloat x, y, z, flat, m; // flat: x² + z², m: |·|²
     vfloat slope, product;
@@ -23,7 +22,7 @@ static inline void bulb_square(struct scaled_orbit *b, vfloat *m) {
     *m = v_madd(b->y, b->y, b->flat);
 }
 
-// Written where it is to be: returned, it would be copied in halves, and their loads wait for all of the stores.
+// Writes to `b`. A returned struct would be copied in halves, and loads would wait for the stores.
 static inline void bulb_begin(struct scaled_orbit *b, struct vec p, vmask live) {
     ACTIVE(v_count(live));
     COUNT(bulb_begin, call);
@@ -36,13 +35,13 @@ static inline void bulb_begin(struct scaled_orbit *b, struct vec p, vmask live) 
     b->on = v_andnot(b->far, live);
 }
 
-// A point with a double in each lane, and the derivative there.
+// Points in double, and the derivative there.
 struct orbit_double {
     vhalf x, y, z, slope;
 };
 
-// The first iteration to 40 bits. What float errs by there and in the point itself is what decides where a march in
-// float ends: later iterations' errors count an eighth and less of the one before.
+// Returns the first iteration, to 40 bits. Its rounding error in float, and the point's, decide where a march in float
+// ends. The errors of later iterations count an eighth or less of those before.
 static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
     COUNT(bulb_first, call);
     vhalf one = v_half_splat(1.0), two = v_half_splat(2.0);
@@ -63,7 +62,7 @@ static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
                                  v_half_madd((m * m) * m, root * twelve, one)};
 }
 
-// What comes of an iteration for those that have not escaped before.
+// Ends an iteration, for points that had not escaped before.
 static inline void bulb_grow(struct scaled_orbit *b, vfloat bailout) {
     COUNT(bulb_grow, call);
     vfloat grown;
@@ -72,13 +71,14 @@ static inline void bulb_grow(struct scaled_orbit *b, vfloat bailout) {
     b->on = v_cmp_ngt_in(b->on, grown, bailout);
 }
 
-// 1/√a for the derivative's sum.
+// Returns 1/√a for the derivative's sum.
 static inline vfloat derivative_root(vfloat a, bool exact) {
     return exact ? rough_inverse_root(a) : root_guess(a);
 }
 
-// With A = ρ² − y²: (ρ + iy)⁴ has 2·A² − m² for its real part, and (ρ + iy)⁸ twice that one's square less m⁴, and
-// 8·ρ·y·A·that beside it. (x + iz)²/ρ² and ⁴ are halved and in eighths, K is 128 times what they turn.
+// Takes an iteration. With A = ρ² − y², the real part of (ρ + iy)⁴ is R = 2·A² − m². That of (ρ + iy)⁸ is 2·R² − m⁴,
+// and its imaginary part 8·ρ·y·A·R. The phasor (x + iz)²/ρ² is halved and its square in eighths, so k is 128 times its
+// factor.
 static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int first, bool exact,
                              vfloat bailout) {
     ACTIVE(v_count(b->on));
@@ -91,7 +91,7 @@ static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int fi
     } else {
         COUNT(bulb_step, later);
         if (i ==
-            first) // told to be `first` by bulb/bulb_chebyshev.h: what has escaped before is √m too short, which is safe
+            first) // for points that escaped before `first` the estimate is √m too short, which is safe
             b->product = m;
         else {
             COUNT(bulb_step, product);
@@ -110,7 +110,7 @@ static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int fi
     bulb_grow(b, bailout);
 }
 
-// ¼·ln a to 5e-7: what it errs by at a = 1 is, over the derivative, of the surface's place.
+// Returns ¼·ln a to 5e-7. Its error at a = 1, over the derivative, is that of the surface's place.
 static inline vfloat rough_log(vfloat a) {
     COUNT(rough_log, call);
     vfloat e, f = v_mantissa_near_1(a, &e) - v_splat(1.0f);
@@ -123,7 +123,8 @@ static inline vfloat rough_log(vfloat a) {
     return v_madd(f, p, e * v_splat(0.25f * 0.69314718056f));
 }
 
-// `tiny`: to tell differences near the centre, too, where the product of both is below all floats; else it is 0 there.
+// Returns the estimate. `tiny` keeps differences near the centre, where the product of m and `product` underflows;
+// without it the estimate is 0 there.
 static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool tiny) {
     COUNT(bulb_end, call);
     vfloat all = b->m * b->product, root_of_both; // ¼·√m/dz·ln m, √m/√product = m/√all
@@ -147,7 +148,8 @@ static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool t
 
 enum { INTERLEAVED = 3 }; // packets of camera rays
 
-// From iteration `first` on, of `count` packets; `soon`: all may have escaped after one.
+// Iterates `count` packets from iteration `first` on, and sets their distances. `soon`: all may escape after one
+// iteration.
 __attribute__((always_inline)) static inline void bulbs_end(const struct primitive *s, int first,
                                                             bool soon, bool exact, bool tiny,
                                                             int count, struct scaled_orbit *b,

@@ -1,11 +1,20 @@
-// Camera rays where one Mandelbulb stands alone, or over a plane. Their steps are those of a march from the camera by the
-// least of the estimate and the plane's distance; rays that miss the bounding sphere take none, and such as have passed
-// it, or come to the plane, go on in march/march.c.
-// Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface bulb/bulb_chebyshev.h tells them.
-// Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
+// Camera rays of a scene with one Mandelbulb and at most a plane. Their steps are those of a march from the camera by
+// the smaller of the estimate and the plane's distance. Rays that miss the bounding sphere take no steps. Rays that
+// have passed the sphere, or reached the plane, go on in march/ray_march.c.
+//
+// Where a march ends depends on the last digits of its steps. So t is the sum of two floats, and near the surface
+// bulb/bulb_chebyshev.c takes the steps. Packets step by turns. Lanes are refilled from the rays that wait as soon as
+// enough of them have ended.
 #include "bulb/bulb_chebyshev.h"
-#include "simd/permute.h"
-#include "simd/point.h"
+#include "bulb/bulb_estimate.h"
+#include "core/ray_queues.h"
+#include "core/shape_distances.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
+
+#include <string.h>
+
+enum { REFILL_BULB_SINGLE = LANES * LANES / 32 }; // ended lanes
 
 struct bulb_lanes {
     vfloat field[B_LANE];
@@ -28,8 +37,8 @@ static int refill_single(struct bulb_lanes *to, int next, int count,
 
 struct bulb_packet {
     struct vec origin, direction;
-    vfloat t, rest, to, had; // t: two floats
-    vfloat height, slope;    // of the plane
+    vfloat t, t_lo, end, evals; // t is the sum of two floats
+    vfloat height, slope;       // of the plane
     vmask done, reached, met, close;
 };
 
@@ -41,9 +50,9 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
     return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
                                 vec_of_fields(from, B_DIRECTION),
                                 from->field[B_T],
-                                from->field[B_MORE],
-                                from->field[B_TO],
-                                from->field[B_HAD],
+                                from->field[B_T_LO],
+                                from->field[B_END],
+                                from->field[B_EVALS],
                                 from->field[B_HEIGHT],
                                 from->field[B_SLOPE],
                                 v_mask_of_bits(~from->live),
@@ -52,55 +61,55 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
                                 v_mask_none()};
 }
 
-static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_distance, vfloat most) {
+static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_distance, vfloat cap) {
     ACTIVE(LANES - v_count(p->done));
     COUNT(advance_bulb, call);
     vfloat height = v_madd(p->t, p->slope, p->height), least = v_min(h, height);
     vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
-    vfloat step = v_select_or_zero(live, least + p->rest), t = p->t + step;
-    p->rest = v_select(live, step - (t - p->t), p->rest);
+    vfloat step = v_select_or_zero(live, least + p->t_lo), t = p->t + step;
+    p->t_lo = v_select(live, step - (t - p->t), p->t_lo);
     p->t = t;
-    p->had = v_add_where(live, p->had, v_splat(1.0f));
+    p->evals = v_add_where(live, p->evals, v_splat(1.0f));
     p->reached = v_or(p->reached, reached);
     p->met = v_or(p->met, v_cmp_nlt_in(reached, height, h));
-    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, p->to);
-    live = v_cmp_lt_in(live, p->had, most);
+    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, p->end);
+    live = v_cmp_lt_in(live, p->evals, cap);
     p->close = v_or(p->close, v_cmp_lt_in(live, h, v_splat(CLOSE_ESTIMATE)));
     p->done = v_or(v_not(live), p->close);
 }
 
-// What has ended is told, what is close waits, and both are no longer live.
-static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, vfloat most,
-                          struct worker_scratch *scratch) {
+// Stores the results of ended rays, and queues close ones. Neither is live any more.
+static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, vfloat cap,
+                          struct ray_queues *queues) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
     COUNT(retire_single, call);
     from->field[B_T] = p->t;
-    from->field[B_MORE] = p->rest;
-    from->field[B_HAD] = p->had;
+    from->field[B_T_LO] = p->t_lo;
+    from->field[B_EVALS] = p->evals;
     unsigned ended = v_mask_bits(p->done) & from->live;
     from->live &= ~ended;
     if (!ended)
         return;
     COUNT(retire_single, ended);
-    float t[LANES], rest[LANES], rays[LANES], had[LANES], found[LANES];
+    float t[LANES], t_lo[LANES], rays[LANES], evals[LANES], found[LANES];
     vmask close = v_and(p->close, v_mask_of_bits(ended));
     v_store(p->t, t);
-    v_store(p->rest, rest);
+    v_store(p->t_lo, t_lo);
     v_store(from->field[B_RAY], rays);
-    march_outcome(p->met, p->reached, p->had, most, had, found);
+    march_outcome(p->met, p->reached, p->evals, cap, evals, found);
     for (unsigned which = ended & ~v_mask_bits(close); which; which &= which - 1) {
         int lane = __builtin_ctz(which);
-        store_march_result(scratch, (int)rays[lane], (double)t[lane] + (double)rest[lane],
-                           had[lane], found[lane]);
+        store_march_result(queues, (int)rays[lane], (double)t[lane] + (double)t_lo[lane],
+                           evals[lane], found[lane]);
     }
     if (v_any(close))
-        queue_close(close, from->field[B_RAY], p->t, p->rest, p->had, scratch);
+        queue_close(close, from->field[B_RAY], p->t, p->t_lo, p->evals, queues);
 }
 
-// A step of all packets. How many lanes have ended.
+// Takes a step of all packets. Returns how many lanes have ended.
 __attribute__((always_inline)) static inline int step_single(const struct primitive *s,
                                                              struct bulb_packet *p, bool soon,
-                                                             vfloat hit_distance, vfloat most) {
+                                                             vfloat hit_distance, vfloat cap) {
     struct vec at[INTERLEAVED];
     vmask done[INTERLEAVED];
     vfloat h[INTERLEAVED];
@@ -114,20 +123,20 @@ __attribute__((always_inline)) static inline int step_single(const struct primit
     bulbs(s, at, done, soon, true, h);
     int ended = 0;
     for (int k = 0; k < INTERLEAVED; k++) {
-        advance_bulb(&p[k], h[k], hit_distance, most);
+        advance_bulb(&p[k], h[k], hit_distance, cap);
         ended += v_count(p[k].done);
     }
     return ended;
 }
 
-// The first steps of rays that begin together are much alike, and need few iterations: packets take them as they are,
-// until a ray of theirs ends.
+// Takes the first steps of rays, whole packets at a time, until a ray of a packet ends. These steps are alike and need
+// few iterations.
 static void step_first_together(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM],
-                                int count, vfloat hit_distance, vfloat most) {
+                                int count, vfloat hit_distance, vfloat cap) {
     COUNT(step_first_together, call);
     for (int first = 0; first < count; first += INTERLEAVED * LANES) {
         struct bulb_packet p[INTERLEAVED];
-        vfloat t[INTERLEAVED], rest[INTERLEAVED], had[INTERLEAVED]; // before the last step
+        vfloat t[INTERLEAVED], t_lo[INTERLEAVED], evals[INTERLEAVED]; // before the last step
         int before = 0, ended;
         for (int k = 0; k < INTERLEAVED; k++) {
             int from = first + k * LANES, left = count - from;
@@ -141,29 +150,29 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_SI
         do {
             for (int k = 0; k < INTERLEAVED; k++) {
                 t[k] = p[k].t;
-                rest[k] = p[k].rest;
-                had[k] = p[k].had;
+                t_lo[k] = p[k].t_lo;
+                evals[k] = p[k].evals;
             }
-            ended = step_single(s, p, true, hit_distance, most);
+            ended = step_single(s, p, true, hit_distance, cap);
         } while (ended == before);
         for (int k = 0; k < INTERLEAVED; k++) {
             int from = first + k * LANES;
             if (from >= count)
                 break;
             v_store(t[k], &rays[B_T][from]);
-            v_store(rest[k], &rays[B_MORE][from]);
-            v_store(had[k], &rays[B_HAD][from]);
+            v_store(t_lo[k], &rays[B_T_LO][from]);
+            v_store(evals[k], &rays[B_EVALS][from]);
         }
     }
 }
 
 static void march_floats(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM], int count,
-                         vfloat hit_distance, vfloat most, struct worker_scratch *scratch) {
+                         vfloat hit_distance, vfloat cap, struct ray_queues *queues) {
     COUNT(march_floats, call);
     struct bulb_lanes lanes[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
         lanes[k].live = 0;
-        for (int i = 0; i < B_LANE; i++) // a point to work on, and nothing comes of it
+        for (int i = 0; i < B_LANE; i++) // spare lanes work on this point, without a result
             lanes[k].field[i] = v_splat(2.0f);
     }
     int next = 0;
@@ -180,10 +189,10 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_SINGLE_RO
         }
         int enough = next < count ? ended + REFILL_BULB_SINGLE : INTERLEAVED * LANES;
         while (ended < enough)
-            ended = step_single(s, p, false, hit_distance, most);
+            ended = step_single(s, p, false, hit_distance, cap);
         live = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
-            retire_single(&p[k], &lanes[k], most, scratch);
+            retire_single(&p[k], &lanes[k], cap, queues);
             live |= lanes[k].live;
         }
     } while (next < count || live);
@@ -191,26 +200,26 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_SINGLE_RO
 
 void march_single_bulb(struct trace_context *world) {
     COUNT(march_single_bulb, call);
-    struct worker_scratch *scratch = world->scratch;
+    struct ray_queues *queues = world->queues;
     const struct primitive *s = single_shape(SHAPE_MANDELBULB, world->scene);
     const struct model *model = &world->scene->model;
     vfloat hit_distance = v_max(v_splat((float)model->march.hit_distance), v_splat(0x1p-24f));
-    vfloat most = v_splat((float)step_cap(model));
-    scratch->close_first = scratch->close_count = scratch->open_count = 0;
-    step_first_together(s, scratch->lone, scratch->single_count, hit_distance, most);
-    march_floats(s, scratch->lone, scratch->single_count, hit_distance, most, scratch);
+    vfloat cap = v_splat((float)step_cap(model));
+    queues->close_first = queues->close_count = queues->open_count = 0;
+    step_first_together(s, queues->single, queues->single_count, hit_distance, cap);
+    march_floats(s, queues->single, queues->single_count, hit_distance, cap, queues);
     struct chebyshev_lanes lanes[INTERLEAVED];
     struct ray_pieces pieces = {.next = 0, .count = 0};
     memset(lanes, 0, sizeof lanes);
-    for (;;) { // rays may still be in the lanes when some are to be marched in floats
-        march_chebyshev(s, hit_distance, most, lanes, &pieces, scratch);
-        if (scratch->open_count == 0)
+    for (;;) { // lanes may keep rays while others are marched in floats
+        march_chebyshev(s, hit_distance, cap, lanes, &pieces, queues);
+        if (queues->open_count == 0)
             break;
-        int opens = scratch->open_count;
-        scratch->open_count = 0;
-        march_floats(s, scratch->open, opens, hit_distance, most, scratch);
+        int opens = queues->open_count;
+        queues->open_count = 0;
+        march_floats(s, queues->open, opens, hit_distance, cap, queues);
     }
-    scratch->single_count = 0;
+    queues->single_count = 0;
 }
 
 static inline vdouble v_double_times(vdouble a, vdouble b) {
@@ -237,7 +246,7 @@ void queue_camera_rays_single(struct vec direction, struct vec_double exact, vma
     COUNT(queue_camera_rays_single, call);
     COUNT(queue_camera_rays_single, scalar);
     const struct prepared *scene = world->scene;
-    struct worker_scratch *scratch = world->scratch;
+    struct ray_queues *queues = world->queues;
     const struct primitive *s = single_shape(SHAPE_MANDELBULB, scene);
     const struct primitive *plane = single_shape(SHAPE_PLANE, scene);
     struct vec_double eye = vec_double_of(world->eye), from = vec_double_sub(eye, s->centre);
@@ -251,35 +260,35 @@ void queue_camera_rays_single(struct vec direction, struct vec_double exact, vma
         height = coordinate(plane, vec_double_sub(eye, plane->centre), 0);
         slope = vec_dot(vec_set(plane->normal), direction);
     }
-    // To where the ray is nearest to the centre: what is marched is of the shape's size.
-    vdouble way = v_double_product(o, d),
-            back = {v_half_splat(0.0) - way.low, v_half_splat(0.0) - way.high};
+    // t counts from the point nearest to the centre, so that it has the shape's size.
+    vdouble path = v_double_product(o, d),
+            back = {v_half_splat(0.0) - path.low, v_half_splat(0.0) - path.high};
     struct vec_double c = {v_double_along(o.x, d.x, back), v_double_along(o.y, d.y, back),
                            v_double_along(o.z, d.z, back)};
     vfloat before = v_double_to_float(back);
     vfloat to =
         v_sqrt(v_max(v_splat(s->a * s->a) - v_double_to_float(v_double_product(c, c)), zero));
     vmask near = v_and(v_and(active, v_cmp_gt(to, zero)), v_cmp_gt(before + to, zero));
-    v_store(zero, &scratch->marched[MARCH_T][slot]);
-    v_store(zero, &scratch->marched[MARCH_LAST_STEP][slot]);
-    v_store(zero, &scratch->marched[MARCH_EVALS][slot]);
-    v_store(v_splat(-1.0f), &scratch->marched[MARCH_FOUND][slot]);
+    v_store(zero, &queues->marched[MARCH_T][slot]);
+    v_store(zero, &queues->marched[MARCH_LAST_STEP][slot]);
+    v_store(zero, &queues->marched[MARCH_EVALS][slot]);
+    v_store(v_splat(-1.0f), &queues->marched[MARCH_FOUND][slot]);
     if (!v_any(near))
         return;
     ACTIVE(v_count(near));
     COUNT(queue_camera_rays_single, near);
-    float (*field)[BULB_SINGLE_ROOM] = scratch->lone;
-    int at = scratch->single_count;
+    float (*field)[BULB_SINGLE_ROOM] = queues->single;
+    int at = queues->single_count;
     const vdouble values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
     for (int i = 0; i < 6; i++)
-        pack_wide(near, values[i], field + i, B_REST, at);
-    pack_wide(near, way, field + B_T, 1, at);
+        pack_wide(near, values[i], field + i, B_LO, at);
+    pack_wide(near, path, field + B_T, 1, at);
     pack_wide(near, back, field + B_BEFORE, 1, at);
     v_store(v_iota() + v_splat((float)at), field[B_RAY] + at);
-    v_store(zero, field[B_HAD] + at);
-    v_compress_store(near, to, field[B_TO] + at);
+    v_store(zero, field[B_EVALS] + at);
+    v_compress_store(near, to, field[B_END] + at);
     v_compress_store(near, v_iota() + v_splat((float)slot), field[B_SLOT] + at);
     v_compress_store(near, v_madd(before, slope, height), field[B_HEIGHT] + at);
     v_compress_store(near, slope, field[B_SLOPE] + at);
-    scratch->single_count += v_count(near);
+    queues->single_count += v_count(near);
 }

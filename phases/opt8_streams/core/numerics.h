@@ -1,29 +1,29 @@
-// What this phase computes with besides common/simd: approximate roots and quotients, with their costs.
+// Approximate roots and quotients, with their costs.
 #ifndef NUMERICS_H
 #define NUMERICS_H
 
 #include "simd/simd.h"
 
-// 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
+// Returns 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
 static inline vfloat root_guess(vfloat a) {
     COUNT(root_guess, call);
     return v_rsqrt_approx(a);
 }
 
-// 1/√a to 14 bits and better, for normal a > 0: the approximation and one Newton step.
+// Returns 1/√a to more than 14 bits, for normal a > 0: the approximation and one Newton step.
 static inline vfloat rough_inverse_root(vfloat a) {
     COUNT(rough_inverse_root, call);
     return v_rsqrt_newton(a);
 }
 
-// 1/a, likewise.
+// Returns 1/a by the approximation and one Newton step.
 static inline vfloat rough_inverse(vfloat a) {
     COUNT(rough_inverse, call);
     vfloat r = v_rcp_approx(a);
     return r * v_nmadd(a, r, v_splat(2.0f));
 }
 
-// scale·√a for normal a > 0, to a few ulp, and two factors of 1/a, whose product may be below what is normal.
+// Returns scale·√a for normal a > 0, to a few ulp. Sets two factors of 1/a, whose product may be denormal.
 static inline vfloat root_and_inverse(vfloat a, float scale, vfloat *one, vfloat *other) {
     COUNT(root_and_inverse, call);
 #if LANES == 16 // all by one Newton step from the same 14 bits

@@ -1,124 +1,78 @@
-// Packets of rays that march together, and where their rays are in the frame of each shape.
-//
-// In float, a point at |p| = 20 is known to 1e-6, which is the scene's hit distance. So nothing is evaluated in
-// world coordinates. Each ray holds, for each shape, its origin and direction in that shape's own frame. The march
-// evaluates origin + t·direction there, rounded once at the size of the shape.
+// Packets of rays that march together.
 #ifndef PACKET_GROUP_H
 #define PACKET_GROUP_H
 
-#include "core/shape_distances.h"
-#include "simd/point.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
-// Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
-// other, so one packet alone would wait several times longer than it takes to issue them. The packets also share the
-// choice of shapes: a shape that one of them needs is evaluated for all.
-enum { GROUP = 4 };
+struct local_ray; // core/shape_distances.h
 
 // A packet of rays. `high` + t is an upper bound of the distance to the nearest steady shape.
 struct packet_rays {
-    struct local_ray *approach; // one per shape
-    struct shape_list list; // shapes that its rays can meet: the same for all packets of a group
+    struct local_ray *local; // one per shape
+    struct shape_list list;  // shapes that its rays can meet: the same for all packets of a group
     // One per shape, GROUP elements apart. A shape is not the nearest as long as its value exceeds t + the distance to
     // the nearest shape.
     vfloat *wake;
     vfloat high;
 };
 
-// Sets the rays' origins in the frame of each shape, and wakes every shape. approach_directions() comes next.
-static inline void approach_origins(struct point origin, const struct prepared *scene,
-                                    struct packet_rays *beam) {
-    COUNT(approach_origins, call);
-    struct local_ray *approach = beam->approach;
-    beam->high = v_splat(INFINITY);
-    struct vec_double at = vec_double_of(origin);
-    for (int place = 0; place < beam->list.count; place++) {
-        int i = beam->list.shape[place];
-        const struct primitive *placed = &scene->placed[i];
-        beam->wake[i * GROUP] = v_splat(-INFINITY);
-        if (placed->way == EVAL_POINT && !placed->turned && !placed->repeated) {
-            approach[i].origin = point_sub(origin, placed->position, placed->position_lo);
-            continue;
-        }
-        struct vec_double from = vec_double_sub(at, placed->centre);
-        approach[i].origin.x = coordinate(placed, from, 0);
-        if (placed->way == EVAL_LINEAR)
-            continue;
-        approach[i].origin.y = coordinate(placed, from, 1);
-        approach[i].origin.z = coordinate(placed, from, 2);
-        if (placed->way == EVAL_POWER)
-            approach[i].power = power_at(from, placed->radius_sq);
-    }
-}
-
-// Sets the rays' directions in the frame of each shape. Precondition: approach_origins() has set the origins.
-static inline void approach_directions(struct vec direction, const struct prepared *scene,
-                                       const struct packet_rays *beam) {
-    COUNT(approach_directions, call);
-    struct local_ray *approach = beam->approach;
-    for (int place = 0; place < beam->list.count; place++) {
-        int i = beam->list.shape[place];
-        const struct primitive *placed = &scene->placed[i];
-        if (placed->way == EVAL_LINEAR) {
-            COUNT(approach_directions, linear);
-            approach[i].direction.x = vec_dot(vec_set(placed->normal), direction);
-            continue;
-        }
-        approach[i].direction = turned(placed, direction);
-        if (placed->way == EVAL_POWER) {
-            COUNT(approach_directions, power);
-            approach[i].slope = v_splat(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
-        }
-    }
-}
-
-// Returns the distance to the nearest shape at distance t along the rays. `shape` becomes its number, of equal ones the
-// first in the list.
-static inline vfloat nearest_shape_at(const struct packet_rays *beam, vfloat t,
-                                      const struct prepared *scene, vmask live, vfloat *shape) {
-    COUNT(nearest_shape_at, call);
-    vfloat least = v_splat(INFINITY);
-    for (int place = 0; place < beam->list.count; place++) {
-        int i = beam->list.shape[place];
-        COUNT(nearest_shape_at, shape);
-        const struct primitive *placed = &scene->placed[i];
-        vfloat distance = distance_to_shape(&beam->approach[i], t, placed, placed->repeated,
-                                            placed->way, placed->type, live);
-        *shape = v_select(v_cmp_lt(distance, least), v_splat(placed->index), *shape);
-        least = v_min(distance, least);
-    }
-    return least;
-}
-
-// Moves the origins along the rays by a small distance.
-static inline void approach_moved(vfloat by, const struct prepared *scene,
-                                  struct packet_rays *beam) {
-    COUNT(approach_moved, call);
-    beam->high = beam->high + v_abs(by);
-    for (int place = 0; place < beam->list.count; place++) {
-        int i = beam->list.shape[place];
-        struct local_ray *a = &beam->approach[i];
-        COUNT(approach_moved, first);
-        beam->wake[i * GROUP] = beam->wake[i * GROUP] - v_abs(by);
-        a->origin.x = v_madd(a->direction.x, by, a->origin.x);
-        if (scene->placed[i].way == EVAL_LINEAR)
-            continue;
-        COUNT(approach_moved, others);
-        a->origin.y = v_madd(a->direction.y, by, a->origin.y);
-        a->origin.z = v_madd(a->direction.z, by, a->origin.z);
-        if (scene->placed[i].way == EVAL_POWER) {
-            COUNT(approach_moved, power);
-            a->power = v_madd(by, by + a->slope, a->power);
-        }
-    }
-}
-
-// Packets that march together.
+// Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
+// other, so a single packet would wait several times longer than it takes to issue them. The packets also share the
+// choice of shapes: a shape that one of them needs is evaluated for all.
 struct packet_group {
-    struct packet_rays beam[GROUP];
+    struct packet_rays packet[GROUP];
     vfloat t[GROUP], distance[GROUP]; // of the last step
-    vfloat high[GROUP]; // that of its beam; −∞ where a ray is done, which wakes no shape
+    vfloat high[GROUP]; // that of its packet; −∞ where a ray is done, which wakes no shape
     vmask live[GROUP];
     int list[GROUP], count; // the packets that have a live ray
 };
+
+static inline const struct shape_list *shapes_of(const struct packet_rays *packet,
+                                                 const struct prepared *scene) {
+    (void)scene;
+    return &packet->list;
+}
+
+static inline vfloat *wake_of(const struct packet_rays *packet, int shape) {
+    return &packet->wake[shape * GROUP];
+}
+
+// Returns the number of packets in the group.
+static inline int packets_in(const struct packet_group *group) {
+    (void)group;
+    return GROUP;
+}
+
+// Returns a packet that marches alone.
+static inline struct packet_rays single_packet(struct local_ray *local, struct shape_list list,
+                                               vfloat *wake) {
+    return (struct packet_rays){local, list, wake, v_splat(0.0f)};
+}
+
+// What scene_distances() has found so far, of each packet. `least` is the least distance. `limit` is an upper bound of
+// t + the distance to the nearest shape.
+struct nearest_so_far {
+    vfloat least[GROUP], limit[GROUP];
+};
+
+// Whether no live ray can have this shape as its nearest.
+__attribute__((always_inline)) static inline bool all_asleep(const vfloat *wake, int size,
+                                                             const struct nearest_so_far *found) {
+    COUNT(all_asleep, call);
+    vmask awake = v_cmp_nge(wake[0], found->limit[0]);
+    for (int k = 1; k < size; k++)
+        awake = v_or(awake, v_cmp_nge(wake[k], found->limit[k]));
+    return !v_any(awake);
+}
+
+// Lowers `high` once all steady shapes are evaluated. In later steps `high` + t is an upper bound of the distance to the
+// nearest of them.
+__attribute__((always_inline)) static inline void update_high(struct packet_group *group, int size,
+                                                              const struct nearest_so_far *found) {
+    COUNT(update_high, call);
+    for (int k = 0; k < size; k++)
+        group->high[k] = v_min(found->least[k] - group->t[k], group->high[k]);
+}
 
 #endif

@@ -3,6 +3,7 @@
 #ifndef PIXEL_RECTS_H
 #define PIXEL_RECTS_H
 
+#include "cones/pixel_cones.h"
 #include "core/pixel_block.h"
 #include "core/ray_queues.h"
 
@@ -15,11 +16,6 @@ enum {
 static inline int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
-
-// A rectangle of pixels, cut to the picture. `right` and `bottom` are one beyond its last.
-struct pixel_rect {
-    int left, top, right, bottom;
-};
 
 // Returns the patch of a tile that lane `lane` of its cones covers.
 static inline struct pixel_rect rect_of_patch(int tile, int lane, const struct frame *frame) {

@@ -1,99 +1,90 @@
-// What core/render.c and core/primitives.c prepare, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
-// lanes in here.
-#ifndef PLACED_H
-#define PLACED_H
+// The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
+#ifndef PRIMITIVE_H
+#define PRIMITIVE_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
 #include "phase.h"
 
-// As an unevaluated sum of two floats.
+// Splits a double into the sum of two floats.
 static inline void split(double a, float *hi, float *lo) {
     *hi = (float)a;
     *lo = (float)(a - *hi);
 }
 
-// What is evaluated along a ray: the shape's distance at a point of its frame; for a plane that is
-// not repeated, a line in t; for a sphere wider than the bounds, its power, a polynomial in t.
+// How a shape is evaluated along a ray: its distance at a point of its frame; a line in t, for a plane that is not
+// repeated; or its power, a polynomial in t, for a sphere wider than the bounds.
 enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
-// What cones and bundles may make of a shape's distance: it changes by no more than the way between two
-// points; it is an estimate, but nothing is hit outside of a ball of radius `a`, and there it is at least half
-// of the distance to that ball; or, where it jumps at the walls of its cells, nothing.
+// What a shape's distance bounds. BOUND_LIPSCHITZ: two points p and q differ in distance by at most |p − q|.
+// BOUND_BALL: it is an estimate, but nothing is hit outside of a ball of radius `a`, and there it is at least half of
+// the distance to the ball. BOUND_NONE: it jumps at the walls of its cells.
 enum bound_kind { BOUND_LIPSCHITZ, BOUND_BALL, BOUND_NONE };
 
-// A shape as the march wants it: what is evaluated, and nothing else.
+// A shape in the form that the march evaluates.
 struct primitive {
-    enum eval_kind way;
+    enum eval_kind kind;
     enum shape_type type;
     bool turned, repeated;
-    bool steady; // its distance changes no faster than the place: see sdf()
-    float slack; // by which sdf() mistrusts it, where the place is within the shape
+    bool steady; // its distance changes no faster than the point moves: see scene_distances()
+    float slack; // rounding error of its distance within the shape
     enum bound_kind trust;
-    float error; // what float makes of its distance, for its size
+    float error; // rounding error of its distance, by its size
     float index; // in the scene
     float position[3], position_lo[3];
     float turn[3][3]; // rows: the three rotations as one matrix
     float cell[3], per_cell[3];
     float normal[3];              // plane: in the world's axes
-    float a, b, c;                // sizes: see prepare_shape() in core/render.c
+    float a, b, c;                // sizes: see prepare_shape()
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
     float size[3];                // box: half size; plane: normal
     float bailout;
     int iterations;
-    float bound, bound_sq; // a sphere about its position that holds it
+    float bound, bound_sq; // radius of a sphere around its position that holds it
     bool convex;
-    float over;                  // a plane: its offset from the world's origin
-    float slope_lit, lean, wide; // of the shadow cones that it may not meet: q, q·bound, 1 − q²
-    // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
-    // shine_from, its highlight is less than 1e-9 of the light.
+    float over; // plane: its offset from the world's origin
+    float slope_lit, slope_bound,
+        slope_a; // shadow cones must miss it: q, q·bound, 1 − q²
+    // Its material. `share`: the part that a mirror adds. The highlight is below 1e-9 of the light where the cosine to
+    // the mirrored light is below shine_from.
     float color[3], share, shininess, shine_from;
-    // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
-    // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
+    // For ray origins, which are moved into the shape's frame in double and then rounded once: position, rows of the
+    // shape's matrix (linear plane: its normal in the world's axes), cells.
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
 };
 
 // Shapes by their index in the scene.
 struct shape_list {
-    int count, steady;
-    const int *shape; // in the scene's order
-    const int *order; // of evaluation: steady shapes first, then by type
+    int count, steady; // steady: how many of the shapes are
+    const int *shape;  // in the scene's order
+    const int *order;  // of evaluation: steady shapes first, then by type
 };
 
-// Rays that end further from the surface end where the lengths of their steps say: bulb/bulb_single.c tells those to 2⁻¹³ only.
+// bulb/bulb_single.c marches for hit distances below this: above it a hit depends on step lengths, which it has to
+// 2⁻¹³ only.
 #define BULB_SINGLE_HIT 1e-4
 
 struct prepared {
     struct model model;
-    struct primitive *placed; // one per shape
+    struct primitive *primitives; // one per shape
     struct shape_list all;
-    int bulbs; // how many Mandelbulbs
-    bool
-        lone; // one, not repeated and within the bounds, with a plane at most, met to BULB_SINGLE_HIT: bulb/bulb_single.c
-    bool told;       // every shape has such a sphere, or is a plane: shadow cones say something
-    float lit_slope; // see there in core/render.c
+    int bulbs;        // number of Mandelbulbs
+    bool single_bulb; // one Mandelbulb and at most a plane: see is_single_bulb()
+    bool all_bounded; // every shape has a bounding sphere or is a plane: shadow cones apply
+    float lit_slope;  // slope of the shadow cones: see core/update.c
 };
 
-// core/primitives.c: memory for as many shapes as the model has. False when it is short; either way shapes_release() frees it.
-bool shapes_reserve(struct prepared *prepared, const struct model *model);
-void shapes_release(struct prepared *prepared);
+// Returns the first shape of a type, or NULL.
+static inline const struct primitive *single_shape(enum shape_type type,
+                                                   const struct prepared *scene) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        if (scene->primitives[i].type == type)
+            return &scene->primitives[i];
+    return NULL;
+}
 
-// One frame's work for all workers.
-struct job {
-    const struct prepared *prepared;
-    const struct view *view;
-    struct frame *frame;
-};
-
-#define KERNEL(width)                                                                              \
-    size_t width##_own_size(const struct model *model);                                            \
-    int width##_tiles(const struct frame *frame);                                                  \
-    void width##_tile(const struct job *job, int tile, void *own);                                 \
-    bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
-                           double *distance, int *nearest);
-KERNEL(lanes8)
-KERNEL(lanes16)
-#undef KERNEL
+// Packets of rays that march together: a group.
+enum { GROUP = 4 };
 
 #endif

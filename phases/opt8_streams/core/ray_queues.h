@@ -1,14 +1,16 @@
-// Rays that wait until there are enough of them to fill all lanes, and the colours of a tile, to which they add what
-// they bring: a colour is linear in every shadow and in every mirrored ray. Queues of rays that are sorted, packed and
-// filled again: I. Wald et al., "Active thread compaction for GPU path tracing" (HPG 2011); S. Boulos et al.,
-// "Adaptive ray packet reordering" (RT 2008).
-#ifndef STREAMS_H
-#define STREAMS_H
+// Queues of rays that wait until they fill all lanes, and the colours of a strip, to which they add their part: a
+// colour is linear in every shadow and mirror ray. Sorted, packed and refilled queues: I. Wald et al., "Active thread
+// compaction for GPU path tracing" (HPG 2011); S. Boulos et al., "Adaptive ray packet reordering" (RT 2008).
+#ifndef RAY_QUEUES_H
+#define RAY_QUEUES_H
 
-#include "cones/tile_cones.h"
-#include "core/pixel_block.h"
-#include "simd/permute.h"
-#include "simd/point.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
+
+struct hit;           // core/trace.h
+struct lighting;      // core/trace.h
+struct packet_rays;   // core/packet_group.h
+struct trace_context; // core/trace_context.h
 
 enum {
     PATCH = 8, // pixels on each side
@@ -16,16 +18,16 @@ enum {
     TILE_WIDTH = PATCHES_ACROSS * PATCH,
     TILE_HEIGHT = LANES / PATCHES_ACROSS * PATCH,
     TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
-    STRIP_TILES = 4, // tiles side by side, whose rays wait together
+    STRIP_TILES = 4, // tiles side by side that share the queues
     STRIP_PIXELS = STRIP_TILES * TILE_PIXELS,
     GROUP_RAYS = GROUP * LANES,     // rays that are marched together
-    QUEUE = STRIP_PIXELS,           // of each kind; a full one is worked off
-    QUEUE_ROOM = QUEUE + GROUP_RAYS // what is packed or loaded may reach beyond its end
+    QUEUE = STRIP_PIXELS,           // rays of each kind; a full queue is emptied
+    QUEUE_ROOM = QUEUE + GROUP_RAYS // packing and loading may reach beyond the end
 };
 
-// Mirror rays: what they add to their pixel is `weight` times what they see.
+// Mirror rays add `weight` times their colour to their pixel.
 enum mirror_field { M_HI, M_LO = 3, M_DIRECTION = 6, M_WEIGHT = 9, M_PIXEL, M_BOUNCE, M_FIELDS };
-// Shadow rays: `light` is what they add to their pixel where nothing is in the way.
+// Shadow rays add `light` to their pixel if nothing is in the way.
 enum shadow_field {
     S_HI,
     S_LO = 3,
@@ -36,11 +38,12 @@ enum shadow_field {
     S_FIELDS
 };
 
-// Where a march has ended: MARCH_FOUND is 1 at a surface, else 0; −1: nowhere yet, but no
-// Mandelbulb is before it any more.
+// The result of a march. MARCH_FOUND: 1 at a surface, 0 elsewhere; −1: the ray has passed all Mandelbulbs and marches
+// on.
 enum march_field { MARCH_T, MARCH_LAST_STEP, MARCH_EVALS, MARCH_FOUND, MARCH_FIELDS };
 
-// How far a shadow ray has come, where there is a Mandelbulb; SEGMENT_END: of the stretch where that may be the nearest.
+// The state of a shadow ray in a scene with a Mandelbulb. SEGMENT_END: the end of the segment where that may be the
+// nearest.
 enum segment_field {
     SEGMENT_T,
     SEGMENT_LEAST_SQ,
@@ -50,74 +53,68 @@ enum segment_field {
     SEGMENT_FIELDS
 };
 
-// Camera rays of bulb/bulb_single.c, in the Mandelbulb's frame, from the place that is nearest to its centre.
+// Camera rays of bulb/bulb_single.c, in the Mandelbulb's frame. t counts from the point nearest to the centre.
 enum bulb_single_field {
     B_ORIGIN,
     B_DIRECTION = 3,
-    B_T = 6, // from there, as two floats; until B_TO
-    B_MORE,
-    B_TO,
-    B_HEIGHT, // over the plane
+    B_T = 6, // t as two floats; the march ends at B_END
+    B_T_LO,
+    B_END,
+    B_HEIGHT, // above the plane
     B_SLOPE,
-    B_RAY, // its place on the desk
-    B_HAD, // steps so far
+    B_RAY,   // its index in `single`
+    B_EVALS, // steps so far
     B_LANE,
-    B_BEFORE = B_LANE, // the way from the camera to there, as two floats
-    B_BEFORE_MORE,
+    B_BEFORE = B_LANE, // the path from the camera to t = 0, as two floats
+    B_BEFORE_LO,
     B_SLOT, // its pixel
-    B_REST, // what origin and direction are more, as doubles
-    B_FIELDS = B_REST + 6
+    B_LO,   // low parts of origin and direction
+    B_FIELDS = B_LO + 6
 };
 
-// Those of them that are close to it: see bulb/bulb_chebyshev.h.
-enum close_ray_field { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
+// Camera rays that are close to the Mandelbulb: see bulb/bulb_chebyshev.c.
+enum close_ray_field { C_RAY, C_T, C_T_LO, C_EVALS, C_FIELDS };
 enum { BULB_SINGLE_ROOM = STRIP_PIXELS + LANES, CLOSE_ROOM = 2 * STRIP_PIXELS + 2 * LANES };
 
-// A worker's own.
-struct worker_scratch {
-    float color[3][STRIP_PIXELS]; // blocks one behind the other, their lanes in a row
+// A worker's queues and colours.
+struct ray_queues {
+    float color[3][STRIP_PIXELS]; // block after block, lane after lane
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
     int mirrors, shadows;
-    float gaze[3][STRIP_PIXELS],
+    float camera_direction[3][STRIP_PIXELS],
         marched[MARCH_FIELDS][STRIP_PIXELS];               // camera rays of bulb/bulb_stream.c
     int camera_slot[STRIP_PIXELS / LANES], camera_packets; // the first pixel of each packet
     unsigned camera_active[STRIP_PIXELS / LANES];
-    float lone[B_FIELDS][BULB_SINGLE_ROOM], close[C_FIELDS][CLOSE_ROOM],
+    float single[B_FIELDS][BULB_SINGLE_ROOM], close[C_FIELDS][CLOSE_ROOM],
         open[B_LANE][BULB_SINGLE_ROOM];
     int single_count, close_first, close_count, open_count;
-    float leg[SEGMENT_FIELDS][QUEUE_ROOM];
+    float segment[SEGMENT_FIELDS][QUEUE_ROOM];
     unsigned under_way[QUEUE_ROOM / LANES]; // the rays of each packet that have not ended
     int *occluders,
-        occluder_count; // shapes that can come between the group in work and the light, and how many
+        occluder_count; // shapes that can shadow the group in work, and how many
 };
 
-struct lighting {
-    struct vec to_light; // of unit length
-    vfloat distance, facing;
-    vmask lit;
-};
-
-// A packet of camera rays that wait for march_camera_stream(); slot: the pixel of its first lane.
+// Queues a packet of camera rays for march_camera_stream(). `slot` is the pixel of its first lane.
 void queue_camera_rays(struct vec direction, vmask active, int slot, struct trace_context *world);
 void march_camera_stream(struct trace_context *world);
-// The same where a Mandelbulb is alone (core/primitive.h); exact: the directions once more.
+// Queues a packet for march_single_bulb(): `single_bulb` in core/primitive.h. `exact` are the directions in double.
 void queue_camera_rays_single(struct vec direction, struct vec_double exact, vmask active, int slot,
                               struct trace_context *world);
 void march_single_bulb(struct trace_context *world);
 
-// Work off the queues.
+// These empty the queues.
 void cast_shadows(struct trace_context *world);
-void cast_streams(struct trace_context *world); // where there is a Mandelbulb
+void cast_streams(struct trace_context *world); // in a scene with a Mandelbulb
 void follow_mirrors(struct trace_context *world);
 
-// Which shapes can come between the group's hits and the light.
-void list_occluders(const struct hit hit[GROUP], const struct lighting light[GROUP],
+// Lists the shapes that can shadow the group's hits.
+void list_occluders(const struct hit *hit, const struct lighting *light,
                     struct trace_context *world);
-// Shadow rays that need no march: of soft ones those on which no shape but their own can bring a term of the estimator
-// below 1, and their own neither, but for the first two, since it bulges. Of hard ones those that come near nothing.
+// Returns the rays that need no march. Of soft shadow rays: no other shape can bring a term of the estimator below 1,
+// and their own shape only in the first two terms. Of hard shadow rays: no shape is near.
 vmask trivially_lit(const struct hit *hit, const struct lighting *light,
-                    const struct packet_rays *beam, const struct trace_context *world);
-// The soft shadow on these: the least of those two terms.
+                    const struct packet_rays *packet, const struct trace_context *world);
+// Returns the soft shadow by a ray's own shape: the least of its first two terms.
 vfloat self_shadow(const struct primitive *s, struct vec local, struct vec normal,
                    const struct lighting *light, const struct model *model);
 
@@ -132,17 +129,18 @@ static inline void pack_vec(vmask m, struct vec v, float field[][QUEUE_ROOM], in
     v_compress_store(m, v.z, &field[2][first]);
 }
 
-static inline vmask lanes_until(int count) { // of so many rays those that this packet has
+// Returns the lanes of a packet that have one of `count` rays.
+static inline vmask lanes_until(int count) {
     return v_mask_first(count < 0 ? 0 : count);
 }
 
+// Returns the lanes whose shape has number i.
 static inline vmask is_shape(vfloat shape, int i) {
     return v_cmp_lt(v_abs(shape - v_splat((float)i)), v_splat(0.5f));
 }
 
-// Adds to the pixels of the lanes in m, one after the other: two may be the same.
-static inline void add_light(vmask m, struct vec light, vfloat pixel,
-                             struct worker_scratch *scratch) {
+// Adds light to the pixels of the lanes in m, one after the other, because two may be the same.
+static inline void add_light(vmask m, struct vec light, vfloat pixel, struct ray_queues *queues) {
     COUNT(add_light, call);
     float from[3][LANES], at[LANES];
     v_store(light.x, from[0]);
@@ -153,7 +151,7 @@ static inline void add_light(vmask m, struct vec light, vfloat pixel,
         int lane = __builtin_ctz(rest), i = (int)at[lane];
         COUNT(add_light, lane);
         for (int k = 0; k < 3; k++)
-            scratch->color[k][i] += from[k][lane];
+            queues->color[k][i] += from[k][lane];
     }
 }
 

@@ -4,10 +4,15 @@
 // One worker draws a strip of tiles. Cones march first, one in each lane: those of the strip's squares, which are two by
 // two patches. Then, tile by tile, those of the patches. A patch is a group of packets (two of eight lanes). 32 pixels
 // of a row are whole cache lines of every plane if the picture's width is a multiple of 32.
+#include "cones/distance_bounds.h"
+#include "cones/tile_cones.h"
 #include "core/camera_rays.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
 #include "core/pixel_rects.h"
 #include "core/ray_queues.h"
-#include "simd/point.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -53,54 +58,6 @@ static void store_hit(struct frame *frame, struct pixel_block block, vfloat star
     }
 }
 
-static struct vec unit(struct vec v) {
-    return vec_scale(v, v_splat(1.0f) / vec_norm(v));
-}
-
-// Returns a cone in each lane that holds the rays of a rectangle of pixels. It is made from the rays through the middles
-// of the corner pixels. No other ray is further from the axis: a circle around the axis is an ellipse in the picture,
-// which is convex.
-static struct cone_packet cones_around(vfloat x[2], vfloat y[2], const struct view *view) {
-    COUNT(cones_around, call);
-    struct vec corner[4], sum = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-    for (int i = 0; i < 4; i++) {
-        corner[i] =
-            vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x[i & 1]);
-        corner[i] = unit(vec_along(corner[i], vec_from_doubles(view->up), y[i >> 1]));
-        sum = vec_along(sum, corner[i], v_splat(1.0f));
-    }
-    struct cone_packet cones = {.axis = unit(sum)};
-    vfloat most = v_splat(0.0f);
-    for (int i = 0; i < 4; i++) {
-        struct vec apart = vec_along(corner[i], cones.axis, v_splat(-1.0f));
-        most = v_max(most, vec_dot(apart, apart));
-    }
-    cones.spread = v_madd(v_sqrt(most), v_splat(1.0f + 0x1p-16f), v_splat(0x1p-20f));
-    return cones;
-}
-
-// Sets a cone for each rectangle. Returns which rectangles hold a pixel of the picture.
-static vmask get_cones(const struct pixel_rect patches[LANES], const struct job *job,
-                       struct cone_packet *cones) {
-    COUNT(get_cones, call);
-    const struct frame *frame = job->frame;
-    double per_height = job->view->tan_half_fov / frame->height;
-    float edge[4][LANES], there[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        COUNT(get_cones, scalar);
-        struct pixel_rect p = patches[lane];
-        there[lane] = p.left < p.right && p.top < p.bottom ? 1.0f : 0.0f;
-        edge[0][lane] = (float)((2.0 * p.left + 1.0 - frame->width) * per_height);
-        edge[1][lane] = (float)((2.0 * p.right - 1.0 - frame->width) * per_height);
-        edge[2][lane] = (float)((frame->height - 1.0 - 2.0 * p.top) * per_height);
-        edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
-    }
-    vfloat x[2] = {v_load(edge[0]), v_load(edge[1])}, y[2] = {v_load(edge[2]), v_load(edge[3])};
-    ACTIVE(LANES);
-    *cones = cones_around(x, y, job->view);
-    return v_cmp_gt(v_load(there), v_splat(0.5f));
-}
-
 // Draws a patch whose rays hit nothing.
 static void store_background(const struct pixel_rect *patch, const struct job *job) {
     const double *background = job->prepared->model.background;
@@ -141,12 +98,20 @@ static void queue_patch(const struct pixel_rect *patch, int at, const struct job
         if (!v_any(active))
             continue;
         struct vec direction = get_direction(block, job->frame, job->view);
-        if (world->lone)
+        if (world->single_bulb)
             queue_camera_rays_single(direction, exact_direction(block, job->frame, job->view),
                                      active, at + i * LANES, world);
         else
             queue_camera_rays(direction, active, at + i * LANES, world);
     }
+}
+
+// Returns the shapes of the last list_of_cone(), without the Mandelbulbs.
+static struct shape_list list_without_bulbs(const struct prepared *scene,
+                                            struct march_scratch *scratch) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        scratch->wanted[i] = scratch->wanted[i] && scene->primitives[i].trust != BOUND_BALL;
+    return list_wanted(scratch->wanted, scene, scratch->tile);
 }
 
 // Marches and shades the camera rays of a patch. Colours go into the worker's scratch memory, from pixel `at` on.
@@ -156,7 +121,7 @@ static void render_patch(const struct pixel_rect *patch, float start, struct sha
     bool marched = may_meet_bulb(&list, world->scene);
     struct ray_group rays = {.start = v_splat(start)};
     if (marched)
-        rays.others = list_without_bulbs(world->scene, world->own);
+        rays.others = list_without_bulbs(world->scene, world->scratch);
     for (int first = 0; first < BLOCKS; first += GROUP) {
         struct vec color[GROUP];
         struct hit hit[GROUP];
@@ -170,46 +135,47 @@ static void render_patch(const struct pixel_rect *patch, float start, struct sha
             rays.weight[k] = v_splat(1.0f);
             rays.pixel[k] = v_iota() + v_splat((float)(at + k * LANES));
             rays.bounce[k] = v_splat(0.0f);
-            world->group.beam[k].list = list;
+            world->group->packet[k].list = list;
         }
         rays.marched = marched ? at : -1;
         trace(&rays, world, color, hit);
         for (int k = 0; k < GROUP; k++, at += LANES) {
             if (!v_any(rays.active[k]))
                 continue;
-            v_store(color[k].x, &world->scratch->color[0][at]);
-            v_store(color[k].y, &world->scratch->color[1][at]);
-            v_store(color[k].z, &world->scratch->color[2][at]);
+            v_store(color[k].x, &world->queues->color[0][at]);
+            v_store(color[k].y, &world->queues->color[1][at]);
+            v_store(color[k].z, &world->queues->color[2][at]);
             if (job->frame->depth)
                 store_hit(job->frame, block_in_rect(patch, first + k), v_splat(start), list.count,
                           &hit[k]);
         }
     }
-    if (world->scratch->mirrors > QUEUE / 2)
+    if (world->queues->mirrors > QUEUE / 2)
         follow_mirrors(world);
 }
 
-static void init_packet_rays(struct packet_group *group, struct march_scratch *own, int shapes) {
+static void init_packet_rays(struct packet_group *group, struct march_scratch *scratch,
+                             int shapes) {
     for (int i = 0; i < shapes * GROUP; i++)
-        own->wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
+        scratch->wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
     for (int k = 0; k < GROUP; k++)
-        group->beam[k] =
-            (struct packet_rays){.approach = own->approach + k * shapes, .wake = own->wake + k};
+        group->packet[k] =
+            (struct packet_rays){.local = scratch->local + k * shapes, .wake = scratch->wake + k};
 }
 
 static size_t whole_lines(size_t size) {
     return (size + 63) / 64 * 64;
 }
 
-// A worker's memory holds its march_scratch, its worker_scratch from this offset on, and then the list of occluders.
+// A worker's memory holds its march_scratch, its ray_queues from this offset on, and then the list of occluders.
 static size_t scratch_offset(int shapes) {
     return whole_lines(march_scratch_size(shapes));
 }
 
-// A tile, or a strip's squares, while it is drawn.
+// A tile, or the squares of a strip, in work.
 struct tile_in_work {
     int tile;
-    unsigned patches; // a bit for each patch that may hit something
+    unsigned patches; // a bit for each patch whose cone meets a shape
     vmask *met;
     float start[LANES];
 };
@@ -222,10 +188,10 @@ static void begin_strip(struct tile_in_work *squares, const struct job *job,
     for (int lane = 0; lane < LANES; lane++)
         square[lane] = rect_of_square(squares->tile, lane, job->frame);
     vmask there = get_cones(square, job, &cones);
-    world->own->met = squares->met;
+    world->scratch->met = squares->met;
     cones.start = v_splat(0.0f);
-    set_cone_origins(world->eye, job->prepared, world->own);
-    march_cones(world->eye, there, job->prepared->all, &cones, job->prepared, world->own);
+    set_cone_origins(world->eye, job->prepared, world->scratch);
+    march_cones(world->eye, there, job->prepared->all, &cones, job->prepared, world->scratch);
     v_store(cones.start, squares->start);
 }
 
@@ -246,10 +212,11 @@ static void begin_tile(struct tile_in_work *drawn, int column, const struct tile
     }
     vmask there = get_cones(patches, job, &cones);
     cones.start = v_load(drawn->start);
-    struct shape_list met = list_for_children(above, squares->met, scene, world->own);
-    world->own->met = drawn->met;
+    struct shape_list met =
+        list_for_children(above, squares->met, scene, world->scratch, world->scratch->offered);
+    world->scratch->met = drawn->met;
     march_cones(world->eye, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), met, &cones, scene,
-                world->own);
+                world->scratch);
     v_store(cones.start, drawn->start);
     drawn->patches = 0;
     for (unsigned rest = v_mask_bits(there); rest; rest &= rest - 1) {
@@ -260,7 +227,7 @@ static void begin_tile(struct tile_in_work *drawn, int column, const struct tile
             continue;
         }
         drawn->patches |= 1u << lane;
-        struct shape_list list = list_of_cone(lane, scene, world->own, &drawn->start[lane]);
+        struct shape_list list = list_of_cone(lane, scene, world->scratch, &drawn->start[lane]);
         if (may_meet_bulb(&list, scene))
             queue_patch(&patch, at + lane * PATCH * PATCH, job, world);
     }
@@ -268,25 +235,25 @@ static void begin_tile(struct tile_in_work *drawn, int column, const struct tile
 
 static void render_patches(struct tile_in_work *drawn, int at, const struct job *job,
                            struct trace_context *world) {
-    world->own->met = drawn->met;
+    world->scratch->met = drawn->met;
     for (unsigned rest = drawn->patches; rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
         struct pixel_rect patch = rect_of_patch(drawn->tile, lane, job->frame);
-        struct shape_list list = list_of_cone(lane, job->prepared, world->own, &drawn->start[lane]);
+        struct shape_list list =
+            list_of_cone(lane, job->prepared, world->scratch, &drawn->start[lane]);
         render_patch(&patch, drawn->start[lane], list, at + lane * PATCH * PATCH, job, world);
     }
 }
 
 static void store_colors(const struct tile_in_work *drawn, int at, const struct job *job,
-                         const struct worker_scratch *scratch) {
+                         const struct ray_queues *queues) {
     for (unsigned rest = drawn->patches; rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
         struct pixel_rect patch = rect_of_patch(drawn->tile, lane, job->frame);
         for (int i = 0; i < BLOCKS; i++) {
             int first = at + lane * PATCH * PATCH + i * LANES;
-            struct vec color = {v_load(&scratch->color[0][first]),
-                                v_load(&scratch->color[1][first]),
-                                v_load(&scratch->color[2][first])};
+            struct vec color = {v_load(&queues->color[0][first]), v_load(&queues->color[1][first]),
+                                v_load(&queues->color[2][first])};
             store_color(job->frame, block_in_rect(&patch, i), color);
         }
     }
@@ -307,19 +274,19 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
     COUNT(draw_strip, scalar);
     const struct prepared *scene = job->prepared;
     int shapes = scene->model.shape_count, across = strips_across(job->frame), count = 0;
-    struct march_scratch own = march_scratch_of(memory, shapes);
-    struct worker_scratch *scratch =
-        (struct worker_scratch *)((char *)memory + scratch_offset(shapes));
-    scratch->occluders = (int *)((char *)scratch + whole_lines(sizeof *scratch));
-    scratch->mirrors = scratch->shadows = scratch->camera_packets = scratch->single_count = 0;
+    struct march_scratch scratch = march_scratch_of(memory, shapes);
+    struct ray_queues *queues = (struct ray_queues *)((char *)memory + scratch_offset(shapes));
+    queues->occluders = (int *)((char *)queues + whole_lines(sizeof *queues));
+    queues->mirrors = queues->shadows = queues->camera_packets = queues->single_count = 0;
+    struct packet_group group;
     struct trace_context world = {
-        .scene = scene, .view = job->view, .own = &own, .scratch = scratch};
+        .scene = scene, .view = job->view, .group = &group, .scratch = &scratch, .queues = queues};
     world.eye = point_from_doubles(job->view->position);
-    world.lone = scene->lone && within_bounds(job->view, &scene->model);
-    init_packet_rays(&world.group, &own, shapes);
+    world.single_bulb = scene->single_bulb && within_bounds(job->view, &scene->model);
+    init_packet_rays(&group, &scratch, shapes);
     struct tile_in_work drawn[STRIP_TILES], squares;
     int first = strip % across * STRIP_TILES, row = strip / across * tiles_across(job->frame);
-    vmask *met = own.met;
+    vmask *met = scratch.met;
     squares.tile = row + first;
     squares.met = met + STRIP_TILES * shapes;
     begin_strip(&squares, job, &world);
@@ -328,21 +295,21 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
         drawn[count].met = met + count * shapes;
         begin_tile(&drawn[count], count, &squares, job, &world);
     }
-    if (scratch->camera_packets > 0)
+    if (queues->camera_packets > 0)
         march_camera_stream(&world);
-    if (scratch->single_count > 0)
+    if (queues->single_count > 0)
         march_single_bulb(&world);
     for (int i = 0; i < count; i++)
         render_patches(&drawn[i], i * TILE_PIXELS, job, &world);
     follow_mirrors(&world);
     cast_shadows(&world);
     for (int i = 0; i < count; i++)
-        store_colors(&drawn[i], i * TILE_PIXELS, job, scratch);
+        store_colors(&drawn[i], i * TILE_PIXELS, job, queues);
 }
 
-size_t VARIANT(own_size)(const struct model *model) {
+size_t VARIANT(scratch_size)(const struct model *model) {
     int shapes = model->shape_count;
-    return scratch_offset(shapes) + whole_lines(sizeof(struct worker_scratch)) +
+    return scratch_offset(shapes) + whole_lines(sizeof(struct ray_queues)) +
            whole_lines((size_t)shapes * sizeof(int));
 }
 
@@ -350,28 +317,27 @@ int VARIANT(tiles)(const struct frame *frame) {
     return strips_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    draw_strip(job, tile, own);
+void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
+    draw_strip(job, tile, scratch);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = VARIANT(own_size)(&prepared->model);
-    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!own)
+    size_t size = VARIANT(scratch_size)(&prepared->model);
+    void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!scratch)
         return false;
-    struct march_scratch parts = march_scratch_of(own, prepared->model.shape_count);
-    struct packet_rays all = {parts.approach, prepared->all, parts.wake, v_splat(0.0f)},
-                       *beam = &all;
+    struct march_scratch parts = march_scratch_of(scratch, prepared->model.shape_count);
+    struct packet_rays all = single_packet(parts.local, prepared->all, parts.wake), *packet = &all;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
-        approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
-        approach_directions(nowhere, prepared, beam);
+        set_local_origins(point_from_doubles(points + 3 * i), prepared, packet);
+        set_local_directions(nowhere, prepared, packet);
         distance[i] =
-            v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
+            v_lane0(nearest_shape_at(packet, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
-    free(own);
+    free(scratch);
     return true;
 }

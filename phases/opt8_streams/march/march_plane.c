@@ -1,5 +1,9 @@
 // The march of rays that can hit nothing but a plane. Along the plane's normal the distance is linear in t, so a step
 // is one multiply-add, and several steps can go without a test between them.
+#include "core/packet_group.h"
+#include "core/sdf.h"
+#include "core/shape_distances.h"
+#include "march/march_single.h"
 #include "march/march_state.h"
 
 // A packet of rays, by their distance from the plane: `origin` at t = 0, and `direction` per unit of t.
@@ -63,15 +67,15 @@ static bool step_unchecked(struct plane_ray line[GROUP], vfloat hit_distance) {
 
 // The packets march abreast: the operations of each depend on each other, so the processor works on the others
 // meanwhile.
-void march_to_plane(struct march_state packets[GROUP], int shape, int next,
-                    struct packet_group *group, const struct model *model) {
+void march_to_plane(struct march_state *packets, int shape, int next, struct packet_group *group,
+                    const struct model *model) {
     COUNT(march_to_plane, call);
     vfloat hit_distance = v_splat((float)model->march.hit_distance);
     struct plane_ray line[GROUP];
     int cap = step_cap(model), left = cap, under_way = group->count, far = next;
     vmask outside = v_mask_none();
     for (int k = 0; k < GROUP; k++) {
-        const struct local_ray *a = &group->beam[k].approach[shape];
+        const struct local_ray *a = &group->packet[k].local[shape];
         line[k] = (struct plane_ray){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
                                      group->live[k]};
         if (v_any(group->live[k]) && packets[k].left < left)
@@ -115,17 +119,17 @@ void march_to_plane(struct march_state packets[GROUP], int shape, int next,
 
 // Up to the plane, distance + t is at most the ray's t on the plane, origin/−direction. That quotient is taken 2^-16 too
 // large, 256 times the rounding errors of the quotient and of the steps.
-bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *alone) {
+bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole) {
     COUNT(plane_is_sole_hit, call);
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
         int k = group->list[i];
         ACTIVE(v_count(group->live[k]));
         COUNT(plane_is_sole_hit, packet);
-        const struct local_ray *a = &group->beam[k].approach[alone->shape];
+        const struct local_ray *a = &group->packet[k].local[sole->shape];
         vfloat down = v_splat(0.0f) - a->direction.x;
         vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);
-        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), alone->until[k]);
+        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), sole->until[k]);
         falls = v_same(on, group->live[k]);
     }
     return falls;

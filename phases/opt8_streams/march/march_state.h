@@ -1,37 +1,64 @@
-// The state of a packet's march, and what march/march.c and march/march_plane.c call of each other.
+// The state of a packet's march.
 #ifndef MARCH_STATE_H
 #define MARCH_STATE_H
 
 #include "core/trace.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
 
-// Where the rays of a packet are: at the distance before + t + last. t and the last step are kept apart, because
-// their rounded sum would lose the digits that place the hit on the surface.
+// Where the rays of a packet are: at the distance before + t + last. t and the last step are kept apart, because their
+// rounded sum would lose the digits that place the hit on the surface.
 struct march_state {
     struct point origin; // at the distance `before`
     vfloat before, t, last, evals;
     vfloat start; // t of the next evaluation
     vmask found;
     struct bounds_exit exit;
-    int left;   // steps that every ray still has before its cap
-    vmask deep; // a ray that started inside a shape has stepped back out of it
-    vmask
-        told; // bulb/bulb_single.c has found the hit, more exactly than land_hits() could check it
+    int left;      // steps that every ray still has before its cap
+    vmask deep;    // a ray that started inside a shape has stepped back out of it
+    vmask exact;   // bulb/bulb_single.c has found the hit, more exactly than land_hits() could
     vfloat inside; // the number of the shape that a ray of `deep` was in; else −1
     struct hit_surroundings near;
 };
 
+// Returns the state in which the rays of packet k begin.
+static inline struct march_state march_state_of(const struct ray_group *rays, int k,
+                                                struct trace_context *world) {
+    (void)world;
+    vfloat zero = v_splat(0.0f);
+    struct march_state at = {.origin = rays->origin[k], .inside = v_splat(-1.0f)};
+    at.before = at.t = at.last = at.evals = zero;
+    at.start = rays->start;
+    at.found = at.deep = at.exact = v_mask_none();
+    return at;
+}
+
+// Returns t of the next evaluation. A ray that has ended stays where it is.
+static inline vfloat first_t(struct march_state *at, vmask live) {
+    vfloat t = v_select(live, at->start, at->t);
+    at->start = v_splat(0.0f); // of a march that goes on from a hit
+    return t;
+}
+
+// Returns how many evaluations a ray may have.
+static inline int march_cap(const struct march_state *at, const struct model *model) {
+    (void)at;
+    return step_cap(model);
+}
+
+// Returns how many steps every live ray still has before the cap. Rays that march on from a hit have used some.
+static inline int steps_left(const struct march_state *at, vmask live, int cap) {
+    COUNT(steps_left, call);
+    return cap + (int)v_reduce_min(v_select_or_zero(live, v_splat(0.0f) - at->evals));
+}
+
 // Ends the rays of packet k that have left `going` (they have reached a surface) or `inside` (they have left the
-// bounds), and those that have used up their steps. `step` counts from 1. Each ray has a cap of its own, so its
+// bounds), and those that have used up their steps. `step` counts from 1. Each ray has its own cap, so its
 // neighbours in the packet do not matter.
 void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside,
               struct packet_group *group, int cap);
 
-// Marches all packets of the group to the end, where the plane `shape` is the only shape that the rays can hit. `next`
-// is the number of the first step.
-void march_to_plane(struct march_state packets[GROUP], int shape, int next,
-                    struct packet_group *group, const struct model *model);
-
-// Whether every live ray hits the plane `alone->shape` before any other shape can wake.
-bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *alone);
+// Marches the live rays of the group until every one has ended.
+void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world);
 
 #endif

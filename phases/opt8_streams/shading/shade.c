@@ -1,17 +1,20 @@
-// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), fog; and what has to wait for a shadow or a mirror ray.
+// The colour of hits: light (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975)) and fog.
+// Shadow and mirror rays are queued.
+#include "cones/march_scratch.h"
+#include "cones/tile_cones.h"
+#include "core/packet_group.h"
 #include "core/ray_queues.h"
-#include "simd/permute.h"
-#include "simd/point.h"
-#include "simd/pow.h"
+#include "core/shape_distances.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 
-// Materials of hits.
+// The materials of a packet's hits.
 struct surface {
     struct vec color;
     vfloat share, shininess, shine_from;
 };
 
-// Once for each shape that the packet hit.
+// Gathers the materials, once for each shape that the packet hit.
 static struct surface surface_of(const struct hit *hit, const struct prepared *scene) {
     COUNT(surface_of, call);
     float id[LANES];
@@ -19,7 +22,7 @@ static struct surface surface_of(const struct hit *hit, const struct prepared *s
     struct surface all = {0};
     for (unsigned rest = v_mask_bits(hit->found); rest;) {
         COUNT(surface_of, shape);
-        const struct primitive *s = &scene->placed[(int)id[__builtin_ctz(rest)]];
+        const struct primitive *s = &scene->primitives[(int)id[__builtin_ctz(rest)]];
         vmask same = v_and(hit->found, is_shape(hit->shape, (int)s->index));
         rest &= ~v_mask_bits(same);
         all.color = vec_select(same, vec_set(s->color), all.color);
@@ -46,19 +49,19 @@ static struct lighting light_from(struct point p, struct vec n, vmask found,
     vfloat distance = vec_norm(to_light);
     to_light = vec_scale(to_light, v_splat(1.0f) / distance);
     vfloat facing = vec_dot(n, to_light);
-    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
+    // A surface turned away is unlit whatever the shadow. A light on the surface has no direction.
     vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
     return (struct lighting){to_light, distance, facing, lit};
 }
 
-// What the light brings to the pixel where nothing is in its way.
+// Returns the light's contribution to the pixel if nothing is in its way.
 static struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
                            vfloat weight, const struct surface *surface, const struct view *view) {
     ACTIVE(v_count(light->lit));
     COUNT(light_at, call);
     struct vec base = surface->color;
     vfloat reach = weight / light->distance, facing = light->facing;
-    // Of the light's direction: minus the paper's R.
+    // The mirrored direction is minus the paper's R.
     vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);
     vfloat specular = v_splat(0.0f);
     vmask shines = v_and(light->lit, v_cmp_gt(shine, surface->shine_from));
@@ -76,16 +79,16 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
 }
 
 static void queue_shadow(vmask m, const struct hit *hit, const struct lighting *light,
-                         struct vec bright, vfloat pixel, struct worker_scratch *scratch) {
-    int at = scratch->shadows;
-    float (*field)[QUEUE_ROOM] = scratch->shadow;
+                         struct vec bright, vfloat pixel, struct ray_queues *queues) {
+    int at = queues->shadows;
+    float (*field)[QUEUE_ROOM] = queues->shadow;
     pack_vec(m, hit->point.hi, field + S_HI, at);
     pack_vec(m, hit->point.lo, field + S_LO, at);
     pack_vec(m, light->to_light, field + S_TO_LIGHT, at);
     v_compress_store(m, light->distance, &field[S_DISTANCE][at]);
     pack_vec(m, bright, field + S_LIGHT, at);
     v_compress_store(m, pixel, &field[S_PIXEL][at]);
-    scratch->shadows += __builtin_popcount(v_mask_bits(m));
+    queues->shadows += __builtin_popcount(v_mask_bits(m));
 }
 
 static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, vfloat weight,
@@ -93,9 +96,9 @@ static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, v
                          const struct trace_context *world) {
     ACTIVE(v_count(m));
     COUNT(queue_mirror, call);
-    struct worker_scratch *scratch = world->scratch;
-    int at = scratch->mirrors;
-    float (*field)[QUEUE_ROOM] = scratch->mirror;
+    struct ray_queues *queues = world->queues;
+    int at = queues->mirrors;
+    float (*field)[QUEUE_ROOM] = queues->mirror;
     vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
     struct point from = point_at(hit->point, hit->normal, offset, v_splat(0.0f));
     pack_vec(m, from.hi, field + M_HI, at);
@@ -104,12 +107,13 @@ static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, v
     v_compress_store(m, weight * share, &field[M_WEIGHT][at]);
     v_compress_store(m, pixel, &field[M_PIXEL][at]);
     v_compress_store(m, bounce + v_splat(1.0f), &field[M_BOUNCE][at]);
-    scratch->mirrors += __builtin_popcount(v_mask_bits(m));
+    queues->mirrors += __builtin_popcount(v_mask_bits(m));
 }
 
-// Of cleared rays: their own shape's terms, where it rises slowly.
+// Scales the light of unshadowed rays by their own shape's terms, where the surface rises slowly.
 static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const struct hit *hit,
-                                       const struct lighting *light, const struct packet_rays *beam,
+                                       const struct lighting *light,
+                                       const struct packet_rays *packet,
                                        const struct prepared *scene) {
     float id[LANES];
     v_store(hit->shape, id);
@@ -121,27 +125,27 @@ static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const str
         int i = (int)id[__builtin_ctz(rest)];
         vmask same = v_and(grazes, is_shape(hit->shape, i));
         rest &= ~v_mask_bits(same);
-        vfloat lit = self_shadow(&scene->placed[i], beam->approach[i].origin, hit->normal, light,
+        vfloat lit = self_shadow(&scene->primitives[i], packet->local[i].origin, hit->normal, light,
                                  &scene->model);
         bright = vec_select(same, vec_scale(bright, lit), bright);
     }
     return bright;
 }
 
-// The light on a packet's hits: what is told at once is added, what is not waits.
+// Adds the light on a packet's hits where no march is needed. The other shadow rays are queued.
 static struct vec lit_color(struct vec color, struct vec bright, const struct hit *hit,
                             const struct lighting *light, vfloat pixel,
-                            const struct packet_rays *beam, struct trace_context *world) {
+                            const struct packet_rays *packet, struct trace_context *world) {
     const struct prepared *scene = world->scene;
     bool soft = scene->model.shadows == SHADOWS_SOFT;
     vmask open = light->lit;
     if (scene->model.shadows != SHADOWS_NONE) {
-        open = scene->told ? trivially_lit(hit, light, beam, world) : v_mask_none();
-        vmask asked = v_andnot(open, light->lit);
-        if (v_any(asked))
-            queue_shadow(asked, hit, light, bright, pixel, world->scratch);
+        open = scene->all_bounded ? trivially_lit(hit, light, packet, world) : v_mask_none();
+        vmask shadowed = v_andnot(open, light->lit);
+        if (v_any(shadowed))
+            queue_shadow(shadowed, hit, light, bright, pixel, world->queues);
         if (soft && v_any(open))
-            bright = scale_by_self_shadow(bright, open, hit, light, beam, scene);
+            bright = scale_by_self_shadow(bright, open, hit, light, packet, scene);
     }
     ACTIVE(v_count(open));
     COUNT(lit_color, call);
@@ -149,9 +153,9 @@ static struct vec lit_color(struct vec color, struct vec bright, const struct hi
                         v_add_where(open, color.z, bright.z)};
 }
 
-// A packet's hits, whose lighting is known.
+// Returns the colours of a packet's rays, apart from queued shadows and mirrors.
 static struct vec color_of(const struct ray_group *rays, int k, const struct hit *hit,
-                           const struct lighting *light, const struct packet_rays *beam,
+                           const struct lighting *light, const struct packet_rays *packet,
                            struct trace_context *world) {
     const struct model *model = &world->scene->model;
     ACTIVE(v_count(rays->active[k]));
@@ -176,7 +180,7 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
     if (v_any(light->lit)) {
         struct vec bright =
             light_at(hit->normal, rays->direction[k], light, weight, &surface, world->view);
-        color = lit_color(color, bright, hit, light, rays->pixel[k], beam, world);
+        color = lit_color(color, bright, hit, light, rays->pixel[k], packet, world);
     }
     if (model->features.mirrors) {
         ACTIVE(v_count(hit->found));
@@ -190,14 +194,14 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
     return color;
 }
 
-void trace(const struct ray_group *rays, struct trace_context *world, struct vec color[GROUP],
-           struct hit hit[GROUP]) {
+void trace(const struct ray_group *rays, struct trace_context *world, struct vec *color,
+           struct hit *hit) {
     COUNT(trace, call);
-    if (world->scratch->shadows > QUEUE - GROUP_RAYS) {
-        struct shape_list list = world->group.beam[0].list;
+    if (world->queues->shadows > QUEUE - GROUP_RAYS) {
+        struct shape_list list = world->group->packet[0].list;
         cast_shadows(world);
         for (int k = 0; k < GROUP; k++)
-            world->group.beam[k].list = list;
+            world->group->packet[k].list = list;
     }
     struct lighting light[GROUP];
     vmask lit = v_mask_none();
@@ -213,17 +217,17 @@ void trace(const struct ray_group *rays, struct trace_context *world, struct vec
         list_occluders(hit, light, world);
     for (int k = 0; k < GROUP; k++)
         if (v_any(rays->active[k]))
-            color[k] = color_of(rays, k, &hit[k], &light[k], &world->group.beam[k], world);
+            color[k] = color_of(rays, k, &hit[k], &light[k], &world->group->packet[k], world);
 }
 
-// The last of the rays that wait first: what they see may make more of them.
+// Traces the queued mirror rays, the last ones first, because they may queue more.
 void follow_mirrors(struct trace_context *world) {
     COUNT(follow_mirrors, call);
-    struct worker_scratch *scratch = world->scratch;
-    float (*field)[QUEUE_ROOM] = scratch->mirror;
-    while (scratch->mirrors > 0) {
-        int count = scratch->mirrors < GROUP_RAYS ? scratch->mirrors : GROUP_RAYS;
-        int first = scratch->mirrors -= count;
+    struct ray_queues *queues = world->queues;
+    float (*field)[QUEUE_ROOM] = queues->mirror;
+    while (queues->mirrors > 0) {
+        int count = queues->mirrors < GROUP_RAYS ? queues->mirrors : GROUP_RAYS;
+        int first = queues->mirrors -= count;
         struct ray_group rays = {.start = v_splat(0.0f), .marched = -1};
         for (int k = 0; k < GROUP; k++, first += LANES, count -= LANES) {
             rays.origin[k] =
@@ -235,12 +239,12 @@ void follow_mirrors(struct trace_context *world) {
             rays.pixel[k] = v_load(&field[M_PIXEL][first]);
             rays.bounce[k] = v_load(&field[M_BOUNCE][first]);
         }
-        list_for_bundle(&rays, NULL, LIST_HIT, world, world->own->mirror);
+        list_for_bundle(&rays, NULL, LIST_HIT, world, world->scratch->mirror);
         struct vec color[GROUP];
         struct hit hit[GROUP];
         trace(&rays, world, color, hit);
         for (int k = 0; k < GROUP; k++)
             if (v_any(rays.active[k]))
-                add_light(rays.active[k], color[k], rays.pixel[k], scratch);
+                add_light(rays.active[k], color[k], rays.pixel[k], queues);
     }
 }

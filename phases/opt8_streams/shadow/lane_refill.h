@@ -1,171 +1,50 @@
-// Where Mandelbulbs are, some rays take a thousand steps and most a few dozen: lanes whose ray has ended are filled
-// again from the rays that wait, so that the lanes of a packet are rays of different age. No lane's result depends on
-// its neighbours, so that it is to the bit that of a packet which waits for its last ray.
-#ifndef POOL_H
-#define POOL_H
+// Streams of rays. Near a Mandelbulb some rays take a thousand steps and most a few dozen. Lanes whose ray has ended
+// are filled again from the rays that wait, so the lanes of a packet hold rays of different age. No lane's result
+// depends on its neighbours: every bit is that of a packet which waits for its last ray.
+#ifndef LANE_REFILL_H
+#define LANE_REFILL_H
 
-#include "shadow/soft_shadow.h"
-#include "simd/permute.h"
+#include "core/packet_group.h"
+#include "march/march_step.h"
 
-enum { REFILL = GROUP_RAYS / 16 }; // lanes that have ended
+struct trace_context; // core/trace_context.h
+struct ray_queues;    // core/ray_queues.h
 
-// What the lanes of a packet have, but for what is in the group.
+enum { REFILL = GROUP * LANES / 16 }; // ended lanes before the next refill
+
+// The state of a refilled packet's lanes, except the members of the group.
 struct refilled_packet {
-    struct shadow_state shade;      // camera rays have its exit alone
-    vfloat evals, length, end, ray; // ray: a whole number. POOL_REALS from the beginning to here
-    vfloat last;                    // of a camera ray that has been hit
-    vmask held, found, passed;      // with a ray, if it has ended or not; of those that have: how
+    struct shadow_state shade; // camera rays use its exit only
+    vfloat evals, length, end,
+        ray;                   // ray: a whole number. The first REFILLED_VECTORS vectors end here
+    vfloat last;               // the last step of a camera ray that is hit
+    vmask held, found, passed; // lanes with a ray, live or ended; how the ended rays have ended
 };
-enum { POOL_REALS = 8 };
+enum { REFILLED_VECTORS = 8 };
 
-// Packets of rays that are made ready one by one, and go lane by lane to where one is free.
+// A stream: packets of rays are made ready one by one, and their rays fill lanes that are free.
 struct ray_stream {
-    int next, count; // of the packets that wait
-    struct refilled_packet pool[GROUP], ready;
-    struct packet_rays beam; // of the one that is ready
+    int next, count; // packets that wait
+    struct refilled_packet refilled[GROUP], ready;
+    struct packet_rays packet; // the packet that is ready
     vfloat t, high;
-    int waiting, gone; // of its rays
-    bool shadows;      // else camera rays
+    int waiting, gone; // rays of `ready`
+    // Makes packet `number` ready. Returns false if it has no ray.
+    bool (*next_packet)(struct ray_stream *stream, int number, struct trace_context *world);
+    // Stores the results of lanes whose ray has ended.
+    void (*finish_rays)(const struct refilled_packet *refilled, vmask ended, vfloat t,
+                        struct ray_queues *queues);
 };
 
-// Makes packet `number` ready: false if it has no ray.
-bool next_shadow_packet(struct ray_stream *stream, int number, struct trace_context *world);
-bool next_camera_packet(struct ray_stream *stream, int number, struct trace_context *world);
-// Lanes whose ray has ended leave what has become of it.
-void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
-                        struct worker_scratch *scratch);
-void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
-                        struct worker_scratch *scratch);
+// Moves the rays of m to the front of their packet. They may start inside a shape. The distances to all steady shapes
+// are evaluated for the whole packet, so that a refilled lane wakes no shape for the others.
+void prepare_packet(struct ray_stream *stream, vmask m, const struct prepared *scene);
+// Stores the results of ended lanes, and gives free lanes a ray while there is one. Returns how many lanes have a ray.
+int refill_lanes(struct ray_stream *stream, struct trace_context *world);
+// Begins a stream: no lane has a ray.
+void stream_begin(struct ray_stream *stream, struct trace_context *world);
 
-static inline void pack_in_place(vmask m, vfloat *first, int count) {
-    for (int i = 0; i < count; i++)
-        v_compress_store(m, first[i], (float *)&first[i]);
-}
-
-// What of a shape's approach is used.
-static inline int approach_reals(const struct primitive *placed) {
-    return placed->way == EVAL_POWER ? 8 : 6;
-}
-
-// The rays of m, which may start inside of a shape, move to the front; how far the steady shapes are is known of all of
-// them at once: so no lane that is filled wakes one for the others.
-static inline void prepare_packet(struct ray_stream *stream, vmask m,
-                                  const struct prepared *scene) {
-    ACTIVE(v_count(m));
-    COUNT(prepare_packet, call);
-    struct packet_rays *beam = &stream->beam;
-    vfloat least = v_splat(INFINITY);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *placed = &scene->placed[i];
-        struct local_ray *a = &beam->approach[i];
-        if (placed->steady) {
-            COUNT(prepare_packet, steady);
-            vfloat distance =
-                distance_to_shape(a, stream->t, placed, false, placed->way, placed->type, m);
-            beam->wake[i * GROUP] = wake_bound_inside(distance + stream->t, placed);
-            least = v_min(distance, least);
-            pack_in_place(m, &beam->wake[i * GROUP], 1);
-        }
-        pack_in_place(m, &a->origin.x, approach_reals(placed));
-    }
-    stream->high = least - stream->t + v_splat(1e-30f); // at distance 0 the shape is awake
-    pack_in_place(m, &stream->ready.shade.least_sq, POOL_REALS);
-    pack_in_place(m, &stream->t, 1);
-    pack_in_place(m, &stream->high, 1);
-    stream->waiting = __builtin_popcount(v_mask_bits(m));
-    stream->gone = 0;
-}
-
-static inline void fill_reals(vmask m, vfloat *to, const vfloat *from, int gone, int count) {
-    for (int i = 0; i < count; i++)
-        to[i] = v_expand_load(m, to[i], (const float *)&from[i] + gone);
-}
-
-static inline void fill_lanes(struct ray_stream *stream, int k, unsigned lanes,
-                              struct trace_context *world) {
-    struct packet_group *group = &world->group;
-    struct refilled_packet *pool = &stream->pool[k];
-    vmask m = v_mask_of_bits(lanes);
-    int gone = stream->gone;
-    fill_reals(m, &pool->shade.least_sq, &stream->ready.shade.least_sq, gone, POOL_REALS);
-    fill_reals(m, &group->t[k], &stream->t, gone, 1);
-    fill_reals(m, &group->high[k], &stream->high, gone, 1);
-    for (int i = 0; i < world->scene->model.shape_count; i++) {
-        const struct primitive *placed = &world->scene->placed[i];
-        fill_reals(m, &group->beam[k].approach[i].origin.x, &stream->beam.approach[i].origin.x,
-                   gone, approach_reals(placed));
-        vfloat *wake = &group->beam[k].wake[i * GROUP];
-        if (placed->steady)
-            fill_reals(m, wake, &stream->beam.wake[i * GROUP], gone, 1);
-        else
-            *wake = v_select(m, v_splat(-INFINITY), *wake);
-    }
-    pool->found = v_andnot(m, pool->found);
-    pool->passed = v_andnot(m, pool->passed);
-    stream->gone += __builtin_popcount(lanes);
-    stream->waiting -= __builtin_popcount(lanes);
-}
-
-// The first `count` of them.
-static inline unsigned lowest_lanes(unsigned lanes, int count) {
-    unsigned rest = lanes;
-    for (; rest && count > 0; count--)
-        rest &= rest - 1;
-    return lanes & ~rest;
-}
-
-// What has ended is delivered, and lanes that are free get a ray, as long as there is one. How many lanes have one.
-static inline int refill_lanes(struct ray_stream *stream, struct trace_context *world) {
-    struct packet_group *group = &world->group;
-    int live = 0;
-    group->count = 0;
-    for (int k = 0; k < GROUP; k++) {
-        struct refilled_packet *pool = &stream->pool[k];
-        unsigned lanes = v_mask_bits(group->live[k]),
-                 free = v_mask_bits(v_andnot(group->live[k], v_mask_all()));
-        vmask ended = v_andnot(group->live[k], pool->held);
-        if (v_any(ended)) {
-            if (stream->shadows)
-                finish_shadow_rays(pool, ended, group->t[k], world->scratch);
-            else
-                finish_camera_rays(pool, ended, group->t[k], world->scratch);
-        }
-        while (free) {
-            while (stream->waiting == 0 && stream->next < stream->count) {
-                int number = stream->next++;
-                if (!(stream->shadows ? next_shadow_packet(stream, number, world)
-                                      : next_camera_packet(stream, number, world)))
-                    stream->waiting = 0;
-            }
-            if (stream->waiting == 0)
-                break;
-            unsigned here = lowest_lanes(free, stream->waiting);
-            fill_lanes(stream, k, here, world);
-            lanes |= here;
-            free &= ~here;
-        }
-        group->live[k] = pool->held = v_mask_of_bits(lanes);
-        if (lanes)
-            group->list[group->count++] = k;
-        live += __builtin_popcount(lanes);
-    }
-    return live;
-}
-
-// Nothing is under way.
-static inline void stream_begin(struct ray_stream *stream, int packets, bool shadows,
-                                struct trace_context *world) {
-    struct packet_group *group = &world->group;
-    *stream = (struct ray_stream){.count = packets, .shadows = shadows};
-    for (int k = 0; k < GROUP; k++) {
-        stream->pool[k].held = group->live[k] = v_mask_none();
-        group->t[k] = v_splat(0.0f);
-        group->high[k] = v_splat(-INFINITY);
-        group->beam[k].list = world->scene->all;
-    }
-}
-
-// So many lanes may still be at work when the next rays are asked for.
+// Returns how many lanes may be live when the next rays are loaded.
 static inline int refill_threshold(const struct ray_stream *stream, int live) {
     return stream->waiting || stream->next < stream->count ? live - REFILL : 0;
 }

@@ -1,23 +1,25 @@
-// Cones about shadow rays, and what they say of a shape's distance along the ray: PROOFS.md has the proofs.
-#ifndef CONE_H
-#define CONE_H
+// Cones around shadow rays, and the bounds they give on a shape's distance along the ray: see PROOFS.md.
+#ifndef SHADOW_CONE_H
+#define SHADOW_CONE_H
 
-#include "core/ray_queues.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
-// Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
+// Whether a cone of slope q around a ray misses a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0. The coefficients of the
+// quadratic.
 struct shadow_cone {
-    vfloat need, lean; // |v|² − R², v·l + q·R
+    vfloat c, b; // |v|² − R², v·l + q·R
 };
 
 static inline struct shadow_cone shadow_cone_to(struct vec v, struct vec l,
                                                 const struct primitive *s) {
     return (struct shadow_cone){vec_dot(v, v) - v_splat(s->bound_sq),
-                                vec_dot(v, l) + v_splat(s->lean)};
+                                vec_dot(v, l) + v_splat(s->slope_bound)};
 }
 
-static inline vmask cone_misses(struct shadow_cone c, const struct primitive *s) {
-    vfloat lean = v_max(c.lean, v_splat(0.0f));
-    return v_cmp_lt(lean * lean, v_splat(s->wide) * c.need);
+static inline vmask cone_misses(struct shadow_cone cone, const struct primitive *s) {
+    vfloat b = v_max(cone.b, v_splat(0.0f));
+    return v_cmp_lt(b * b, v_splat(s->slope_a) * cone.c);
 }
 
 static inline struct vec to_centre(const struct primitive *s, struct vec p) {
@@ -25,25 +27,26 @@ static inline struct vec to_centre(const struct primitive *s, struct vec p) {
                         v_splat(s->position[2]) - p.z};
 }
 
-// Beyond this many surface_offsets a surface is what its normal and curvature say for two steps of a shadow's march:
-// its radius of curvature, by 32²/2 to 0.05 %; the nearest edge by EDGE_FACTOR less of them, for those steps are no longer
-// than 1.4.
+// How flat a surface must be for two steps of a shadow's march to depend on its normal and curvature only. A radius of
+// curvature must be FLAT_OFFSETS times surface_offset, which is 0.05 % (32²/2). An edge may be nearer by EDGE_FACTOR,
+// because the two steps are no longer than 1.4 offsets.
 #define FLAT_OFFSETS 32.0f
 #define EDGE_FACTOR 16.0f
 
-// The least of both, an edge's distance times EDGE_FACTOR, of a point on the surface.
+// Returns the smaller of the radius of curvature and EDGE_FACTOR times the distance to the next edge, at a point on
+// the surface.
 static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
     COUNT(flat_radius, call);
     switch (s->type) {
     case SHAPE_SPHERE: return v_splat(s->a);
-    case SHAPE_BOX: { // the least of three is 0 here, the second is how far the next face is
+    case SHAPE_BOX: { // the least of three is 0 on a face, the second is the distance to the next face
         COUNT(flat_radius, box);
         vfloat x = v_abs(v_abs(p.x) - v_splat(s->size[0]));
         vfloat y = v_abs(v_abs(p.y) - v_splat(s->size[1]));
         vfloat z = v_abs(v_abs(p.z) - v_splat(s->size[2]));
         return v_splat(EDGE_FACTOR) * v_max(v_min(x, y), v_min(v_max(x, y), z));
     }
-    case SHAPE_ROUNDED_BOX: return v_splat(0.0f); // flat here, round there: march
+    case SHAPE_ROUNDED_BOX: return v_splat(0.0f); // partly flat, partly round
     case SHAPE_OCTAHEDRON:                        // an edge is where a coordinate is 0
         COUNT(flat_radius, octahedron);
         return v_splat(EDGE_FACTOR) * v_min(v_abs(p.x), v_min(v_abs(p.y), v_abs(p.z)));
@@ -61,9 +64,10 @@ static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
     }
 }
 
-// A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
-// and ever faster. So does the torus's, where the point is on its hull. Where that is too little to be lit, the
-// first two steps of a march tell the shadow (shadow/shadow_cull.c), if they are short beside what the shape curves by.
+// Whether a shape's own shadow is known where the ray starts on it. A convex solid lies below its tangent plane, so
+// its distance grows by at least `facing`, and ever faster. A torus does too where the point is on its hull. Where
+// `facing` is too small for the ray to be lit, the first two steps of a march decide (self_shadow()), if the surface
+// is flat enough for them.
 static inline vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                                 const struct prepared *scene) {
     COUNT(convex_from, call);
@@ -85,11 +89,13 @@ static inline vmask convex_from(const struct primitive *s, struct vec local, vfl
     return v_and(may, v_or(v_not(grazes), v_cmp_ge(flat_radius(local, s), v_splat(short_of))));
 }
 
+// Returns the distance above a plane.
 static inline vfloat height_over(const struct primitive *s, struct vec p) {
     return vec_dot(p, vec_set(s->normal)) - v_splat(s->over);
 }
 
-// Above the plane, and rising over the cone's slope, or still above it where the ray leaves the bounds.
+// Whether the ray stays above the plane's cone: it rises faster than the cone's slope, or is still above where it
+// leaves the bounds.
 static inline vmask plane_clears(vfloat height, vfloat slope, float q, const struct model *model) {
     vfloat furthest = v_splat(2.0f * (float)model->march.bounds_radius), zero = v_splat(0.0f);
     vmask rises = v_or(v_cmp_ge(slope, v_splat(q)),

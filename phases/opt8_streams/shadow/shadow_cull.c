@@ -1,15 +1,20 @@
 // Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
-// steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
-// that only touches the march changes it; but of most rays it can be told without one. PROOFS.md has the proofs.
-#include "core/numerics.h"
+// steps of a march by the distance h to the whole scene, with y = h²/(2·previous h). It depends on the steps, so a
+// shape that only touches the march changes it. But for most rays a cone around the ray decides. PROOFS.md has the
+// proofs.
+#include "core/packet_group.h"
+#include "core/ray_queues.h"
+#include "core/shape_distances.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 #include "shadow/shadow_cone.h"
 
-// The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
+// A bundle of shadow rays: the group's hits lie in a ball, and the rays diverge from `to_light` by at most `spread`.
 struct light_bundle {
     float centre[3], radius, to_light[3], spread;
 };
 
-static bool light_bundle_of(const struct hit hit[GROUP], const struct lighting light[GROUP],
+static bool light_bundle_of(const struct hit *hit, const struct lighting *light,
                             const struct view *view, struct light_bundle *ball) {
     COUNT(light_bundle_of, call);
     COUNT(light_bundle_of, scalar);
@@ -42,73 +47,74 @@ static bool light_bundle_of(const struct hit hit[GROUP], const struct lighting l
     ball->spread = ball->radius / (distance - ball->radius);
     for (int k = 0; k < 3; k++)
         ball->to_light[k] /= distance;
-    return ball->radius < 0.25f * distance; // not where nothing is lit: −∞ and NaN are not
+    return ball->radius < 0.25f * distance; // false where no hit is lit: the radius is −∞ or NaN
 }
 
-// Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
+// Whether no cone of slope q around a ray of the bundle meets the shape's bounding sphere.
 static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s) {
     COUNT(bundle_misses, call);
-    float radius = s->bound + ball->radius, along = 0, need = -radius * radius;
+    float radius = s->bound + ball->radius, along = 0, c = -radius * radius;
     float q = s->slope_lit + ball->spread;
     for (int k = 0; k < 3; k++) {
         float v = s->position[k] - ball->centre[k];
         along += v * ball->to_light[k];
-        need += v * v;
+        c += v * v;
     }
-    float lean = along + q * radius;
-    if (!(need > 0 && q < 1))
+    float b = along + q * radius;
+    if (!(c > 0 && q < 1))
         return false;
-    if (lean <= 0)
+    if (b <= 0)
         return true;
     COUNT(bundle_misses, leans);
-    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
+    return b * b * (1 + 1e-4f) < (1 - q * q) * c;
 }
 
-void list_occluders(const struct hit hit[GROUP], const struct lighting light[GROUP],
+void list_occluders(const struct hit *hit, const struct lighting *light,
                     struct trace_context *world) {
     COUNT(list_occluders, call);
     const struct prepared *scene = world->scene;
-    struct worker_scratch *scratch = world->scratch;
+    struct ray_queues *queues = world->queues;
     struct light_bundle ball;
     bool known = light_bundle_of(hit, light, world->view, &ball);
-    scratch->occluder_count = 0;
+    queues->occluder_count = 0;
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *s = &scene->placed[i];
-        if (!known || s->way == EVAL_LINEAR || !bundle_misses(&ball, s))
-            scratch->occluders[scratch->occluder_count++] = i;
+        const struct primitive *s = &scene->primitives[i];
+        if (!known || s->kind == EVAL_LINEAR || !bundle_misses(&ball, s))
+            queues->occluders[queues->occluder_count++] = i;
     }
 }
 
 vmask trivially_lit(const struct hit *hit, const struct lighting *light,
-                    const struct packet_rays *beam, const struct trace_context *world) {
+                    const struct packet_rays *packet, const struct trace_context *world) {
     COUNT(trivially_lit, call);
     const struct prepared *scene = world->scene;
     float q = scene->lit_slope;
     struct vec point = hit->point.hi;
     vmask clear = light->lit;
-    if (scene->model.shadows == SHADOWS_HARD) // of its own shape it asks for the slope, too
+    if (scene->model.shadows == SHADOWS_HARD) // its own shape must fall away by the slope, too
         clear = v_and(clear, v_cmp_ge(light->facing, v_splat(q)));
-    for (int k = 0; k < world->scratch->occluder_count && v_any(clear); k++) {
-        int i = world->scratch->occluders[k];
-        const struct primitive *s = &scene->placed[i];
-        vmask own = v_and(is_shape(hit->shape, i), hit->smooth), here;
-        if (s->way == EVAL_LINEAR) {
+    for (int k = 0; k < world->queues->occluder_count && v_any(clear); k++) {
+        int i = world->queues->occluders[k];
+        const struct primitive *s = &scene->primitives[i];
+        vmask same = v_and(is_shape(hit->shape, i), hit->smooth), here;
+        if (s->kind == EVAL_LINEAR) {
             COUNT(trivially_lit, plane);
             vfloat slope = vec_dot(vec_set(s->normal), light->to_light);
-            here = v_or(own, plane_clears(height_over(s, point), slope, q, &scene->model));
+            here = v_or(same, plane_clears(height_over(s, point), slope, q, &scene->model));
         } else {
             COUNT(trivially_lit, solid);
             here = cone_misses(shadow_cone_to(to_centre(s, point), light->to_light, s), s);
-            if (v_any(v_and(own, v_andnot(here, clear))))
-                here = v_or(here, v_and(own, convex_from(s, beam->approach[i].origin, light->facing,
-                                                         scene)));
+            if (v_any(v_and(same, v_andnot(here, clear))))
+                here = v_or(here, v_and(same, convex_from(s, packet->local[i].origin, light->facing,
+                                                          scene)));
         }
         clear = v_and(clear, here);
     }
     return clear;
 }
 
-// Half of how fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
+// Returns half of the rate at which the distance's slope grows along l, from a point with normal n: the surface's
+// curvature.
 static vfloat half_curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
                              const struct primitive *s) {
     COUNT(half_curvature, call);
@@ -141,14 +147,14 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec norma
     vfloat t = v_splat((float)model->march.surface_offset),
            hit = v_splat((float)model->march.hit_distance);
     vfloat half = v_splat(0.0f);
-    if (s->way != EVAL_LINEAR)
+    if (s->kind != EVAL_LINEAR)
         half = half_curvature(local, turned(s, normal), turned(s, light->to_light), facing, s);
     vfloat u = v_max(v_madd(half, t, facing), v_splat(1e-12f)), further = v_madd(t, u, t);
     vfloat v = v_madd(half, further, facing), ratio = v * (one + u) / u;
     vfloat inside = v_nmadd(v_splat(0.25f) * ratio, ratio, one);
     vfloat term = strength * v * v_sqrt(v_max(inside, v_splat(0.0f))) /
                   v_nmadd(v_splat(0.5f) * ratio, v, one);
-    // A march that is within the hit distance at its first step has no term at all.
+    // A march within the hit distance at its first step has no term.
     vmask first = v_cmp_ge(u * t, hit), second = v_and(first, v_cmp_ge(v * further, hit));
     if (model->march.max_steps < 2)
         second = v_mask_none();

@@ -1,23 +1,27 @@
-// Shadow rays that wait, in packets: see core/ray_queues.h. Each of them marches until its last ray is done.
-#include "shadow/soft_shadow.h"
-#include "cones/distance_bounds.h"
-#include "simd/point.h"
+// Marches the queued shadow rays in packets: see core/ray_queues.h. Each packet marches until its last ray is done.
+#include "cones/march_scratch.h"
+#include "cones/tile_cones.h"
+#include "core/local_rays.h"
+#include "core/ray_queues.h"
+#include "core/sdf.h"
+#include "core/trace_context.h"
+#include "shading/shadow_step.h"
 
 static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first,
-                              struct worker_scratch *scratch) {
+                              struct ray_queues *queues) {
     COUNT(load_shadow_group, call);
-    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    float (*field)[QUEUE_ROOM] = queues->shadow;
     for (int k = 0; k < GROUP; k++, first += LANES) {
         rays->origin[k] =
             (struct point){load_vec(field + S_HI, first), load_vec(field + S_LO, first)};
         rays->direction[k] = load_vec(field + S_TO_LIGHT, first);
         COUNT(load_shadow_group, packet);
-        rays->active[k] = lanes_until(scratch->shadows - first);
+        rays->active[k] = lanes_until(queues->shadows - first);
         length[k] = v_load(&field[S_DISTANCE][first]);
     }
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
+// Returns how much of the light reaches each origin: 1 lit, 0 in shadow, between them the penumbra of a soft shadow.
 static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
                    struct trace_context *world, vfloat reach[GROUP]) {
     COUNT(shadow, call);
@@ -25,30 +29,30 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     bool soft = model->shadows == SHADOWS_SOFT;
     struct shadow_state shades[GROUP];
     list_for_bundle(rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world,
-                    world->own->shadow);
+                    world->scratch->shadow);
     for (int k = 0; k < GROUP; k++) {
         shades[k].least_sq = v_splat(1.0f);
         group->live[k] = rays->active[k];
         if (v_any(rays->active[k]))
-            approach_origins(rays->origin[k], scene, &group->beam[k]);
+            set_local_origins(rays->origin[k], scene, &group->packet[k]);
     }
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(v_count(rays->active[k]));
-        approach_directions(rays->direction[k], scene, &group->beam[k]);
+        set_local_directions(rays->direction[k], scene, &group->packet[k]);
         shades[k].exit = bounds_exit_of(rays->origin[k], rays->direction[k], model);
         shades[k].twice_previous =
-            v_splat(1e14f); // its square, times t's and the strength's, is a float
+            v_splat(1e14f); // its square times t² and strength² is still a float
         group->t[k] = v_splat((float)model->march.surface_offset);
     }
-    struct sole_shape alone = {.shape = -1};
+    struct sole_shape sole = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        scene_distances(group, scene, &alone);
+        scene_distances(group, scene, &sole);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             vmask live = group->live[k];
@@ -69,28 +73,28 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
 
 static void cast_packets(struct trace_context *world) {
     COUNT(cast_packets, call);
-    struct worker_scratch *scratch = world->scratch;
-    for (int first = 0; first < scratch->shadows; first += GROUP_RAYS) {
+    struct ray_queues *queues = world->queues;
+    for (int first = 0; first < queues->shadows; first += GROUP_RAYS) {
         struct ray_group rays;
         vfloat length[GROUP], reach[GROUP];
-        load_shadow_group(&rays, length, first, scratch);
+        load_shadow_group(&rays, length, first, queues);
         shadow(&rays, length, world, reach);
         for (int k = 0; k < GROUP; k++) {
             int at = first + k * LANES;
             ACTIVE(v_count(rays.active[k]));
             COUNT(cast_packets, packet);
-            struct vec light = vec_scale(load_vec(scratch->shadow + S_LIGHT, at), reach[k]);
-            add_light(rays.active[k], light, v_load(&scratch->shadow[S_PIXEL][at]), scratch);
+            struct vec light = vec_scale(load_vec(queues->shadow + S_LIGHT, at), reach[k]);
+            add_light(rays.active[k], light, v_load(&queues->shadow[S_PIXEL][at]), queues);
         }
     }
 }
 
 void cast_shadows(struct trace_context *world) {
     COUNT(cast_shadows, call);
-    struct worker_scratch *scratch = world->scratch;
+    struct ray_queues *queues = world->queues;
     if (world->scene->bulbs > 0)
         cast_streams(world);
     else
         cast_packets(world);
-    scratch->shadows = 0;
+    queues->shadows = 0;
 }

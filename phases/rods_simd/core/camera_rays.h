@@ -1,9 +1,10 @@
 // The camera's rays through the pixels of a block.
-#ifndef CAMERA_H
-#define CAMERA_H
+#ifndef CAMERA_RAYS_H
+#define CAMERA_RAYS_H
 
 #include "core/pixel_block.h"
 
+// Returns the lanes of a block that are in the picture.
 static inline vmask in_picture(struct pixel_block block) {
     static const float right[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
     static const float below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
@@ -11,6 +12,7 @@ static inline vmask in_picture(struct pixel_block block) {
                  v_cmp_lt(v_load(below), v_splat((float)block.down)));
 }
 
+// Returns the directions of a block's camera rays, of unit length.
 static inline struct vec get_direction(struct pixel_block block, const struct frame *frame,
                                        const struct view *view) {
     COUNT(get_direction, call);

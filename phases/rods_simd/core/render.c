@@ -1,17 +1,18 @@
-// The phase's entry points, and the choice between the kernels for 8 and for 16 lanes: the same sources
-// (core/tile.c, rods.c, march/march.c, shading/shade.c), built twice.
+// The phase's entry points, and the choice between the kernels for 8 and for 16 lanes. Both are built from the files
+// of each_variant in phase.json.
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "core/primitive.h"
+#include "core/kernel.h"
+#include "core/primitives.h"
 #include "driver/variant.h"
 #include "workers/workers.h"
 
-// What the march reads is `prepared`, as in opt4; the team stands behind it.
+// The march reads `prepared`. The workers stand behind it.
 struct phase_state {
     struct prepared prepared;
     struct workers *workers;
-    bool sixteen; // lanes, not eight
+    bool sixteen; // 16 lanes, else 8
 };
 
 const char *phase_unsupported(const struct scene *scene) {
@@ -26,58 +27,58 @@ const char *phase_settings(const struct prepared *prepared) {
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
-    struct phase_state *kept = calloc(1, sizeof *kept);
-    if (!kept)
+    struct phase_state *state = calloc(1, sizeof *state);
+    if (!state)
         return NULL;
-    if (shapes_reserve(&kept->prepared, model)) {
-        kept->sixteen = variant_here().lanes == 16;
-        kept->workers = workers_start(threads, kept->sixteen ? lanes16_own_size(model)
-                                                             : lanes8_own_size(model));
+    if (shapes_reserve(&state->prepared, model)) {
+        state->sixteen = variant_here().lanes == 16;
+        state->workers = workers_start(threads, state->sixteen ? lanes16_scratch_size(model)
+                                                               : lanes8_scratch_size(model));
     }
-    if (!kept->workers) {
-        shapes_release(&kept->prepared);
-        free(kept);
+    if (!state->workers) {
+        shapes_release(&state->prepared);
+        free(state);
         return NULL;
     }
     char error[512];
-    settings_read(getenv("STEPWISE_RODS"), &kept->prepared.settings, error);
-    settings_say(&kept->prepared.settings, kept->prepared.said);
-    phase_update(&kept->prepared, model);
-    return &kept->prepared;
+    settings_read(getenv("STEPWISE_RODS"), &state->prepared.settings, error);
+    settings_say(&state->prepared.settings, state->prepared.said);
+    phase_update(&state->prepared, model);
+    return &state->prepared;
 }
 
 void phase_release(struct prepared *prepared) {
-    struct phase_state *kept = (struct phase_state *)prepared; // its first member
-    workers_end(kept->workers);
+    struct phase_state *state = (struct phase_state *)prepared; // its first member
+    workers_end(state->workers);
     shapes_release(prepared);
-    free(kept);
+    free(state);
 }
 
-// Apart from what the caller writes on its stack: all workers read it.
+// All workers read it, so it has cache lines of its own.
 struct frame_job {
     alignas(WORKERS_APART) struct job job;
     bool sixteen;
 };
 
-static void render_tile(const void *data, int tile, void *own) {
+static void render_tile(const void *data, int tile, void *scratch) {
     const struct frame_job *job = data;
     if (job->sixteen)
-        lanes16_tile(&job->job, tile, own);
+        lanes16_tile(&job->job, tile, scratch);
     else
-        lanes8_tile(&job->job, tile, own);
+        lanes8_tile(&job->job, tile, scratch);
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
-    const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame}, kept->sixteen};
-    workers_run(kept->workers, render_tile, &job,
-                kept->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
+    const struct phase_state *state = (const struct phase_state *)prepared; // its first member
+    struct frame_job job = {{prepared, view, frame}, state->sixteen};
+    workers_run(state->workers, render_tile, &job,
+                state->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
     return true;
 }
 
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {
-    const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    return kept->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
-                         : lanes8_distances(prepared, count, points, distance, nearest);
+    const struct phase_state *state = (const struct phase_state *)prepared; // its first member
+    return state->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
+                          : lanes8_distances(prepared, count, points, distance, nearest);
 }

@@ -1,19 +1,23 @@
-// The pixels of a tile: rods say where their rays begin, and which of them meet nothing. The others are finished in
-// blocks of neighbours on both axes, four wide, one ray through the middle of each; what of a block lies outside the
-// picture is masked, so any size will do.
+// Draws the tiles of a picture. Rods find where the rays of a tile begin, and which rays hit nothing. The other rays
+// are marched in blocks, four wide, with one ray through the middle of each pixel. Lanes of a block outside the
+// picture are masked, so the picture may have any size.
 #include "core/camera_rays.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
 #include "rods.h"
-#include "simd/point.h"
 
 #include <stdlib.h>
 
-// Where the rays of a block begin, evaluations of the rods that led there, and those of them told with each.
-struct beginning {
+// Where the rays of a block begin, the steps of their rods, and their share of them (see struct survey).
+struct ray_starts {
     vfloat start, steps, share;
 };
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
-                               const struct shaded *seen, const struct beginning *began) {
+                               const struct shaded *seen, const struct ray_starts *starts) {
     COUNT(store_block_result, call);
     store_plane(frame->rgb, 3, frame, block, seen->color.x);
     store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
@@ -27,30 +31,30 @@ static void store_block_result(struct frame *frame, struct pixel_block block,
     store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
     store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
     store_plane(frame->evals, 1, frame, block, hit->evals);
-    store_plane(frame->planes[0], 1, frame, block, began->start);
-    store_plane(frame->planes[1], 1, frame, block, began->steps);
-    store_plane(frame->planes[2], 1, frame, block, began->share);
+    store_plane(frame->planes[0], 1, frame, block, starts->start);
+    store_plane(frame->planes[1], 1, frame, block, starts->steps);
+    store_plane(frame->planes[2], 1, frame, block, starts->share);
 }
 
 static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE - 1) / TILE;
 }
 
-// In a worker's own memory.
-static struct survey *init_packet_rays(struct packet_group *group, void *own, int shapes) {
-    vfloat *wake = own;
-    struct local_ray *approach = (struct local_ray *)(wake + shapes * GROUP);
+// Divides a worker's memory between the packets of a group.
+static struct survey *init_packet_rays(struct packet_group *group, void *scratch, int shapes) {
+    vfloat *wake = scratch;
+    struct local_ray *local = (struct local_ray *)(wake + shapes * GROUP);
     for (int i = 0; i < shapes * GROUP; i++)
-        wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
+        wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
     for (int k = 0; k < GROUP; k++)
-        group->beam[k] = (struct packet_rays){.approach = approach + k * shapes, .wake = wake + k};
-    return (struct survey *)(approach + GROUP * shapes);
+        group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
+    return (struct survey *)(local + GROUP * shapes);
 }
 
-// What a block's rays begin with; the lanes that have one. Of the others start is −1.
-static vmask begin(struct pixel_block block, int left, int top, const struct survey *survey,
-                   struct beginning *began) {
-    COUNT(begin, call);
+// Sets where a block's rays begin; −1 for rays that hit nothing. Returns the other lanes.
+static vmask load_starts(struct pixel_block block, int left, int top, const struct survey *survey,
+                         struct ray_starts *starts) {
+    COUNT(load_starts, call);
     float start[LANES], steps[LANES], share[LANES];
     for (int lane = 0; lane < LANES; lane++) {
         int row = block.row - top + lane / BLOCK_WIDTH, column = block.column - left;
@@ -59,13 +63,13 @@ static vmask begin(struct pixel_block block, int left, int top, const struct sur
         steps[lane] = survey->steps[pixel];
         share[lane] = survey->share[pixel];
     }
-    *began = (struct beginning){v_load(start), v_load(steps), v_load(share)};
-    vmask active = v_cmp_lt_in(in_picture(block), began->start, v_splat(INFINITY));
-    began->start = v_select(active, began->start, v_splat(-1.0f));
+    *starts = (struct ray_starts){v_load(start), v_load(steps), v_load(share)};
+    vmask active = v_cmp_lt_in(in_picture(block), starts->start, v_splat(INFINITY));
+    starts->start = v_select(active, starts->start, v_splat(-1.0f));
     return active;
 }
 
-// Of rays that were not marched: nothing.
+// Clears the lanes whose ray was not marched.
 static void blank(vmask active, const struct model *model, struct shaded *seen) {
     struct hit *hit = &seen->hit;
     struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
@@ -79,7 +83,7 @@ static void blank(vmask active, const struct model *model, struct shaded *seen) 
 // Blocks that wait until a group of them is full.
 struct waiting {
     struct pixel_block block[GROUP];
-    struct beginning began[GROUP];
+    struct ray_starts starts[GROUP];
     struct ray_group rays;
     int count;
 };
@@ -94,12 +98,12 @@ static void draw_waiting(struct waiting *waiting, const struct job *job,
     for (int k = 0; k < waiting->count; k++) {
         ACTIVE(waiting->block[k].across * waiting->block[k].down);
         blank(waiting->rays.active[k], &job->prepared->model, &seen[k]);
-        store_block_result(job->frame, waiting->block[k], &seen[k], &waiting->began[k]);
+        store_block_result(job->frame, waiting->block[k], &seen[k], &waiting->starts[k]);
     }
     waiting->count = 0;
 }
 
-static void draw_block(struct pixel_block block, struct point origin, struct beginning began,
+static void draw_block(struct pixel_block block, struct point origin, struct ray_starts starts,
                        vmask active, const struct job *job, struct trace_context *world,
                        struct waiting *waiting) {
     ACTIVE(v_count(active));
@@ -111,21 +115,22 @@ static void draw_block(struct pixel_block block, struct point origin, struct beg
     rays->origin[k] = origin;
     rays->direction[k] = get_direction(block, job->frame, job->view);
     rays->active[k] = active;
-    rays->start[k] = v_select_or_zero(active, began.start);
-    rays->cap = settings->finish > 0 ? int_min(cap, settings->finish) : cap;
+    world->start[k] = v_select_or_zero(active, starts.start);
+    world->cap[k] = settings->finish > 0 ? int_min(cap, settings->finish) : cap;
     waiting->block[k] = block;
-    waiting->began[k] = began;
+    waiting->starts[k] = starts;
     if (waiting->count == GROUP)
         draw_waiting(waiting, job, world);
 }
 
-static void draw_tile(const struct job *job, int tile, void *own) {
+static void draw_tile(const struct job *job, int tile, void *scratch) {
     COUNT(draw_tile, call);
     COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     const struct model *model = &job->prepared->model;
-    struct trace_context world = {.scene = job->prepared, .view = job->view};
-    struct survey *survey = init_packet_rays(&world.group, own, model->shape_count);
+    struct packet_group group;
+    struct trace_context world = {.scene = job->prepared, .view = job->view, .group = &group};
+    struct survey *survey = init_packet_rays(&group, scratch, model->shape_count);
     struct point origin = point_from_doubles(job->view->position);
     int left = tile % tiles_across(frame) * TILE, right = int_min(frame->width, left + TILE);
     int top = tile / tiles_across(frame) * TILE, bottom = int_min(frame->height, top + TILE);
@@ -138,21 +143,21 @@ static void draw_tile(const struct job *job, int tile, void *own) {
                                         int_min(BLOCK_HEIGHT, bottom - row)};
             ACTIVE(block.across * block.down);
             COUNT(draw_tile, packet);
-            struct beginning began;
-            vmask active = begin(block, left, top, survey, &began);
+            struct ray_starts starts;
+            vmask active = load_starts(block, left, top, survey, &starts);
             if (v_any(active)) {
-                draw_block(block, origin, began, active, job, &world, &waiting);
+                draw_block(block, origin, starts, active, job, &world, &waiting);
                 continue;
             }
             struct shaded nothing = {0};
             blank(active, model, &nothing);
-            store_block_result(frame, block, &nothing, &began);
+            store_block_result(frame, block, &nothing, &starts);
         }
     if (waiting.count > 0)
         draw_waiting(&waiting, job, &world);
 }
 
-size_t VARIANT(own_size)(const struct model *model) {
+size_t VARIANT(scratch_size)(const struct model *model) {
     return GROUP * (size_t)model->shape_count * (sizeof(vfloat) + sizeof(struct local_ray)) +
            sizeof(struct survey);
 }
@@ -161,28 +166,28 @@ int VARIANT(tiles)(const struct frame *frame) {
     return tiles_across(frame) * ((frame->height + TILE - 1) / TILE);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    draw_tile(job, tile, own);
+void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
+    draw_tile(job, tile, scratch);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = VARIANT(own_size)(&prepared->model);
-    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!own)
+    size_t size = VARIANT(scratch_size)(&prepared->model);
+    void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!scratch)
         return false;
     struct packet_group group;
-    init_packet_rays(&group, own, prepared->model.shape_count);
-    struct packet_rays *beam = &group.beam[0];
+    init_packet_rays(&group, scratch, prepared->model.shape_count);
+    struct packet_rays *packet = &group.packet[0];
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
-        approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
-        approach_directions(nowhere, prepared, beam->approach);
-        distance[i] = v_lane0(
-            nearest_shape_at(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        set_local_origins(point_from_doubles(points + 3 * i), prepared, packet);
+        set_local_directions(nowhere, prepared, packet);
+        distance[i] =
+            v_lane0(nearest_shape_at(packet, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
-    free(own);
+    free(scratch);
     return true;
 }

@@ -11,13 +11,7 @@
 #include <string.h>
 
 #pragma GCC diagnostic ignored "-Wunused-function" // of what is included
-#include "simd/permute.h"
-#include "simd/pow.h"
-#include "simd/vec.h"
-#if LANES > 4
-#include "simd/point.h"
-#include "simd/rgb.h"
-#endif
+#include "simd/simd.h"
 
 static const float values[] = {0.0f,   -0.0f,   1.0f,  -1.0f,  2.5f,      -2.5f,     3.5f,
                                1e-40f, -1e-40f, 1e30f, -1e30f, INFINITY,  -INFINITY, NAN,

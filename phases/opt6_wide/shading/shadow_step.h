@@ -1,16 +1,11 @@
-// A step of a shadow ray: of whole packets (shadow/soft_shadow.c), and of lanes that are filled again (shadow/ray_segment.c).
-#ifndef UMBRA_H
-#define UMBRA_H
+// One step of a packet of shadow rays, soft and hard.
+#ifndef SHADOW_STEP_H
+#define SHADOW_STEP_H
 
-#include "core/ray_queues.h"
+#include "core/packet_group.h"
+#include "march/march_step.h"
 
-struct shadow_state {
-    vfloat least_sq; // of the light so far: the root is taken once, of what is left in the end
-    vfloat twice_previous;
-    struct bounds_exit exit;
-};
-
-// The rays that are still under way, after some have ended.
+// Keeps the rays `live` of packet k. Returns whether there are any.
 __attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live,
                                                               struct packet_group *group) {
     group->live[k] = live;
@@ -18,9 +13,9 @@ __attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live,
     return v_any(live);
 }
 
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Which rays are still under way after
-// this step: of those that are not, the shade stays as it is.
+// Takes a step of the improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs"
+// (iquilezles.org/articles/rmshadows), after S. Aaltonen's GDC 2018 talk. The march goes past the light to the bounds.
+// Returns the rays that are still live after this step. The state of all other rays is unchanged.
 static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq,
                               struct packet_group *group, const struct model *model) {
     vmask live = group->live[k];
@@ -32,14 +27,14 @@ static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq
         return going;
     ACTIVE(v_count(going));
     COUNT(soft_step, step);
-    // y = h²/(2·previous); inside = h² − y², past = t − y. Asked without a division: both times 2·previous.
+    // y = h²/(2·previous); inside = h² − y², past = t − y. Both are scaled by 2·previous to save a division.
     vfloat twice = ray->twice_previous;
     vfloat square = h * h, scale = twice * twice, inside = scale - square;
     vfloat past = v_msub(twice, t, square);
-    // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-    // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
+    // Moving straight away from a surface gives 0/0 (h = 2·previous): no term. In float, the term is noise where
+    // inside/h² is of the order of h's error, at least 1e-5.
     vmask sound = v_cmp_lt_in(v_cmp_lt_in(going, scale * v_splat(2e-5f), inside), zero, past);
-    // (strength·h·√inside/past)² < least², asked without the division: it is seldom so.
+    // (strength·h·√inside/past)² < least², without the division: it is seldom true.
     vfloat term = v_splat(strength_sq) * square * inside, per = past * past;
     vmask darker = v_cmp_lt_in(sound, term, ray->least_sq * per);
     if (v_any(darker)) {
@@ -52,9 +47,10 @@ static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq
     return v_cmp_ngt_in(going, outside_of_bounds(ray->exit, t), zero);
 }
 
+// Takes a step of a hard shadow. Returns the rays that are still live.
 static inline vmask hard_step(struct shadow_state *ray, vfloat distance, int k,
                               struct packet_group *group, const struct model *model) {
-    // Past the light a ray is lit, and has taken one evaluation too many.
+    // A ray past the light is lit. It has taken one evaluation too many.
     ACTIVE(v_count(group->live[k]));
     COUNT(hard_step, call);
     vfloat t = group->t[k], h = group->distance[k];

@@ -1,20 +1,30 @@
-// The shapes as the march wants them, anew whenever the scene has moved.
+// Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/primitives.h"
 
 #include <stdlib.h>
 
-// Beyond it the power-8 map's orbits escape (|w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on), and its estimate is at least half
-// of the distance to that ball: tests/py/test_tiles.py samples it.
+// Beyond this radius the power-8 map's orbits escape: |w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on. There the estimate is at
+// least half of the distance to the ball: tests/py/test_tiles.py samples it.
 #define BALL_RADIUS 1.15f
 
-// A wrapped distance is a distance where the shape is the mirror image of itself at its cell's walls.
+// A wrapped distance is 1-Lipschitz if the shape is its mirror image at the walls of its cell. A plane or a cone is
+// not.
 static enum bound_kind bound_kind_of(const struct shape *shape, bool repeated) {
     if (repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE))
         return BOUND_NONE;
     return shape->type == SHAPE_MANDELBULB ? BOUND_BALL : BOUND_LIPSCHITZ;
 }
 
-// A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
+// Sets the members that cones and bundles need.
+static void prepare_bounds(struct primitive *p, const struct shape *shape,
+                           const struct limits *limits) {
+    if (p->type == SHAPE_MANDELBULB)
+        p->a = BALL_RADIUS + 2.0f * (float)limits->hit_distance;
+    p->trust = bound_kind_of(shape, p->repeated);
+    p->error = 0x1p-18f * fmaxf(extent_of(shape), shape->type == SHAPE_PLANE ? fabsf(p->a) : 1.0f);
+}
+
+// Returns the radius of a sphere around the shape's position that holds it. 1e-5 is for rounding.
 static double bounding_radius(const struct shape *shape) {
     const double *half = shape->box.half_size;
     switch (shape->type) {
@@ -34,13 +44,14 @@ static double bounding_radius(const struct shape *shape) {
     }
 }
 
+// Sets the members that shadow cones and shading need.
 static void prepare_solid(struct primitive *p, const struct shape *shape,
                           const struct model *model) {
     double bound = bounding_radius(shape);
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
     p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
-    if (p->way == EVAL_LINEAR)
+    if (p->kind == EVAL_LINEAR)
         p->over = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
                           p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
     const struct material *m = &model->materials[shape->material];
@@ -50,8 +61,8 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
 }
 
-// The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
-// 1, whatever its steps (PROOFS.md, 1.): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+// Returns the least slope q for soft shadows: a ray with h(t) ≥ q·t everywhere has no term of the estimator below 1,
+// whatever its steps (PROOFS.md, 1): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
 static float lit_slope_soft(double strength) {
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {
@@ -62,88 +73,33 @@ static float lit_slope_soft(double strength) {
     return (float)(high * (1 + 1e-5));
 }
 
-// Of a hard shadow: such a ray is nowhere within twice the hit distance of a surface.
+// Returns the slope for hard shadows: a ray above it is nowhere within twice the hit distance of a surface.
 static float lit_slope_hard(const struct limits *limits) {
     return (float)fmax(1e-3, 2.0 * limits->hit_distance / limits->surface_offset);
 }
 
-// Outside of its ball a Mandelbulb's estimate is at least half of the distance to that: so much for hard shadows.
-// None clears a soft shadow's ray past a Mandelbulb: its estimate is less than the distance, so that h may grow by more than a
-// step's length, or to nearly 2·previous with no surface where the proof (PROOFS.md, 1.) has one.
+// Sets the shape's shadow cone. Outside of its ball a Mandelbulb's estimate is at least half of the distance to the
+// ball, so hard shadows need twice the slope. No cone clears a soft shadow past a Mandelbulb: its estimate is less
+// than the distance, so h may grow by more than a step's length, which the proof (PROOFS.md, 1) excludes for
+// distances.
 static void prepare_cone(struct primitive *p, float q, bool soft) {
     p->slope_lit = p->type == SHAPE_MANDELBULB ? (soft ? 1 : fminf(2 * q, 1)) : q;
-    p->lean = p->slope_lit * p->bound;
-    p->wide = 1 - p->slope_lit * p->slope_lit;
+    p->slope_bound = p->slope_lit * p->bound;
+    p->slope_a = 1 - p->slope_lit * p->slope_lit;
 }
 
-static struct primitive prepare_shape(int index, const struct shape *shape,
-                                      const struct limits *limits) {
-    struct primitive p = {.type = shape->type, .index = (float)index};
-    double turn[3][3];
-    rotation_matrix(shape->rotation_degrees, turn);
-    for (int i = 0; i < 3; i++) {
-        split(shape->position[i], &p.position[i], &p.position_lo[i]);
-        to_floats(turn[i], p.turn[i]);
-        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
-        p.repeated = p.repeated || shape->repeat[i] > 0.0;
-        p.cell[i] = (float)shape->repeat[i];
-        p.wide_cell[i] = shape->repeat[i];
-        p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
-        p.per_cell[i] = (float)p.wide_per_cell[i];
-    }
-    p.way = eval_kind_of(shape, p.repeated, limits);
-    prepare_rows(&p, shape, turn);
-    switch (shape->type) {
-    case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
-    case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
-    case SHAPE_ROUNDED_BOX:
-        to_floats(shape->box.half_size, p.size);
-        p.a = (float)shape->box.rounding;
-        break;
-    case SHAPE_TORUS:
-        p.a = (float)shape->torus.major_radius;
-        p.b = (float)shape->torus.minor_radius;
-        break;
-    case SHAPE_CONE: {
-        double across = shape->cone.top_radius - shape->cone.bottom_radius;
-        double up = 2.0 * shape->cone.half_height;
-        p.a = (float)shape->cone.bottom_radius;
-        p.b = (float)shape->cone.top_radius;
-        p.c = (float)shape->cone.half_height;
-        p.slope[0] = (float)across;
-        p.slope[1] = (float)up;
-        p.per_slope_sq = (float)(1.0 / (across * across + up * up));
-        break;
-    }
-    case SHAPE_OCTAHEDRON: p.a = (float)shape->octahedron.radius; break;
-    case SHAPE_PLANE:
-        to_floats(shape->plane.normal, p.size);
-        p.a = (float)shape->plane.offset;
-        break;
-    default:
-        p.a = BALL_RADIUS + 2.0f * (float)limits->hit_distance;
-        p.bailout = (float)shape->mandelbulb.bailout;
-        p.iterations = shape->mandelbulb.iterations;
-        break;
-    }
-    p.steady = !p.repeated && p.type != SHAPE_MANDELBULB;
-    p.trust = bound_kind_of(shape, p.repeated);
-    p.error = 0x1p-18f * fmaxf(extent_of(shape), shape->type == SHAPE_PLANE ? fabsf(p.a) : 1.0f);
-    p.slack = 0x1p-18f * extent_of(shape);
-    return p;
-}
-
+// Whether one Mandelbulb, not repeated and within the bounds, and at most one plane are all shapes.
 static bool is_single_bulb(const struct prepared *prepared) {
     const struct model *model = &prepared->model;
     int planes = 0;
     for (int i = 0; i < model->shape_count; i++) {
-        const struct primitive *p = &prepared->placed[i];
+        const struct primitive *p = &prepared->primitives[i];
         if (p->type == SHAPE_MANDELBULB) {
             const double *at = p->centre;
             double away = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]);
             if (p->repeated || !(away + p->a < model->march.bounds_radius * (1 - 1e-6)))
                 return false;
-        } else if (p->way == EVAL_LINEAR)
+        } else if (p->kind == EVAL_LINEAR)
             planes++;
         else
             return false;
@@ -154,7 +110,7 @@ static bool is_single_bulb(const struct prepared *prepared) {
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
-    prepared->told = true;
+    prepared->all_bounded = true;
     prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = model->shadows == SHADOWS_HARD ? lit_slope_hard(&model->march)
                                                          : lit_slope_soft(model->shadow_strength);
@@ -163,17 +119,19 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     for (int i = 0; i < model->shape_count; i++)
         each[i] = i;
     for (int i = 0; i < model->shape_count; i++) {
-        struct primitive *p = &prepared->placed[i];
+        struct primitive *p = &prepared->primitives[i];
         *p = prepare_shape(i, &model->shapes[i], &model->march);
+        prepare_bounds(p, &model->shapes[i], &model->march);
         prepare_solid(p, &model->shapes[i], model);
         prepare_cone(p, prepared->lit_slope, model->shadows != SHADOWS_HARD);
-        prepared->told = prepared->told && !p->repeated && p->way != EVAL_POWER;
+        prepared->all_bounded = prepared->all_bounded && !p->repeated && p->kind != EVAL_POWER;
     }
-    prepared->lone = is_single_bulb(prepared);
+    prepared->single_bulb = is_single_bulb(prepared);
     for (int steady = 1; steady >= 0; steady--)
         for (int type = 0; type < SHAPE_TYPES; type++)
             for (int i = 0; i < model->shape_count; i++)
-                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type) {
+                if (prepared->primitives[i].steady == steady &&
+                    (int)prepared->primitives[i].type == type) {
                     order[next++] = i;
                     prepared->all.steady += steady;
                 }
@@ -181,14 +139,14 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
 }
 
 bool shapes_reserve(struct prepared *prepared, const struct model *model) {
-    prepared->placed = calloc((size_t)model->shape_count, sizeof *prepared->placed);
+    prepared->primitives = calloc((size_t)model->shape_count, sizeof *prepared->primitives);
     int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
     prepared->all.shape = both;
     prepared->all.order = both ? both + model->shape_count : NULL;
-    return prepared->placed && both;
+    return prepared->primitives && both;
 }
 
 void shapes_release(struct prepared *prepared) {
-    free(prepared->placed);
-    free((void *)prepared->all.shape); // and order
+    free(prepared->primitives);
+    free((void *)prepared->all.shape); // frees `order` too: one block of memory
 }

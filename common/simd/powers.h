@@ -1,0 +1,44 @@
+// log, exp and pow. Their costs stand in the phase's costs.def. Part of simd.h.
+#ifndef SIMD_POWERS_H
+#define SIMD_POWERS_H
+
+// log and exp: range reduction after Cody and Waite, "Software manual for the elementary functions"
+// (1980); polynomials by Chebyshev interpolation, derived by scripts/polynomials.py. Errors
+// measured over all floats of their ranges by tests/c/phases/test_math_opt4.c.
+
+// log a for normal a > 0. 0 and denormals read as 2^-127·(1 + fraction): finite, not −∞.
+static inline vfloat v_log(vfloat a) {
+    COUNT(v_log, call);
+    vfloat e = v_exponent(a), m = v_mantissa(a);
+    vmask high = v_cmp_gt(m, v_splat(1.41421356f));
+    m = v_select(high, m * v_splat(0.5f), m);
+    e = e + v_select_or_zero(high, v_splat(1.0f));
+    vfloat f = m - v_splat(1.0f), s = f / (m + v_splat(1.0f)), u = s * s;
+    vfloat p = v_madd(u, v_splat(0.29579949392f), v_splat(0.39988780566f));
+    p = v_madd(u, p, v_splat(0.6666668504f));
+    // 2s = f − s·f, and f is exact; ln 2 in two parts, the first exact times e
+    vfloat low_part = v_msub(e, v_splat(-2.12194440e-4f), s * v_nmadd(u, p, f));
+    return v_madd(e, v_splat(0.693359375f), f + low_part);
+}
+
+// exp a; below −87 it stays at exp(−87) = 2e-38, above 88 at exp(88).
+static inline vfloat v_exp(vfloat a) {
+    COUNT(v_exp, call);
+    a = v_min(v_max(a, v_splat(-87.0f)), v_splat(88.0f));
+    vfloat n = v_round(a * v_splat(1.44269504f));
+    vfloat r = v_nmadd(n, v_splat(0.693359375f), a);
+    r = v_nmadd(n, v_splat(-2.12194440e-4f), r);
+    vfloat p = v_madd(r, v_splat(0.001392617612f), v_splat(0.0083631730745f));
+    p = v_madd(r, p, v_splat(0.041666554662f));
+    p = v_madd(r, p, v_splat(0.16666577026f));
+    p = v_madd(r, p, v_splat(0.5f));
+    return v_ldexp(v_splat(1.0f) + v_madd(r * r, p, r), n);
+}
+
+// a^b for a > 0: relative error about (2 + |b·ln a|) ulp; 0 gives at most 2^(-127·b).
+static inline vfloat v_pow(vfloat a, vfloat b) {
+    COUNT(v_pow, call);
+    return v_exp(b * v_log(a));
+}
+
+#endif

@@ -1,0 +1,148 @@
+// Vectors of several rays at once: three vfloats, a structure of arrays. Fused multiply-adds are written out,
+// because contraction is off (-ffp-contract=off). Part of simd.h.
+#ifndef SIMD_VECTORS_H
+#define SIMD_VECTORS_H
+
+struct vec {
+    vfloat x, y, z;
+};
+
+static inline struct vec vec_set(const float *a) {
+    return (struct vec){v_splat(a[0]), v_splat(a[1]), v_splat(a[2])};
+}
+
+static inline struct vec vec_from_doubles(const double a[3]) {
+    return (struct vec){v_splat((float)a[0]), v_splat((float)a[1]), v_splat((float)a[2])};
+}
+
+static inline vfloat vec_dot(struct vec a, struct vec b) {
+    return v_madd(a.x, b.x, v_madd(a.y, b.y, a.z * b.z));
+}
+
+static inline vfloat vec_norm(struct vec a) {
+    return v_sqrt(vec_dot(a, a));
+}
+
+static inline struct vec vec_scale(struct vec a, vfloat s) {
+    return (struct vec){a.x * s, a.y * s, a.z * s};
+}
+
+// The points at distance t along the rays.
+static inline struct vec vec_along(struct vec origin, struct vec direction, vfloat t) {
+    return (struct vec){v_madd(direction.x, t, origin.x), v_madd(direction.y, t, origin.y),
+                        v_madd(direction.z, t, origin.z)};
+}
+
+static inline struct vec vec_select(vmask m, struct vec yes, struct vec no) {
+    return (struct vec){v_select(m, yes.x, no.x), v_select(m, yes.y, no.y),
+                        v_select(m, yes.z, no.z)};
+}
+
+// d mirrored at the plane with unit normal n.
+static inline struct vec vec_reflect(struct vec d, struct vec n) {
+    return vec_along(d, n, v_splat(-2.0f) * vec_dot(d, n));
+}
+
+#if LANES > 4
+
+// Points as unevaluated sums of two floats. The costs of the functions with COUNT stand in the phase's costs.def.
+struct point {
+    struct vec hi, lo;
+};
+
+static inline struct point point_select(vmask m, struct point yes, struct point no) {
+    return (struct point){vec_select(m, yes.hi, no.hi), vec_select(m, yes.lo, no.lo)};
+}
+
+// a + b and its rounding error: T. J. Dekker, "A floating-point technique for extending the available
+// precision", Numer. Math. 18 (1971); D. E. Knuth, TAOCP vol. 2, 4.2.2.
+static inline vfloat v_two_sum(vfloat a, vfloat b, vfloat *error) {
+    vfloat sum = a + b, b_part = sum - a;
+    *error = (a - (sum - b_part)) + (b - b_part);
+    return sum;
+}
+
+static inline vfloat point_along(vfloat hi, vfloat *lo, vfloat direction, vfloat t, vfloat dt) {
+    vfloat way = direction * t, way_error = v_msub(direction, t, way), sum_error;
+    vfloat sum = v_two_sum(hi, way, &sum_error);
+    vfloat rest = v_madd(direction, dt, way_error + (sum_error + *lo));
+    vfloat result = sum + rest;
+    *lo = rest - (result - sum);
+    return result;
+}
+
+// The point at distance t + dt along the ray, dt small beside t: exact to 2^-43 of the larger of the
+// origin's coordinate and t, as long as dt is below 2^-19 of t.
+static inline struct point point_at(struct point origin, struct vec direction, vfloat t,
+                                    vfloat dt) {
+    COUNT(point_at, call);
+    struct point p = origin;
+    p.hi.x = point_along(p.hi.x, &p.lo.x, direction.x, t, dt);
+    p.hi.y = point_along(p.hi.y, &p.lo.y, direction.y, t, dt);
+    p.hi.z = point_along(p.hi.z, &p.lo.z, direction.z, t, dt);
+    return p;
+}
+
+// a − b, rounded once to float: exact to an ulp of the *difference*.
+static inline struct vec point_sub(struct point a, const float hi[3], const float lo[3]) {
+    COUNT(point_sub, call);
+    return (struct vec){(a.hi.x - v_splat(hi[0])) + (a.lo.x - v_splat(lo[0])),
+                        (a.hi.y - v_splat(hi[1])) + (a.lo.y - v_splat(lo[1])),
+                        (a.hi.z - v_splat(hi[2])) + (a.lo.z - v_splat(lo[2]))};
+}
+
+// A double in each lane: for what is computed once per ray, where float would lose the difference of two points.
+typedef struct {
+    vhalf low, high;
+} vdouble;
+
+struct vec_double {
+    vdouble x, y, z;
+};
+
+static inline vdouble v_double_sum(vfloat hi, vfloat lo) {
+    return (vdouble){v_half_low(hi) + v_half_low(lo), v_half_high(hi) + v_half_high(lo)};
+}
+
+static inline struct vec_double vec_double_of(struct point p) {
+    COUNT(vec_double_of, call);
+    return (struct vec_double){v_double_sum(p.hi.x, p.lo.x), v_double_sum(p.hi.y, p.lo.y),
+                               v_double_sum(p.hi.z, p.lo.z)};
+}
+
+static inline vdouble v_double_sub(vdouble a, double b) {
+    vhalf each = v_half_splat(b);
+    return (vdouble){a.low - each, a.high - each};
+}
+
+static inline struct vec_double vec_double_sub(struct vec_double a, const double b[3]) {
+    COUNT(vec_double_sub, call);
+    return (struct vec_double){v_double_sub(a.x, b[0]), v_double_sub(a.y, b[1]),
+                               v_double_sub(a.z, b[2])};
+}
+
+static inline vdouble v_double_mul(vdouble a, double b) {
+    vhalf each = v_half_splat(b);
+    return (vdouble){a.low * each, a.high * each};
+}
+
+static inline vdouble v_double_madd(vdouble a, double b, vdouble c) {
+    vhalf each = v_half_splat(b);
+    return (vdouble){v_half_madd(a.low, each, c.low), v_half_madd(a.high, each, c.high)};
+}
+
+static inline vdouble v_double_floor(vdouble a) {
+    return (vdouble){v_half_floor(a.low), v_half_floor(a.high)};
+}
+
+static inline vdouble v_double_dot(struct vec_double a, const double b[3]) {
+    return v_double_madd(a.x, b[0], v_double_madd(a.y, b[1], v_double_mul(a.z, b[2])));
+}
+
+static inline vfloat v_double_to_float(vdouble a) {
+    return v_from_halves(a.low, a.high);
+}
+
+#endif
+
+#endif

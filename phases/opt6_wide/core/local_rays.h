@@ -1,0 +1,104 @@
+// Where a packet's rays are in the frame of each shape.
+//
+// In float, a point at |p| = 20 is known to 1e-6, which is the scene's hit distance. So nothing is evaluated in
+// world coordinates. Each ray holds, for each shape, its origin and direction in that shape's own frame. The march
+// evaluates origin + t·direction there, rounded once at the size of the shape.
+#ifndef LOCAL_RAYS_H
+#define LOCAL_RAYS_H
+
+#include "core/packet_group.h"
+#include "core/shape_distances.h"
+
+// Sets the rays' origins in the frame of each shape, and wakes every shape. set_local_directions() comes next.
+static inline void set_local_origins(struct point origin, const struct prepared *scene,
+                                     struct packet_rays *packet) {
+    COUNT(set_local_origins, call);
+    struct local_ray *local = packet->local;
+    packet->high = v_splat(INFINITY);
+    struct vec_double at = vec_double_of(origin);
+    const struct shape_list *list = shapes_of(packet, scene);
+    for (int n = 0; n < list->count; n++) {
+        int i = list->shape[n];
+        const struct primitive *primitive = &scene->primitives[i];
+        *wake_of(packet, i) = v_splat(-INFINITY);
+        if (primitive->kind == EVAL_POINT && !primitive->turned && !primitive->repeated) {
+            local[i].origin = point_sub(origin, primitive->position, primitive->position_lo);
+            continue;
+        }
+        struct vec_double from = vec_double_sub(at, primitive->centre);
+        local[i].origin.x = coordinate(primitive, from, 0);
+        if (primitive->kind == EVAL_LINEAR)
+            continue;
+        local[i].origin.y = coordinate(primitive, from, 1);
+        local[i].origin.z = coordinate(primitive, from, 2);
+        if (primitive->kind == EVAL_POWER)
+            local[i].power = power_at(from, primitive->radius_sq);
+    }
+}
+
+// Sets the rays' directions in the frame of each shape. Precondition: set_local_origins() has set the origins.
+static inline void set_local_directions(struct vec direction, const struct prepared *scene,
+                                        const struct packet_rays *packet) {
+    COUNT(set_local_directions, call);
+    struct local_ray *local = packet->local;
+    const struct shape_list *list = shapes_of(packet, scene);
+    for (int n = 0; n < list->count; n++) {
+        int i = list->shape[n];
+        const struct primitive *primitive = &scene->primitives[i];
+        if (primitive->kind == EVAL_LINEAR) {
+            COUNT(set_local_directions, linear);
+            local[i].direction.x = vec_dot(vec_set(primitive->normal), direction);
+            continue;
+        }
+        local[i].direction = turned(primitive, direction);
+        if (primitive->kind == EVAL_POWER) {
+            COUNT(set_local_directions, power);
+            local[i].slope = v_splat(2.0f) * vec_dot(local[i].origin, local[i].direction);
+        }
+    }
+}
+
+// Returns the distance to the nearest shape at distance t along the rays. `shape` becomes its number, of equal ones the
+// first in the list.
+static inline vfloat nearest_shape_at(const struct packet_rays *packet, vfloat t,
+                                      const struct prepared *scene, vmask live, vfloat *shape) {
+    COUNT(nearest_shape_at, call);
+    vfloat least = v_splat(INFINITY);
+    const struct shape_list *list = shapes_of(packet, scene);
+    for (int n = 0; n < list->count; n++) {
+        int i = list->shape[n];
+        COUNT(nearest_shape_at, shape);
+        const struct primitive *primitive = &scene->primitives[i];
+        vfloat distance = distance_to_shape(&packet->local[i], t, primitive, primitive->repeated,
+                                            primitive->kind, primitive->type, live);
+        *shape = v_select(v_cmp_lt(distance, least), v_splat(primitive->index), *shape);
+        least = v_min(distance, least);
+    }
+    return least;
+}
+
+// Moves the origins along the rays by a small distance.
+static inline void move_local_origins(vfloat by, const struct prepared *scene,
+                                      struct packet_rays *packet) {
+    COUNT(move_local_origins, call);
+    packet->high = packet->high + v_abs(by);
+    const struct shape_list *list = shapes_of(packet, scene);
+    for (int n = 0; n < list->count; n++) {
+        int i = list->shape[n];
+        struct local_ray *a = &packet->local[i];
+        COUNT(move_local_origins, first);
+        *wake_of(packet, i) = *wake_of(packet, i) - v_abs(by);
+        a->origin.x = v_madd(a->direction.x, by, a->origin.x);
+        if (scene->primitives[i].kind == EVAL_LINEAR)
+            continue;
+        COUNT(move_local_origins, others);
+        a->origin.y = v_madd(a->direction.y, by, a->origin.y);
+        a->origin.z = v_madd(a->direction.z, by, a->origin.z);
+        if (scene->primitives[i].kind == EVAL_POWER) {
+            COUNT(move_local_origins, power);
+            a->power = v_madd(by, by + a->slope, a->power);
+        }
+    }
+}
+
+#endif

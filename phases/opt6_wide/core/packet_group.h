@@ -1,0 +1,72 @@
+// Packets of rays that march together.
+#ifndef PACKET_GROUP_H
+#define PACKET_GROUP_H
+
+#include "core/primitive.h"
+#include "simd/simd.h"
+
+struct local_ray; // core/shape_distances.h
+
+// A packet of rays. `high` + t is an upper bound of the distance to the nearest steady shape.
+struct packet_rays {
+    struct local_ray *local; // one per shape
+    // One per shape, GROUP elements apart. A shape is not the nearest as long as its value exceeds t + the distance to
+    // the nearest shape.
+    vfloat *wake;
+    vfloat high;
+};
+
+// Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
+// other, so a single packet would wait several times longer than it takes to issue them. The packets also share the
+// choice of shapes: a shape that one of them needs is evaluated for all.
+struct packet_group {
+    struct packet_rays packet[GROUP];
+    vfloat t[GROUP], distance[GROUP]; // of the last step
+    vfloat high[GROUP]; // that of its packet; −∞ where a ray is done, which wakes no shape
+    vmask live[GROUP];
+    int list[GROUP], count; // the packets that have a live ray
+};
+
+// Returns the shapes that the packet's rays may meet: all of the scene.
+static inline const struct shape_list *shapes_of(const struct packet_rays *packet,
+                                                 const struct prepared *scene) {
+    (void)packet;
+    return &scene->all;
+}
+
+static inline vfloat *wake_of(const struct packet_rays *packet, int shape) {
+    return &packet->wake[shape * GROUP];
+}
+
+// Returns the number of packets in the group.
+static inline int packets_in(const struct packet_group *group) {
+    (void)group;
+    return GROUP;
+}
+
+// What scene_distances() has found so far, of each packet. `least` is the least distance. `limit` is an upper bound of
+// t + the distance to the nearest shape.
+struct nearest_so_far {
+    vfloat least[GROUP], limit[GROUP];
+};
+
+// Whether no live ray can have this shape as its nearest.
+__attribute__((always_inline)) static inline bool all_asleep(const vfloat *wake, int size,
+                                                             const struct nearest_so_far *found) {
+    COUNT(all_asleep, call);
+    vmask awake = v_cmp_nge(wake[0], found->limit[0]);
+    for (int k = 1; k < size; k++)
+        awake = v_or(awake, v_cmp_nge(wake[k], found->limit[k]));
+    return !v_any(awake);
+}
+
+// Lowers `high` once all steady shapes are evaluated. In later steps `high` + t is an upper bound of the distance to the
+// nearest of them.
+__attribute__((always_inline)) static inline void update_high(struct packet_group *group, int size,
+                                                              const struct nearest_so_far *found) {
+    COUNT(update_high, call);
+    for (int k = 0; k < size; k++)
+        group->high[k] = v_min(found->least[k] - group->t[k], group->high[k]);
+}
+
+#endif

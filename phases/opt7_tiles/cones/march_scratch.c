@@ -1,0 +1,43 @@
+// How a worker's memory is divided.
+#include "cones/march_scratch.h"
+#include "core/shape_distances.h"
+
+// Rounds up to an even count, so that the lists behind the masks are aligned.
+static size_t even_count(int shapes) {
+    return ((size_t)shapes + 1) / 2 * 2;
+}
+
+static int max_packets(const struct model *model) {
+    for (int i = 0; i < model->shape_count; i++)
+        if (model->shapes[i].type == SHAPE_MANDELBULB)
+            return GROUP;
+    return SMALL_GROUP;
+}
+
+size_t march_scratch_size(const struct model *model) {
+    return even_count(model->shape_count) *
+           ((size_t)(max_packets(model) + 2) * (sizeof(struct local_ray) + sizeof(vfloat)) +
+            CONE_LEVELS * sizeof(vmask) + (6 + 2 * CONE_LEVELS) * sizeof(int) + sizeof(bool));
+}
+
+struct march_scratch march_scratch_of(void *memory, const struct model *model) {
+    size_t n = even_count(model->shape_count);
+    struct march_scratch scratch = {.packets = max_packets(model), .wake = memory};
+    size_t packets = (size_t)scratch.packets;
+    scratch.local = (struct local_ray *)(scratch.wake + packets * n);
+    scratch.eye_wake = (vfloat *)(scratch.local + packets * n);
+    scratch.eye = (struct local_ray *)(scratch.eye_wake + n);
+    scratch.distance = (vfloat *)(scratch.eye + n);
+    scratch.axis = (struct local_ray *)(scratch.distance + n);
+    scratch.levels[0] = (vmask *)(scratch.axis + n);
+    for (int level = 1; level < CONE_LEVELS; level++)
+        scratch.levels[level] = scratch.levels[0] + level * n;
+    scratch.offered[0] = (int *)(scratch.levels[0] + CONE_LEVELS * n);
+    for (int level = 1; level < CONE_LEVELS; level++)
+        scratch.offered[level] = scratch.offered[0] + 2 * level * n;
+    scratch.tile = scratch.offered[0] + 2 * CONE_LEVELS * n;
+    scratch.mirror = scratch.tile + 2 * n;
+    scratch.shadow = scratch.mirror + 2 * n;
+    scratch.wanted = (bool *)(scratch.shadow + 2 * n);
+    return scratch;
+}

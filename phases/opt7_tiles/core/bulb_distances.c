@@ -1,0 +1,116 @@
+// Distances of a Mandelbulb for a group of packets, packed: the rays that need one fill as few packets as they can.
+#include "core/packet_group.h"
+#include "core/sdf.h"
+#include "core/shape_distances.h"
+
+// Iterates all packets in turn. One iteration is a chain of a hundred cycles, too long for the processor to look beyond
+// it to the next packet's.
+static void bulbs_iterate(struct bulb_orbit bulb[GROUP], int count,
+                          const struct primitive *primitive) {
+    for (int n = 0; n < primitive->iterations; n++) {
+        vmask inside = v_mask_none();
+        for (int i = 0; i < count; i++) {
+            bulb_iterate(&bulb[i], v_splat(primitive->bailout));
+            inside = v_or(inside, bulb[i].inside);
+        }
+        if (!v_any(inside))
+            return;
+    }
+}
+
+// Returns where the rays of packet k are, in the Mandelbulb's frame.
+static struct vec bulb_point(const struct packet_group *group, int k, int shape,
+                             const struct primitive *primitive) {
+    COUNT(bulb_point, call);
+    const struct local_ray *a = &group->packet[k].local[shape];
+    struct vec p = vec_along(a->origin, a->direction, group->t[k]);
+    return primitive->repeated ? vec_wrapped(primitive, p) : p;
+}
+
+// Merges a Mandelbulb's distance into what is found for packet k.
+static void store_bulb_distance(const struct packet_group *group, int k, vfloat distance,
+                                struct nearest_so_far *found) {
+    COUNT(store_bulb_distance, call);
+    found->least[k] = v_min(distance, found->least[k]);
+    found->limit[k] = v_min(distance + group->t[k], found->limit[k]);
+}
+
+// Evaluates a Mandelbulb for the rays in `asking` only. The other rays have ended, or another shape is surely nearer.
+// An estimate costs ten times as much as the rest of a step. So the rays in `asking`, `rays` in number, are
+// packed into as few packets as they fill, evaluated, and spread again.
+static void pack_bulb_points(struct packet_group *group, int shape,
+                             const struct primitive *primitive, const vmask asking[GROUP], int rays,
+                             struct nearest_so_far *found) {
+    COUNT(pack_bulb_points, call);
+    float row[3][GROUP * LANES + LANES], distance[GROUP * LANES + LANES];
+    int at = 0;
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(v_count(asking[k]));
+        struct vec p = bulb_point(group, k, shape, primitive);
+        vindex first = v_compress_index(asking[k]);
+        v_permute_store(first, p.x, &row[0][at]);
+        v_permute_store(first, p.y, &row[1][at]);
+        v_permute_store(first, p.z, &row[2][at]);
+        at += v_count(asking[k]);
+        vfloat *wake = wake_of(&group->packet[k], shape);
+        if (!primitive->repeated) {
+            COUNT(pack_bulb_points, steady);
+            *wake = v_select(asking[k], bulb_wake_bound(vec_dot(p, p), group->t[k]), *wake);
+        }
+    }
+    struct bulb_orbit bulb[GROUP];
+    int count = 0;
+    for (at = 0; at < rays; at += LANES, count++) {
+        vmask some = v_mask_first(rays - at);
+        ACTIVE(v_count(some));
+        COUNT(pack_bulb_points, row);
+        bulb[count] = bulb_start(
+            (struct vec){v_load(&row[0][at]), v_load(&row[1][at]), v_load(&row[2][at])}, some);
+    }
+    bulbs_iterate(bulb, count, primitive);
+    for (int i = 0; i < count; i++) {
+        ACTIVE(v_count(v_mask_first(rays - i * LANES)));
+        v_store(bulb_estimate(&bulb[i]), &distance[i * LANES]);
+    }
+    at = 0;
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(v_count(asking[k]));
+        store_bulb_distance(group, k, v_expand_load(asking[k], v_splat(INFINITY), &distance[at]),
+                            found);
+        at += v_count(asking[k]);
+    }
+}
+
+// Evaluates a Mandelbulb for all packets, packed where that saves at least one packet.
+void bulb_distances(struct packet_group *group, int shape, const struct primitive *primitive,
+                    struct nearest_so_far *found) {
+    COUNT(bulb_distances, call);
+    vmask asking[GROUP];
+    int rays = 0;
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        asking[k] =
+            v_and(group->live[k], v_cmp_nge(*wake_of(&group->packet[k], shape), found->limit[k]));
+        rays += v_count(asking[k]);
+    }
+    if (rays <= (group->count - 1) * LANES) {
+        pack_bulb_points(group, shape, primitive, asking, rays, found);
+        return;
+    }
+    struct bulb_orbit bulb[GROUP];
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(v_count(group->live[k]));
+        bulb[i] = bulb_start(bulb_point(group, k, shape, primitive), group->live[k]);
+        if (!primitive->repeated)
+            *wake_of(&group->packet[k], shape) = bulb_wake_bound(bulb[i].m, group->t[k]);
+    }
+    bulbs_iterate(bulb, group->count, primitive);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(v_count(group->live[k]));
+        store_bulb_distance(group, k, bulb_estimate(&bulb[i]), found);
+    }
+}

@@ -1,0 +1,67 @@
+// The state of a packet's march.
+#ifndef MARCH_STATE_H
+#define MARCH_STATE_H
+
+#include "core/trace.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
+
+// Where the rays of a packet are: at the distance before + t + last. t and the last step are kept apart, because their
+// rounded sum would lose the digits that place the hit on the surface.
+struct march_state {
+    struct point origin; // at the distance `before`
+    vfloat before, t, last, evals;
+    vfloat start; // t of the next evaluation
+    vmask found;
+    struct bounds_exit exit;
+    int left;      // steps that every ray still has before its cap
+    vmask deep;    // a ray that started inside a shape has stepped back out of it
+    vfloat inside; // the number of the shape that a ray of `deep` was in; else −1
+    struct hit_surroundings near;
+};
+
+// Returns the state in which the rays of packet k begin.
+static inline struct march_state march_state_of(const struct ray_group *rays, int k,
+                                                struct trace_context *world) {
+    (void)world;
+    vfloat zero = v_splat(0.0f);
+    struct march_state at = {.origin = rays->origin[k], .inside = v_splat(-1.0f)};
+    at.before = at.t = at.last = at.evals = zero;
+    at.start = rays->start;
+    at.found = at.deep = v_mask_none();
+    return at;
+}
+
+// Returns t of the next evaluation. A ray that has ended stays where it is.
+static inline vfloat first_t(struct march_state *at, vmask live) {
+    vfloat t = v_select(live, at->start, at->t);
+    at->start = v_splat(0.0f); // of a march that goes on from a hit
+    return t;
+}
+
+// Returns how many evaluations a ray may have.
+static inline int march_cap(const struct march_state *at, const struct model *model) {
+    (void)at;
+    return step_cap(model);
+}
+
+// Returns how many steps every live ray still has before its cap. Rays that march on from a hit have used some.
+static inline int steps_left(const struct march_state *at, vmask live, int cap) {
+    float evals[LANES];
+    v_store(v_select_or_zero(live, at->evals), evals);
+    int had = 0;
+    for (int lane = 0; lane < LANES; lane++)
+        had = (int)evals[lane] > had ? (int)evals[lane] : had;
+    return cap - had;
+}
+
+// Ends the rays of packet k that have left `going` (they have reached a surface) or `inside` (they have left the
+// bounds), and those that have used up their steps. `step` counts from 1. Each ray has its own cap, so its
+// neighbours in the packet do not matter.
+void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside,
+              struct packet_group *group, int cap);
+
+// Marches the live rays of the group until every one has ended.
+void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world);
+
+#endif
