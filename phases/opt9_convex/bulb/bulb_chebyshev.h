@@ -4,7 +4,7 @@
 #define OPT9_BULB_CHEBYSHEV_H
 
 #include "core/known_scene.h"
-#include "simd/point.h"
+#include "simd/simd.h"
 
 struct worker_scratch;
 

@@ -12,8 +12,7 @@
 #include "core/known_scene.h"
 #include "core/numerics.h"
 #include "core/tile_context.h"
-#include "simd/pow.h"
-#include "simd/vec.h"
+#include "simd/simd.h"
 
 #define BULB_SHARE 0.52f
 

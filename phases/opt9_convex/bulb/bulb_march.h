@@ -3,7 +3,7 @@
 #define OPT9_BULB_MARCH_H
 
 #include "core/known_scene.h"
-#include "simd/point.h"
+#include "simd/simd.h"
 
 struct packet_ray;
 struct shading_packet;

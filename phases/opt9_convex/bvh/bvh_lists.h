@@ -3,7 +3,7 @@
 #ifndef OPT9_BVH_LISTS_H
 #define OPT9_BVH_LISTS_H
 
-#include "simd/vec.h"
+#include "simd/simd.h"
 
 struct shadow_candidate;
 struct shadow_rays;

@@ -6,7 +6,7 @@
 #include "core/sdf.h"
 #include "core/shading_packet.h"
 #include "core/tile_context.h"
-#include "simd/pow.h"
+#include "simd/simd.h"
 
 // Returns a to the power of the shininess. A whole number that is known needs only products.
 static inline vfloat phong_power(vfloat a, vfloat shininess) {

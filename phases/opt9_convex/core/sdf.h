@@ -11,8 +11,7 @@
 #define OPT9_SDF_H
 
 #include "core/known_scene.h"
-#include "simd/point.h"
-#include "simd/pow.h"
+#include "simd/simd.h"
 
 // Rays in the frame of one shape. EVAL_LINEAR: the distance is origin.x + t·direction.x. EVAL_POWER:
 // |p|² − radius² is power + t·(t + slope).

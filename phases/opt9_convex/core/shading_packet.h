@@ -3,7 +3,7 @@
 #define OPT9_SHADING_PACKET_H
 
 #include "core/known_scene.h"
-#include "simd/vec.h"
+#include "simd/simd.h"
 
 struct tile_context;
 

@@ -1,7 +1,7 @@
 // Stores the pixels of a tile: linear colours, other channels, or 8-bit colours as displayed.
 #include "core/tile.h"
 #include "phase.h"
-#include "simd/rgb.h"
+#include "simd/simd.h"
 
 KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
                                struct pixel_block block, vfloat values) {

@@ -5,8 +5,7 @@
 #include <string.h>
 
 #include "core/known_scene.h"
-#include "simd/permute.h"
-#include "simd/vec.h"
+#include "simd/simd.h"
 
 enum {
     TILE_WIDTH = 32,

@@ -1,7 +1,7 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
 #include "fallback/trace.h"
-#include "simd/point.h"
+#include "simd/simd.h"
 
 #include <limits.h>
 

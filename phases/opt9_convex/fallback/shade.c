@@ -1,8 +1,7 @@
 // Shades marched rays: light (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975)),
 // mirrors by recursion, fog.
 #include "fallback/trace.h"
-#include "simd/point.h"
-#include "simd/pow.h"
+#include "simd/simd.h"
 
 // The materials of a packet's hits.
 struct surfaces {

@@ -3,7 +3,7 @@
 #define OPT9_TRACE_H
 
 #include "core/sdf.h"
-#include "simd/point.h"
+#include "simd/simd.h"
 
 struct trace_context {
     const struct prepared *scene;

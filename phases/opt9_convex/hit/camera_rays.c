@@ -7,7 +7,7 @@
 #include "hit/tile_frustum.h"
 #include "phase.h"
 #include "repetition/repeated_rays.h"
-#include "simd/point.h"
+#include "simd/simd.h"
 
 static inline vmask in_picture(struct pixel_block block) {
     COUNT(in_picture, call);

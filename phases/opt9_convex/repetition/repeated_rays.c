@@ -8,7 +8,7 @@
 #include "core/shading_packet.h"
 #include "repetition/cell_walk.h"
 #include "shadow/shadow_cone.h"
-#include "simd/point.h"
+#include "simd/simd.h"
 
 static inline vhalf half_cell_size(vhalf o, vhalf t, vhalf d, vhalf count, double cell) {
     return v_half_nmadd(count, v_half_splat(cell), v_half_madd(t, d, o));

@@ -3,7 +3,7 @@
 #define OPT9_SHADOW_RAYS_H
 
 #include "core/known_scene.h"
-#include "simd/vec.h"
+#include "simd/simd.h"
 
 struct shading_packet;
 struct tile_context;

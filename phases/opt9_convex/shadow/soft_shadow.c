@@ -5,7 +5,7 @@
 #include "shadow/soft_shadow.h"
 #include "bvh/bvh_lists.h"
 #include "shadow/shadow_cone.h"
-#include "simd/pow.h"
+#include "simd/simd.h"
 
 // Lowers *least to the distance to shape i, unless the shape sleeps. A distance falls no faster than t grows,
 // so a shape at distance h at t sleeps while the nearest distance + t is below h + t then (PROOFS.md, 6.).
