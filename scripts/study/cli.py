@@ -9,14 +9,15 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import importlib.util
 import json
 import math
 import os
+import re
 import signal
 import sys
 import traceback
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -32,13 +33,34 @@ STATUSES = {  # the table of docs/exit-statuses.md
     CRASHED: "crashed: a bug of the script, whose traceback is on standard error",
     INTERRUPTED: "interrupted from the keyboard",
 }
-PACKAGES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "flip_evaluator", "jinja2", "markdown_it", "tqdm")
+DECLARED = Path(__file__).resolve().parents[2] / "requirements.in"
+RUN_TIME = "The study"  # the heading of what the scripts import
 _GUARD = "STEPWISE_IN_VENV"
+
+
+def declared(section: str) -> list[str]:
+    """Distributions below the heading "# section" of requirements.in; none in a tree without that file."""
+    lines = DECLARED.read_text(encoding="utf-8").splitlines() if DECLARED.exists() else []
+    found, inside = [], False
+    for line in lines:
+        if line.startswith("#"):
+            inside = line == f"# {section}"
+        elif inside and (name := re.match(r"[\w.-]+", line)):
+            found.append(name.group())
+    return found
+
+
+def _is_installed(distribution: str) -> bool:
+    try:
+        metadata.distribution(distribution)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
 
 
 def _need_packages() -> None:
     """Go on in the venv if a package is missing here; the guard stops a venv that lacks it too."""
-    missing = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
+    missing = [name for name in declared(RUN_TIME) if not _is_installed(name)]
     if sys.version_info >= (3, 11) and not missing:
         return
     python = Path(__file__).resolve().parents[2] / ".venv" / "bin" / "python"

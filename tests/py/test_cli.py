@@ -115,6 +115,7 @@ def script(folder: Path, body: str) -> Path:
     study.mkdir(parents=True)
     (study / "__init__.py").touch()
     shutil.copy(ROOT / "scripts" / "study" / "cli.py", study)
+    shutil.copy(cli.DECLARED, folder)
     path = folder / "scripts" / "some.py"
     path.write_text(body)
     return path
