@@ -101,7 +101,7 @@ def test_redraw_draws_what_plots_does_and_says_what_a_run_lacks(
     assert (missing.returncode, len(missing.stderr.splitlines())) == (2, 1)
 
 
-READMES = {"roofline": "roofline", "pareto": "pareto", "speedup-ladder": "speeds"}  # → redraw.py's kind
+READMES = {"roofline": "roofline", "pareto": "pareto"}  # → redraw.py's kind
 
 
 @pytest.fixture(scope="module")
