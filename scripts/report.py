@@ -32,6 +32,7 @@ from study import (
     registry,
     roof,
     show,
+    stats,
     store,
 )
 from study.analysis import Data
@@ -246,6 +247,7 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         claims=made["claims"][0].astype(object).to_dict("records"),
         paper=show.table(paper.ladder().to_dict("records"), columns.PAPER),
         phases=phases(data),
+        methods={"median": stats.MEDIAN.text(), "ratio": stats.RATIO.text()},
     )
 
 

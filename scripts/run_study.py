@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,15 +48,24 @@ TRUTH_HEIGHT = 180  # scene0's truth: half a minute on two cores
 FULL = {"sizes": [str(n) for n in range(100, 2001, 100)], "launches": "4"}  # the paper's sweep
 
 
+class Crashed(cli.StudyError):
+    """A script that ended by a bug or a signal and has judged nothing."""
+
+
 def script(
     name: str, *arguments: str, capture: bool = False, accepted: tuple[int, ...] = (cli.OK,)
 ) -> subprocess.CompletedProcess[str]:
     """Run one of the scripts; its progress goes to the terminal, its output (if captured) comes back.
 
-    StudyError for an exit status that is not accepted: a traceback's is cli.FAILED, as a failed check's is.
+    Crashed where the script crashed or was killed, StudyError for any other status that is not accepted.
     """
     command = [sys.executable, str(SCRIPTS / f"{name}.py"), *arguments]
     done = subprocess.run(command, stdout=subprocess.PIPE if capture else None, text=True, check=False)
+    if done.returncode == cli.CRASHED:
+        raise Crashed(f"{name}.py crashed; its traceback is above", cli.CRASHED)
+    if done.returncode < 0:
+        number = -done.returncode
+        raise Crashed(f"{name}.py was killed by {signal.Signals(number).name}", cli.CRASHED)
     if done.returncode not in accepted:
         raise cli.StudyError(f"{name}.py ended with status {done.returncode}; see above", done.returncode)
     return done
@@ -274,7 +286,11 @@ ON_REQUEST = {"toolchains", "drjit", "systems"}
 
 def arguments() -> argparse.Namespace:
     parser = cli.parser(
-        __doc__ or "", {1: "done, and a phase is outside its tolerance or crashed: the report says which"}
+        __doc__ or "",
+        {
+            cli.FAILED: "done, and a phase is outside its tolerance or crashed: the report says which",
+            cli.CRASHED: "a script of the study crashed, or this one; the other parts are done",
+        },
     )
     parser.add_argument(
         "--full", action="store_true", help="the paper's sweep: n = 100 … 2000 by 100, four launches"
@@ -297,22 +313,39 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def ladder_run(options: argparse.Namespace, step: Callable[[str], None]) -> tuple[Path, int, list[str]]:
-    """Sweep, verification and pictures of a new run: its folder, the height, and what went wrong."""
-    wrong: list[str] = []
+@dataclass
+class Wrong:
+    """What went wrong in a study: checks that failed, and scripts that crashed, a sentence each."""
+
+    failed: list[str] = field(default_factory=list)
+    crashed: list[str] = field(default_factory=list)
+
+    def hold(self, good: Callable[[], bool], sentence: str) -> None:
+        """Note the sentence if the check fails. A crash is noted as a crash, and the study goes on."""
+        try:
+            if not good():
+                self.failed.append(sentence)
+        except Crashed as error:
+            self.crashed.append(str(error))
+
+    def status(self) -> int:
+        return cli.CRASHED if self.crashed else cli.FAILED if self.failed else cli.OK
+
+
+def ladder_run(options: argparse.Namespace, step: Callable[[str], None], wrong: Wrong) -> tuple[Path, int]:
+    """Sweep, verification and pictures of a new run: its folder and the height."""
     step("sweep")
     swept = sweep(options)
     run, height = Path(swept["run"]), swept["height"]
     if swept["failures"]:
-        wrong.append("a phase crashed")
+        wrong.failed.append("a phase crashed")
     specs = [*dict.fromkeys(row["spec"] for row in swept["rows"] if row["spec"] != "baseline")]
     step(f"verifying all phases on all scenes at n = {height}")
-    if not verify(run, options, height, specs):
-        wrong.append("a phase is outside its tolerance")
+    wrong.hold(lambda: verify(run, options, height, specs), "a phase is outside its tolerance")
     if not options.part:
         step("pictures")
-        script("pictures", "--run", str(run))
-    return run, height, wrong
+        wrong.hold(lambda: bool(script("pictures", "--run", str(run))), "pictures: see above")
+    return run, height
 
 
 def main() -> int:
@@ -324,15 +357,14 @@ def main() -> int:
     step(f"building {len(rungs())} phases")
     for name in rungs():
         build(Spec(name, name))
-    wrong: list[str] = []
+    wrong = Wrong()
     run, height = newest(options) if options.part else (None, 0)
     if run is None:
-        run, height, wrong = ladder_run(options, step)
+        run, height = ladder_run(options, step, wrong)
     for name in options.part or [name for name in PARTS if options.full or name not in ON_REQUEST]:
         text, part = PARTS[name]
         step(text)
-        if not part(run, options, height):
-            wrong.append(f"{name}: see above")
+        wrong.hold(partial(part, run, options, height), f"{name}: see above")
     step("tables, plots, report")
     complete = read_counts(run / "counts.json")[1] and (run / ceilings.FILE).exists()
     counted = ["roofline"] * bool(complete)
@@ -340,11 +372,14 @@ def main() -> int:
         script(name, str(run), capture=True)
     page = ROOT / "report" / "out" / "index.html"
     cli.say(f"study: {page} after {time.monotonic() - begin:.0f} s; data in {run}")
-    for sentence in wrong:
+    for sentence in wrong.failed:
         cli.say(f"study: {sentence}; the page shows which")
+    for sentence in wrong.crashed:
+        cli.say(f"study: {sentence}")
     if options.json:
-        cli.emit({"run": run, "report": str(page), "height": height, "failed": bool(wrong)})
-    return cli.FAILED if wrong else cli.OK
+        about = {"run": run, "report": str(page), "height": height}
+        cli.emit(about | {"failed": bool(wrong.failed), "crashed": wrong.crashed})
+    return wrong.status()
 
 
 if __name__ == "__main__":

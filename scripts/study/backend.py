@@ -7,10 +7,11 @@ import json
 import signal
 import subprocess
 from collections.abc import Callable, Iterable, Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from study import machine, store
+from study import imports, machine, store
 from study.cli import StudyError
 
 _PICTURE = ("phase", "flags_from", "scene", "scene_hash", "width", "height")
@@ -49,13 +50,28 @@ def failed(done: subprocess.CompletedProcess, program: str, under: str, hint: st
     return StudyError(f"{program} under {under}: {how}{more}{f' ({said[-1]})' if said else ''}")
 
 
+def _versions(packages: Iterable[str]) -> list[tuple[str, str]]:
+    """Distribution and version of what those names are imported from."""
+    owners = metadata.packages_distributions()
+    names = {name for package in packages for name in owners.get(package, [])}
+    return [(name, metadata.version(name)) for name in sorted(names)]
+
+
 def known_work(
-    cache: Path, files: Iterable[Path], parts: Iterable[str], calibrate: Callable[[str], list[str]]
+    cache: Path,
+    analysis: str,
+    files: Iterable[Path],
+    parts: Iterable[str],
+    calibrate: Callable[[str], list[str]],
 ) -> bool:
-    """Whether `calibrate` finds no difference in any of the parts. Kept in `cache` until a file changes."""
+    """Whether `calibrate` finds no difference in any of the parts. Kept in `cache` until something changes:
+
+    one of `files`, the module `analysis`, what it imports of the project, or a version of another package.
+    """
     parts = list(parts)
-    key = hashlib.sha256(repr(parts).encode())
-    for path in files:
+    imported = imports.closure(analysis)
+    key = hashlib.sha256(repr([parts, _versions(imported.packages)]).encode())
+    for path in [*files, *imported.files]:
         key.update(hashlib.sha256(path.read_bytes()).digest())
     try:
         known = store.read_json(cache)

@@ -25,7 +25,7 @@ from study.cli import StudyError
 from study.counts import Counts, Measured
 from study.decode import Decoded, Disassembler
 from study.elf import is_part, source_name
-from study.registry import ROOT, Spec
+from study.registry import Spec
 
 BACKEND = "blocks"
 TARGETS = {"shipped": "render-blocks", "calls": "render-blocks-calls"}
@@ -212,9 +212,9 @@ def calibrate(part: str, repeats: int = CALIBRATION_REPEATS) -> list[str]:
 @functools.cache
 def _calibrated() -> bool:
     program = build("calibration", "calibrate-blocks")
-    files = (program, calibration.EXPECTED, *sorted((ROOT / "scripts" / "study").glob("*.py")))
+    files = (program, calibration.EXPECTED)
     runnable = [part for part, lacking in calibration.parts().items() if not lacking]
-    return backend.known_work(program.parent / "blocks.json", files, runnable, calibrate)
+    return backend.known_work(program.parent / "blocks.json", __name__, files, runnable, calibrate)
 
 
 def calibrated() -> bool:

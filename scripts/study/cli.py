@@ -9,24 +9,58 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import importlib.util
 import json
 import math
 import os
+import re
 import signal
 import sys
+import traceback
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 OK, FAILED, BAD_INPUT, CANNOT_RUN = 0, 1, 2, 3
-PACKAGES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "flip_evaluator", "jinja2", "markdown_it", "tqdm")
+CRASHED = 70  # EX_SOFTWARE of sysexits.h; Python's own status of a traceback is FAILED
+INTERRUPTED = 130
+STATUSES = {  # the table of docs/exit-statuses.md
+    OK: "done",
+    FAILED: "done, and a check failed",
+    BAD_INPUT: "bad arguments or input",
+    CANNOT_RUN: "nothing could run here",
+    CRASHED: "crashed: a bug of the script, whose traceback is on standard error",
+    INTERRUPTED: "interrupted from the keyboard",
+}
+DECLARED = Path(__file__).resolve().parents[2] / "requirements.in"
+RUN_TIME = "The study"  # the heading of what the scripts import
 _GUARD = "STEPWISE_IN_VENV"
+
+
+def declared(section: str) -> list[str]:
+    """Distributions below the heading "# section" of requirements.in; none in a tree without that file."""
+    lines = DECLARED.read_text(encoding="utf-8").splitlines() if DECLARED.exists() else []
+    found, inside = [], False
+    for line in lines:
+        if line.startswith("#"):
+            inside = line == f"# {section}"
+        elif inside and (name := re.match(r"[\w.-]+", line)):
+            found.append(name.group())
+    return found
+
+
+def _is_installed(distribution: str) -> bool:
+    try:
+        metadata.distribution(distribution)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
 
 
 def _need_packages() -> None:
     """Go on in the venv if a package is missing here; the guard stops a venv that lacks it too."""
-    missing = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
+    missing = [name for name in declared(RUN_TIME) if not _is_installed(name)]
     if sys.version_info >= (3, 11) and not missing:
         return
     python = Path(__file__).resolve().parents[2] / ".venv" / "bin" / "python"
@@ -38,7 +72,26 @@ def _need_packages() -> None:
     sys.exit(CANNOT_RUN)
 
 
+def _crash(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Say which script has a bug and where, and end it with CRASHED."""
+    name = Path(sys.argv[0]).name
+    if issubclass(kind, KeyboardInterrupt):
+        print(f"{name}: interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    traceback.print_exception(kind, error, trace)
+    print(f"{name}: crashed: {kind.__name__}", file=sys.stderr)
+    sys.exit(CRASHED)
+
+
+def _is_script() -> bool:
+    """Whether one of our scripts imports this, and not a test or a program of somebody else."""
+    path = getattr(sys.modules["__main__"], "__file__", None)
+    return path is not None and Path(path).resolve().parent == Path(__file__).resolve().parents[1]
+
+
 _need_packages()
+if _is_script():
+    sys.excepthook = _crash  # of what is raised outside `main`: a module that cannot be imported
 
 
 class StudyError(Exception):
@@ -51,8 +104,7 @@ class StudyError(Exception):
 
 def parser(description: str, statuses: dict[int, str] | None = None) -> argparse.ArgumentParser:
     """A parser with --json and the exit statuses (the usual ones, then `statuses`) in its help."""
-    meaning = {OK: "done", BAD_INPUT: "bad arguments or input", CANNOT_RUN: "nothing could run here"}
-    meaning |= statuses or {}
+    meaning = {status: text for status, text in STATUSES.items() if status != FAILED} | (statuses or {})
     lines = "\n".join(f"  {status:3d}  {meaning[status]}" for status in sorted(meaning))
     made = argparse.ArgumentParser(
         description=description,
@@ -84,7 +136,7 @@ def _ended(number: int, frame: object) -> None:
 
 
 def main(run: Callable[[], int | None]) -> None:
-    """Run a script's main function and exit with its status. Errors are one line on stderr."""
+    """Run a script's main function and exit with its status (STATUSES). Errors are one line on stderr."""
     name = Path(sys.argv[0]).name
     before = signal.signal(signal.SIGTERM, _ended)
     try:
@@ -95,7 +147,7 @@ def main(run: Callable[[], int | None]) -> None:
         status = error.exit_status
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
-        status = 130
+        status = INTERRUPTED
     except BrokenPipeError:
         # The reader has gone (head, less): that is no error, and the flush at exit must not say so.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -104,6 +156,8 @@ def main(run: Callable[[], int | None]) -> None:
         print(f"{name}: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = BAD_INPUT
+    except Exception as error:
+        _crash(type(error), error, error.__traceback__)
     finally:
         signal.signal(signal.SIGTERM, before)
     sys.exit(status)

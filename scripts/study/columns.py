@@ -252,18 +252,26 @@ def _backend(row: Row) -> str:
     return f"{row['backend']}{state[row['calibrated']]}"
 
 
+def _signed(share: float | None) -> str:
+    """A difference in percent with its sign."""
+    return NOTHING if share is None or pd.isna(share) else f"{100 * share:+.1f}\u00a0%"
+
+
 # FLOPs: all lanes are counted; the useful share is that of the active ones.
 TABLE1 = [
     Column("", "scene", word("scene")),
     Column("", "phase", _phase),
     Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
-    Column("GFLOP of a picture", "paper's convention", plain("paper_convention_gflop", 4)),
+    Column("GFLOP of a picture", "by the paper's rule", plain("paper_rule_gflop", 4)),
     Column("GFLOP of a picture", "the paper's own", plain("paper_gflop", 4)),
+    Column("GFLOP of a picture", "difference", lambda r: _signed(r.get("difference"))),
+    Column("GFLOP of a picture", "iterations as entered", plain("paper_convention_gflop", 4)),
     Column("GFLOP of a picture", "machine's convention", plain("machine_convention_gflop", 4)),
+    Column("saved of baseline's", "by the paper's rule", lambda r: percent(r.get("rule_cut"))),
+    Column("saved of baseline's", "the paper's own", lambda r: percent(r.get("paper_cut"))),
+    Column("saved of baseline's", "of useful lanes, as entered", lambda r: percent(r.get("cut"))),
     Column("", "lanes at useful work", lambda r: percent(r.get("useful_share"))),
-    Column("useful, paper's convention", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
-    Column("useful, paper's convention", "saved of baseline's", lambda r: percent(r.get("cut"))),
-    Column("useful, paper's convention", "the paper's saving", lambda r: percent(r.get("paper_cut"))),
+    Column("", "useful FLOP/evaluation, as entered", plain("flop_per_evaluation", 4)),
     Column("", "10⁶ evaluations", plain("evaluations_million", 4)),
     Column("", "10⁹ comparisons of the source (not in the FLOPs)", plain("compare_gop", 3)),
 ]
@@ -281,7 +289,7 @@ READINGS = [
     Column("", "GFLOP", plain("gflop", 4)),
     Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
     Column("", "the paper's GFLOP", plain("paper_gflop", 4)),
-    Column("", "difference", lambda r: f"{100 * r['difference']:+.1f}\u00a0%"),
+    Column("", "difference", lambda r: _signed(r["difference"])),
 ]
 MEASURED = [
     Column("", "scene", word("scene")),

@@ -20,7 +20,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image
 
-from study import labels
+from study import contents, labels
 from study.cli import StudyError
 
 # Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
@@ -124,11 +124,13 @@ def _lay_out(figure: Figure) -> None:
 def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure.
 
-    The PNG of lines and text has a palette of 256 colours: half the bytes and less.
+    The PNG of lines and text has a palette of 256 colours: half the bytes and less. It keeps the figure's
+    numbers and words (study.contents).
     """
     across = int(figure.get_figwidth() * 17)  # characters of this size
     note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
+    said = contents.chunk(figure)  # before names are moved about
     FigureCanvasAgg(figure)
     labels.settle(figure)
     _lay_out(figure)
@@ -137,7 +139,8 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
         figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
         drawn = io.BytesIO()
         figure.savefig(drawn, format="png", dpi=130)
-        _few_colours(Image.open(drawn).convert("RGB")).save(stem.with_suffix(".png"), optimize=True)
+        made = _few_colours(Image.open(drawn).convert("RGB"))
+        made.save(stem.with_suffix(".png"), optimize=True, pnginfo=said)
     except OSError as error:
         raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
     return [stem.with_suffix(".svg"), stem.with_suffix(".png")]

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
-from study import labels, machine, paper, pareto, show
+from study import labels, machine, paper, pareto, registry, show
 from study.draw import legend, look, panels, plain_log
 from study.pareto import Row
 from study.show import Column
@@ -226,11 +226,21 @@ LEVELS = [
 ]
 
 
+def _of_camera_rays(row: Row) -> str:
+    """None of a program with closed forms: the 1 for each of its camera rays is no count."""
+    return show.NOTHING if registry.is_exact(row["phase"]) else show.number(row["evals_per_ray"])
+
+
 def _counted(key: str) -> Callable[[Row], str]:
     """An older file has none of a Mandelbulb's own estimates: 0.1 a pixel beside 85 steps of a camera ray."""
     return lambda r: show.number(
         r.get(key) if 10 * (r.get("evals_per_pixel") or 0) >= (r["evals_per_ray"] or 0) else None
     )
+
+
+def _of_evaluations(row: Row) -> str:
+    """Time per evaluation; none of a program with closed forms: evaluations are not all of its work."""
+    return show.NOTHING if registry.is_exact(row["phase"]) else _counted("ns_per_eval")(row)
 
 
 POINTS = [
@@ -239,9 +249,9 @@ POINTS = [
     Column("", "hit distance", lambda r: f"{r['hit_distance']:g}"),
     Column("", "step cap", lambda r: str(r["max_steps"])),
     Column("", "ns/pixel [95 %]", _ns),
-    Column("work", "evaluations per camera ray", lambda r: show.number(r["evals_per_ray"])),
+    Column("work", "evaluations per camera ray", _of_camera_rays),
     Column("work", "per pixel, all rays and normals", _counted("evals_per_pixel")),
-    Column("work", "ns per evaluation", _counted("ns_per_eval")),
+    Column("work", "ns per evaluation", _of_evaluations),
     Column("error to truth", "false hits, ppm", lambda r: show.number(r.get("false_hits_ppm"))),
     Column("error to truth", "false misses, ppm", lambda r: show.number(r.get("false_misses_ppm"))),
     Column("error to truth", "|Δt| p99", lambda r: show.number(r.get("dt_p99"))),

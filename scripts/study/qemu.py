@@ -138,12 +138,7 @@ def calibrated() -> bool:
     Kept in build/calibration/qemu.json, by program, plugin, emulator and analysis.
     """
     program, plugin = build("calibration", "calibrate"), build("common", "qemu_plugin.so")
-    here = Path(__file__).parent
-    analysis = [
-        here / f"{name}.py"
-        for name in ("qemu", "qemu_recording", "backend", "elf", "decode", "counts", "calibration")
-    ]
-    files = (program, plugin, Path(emulator()), calibration.EXPECTED, *analysis)
+    files = (program, plugin, Path(emulator()), calibration.EXPECTED)
 
     def differences(part: str) -> list[str]:
         try:
@@ -151,7 +146,7 @@ def calibrated() -> bool:
         except StudyError as error:  # what cannot be run is not counted right
             return [str(error)]
 
-    return backend.known_work(program.parent / "qemu.json", files, calibration_parts(), differences)
+    return backend.known_work(program.parent / "qemu.json", __name__, files, calibration_parts(), differences)
 
 
 def measure(

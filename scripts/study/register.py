@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from study import ablations, compilers, flops, register_systems, roof, stats
+from study import ablations, compilers, flops, paper_rule, register_systems, roof, stats
 from study.analysis import Data
 from study.compilers import known, read
 from study.stats import Interval
@@ -45,15 +45,20 @@ def _declared(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
 
 
 def _count(one: dict[str, Any]) -> float:
-    return one["flops"]["paper"]
+    """FLOPs by the paper's rule; NaN for a phase that it says nothing of."""
+    found = paper_rule.flop(one)
+    return math.nan if found is None else found
 
 
 def _flops(data: Data, claim: Claim) -> Found:
     one = _declared(data).get((claim["scene"], claim["phase"]))
     if one is None or one["height"] != claim["n"]:
         return missing(f"count of {claim['phase']} on {claim['scene']} at n = {claim['n']:.0f}")
-    giga = _count(one) / 1e9
-    text = f"{giga:.2f} GFLOP by the paper's convention"
+    giga, entered = _count(one) / 1e9, paper_rule.convention(one) / 1e9
+    if math.isnan(giga):
+        return Found(f"{entered:.2f} GFLOP as entered", NEVER, "the paper's rule says nothing of this phase")
+    text = f"{giga:.2f} GFLOP by the paper's rule"
+    text += f" ({entered:.2f} with iterations as entered)" if entered != giga else ""
     return Found(text, *near(giga, claim["value"]), value=giga, n=one["height"])
 
 
@@ -63,7 +68,8 @@ def _pair(
     """The counts of two (scene, phase), where they are of one height."""
     made = _declared(data)
     first, second = made.get(one), made.get(base)
-    return (first, second) if first and second and first["height"] == second["height"] else None
+    both = first and second and first["height"] == second["height"]
+    return (first, second) if both and not math.isnan(_count(first) + _count(second)) else None
 
 
 def _flop_cut(data: Data, claim: Claim) -> Found:
@@ -72,10 +78,12 @@ def _flop_cut(data: Data, claim: Claim) -> Found:
     if not pair:
         return missing(f"counts of {claim['phase']} and {claim['base']} on {scene}")
     cut, n = 100 * (1 - _count(pair[0]) / _count(pair[1])), pair[0]["height"]
+    entered = 100 * (1 - paper_rule.convention(pair[0]) / paper_rule.convention(pair[1]))
+    beside = f" ({entered:.1f} % with iterations as entered)" if entered != cut else ""
     verdict, why = near(cut, claim["value"])
     if verdict == FAILS and cut > 0:
         verdict, why = PART, f"a cut, {why}"
-    return sized(Found(f"{cut:.1f} % at n = {n}", verdict, why, cut, n=n), claim["n"])
+    return sized(Found(f"{cut:.1f} % at n = {n}{beside}", verdict, why, cut, n=n), claim["n"])
 
 
 def _flop_ratio(data: Data, claim: Claim) -> Found:
@@ -83,11 +91,13 @@ def _flop_ratio(data: Data, claim: Claim) -> Found:
     if not pair:
         return missing(f"counts of {claim['phase']} on {claim['scene']} and {claim['base']}")
     ratio, stated, n = _count(pair[0]) / _count(pair[1]), claim["value"], pair[0]["height"]
+    entered = paper_rule.convention(pair[0]) / paper_rule.convention(pair[1])
+    beside = f" ({entered:.2f}× with iterations as entered)" if entered != ratio else ""
     if ratio > stated:
         verdict, why = HOLDS, f"more than {stated:g}"
     else:
         verdict, why = (PART, f"more, and not {stated:g}") if ratio > 1 else (FAILS, "no more")
-    return sized(Found(f"{ratio:.2f}× as many at n = {n}", verdict, why, ratio, n=n), claim["n"])
+    return sized(Found(f"{ratio:.2f}× as many at n = {n}{beside}", verdict, why, ratio, n=n), claim["n"])
 
 
 def _points(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
@@ -100,22 +110,22 @@ def _points(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
     return data.kept["points"]
 
 
-PAPERS = "paper_convention_flops_per_core_cycle"
-SHARE, PEAK = (f"paper_convention_share_of_avx2_{of}" for of in ("roof", "peak"))
+PAPERS = "paper_rule_flops_per_core_cycle"
+SHARE, PEAK = (f"paper_rule_share_of_avx2_{of}" for of in ("roof", "peak"))
 UNKNOWN = "this CPU's theoretical peak is not known"
 
 
 def _gain_flops(data: Data, claim: Claim) -> Found:
-    """FLOPs per core cycle by the paper's convention, `phase` over `base`, at the largest size of both."""
+    """FLOPs per core cycle by the paper's rule, `phase` over `base`, at the largest size of both."""
     points = _points(data)
     one, base = (points.get((claim["scene"], claim[key])) for key in ("phase", "base"))
     if not one or not base or one["height"] != base["height"]:
         return missing(f"count of {claim['phase']} and {claim['base']} beside their times")
     cells = [data.cell(claim["scene"], r["phase"], r["height"], r["width"]) for r in (base, one)]
     ratio = stats.ratio_interval(*(cell.values["core_cycles"] for cell in cells if cell))
-    more = one["paper_convention_flops"] / base["paper_convention_flops"]
+    more = one["paper_rule_flops"] / base["paper_rule_flops"]
     if not more > 0:
-        return missing(f"count of {claim['phase']} and {claim['base']} by the paper's convention")
+        return missing(f"count of {claim['phase']} and {claim['base']} by the paper's rule")
     ends = [more * x for x in (ratio.value, ratio.low, ratio.high)]
     gain = Interval(*ends, ratio.launches, ratio.sufficient)
     text = f"{one[PAPERS]:.3g} over {base[PAPERS]:.3g} flop/core cycle at n = {one['height']}: "
@@ -156,7 +166,7 @@ def _share_of_peak(data: Data, claim: Claim) -> Found:
     verdict, why = judged(share, claim["value"])
     text = f"{known:.1f} % of what its ports allow" if known > 0 else UNKNOWN
     text += f"; {measured:.1f} % of the measured roof" if measured > 0 else ""
-    return sized(Found(f"{text} (the paper's convention)", verdict, why, share, n=row["height"]), claim["n"])
+    return sized(Found(f"{text} (the paper's rule)", verdict, why, share, n=row["height"]), claim["n"])
 
 
 def _share_falls(data: Data, claim: Claim) -> Found:

@@ -17,7 +17,7 @@ from typing import Any
 
 import pandas as pd
 
-from study import ceilings, paper, store
+from study import ceilings, paper, paper_rule, store
 from study.analysis import GENERATED, Cell, Data
 from study.ceilings import Ceilings
 from study.cli import StudyError
@@ -239,13 +239,14 @@ def _row(
     row["gflops"] = flops / cell.median("ns").value
     row |= below(row, operations, limits, about)
     row |= under_load(row, cell, limits)
-    theirs = stated[0] * stated[2]["flops"]["paper"] if stated else nan
-    row["paper_convention_scaled_from_n"] = stated[1] if stated else None
-    row["paper_convention_flops"] = theirs
-    row |= _rate("paper_convention_flops_per_core_cycle", theirs, core)
-    row |= _rate("paper_convention_flops_per_tsc_cycle", theirs, tsc)
+    rule = paper_rule.flop(stated[2]) if stated else None
+    theirs = nan if rule is None else stated[0] * rule
+    row["paper_rule_scaled_from_n"] = stated[1] if stated else None
+    row["paper_rule_flops"] = theirs
+    row |= _rate("paper_rule_flops_per_core_cycle", theirs, core)
+    row |= _rate("paper_rule_flops_per_tsc_cycle", theirs, tsc)
     for share, of in (("avx2_roof", "avx2_fma_roof"), ("avx2_peak", "avx2_fma_peak")):
-        row[f"paper_convention_share_of_{share}"] = row["paper_convention_flops_per_core_cycle"] / row[of]
+        row[f"paper_rule_share_of_{share}"] = row["paper_rule_flops_per_core_cycle"] / row[of]
     return row
 
 
@@ -254,7 +255,7 @@ def rows(data: Data, counted: Counted, limits: Ceilings | None) -> pd.DataFrame:
 
     Rates are FLOPs of the machine convention per core (or TSC) cycle, their ends the interval of the cycles
     over launches. `scaled_from_n`: the counts are another height's, per pixel. `paper_…`: the paper's own
-    figure and percent; `paper_convention_…`: one FLOP per math.h call. NaN: not counted, or no ceiling.
+    figure and percent; `paper_rule_…`: calls × FLOPs of each function. NaN: not counted, or no ceiling.
     `foreign_ceilings`, `foreign_counts`: why they are not of what was timed.
     """
     table = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]

@@ -10,6 +10,7 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +18,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
+COVER = 0.95  # of every interval
 RESAMPLES = 10_000
 ENOUGH = 6  # launches: of five the least and the greatest hold the true median in 93.75 % of cases only
 PREEMPTIONS = 20  # per second; a quiet machine has a few
@@ -42,7 +44,57 @@ class Interval:
         return f"{self.value:{form}} {ends}"
 
 
-def rank(count: int, cover: float = 0.95) -> int:
+class By(Enum):
+    """How the ends of an interval are found."""
+
+    ORDER = "between two of the launches (order statistics)"
+    BOOTSTRAP = "by percentile bootstrap"
+    WELCH = "by Welch's method, of the logarithms of the means"
+
+
+@dataclass(frozen=True)
+class Method:
+    """How an interval is made. The functions below compute by it, and the report describes them by it.
+
+    `least`: launches, below which there is no interval. `resamples`: of a bootstrap. `paired`: the launches
+    of one round are drawn together.
+    """
+
+    by: By
+    cover: float = COVER
+    least: int = ENOUGH
+    resamples: int = 0
+    paired: bool = False
+
+    def percentiles(self) -> list[float]:
+        """Of a distribution, around its middle: 2.5 and 97.5 for 95 %."""
+        return [50 * (1 - self.cover), 50 * (1 + self.cover)]
+
+    def text(self) -> str:
+        """The method in a few sentences for the report."""
+        said = f"{100 * self.cover:.3g} % interval {self.by.value}"
+        if self.by is By.BOOTSTRAP:
+            together = "the launches of both programs in one round are drawn together"
+            apart = "the launches of each program are drawn by themselves"
+            said += f"; {self.resamples:,} resamples, in which {together if self.paired else apart}"
+        elif self.by is By.ORDER:
+            few, more = (100 * held_by(rank(n, self.cover), n) for n in (self.least, 10))
+            said += f". It holds the true median in {few:.1f} % of cases at {self.least} launches"
+            said += f" and in {more:.1f} % at 10, whatever the distribution"
+        return f"{said}. Fewer than {self.least} launches: “insufficient”."
+
+
+def held_by(k: int, count: int) -> float:
+    """Probability that the k-th least and the k-th greatest of `count` values hold the true median."""
+    return 1 - 2 * sum(math.comb(count, i) for i in range(k)) / 2**count
+
+
+MEDIAN = Method(By.ORDER)
+RATIO = Method(By.BOOTSTRAP, resamples=RESAMPLES, paired=True)
+MEANS = Method(By.WELCH)
+
+
+def rank(count: int, cover: float = COVER) -> int:
     """The greatest k for which the k-th least and the k-th greatest of `count` values hold the true median
 
     with probability `cover` or more, whatever their distribution; 0: there is none. At 6 launches that is
@@ -60,9 +112,9 @@ def median_interval(values: ArrayLike) -> Interval:
     """Median over launches, between two of them. `values`: shape (launches,), any unit. NaN: no launch."""
     values = np.sort(np.asarray(values, float).ravel())
     value = float(np.median(values)) if len(values) else np.nan
-    if len(values) < ENOUGH or not np.isfinite(values).all():
+    if len(values) < MEDIAN.least or not np.isfinite(values).all():
         return Interval(value, np.nan, np.nan, len(values), False)
-    k = rank(len(values))
+    k = rank(len(values), MEDIAN.cover)
     return Interval(value, float(values[k - 1]), float(values[-k]), len(values), True)
 
 
@@ -116,11 +168,14 @@ def _resampled(
 
 
 @functools.lru_cache(maxsize=1 << 14)
-def _ratio_ends(base: bytes, other: bytes, pairs: tuple[bytes, bytes], seed: int) -> tuple[float, float]:
+def _ratio_ends(
+    base: bytes, other: bytes, pairs: tuple[bytes, bytes], seed: int, method: Method
+) -> tuple[float, float]:
     """Of arrays as their bytes: the chapters of a report ask for the same ratios several times, 5 ms each."""
     times = [np.frombuffer(one) for one in (base, other)]
     places = tuple(np.frombuffer(one, int) for one in pairs)
-    low, high = np.percentile(_resampled(*times, places, np.random.default_rng(seed), RESAMPLES), [2.5, 97.5])
+    drawn = _resampled(*times, places, np.random.default_rng(seed), method.resamples)
+    low, high = np.percentile(drawn, method.percentiles())
     return float(low), float(high)
 
 
@@ -128,15 +183,18 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
     """median(base) / median(other): the speed-up of `other` when both are times.
 
     `rounds`: they are of one interleaved run, and what slows a round of it slows both: launches of one round
-    (of_one_round) are drawn together. Of other runs, and beside a launch that was lost, each by itself.
+    (of_one_round) are drawn together if RATIO.paired. Of other runs, and beside a launch that was lost, each
+    by itself.
     """
     launches = min(np.size(base), np.size(other))
     value = float(np.median(base) / np.median(other)) if launches else np.nan
-    if launches < ENOUGH or not (np.isfinite(base).all() and np.isfinite(other).all()):
+    if launches < RATIO.least or not (np.isfinite(base).all() and np.isfinite(other).all()):
         return Interval(value, np.nan, np.nan, launches, False)
-    first, second = (np.asarray(places, int).tobytes() for places in _pairs(base, other, rounds))
+    first, second = (
+        np.asarray(places, int).tobytes() for places in _pairs(base, other, rounds and RATIO.paired)
+    )
     times = (np.asarray(one, float).tobytes() for one in (base, other))
-    return Interval(value, *_ratio_ends(*times, (first, second), seed), launches, True)
+    return Interval(value, *_ratio_ends(*times, (first, second), seed, RATIO), launches, True)
 
 
 def mean_ratio_interval(many: ArrayLike, few: ArrayLike) -> Interval:
@@ -151,12 +209,12 @@ def mean_ratio_interval(many: ArrayLike, few: ArrayLike) -> Interval:
     count = min(map(len, samples))
     means = [some.mean() if count else np.nan for some in samples]
     value = float(means[0] / means[1])
-    if count < ENOUGH or not all(np.isfinite(some).all() for some in samples):
+    if count < MEANS.least or not all(np.isfinite(some).all() for some in samples):
         return Interval(value, np.nan, np.nan, count, False)
     parts = [some.var(ddof=1) / (len(some) * mean**2) for some, mean in zip(samples, means, strict=True)]
     variance = sum(parts)
     shares = sum(p**2 / (len(some) - 1) for p, some in zip(parts, samples, strict=True))
-    wide = stdtrit(variance**2 / shares, 0.975) * math.sqrt(variance) if shares > 0 else 0.0
+    wide = stdtrit(variance**2 / shares, (1 + MEANS.cover) / 2) * math.sqrt(variance) if shares > 0 else 0.0
     return Interval(value, value * math.exp(-wide), value * math.exp(wide), count, True)
 
 

@@ -56,7 +56,7 @@ def headline(path: Path) -> Section:
             caption = "The fastest at a stated nearness to truth; “or”: not told apart from it"
             parts += part("pareto", caption, pareto_page.by_level(winners), pareto_page.LEVELS)
             own = [row for row in rows if row["own_parameters"]]
-            caption = "With each scene's own parameters: evaluations per camera ray × ns per each of them"
+            caption = "With each scene's own parameters: evaluations per pixel × ns per evaluation"
             parts += part("pareto-own", caption, own, pareto_page.POINTS)
             caption = "The fastest, with its parameters and what it is not told apart from"
             parts += part("pareto-winners", caption, winners, pareto_page.WINNERS, folded=True)

@@ -154,8 +154,8 @@ def test_float_over_double_is_flops_per_cycle_and_not_time(run, monkeypatch: pyt
     points = pd.DataFrame(
         {
             **{"scene": "scene0", "phase": name, "height": 2000, "width": 2000, "flops_per_core_cycle": 9.0},
-            **{"paper_convention_flops": count},
-            "paper_convention_flops_per_core_cycle": count / (4e6 * 4 * pace),
+            **{"paper_rule_flops": count},
+            "paper_rule_flops_per_core_cycle": count / (4e6 * 4 * pace),
         }
         for (name, count), pace in zip(flops.items(), (100, 50), strict=True)
     )

@@ -53,9 +53,34 @@ def test_errors_are_one_line_and_a_status(error, status, capsys):
     assert str(error) in said.err
 
 
-def test_a_bug_is_not_hidden():
-    with pytest.raises(ZeroDivisionError):
-        cli.main(lambda: 1 // 0)
+def test_a_bug_has_a_status_of_its_own_and_shows_its_traceback(capsys):
+    assert status_of(lambda: 1 // 0) == cli.CRASHED
+    said = capsys.readouterr().err
+    assert said.startswith("Traceback") and "ZeroDivisionError" in said
+    assert said.splitlines()[-1].endswith(": crashed: ZeroDivisionError")
+
+
+@pytest.mark.parametrize("body", ["import study.no_such_module", "cli.main(lambda: 1 // 0)", "1 // 0"])
+def test_a_bug_anywhere_in_a_script_has_that_status(body, tmp_path):
+    path = script(tmp_path, f"from study import cli\n{body}\n")
+    done = subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=60)
+    assert done.returncode == cli.CRASHED
+    assert "Traceback" in done.stderr and done.stderr.splitlines()[-1].startswith("some.py: crashed: ")
+
+
+def test_a_program_that_imports_the_study_keeps_its_own_statuses(tmp_path):
+    script(tmp_path, "")
+    path = tmp_path / "theirs.py"
+    path.write_text("from study import cli\n1 // 0\n")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "scripts")}
+    done = subprocess.run([sys.executable, path], capture_output=True, env=environment, timeout=60)
+    assert done.returncode == 1
+
+
+def test_the_documented_statuses_are_those_of_the_scripts():
+    text = (ROOT / "docs" / "exit-statuses.md").read_text()
+    rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| ")]
+    assert {int(status): meaning.strip() for status, meaning in rows[2:]} == cli.STATUSES
 
 
 def test_emit_writes_what_json_knows(capsys):
@@ -90,6 +115,7 @@ def script(folder: Path, body: str) -> Path:
     study.mkdir(parents=True)
     (study / "__init__.py").touch()
     shutil.copy(ROOT / "scripts" / "study" / "cli.py", study)
+    shutil.copy(cli.DECLARED, folder)
     path = folder / "scripts" / "some.py"
     path.write_text(body)
     return path

@@ -14,23 +14,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from soft_shadows import SHARP, SOFT, STRENGTH, bound, clamped, lit
 
 from conformance.feature_scenes import FLOOR, TURNED, scene, shape
 from study import images, registry
 from study.build import build
 
 PHASE = "opt9_convex"
-STRENGTH = 3.0
 
 pytestmark = pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
 )
-
-
-def bound(q: float) -> float:
-    """No term of a march with h ≥ q·t is less than strength times this (PROOFS.md, 1)."""
-    r = (1 + q) / 2
-    return min(q, q * math.sqrt(1 - r * r) / (1 - q * r))
 
 
 def least_term(distance, start: float, end: float) -> float:
@@ -103,10 +97,6 @@ def test_lanes_and_threads_change_nothing(name: str, tmp_path: Path) -> None:
             assert np.array_equal(values, other[plane], equal_nan=True), plane
 
 
-def lit(kind: str, position: list[float]) -> dict:
-    return {"position": position, "shadows": kind, "emission": [9, 9, 9]}
-
-
 BEHIND = [1, 3.0, 3]
 TORUS = shape("torus", rotation_degrees=[-50, 0, 0])
 # A mirror ball in the floor, whose rays start up to 0.2 off it: in the floor, and in what stands beside it.
@@ -156,10 +146,6 @@ MARCHED = {
         camera={"position": [0.4, 1.1, -2]},
     ),
 }
-
-
-def clamped(made: dict[str, np.ndarray]) -> np.ndarray:
-    return np.clip(images.rgb(made), 0, 1).astype(float)
 
 
 @pytest.mark.parametrize("name", MARCHED)
@@ -423,32 +409,6 @@ def test_cones_thousands_of_times_wider_than_high(
     assert np.array_equal(mine["id"], truth["id"]), f"{(mine['id'] != truth['id']).sum()} pixels"
     hit = mine["id"] >= 0
     assert hit.sum() > 500 and np.allclose(mine["Z"][hit], truth["Z"][hit], atol=1e-5, rtol=0)
-
-
-# Shadows of what is not flat for the first steps of a march. The shape taken for flat is off by 2.9e-3 and
-# 4.1e-3, float by 8e-6.
-SOFT = lit("soft", [3, 2, -1])
-SHARP = {
-    "edges": scene(
-        [
-            shape("box", rotation_degrees=[20, 30, 10], position=[-2, 0, 0]),
-            shape("cone", position=[1.8, 0, 0], top_radius=0.002),
-            shape("octahedron", position=[0, 0.3, 2]),
-        ],
-        light=SOFT,
-        march={"surface_offset": 0.05},
-    ),
-    "shapes of ten offsets": scene(
-        [
-            shape("sphere", radius=0.01, position=[0.41, 1.09, -4.9]),
-            shape("torus", major_radius=0.02, minor_radius=0.005, position=[0.43, 1.09, -4.9]),
-            shape(
-                "cone", bottom_radius=0.01, top_radius=0.004, half_height=0.01, position=[0.385, 1.09, -4.9]
-            ),
-        ],
-        light=SOFT,
-    ),
-}
 
 
 @pytest.mark.parametrize("name", SHARP)

@@ -10,17 +10,26 @@ import pytest
 ROOT = Path(__file__).parents[2]
 BUILT = {".venv", "build", "out", "runs"}  # not of the repository
 DOCUMENTS = [path for path in sorted(ROOT.rglob("*.md")) if not BUILT & {*path.relative_to(ROOT).parts}]
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)")
 RUN = re.compile(r"(?:results/reference|…)/([\w.-]*\d{4}-\d\d-\d\d[\w-]*)")
+
+
+def points(text: str) -> bool:
+    """Whether the text names a published run or has a link: of some 500 generated tables none does."""
+    return bool(RUN.search(text) or LINK.search(text))
 
 
 def lost(text: str, folder: Path, root: Path = ROOT) -> list[str]:
     """Published runs that the text names, and relative targets of its links, that are not there."""
     runs = [name for name in RUN.findall(text) if not (root / "results" / "reference" / name).is_dir()]
-    targets = [target for target in re.findall(r"\]\(([^)#\s]+)\)", text) if "://" not in target]
+    targets = [target for target in LINK.findall(text) if "://" not in target]
     return runs + [target for target in targets if not (folder / target).exists()]
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+POINTING = [path for path in DOCUMENTS if points(path.read_text())]
+
+
+@pytest.mark.parametrize("path", POINTING, ids=lambda path: str(path.relative_to(ROOT)))
 def test_what_a_document_points_at_is_there(path: Path) -> None:
     assert not lost(path.read_text(), path.parent)
 
@@ -29,3 +38,20 @@ def test_what_is_not_there_is_found(tmp_path: Path) -> None:
     (tmp_path / "results/reference/pc-2026-01-02").mkdir(parents=True)
     text = "`results/reference/pc-2026-01-02`, …/pc-2026-01-02-more, [x](here.md), [y](https://a.b/c)"
     assert lost(text, tmp_path, tmp_path) == ["pc-2026-01-02-more", "here.md"]
+
+
+def test_documents_that_point_at_something_are_looked_at(tmp_path: Path) -> None:
+    assert not points("| a | b |\n\nRuns: results/reference/README.md, [1, 2] (n = 3)")
+    assert points("[x](here.md#part)") and points("`results/reference/pc-2026-01-02`")
+    assert ROOT / "README.md" in POINTING and {*POINTING} < {*DOCUMENTS}
+
+
+def test_the_list_of_a_runs_files_is_whole() -> None:
+    """results/README.md, first block: every file that a published run has, and what its folders are."""
+    text = (ROOT / "results" / "README.md").read_text()
+    listed = text[: text.index("\n## ")]
+    runs = [path for path in (ROOT / "results" / "reference").iterdir() if path.is_dir()]
+    files = {path.name.removesuffix(".gz") for run in runs for path in run.iterdir() if path.is_file()}
+    assert not [name for name in sorted(files) if not re.search(rf"^ +{re.escape(name)} ", listed, re.M)]
+    assert "results/reference/MACHINE-DATE/" in listed
+    assert all(re.fullmatch(r"[\w-]+-\d{4}-\d\d-\d\d[\w-]*", run.name) for run in runs)

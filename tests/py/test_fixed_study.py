@@ -11,43 +11,11 @@ import numpy as np
 import pytest
 import started
 from documented import keys
+from made_up import fixed_result as made_up
 
 from study import fixed, fixed_page, fixed_pictures, moving, registry, run, show, systems
 from study.cli import StudyError
 from study.registry import ROOT
-
-
-def made_up() -> dict:
-    one = {"ms": 4.0, "ms_low": 3.0, "ms_high": 5.0, "psnr_db": 50.0, "wrong_ppm": 400.0, "dt_p50": 1e-4}
-    one |= {"dt_p99": 0.002, "cleared": 0.25, "wrongly_cleared_ppm": 100.0, "non_finite": 0}
-    about = {"width": 320, "n": 180, "settings": "bits=20"}
-    ratio = {"gain": 2.0, "gain_low": 1.0, "gain_high": 3.0}
-    ratio |= {"over_float": 0.5, "over_float_low": 0.4, "over_float_high": 0.6}
-    rows = [one | about | ratio | {"case": case, "phase": fixed.CASES[case][0]} for case in fixed.CASES]
-    for row in rows:
-        if row["phase"] == "fixed_float":
-            row |= {"ms": 2.0, "ms_low": 1.9, "ms_high": 2.1, "psnr_db": None, "wrong_ppm": 0.0}
-    sweep = [one | {"bits": b, "roots": r, "settings": ""} for b in fixed.BITS for r in ("article", "2", "3")]
-    sweep.append({"bits": 28, "roots": "article", "settings": "", "refused": "a radius of 5: does not fit"})
-    frames = {"p5": 10.0, "p50": 450.0, "p95": 600.0, "most": 700.0, "mean": 14.29 * 35}  # on one core
-    moving = {"program": "lanes", "shadows": True, "phase": "fixed_simd", "threads": 1, "frames": 2}
-    moving |= {"width": 1920, "n": 1080, "ms": frames, "update_ms": 0.01, "all_ms": [400.0, 600.3]}
-    moving |= {"resumed_at": [], "core_ns_per_pixel": 14.29e6 * 35 / (1920 * 1080)}
-    twice = moving | {"threads": 2, "ms": frames | {"mean": 100.0}, "resumed_at": [1]}
-    twice |= {"core_ns_per_pixel": 200e6 / (1920 * 1080)}
-    article = twice | {
-        "program": "article",
-        "phase": "fixed",
-        "core_ns_per_pixel": 4 * moving["core_ns_per_pixel"],
-    }
-    bare = article | {"shadows": False, "core_ns_per_pixel": moving["core_ns_per_pixel"]}
-    clearing = [one | about | {"clear": clear} for clear in fixed.CLEARS]
-    large = {"ms": 60.0, "ms_low": 50.0, "ms_high": 70.0, "cleared": 0.65, "wrongly_cleared_ppm": 7.2}
-    large |= {"width": 1920, "n": 1080, "against": "never", "lost_pixels": 15, "non_finite": 0}
-    clearing += [large | {"clear": clear} for clear in fixed.CLEARS]
-    return {"article": fixed.ARTICLE, "rows": rows, "sweep": sweep, "clearing": clearing,
-            "animation": [article, moving, twice, bare]}  # fmt: skip
-
 
 IN_LANES = {  # what may be timed on a CPU of so many
     1: ["article, 1 lane", "1 lane"],

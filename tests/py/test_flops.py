@@ -485,6 +485,24 @@ def test_table1_against_the_paper_and_by_hand():
     assert (second["useful_share"], second["flop_per_pixel"]) == (0.5, 60 / (1280 * 720))
 
 
+def test_flops_per_evaluation_stand_only_where_evaluations_are_the_work():
+    """opt8_streams draws a Mandelbulb almost without `sdf`: 51,380 evaluations for 15 GFLOP say nothing."""
+    about = {"scene": "mandelbulb", "width": 1280, "height": 720}  # two shapes, four iterations
+    own = {name: {"lanes": 80, "calls": 10} for name in ("sdf", "sdf_plane", "sdf_mandelbulb")}
+    assert table1.evaluations(about | {"by_function": own}) == 80
+    loop = own | {"bulb_step": {"lanes": 2 * 4 * 80, "calls": 80}}
+    assert table1.evaluations(about | {"by_function": loop}) == 80
+    beside = own | {"bulb_step": {"lanes": 2 * 4 * 80 + 1, "calls": 81}}
+    assert table1.evaluations(about | {"by_function": beside}) is None
+    assert table1.evaluations(about | {"by_function": {"sdf": {"lanes": 0, "calls": 0}}}) is None
+    published = registry.ROOT / "results" / "reference" / "zen5-2026-11-25"
+    for row in table1.rows(flops.read(published / "counts.json")[0]):
+        alone = row["phase"] in ("opt9_convex", "opt10_scene") or (
+            row["phase"] == "opt8_streams" and row["scene"] == "mandelbulb"
+        )
+        assert (row["flop_per_evaluation"] is None) == (row["evaluations_million"] is None) == alone, row
+
+
 @pytest.mark.parametrize(
     "phase", sorted(name for name, p in registry.phases().items() if p.file("costs.def").exists())
 )

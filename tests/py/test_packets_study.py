@@ -8,6 +8,7 @@ import os
 
 import numpy as np
 import pytest
+from made_up import packets_result as made_up
 
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
@@ -73,35 +74,6 @@ def test_hits_are_compared_ray_by_ray():
     assert found == {"compared": 3, "other_shape": 2, "dt_max": 0.5}  # the third is at the bounds
     blocked = np.array([[[-INF, 0], [3, 0]], [[-INF, 0], [-INF, 0]]])
     assert packets.agreement(DATA, "shadow", rays[:2], blocked)["other_shape"] == 1
-
-
-def made_up(embree: bool = True) -> dict:
-    """A packets.json of one scene whose numbers are easy."""
-    rate = {"mrays": 40.0, "mrays_low": 39.0, "mrays_high": 41.0}
-    variants = [{"name": name, "lanes": 16, **rate} for name in packets.VARIANTS]
-    rays = []
-    for kind in packets_rays.KINDS:
-        row = {"scene": "spheres40", "kind": kind, "rays": 1000, "variants": variants, "newton_dt_max": 1e-6}
-        row |= {"embree": "Embree 3.13.5" if embree else "not compared: built without Embree"}
-        for key, (mrays, ratio) in {
-            "embree16": (20, 2.0),
-            "embree1": (65, 0.6),
-            "embree_stream": (30, 1.3),
-        }.items():
-            row[key] = rate | {"mrays": mrays} if embree else None
-            ends = {"": ratio, "_low": ratio - 0.05, "_high": ratio + 0.05}
-            row |= {f"{key}_ratio{end}": value if embree else None for end, value in ends.items()}
-        row["agreement"] = {"compared": 1000, "other_shape": 0, "dt_max": 2e-6} if embree else None
-        rays.append(row)
-    timed = {"threads": 1, "ms": 2.0, "ms_low": 1.9, "ms_high": 2.1, "launches": [2.0]}
-    timed |= {"gain": 4.0, "gain_low": 3.0, "gain_high": 5.0}
-    rows = [
-        {"phase": phase, "hit_distance": None, "target_db": 80, "psnr_db": 90.0, "wrong_ppm": 0.0}
-        | {"non_finite": 0, "threads": [timed]}
-        for phase in ("packets", "opt4", "opt8_streams")
-    ]
-    drawn = [{"scene": "spheres40", "width": 160, "n": 90, "rows": rows}]
-    return {"article": packets.ARTICLE, "goals": packets.GOALS, "rays": rays, "drawn": drawn}
 
 
 def test_the_page_by_hand(tmp_path):

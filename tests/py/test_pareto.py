@@ -446,3 +446,18 @@ def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
 def test_the_note_names_the_mandelbulbs_arithmetic() -> None:
     said = pareto_page.note({"n": 90, "launches": 6})
     assert "double-double (104 bits, about 31 digits)" in said and "quad" not in said
+
+
+def test_a_time_per_evaluation_stands_only_where_evaluations_are_the_work():
+    """A program with closed forms has a 1 for each camera ray, and evaluations for some of its rays only."""
+    columns = {column.name: column.text for column in pareto_page.POINTS}
+    names = ("evaluations per camera ray", "per pixel, all rays and normals", "ns per evaluation")
+
+    def shown(phase: str, **counts: float) -> list[str]:
+        row = {"phase": phase, "evals_per_ray": 50.0, "evals_per_pixel": 60.0, "ns_per_eval": 3.0} | counts
+        return [columns[name](row) for name in names]
+
+    assert shown("opt4") == shown("opt4+rsqrt") == ["50.0", "60.0", "3.00"]
+    closed = {"evals_per_ray": 1.0, "evals_per_pixel": 2.0, "ns_per_eval": 9.0}
+    assert shown("opt9_convex", **closed) == ["–", "2.00", "–"]
+    assert shown("opt9_convex", **closed | {"evals_per_pixel": 1e-6}) == ["–", "–", "–"]

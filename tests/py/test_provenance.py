@@ -9,9 +9,8 @@ import runpy
 import types
 from pathlib import Path
 
+import made_up
 import pytest
-import test_fixed_study
-import test_rods_study
 
 from study import analysis, fixed, lattice, provenance, rods, systems
 from study.cli import StudyError
@@ -36,8 +35,8 @@ def mixed(tmp_path) -> Path:
     """The run and its rods of one commit, integers of another, an hour later."""
     write(tmp_path, "context.json", context(OLD, "19:34"))
     write(tmp_path, "accuracy.json", {"rows": []})  # says nothing of where it was made
-    write(tmp_path, rods.FILE, test_rods_study.made_up() | {"context": context(OLD, "20:24", 1000)})
-    integers = test_fixed_study.made_up() | {"context": context(NEW, "21:24", 1000 + 7200)}
+    write(tmp_path, rods.FILE, made_up.rods_result() | {"context": context(OLD, "20:24", 1000)})
+    integers = made_up.fixed_result() | {"context": context(NEW, "21:24", 1000 + 7200)}
     write(tmp_path, fixed.FILE, integers)
     return tmp_path
 

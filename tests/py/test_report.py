@@ -19,7 +19,7 @@ from PIL import Image
 
 import plots
 import report
-from study import analysis, facts, registry
+from study import analysis, facts, registry, stats
 
 ROOT = Path(__file__).parents[2]
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -125,6 +125,12 @@ def test_the_page_is_whole_and_loads_nothing(made: Made) -> None:
     for image in page.images:
         assert image["alt"] and len(base64.b64decode(image["src"].partition("base64,")[2])) > 1000
     assert not re.search(r"<td[^>]*>[^<]*\b(nan|None)\b", text)
+
+
+def test_the_method_section_says_what_stats_does(made: Made) -> None:
+    assert stats.MEDIAN.text() in made.page.text and stats.RATIO.text() in made.page.text
+    units = made.text[made.text.index('<section id="units">') :]
+    assert units.count("bootstrap") == 1, "by hand, beside the description that stats.py computes by"
 
 
 def test_tables_and_figures_lie_beside_the_page(made: Made) -> None:

@@ -13,6 +13,7 @@ import types
 import numpy as np
 import pytest
 import started
+from made_up import rods_result as made_up
 
 from study import (
     accuracy,
@@ -237,29 +238,6 @@ def test_the_trade_has_the_march_per_pixel_in_its_own_run(monkeypatch):
     plain = [i for i, (words, _) in enumerate(asked) if words == "march=pixels picture=map"]
     assert len(plain) == 6 and len(asked) == 6 * (len(rows) + 1) and not any(asked[i][1] for i in plain)
     assert [i // (len(rows) + 1) for i in plain] == list(range(6)), "once a round"
-
-
-def made_up() -> dict:
-    error = {f"{k}_ppm": 100 for k in ("false_hits", "false_misses", "wrong_shape")}
-    error |= {
-        "wrong_ppm": 300,
-        "dt_p50": 0.001,
-        "dt_p99": 0.01,
-        "dt_p100": 0.1,
-        "psnr_db": 30.0,
-        "non_finite": 0,
-    }
-    one = {"ms": 100.0, "ms_low": 90.0, "ms_high": 110.0, "evaluations": 12.0, **error}
-    own = {"scene": "two_spheres", "width": 800, "n": 800, "pixels": one, "fewer": 12.0}
-    own |= {"rods": one | {"ms": 20.0, "evaluations": 1.0}, "gain": 5.0, "gain_low": 4.0, "gain_high": 6.0}
-    trade = [
-        {"down": d, "max_steps": c, "least": 1, "step": "whole", "evaluations": 1.0, **one}
-        for d in rods.DOWN
-        for c in rods.CAPS
-    ]
-    coarse = {"down": 16, "max_steps": 20, "least": 4, "step": "whole", **one, "evaluations": 0.1}
-    trade.append(coarse | {"ms": 25.0, "ms_low": 24.0, "ms_high": 26.0})
-    return {"article": rods.ARTICLE, "own": own, "rows": [own], "trade": trade}
 
 
 def test_the_table_of_systems_by_hand(tmp_path):

@@ -306,8 +306,8 @@ def test_the_peak_is_what_the_ports_allow_and_the_roof_what_was_measured(run: Pa
     assert (opt4["avx2_fma_peak"], opt4["avx2_fma_roof"]) == (32, 20)
     assert opt4["share_of_avx2_peak"] == pytest.approx(2 / 32)
     assert opt4["share_of_avx2_roof"] == pytest.approx(2 / 20)
-    assert opt4["paper_convention_share_of_avx2_peak"] == pytest.approx(1.5 / 32)
-    assert opt4["paper_convention_share_of_avx2_roof"] == pytest.approx(1.5 / 20)
+    assert opt4["paper_rule_share_of_avx2_peak"] == pytest.approx(1.5 / 32)
+    assert opt4["paper_rule_share_of_avx2_roof"] == pytest.approx(1.5 / 20)
     text = roof_tables.tables(rows_of(run), roof.read(run)[1])["table6"][1]
     assert "| 6.25\u00a0% | 10\u00a0% |" in text and "| 4.69\u00a0% | 7.5\u00a0% |" in text
     (run / "ceilings.json").unlink()  # the peak is no measurement
@@ -390,13 +390,13 @@ def test_without_a_back_end_the_declared_counts_stand_and_have_no_bytes(run: Pat
     assert math.isnan(baseline["share_of_mix_roof"])
 
 
-def test_the_papers_convention_and_its_own_figures_stand_beside(run: Path) -> None:
+def test_the_papers_rule_and_its_own_figures_stand_beside(run: Path) -> None:
     opt4, opt3 = row(run, "opt4", 180), row(run, "opt3", 180)
-    assert opt4["paper_convention_flops_per_core_cycle"] == pytest.approx(1.5)
-    assert opt4["paper_convention_share_of_avx2_roof"] == pytest.approx(1.5 / 32)
-    assert math.isnan(opt4["paper_convention_share_of_avx2_peak"])  # "Example CPU" is in no table
+    assert opt4["paper_rule_flops_per_core_cycle"] == pytest.approx(1.5)
+    assert opt4["paper_rule_share_of_avx2_roof"] == pytest.approx(1.5 / 32)
+    assert math.isnan(opt4["paper_rule_share_of_avx2_peak"])  # "Example CPU" is in no table
     assert (opt4["paper_flops_per_cycle"], opt4["paper_share"]) == (2.383, pytest.approx(0.0745))
-    assert math.isnan(opt3["paper_convention_flops_per_core_cycle"])
+    assert math.isnan(opt3["paper_rule_flops_per_core_cycle"])
     assert row(run, "baseline", 90)["paper_share"] == pytest.approx(0.01087)
 
 

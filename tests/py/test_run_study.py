@@ -1,6 +1,7 @@
 """The main job's parts: which scripts they call, and which ends they take for an end."""
 
 import argparse
+import json
 import subprocess
 from pathlib import Path
 from unittest.mock import create_autospec
@@ -37,12 +38,61 @@ def test_every_part_calls_its_scripts_rightly(name, status, options, monkeypatch
     assert good is (status == cli.OK or not judging)
 
 
-def test_a_traceback_is_no_failed_check(monkeypatch):
-    done = subprocess.CompletedProcess([], cli.FAILED)
+def ends(monkeypatch, status):
+    done = subprocess.CompletedProcess([], status)
     monkeypatch.setattr(run_study.subprocess, "run", lambda *_, **__: done)
+    return done
+
+
+def test_a_failed_check_is_an_end_only_where_a_script_judges(monkeypatch):
+    done = ends(monkeypatch, cli.FAILED)
     with pytest.raises(cli.StudyError, match=r"tables\.py ended with status 1"):
         run_study.script("tables")
     assert run_study.script("verify", accepted=run_study.CHECKED) is done
+
+
+@pytest.mark.parametrize(
+    ("status", "sentence"),
+    [
+        (cli.CRASHED, "verify.py crashed; its traceback is above"),
+        (-9, "verify.py was killed by SIGKILL"),
+        (cli.FAILED, "a phase is outside its tolerance"),
+    ],
+)
+def test_a_crash_of_verify_is_no_failed_check(status, sentence, options, monkeypatch):
+    swept = {"run": str(FIXTURE), "height": 90, "failures": [], "rows": [{"spec": "opt1"}]}
+    monkeypatch.setattr(run_study, "sweep", lambda _: swept)
+    options.part = ["flops"]
+    ends(monkeypatch, status)
+    wrong = run_study.Wrong()
+    assert run_study.ladder_run(options, lambda _: None, wrong) == (FIXTURE, 90)
+    if status == cli.FAILED:
+        assert (wrong.failed, wrong.crashed) == ([sentence], [])
+        assert wrong.status() == cli.FAILED
+    else:
+        assert (wrong.failed, wrong.crashed) == ([], [sentence])
+        assert wrong.status() == cli.CRASHED
+
+
+def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsys, tmp_path):
+    called = []
+
+    def fake(script, *arguments, capture=False, accepted=(cli.OK,)):
+        called.append(script)
+        if script == "functions":
+            raise run_study.Crashed("functions.py crashed; its traceback is above", cli.CRASHED)
+        return subprocess.CompletedProcess([], cli.OK, stdout="{}")
+
+    options.part, options.json = ["functions", "views"], True
+    monkeypatch.setattr(run_study, "script", fake)
+    monkeypatch.setattr(run_study, "arguments", lambda: options)
+    monkeypatch.setattr(run_study, "build", lambda _: None)
+    monkeypatch.setattr(run_study, "newest", lambda _: (FIXTURE, 90))
+    assert run_study.main() == cli.CRASHED
+    assert called[:3] == ["functions", "views", "tables"] and called[-1] == "report"
+    said = capsys.readouterr()
+    assert json.loads(said.out)["crashed"] == ["functions.py crashed; its traceback is above"]
+    assert said.err.splitlines()[-1] == "study: functions.py crashed; its traceback is above"
 
 
 def test_the_newest_run_is_taken_and_none_is_none(options, tmp_path):

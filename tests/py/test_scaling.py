@@ -675,6 +675,8 @@ def test_closed_forms_have_no_exponent_of_evaluations(evals) -> None:
     assert four.endswith("| 1.00 |") and nine.endswith("| none: closed forms count 1 for every camera ray |")
     points = [r.split(" | ")[5] for r in shown["scaling-points"].splitlines()[2:]]
     assert points == ["10.0", "160", "640", "–", "–", "–"]
+    (axes,) = scaling_page.figures(made, Path("nowhere"))["scaling-evals"].axes
+    assert {line.get_label() for line in axes.lines if line.get_label()[0] != "_"} == {"opt4"}
 
 
 def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> None:

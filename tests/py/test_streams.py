@@ -10,9 +10,17 @@ import copy
 
 import numpy as np
 import pytest
-import test_tiles
-from test_convex import SHARP, STRENGTH, bound, clamped
-from test_tiles import EACH_WIDTH, WIDTHS, check_bits, check_same, crowd, flat_scenes, picture
+from soft_shadows import SHARP, STRENGTH, bound, clamped
+from tile_pictures import (
+    EACH_WIDTH,
+    WIDTHS,
+    check_bits,
+    check_same,
+    check_starts,
+    crowd,
+    flat_scenes,
+    picture,
+)
 
 from conformance.feature_scenes import FEATURES
 from study import images, registry
@@ -237,7 +245,6 @@ def test_any_size_and_number_of_threads(size, tmp_path) -> None:
                 assert np.array_equal(plane.view(np.uint32), mine[name].view(np.uint32)), f"{threads}: {name}"
 
 
-def test_no_start_past_the_true_hit(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(test_tiles, "PHASE", PHASE)
+def test_no_start_past_the_true_hit(tmp_path) -> None:
     for name in ("trio", "mandelbulb"):
-        test_tiles.check_starts(registry.scenes()[name].data, tmp_path, name)
+        check_starts(PHASE, registry.scenes()[name].data, tmp_path, name)

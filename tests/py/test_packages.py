@@ -1,0 +1,117 @@
+"""requirements.in is the one declaration of packages: the scripts import no other than its run-time part."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from study import cli, imports
+from study.registry import ROOT
+
+SCRIPTS = ROOT / "scripts"
+FILES = sorted(path for path in SCRIPTS.rglob("*.py") if "__pycache__" not in path.parts)
+# Imports every module as if the forbidden packages were not installed.
+IMPORT_ALL = """
+import importlib, sys
+forbidden, names = (set(text.split(",")) for text in sys.argv[1:3])
+class Undeclared:
+    def find_spec(name, path=None, target=None):
+        top = name.partition(".")[0]
+        if top in forbidden:
+            raise ModuleNotFoundError(f"not declared: {top}", name=top)
+sys.meta_path.insert(0, Undeclared)
+for name in sorted(names):
+    importlib.import_module(name)
+"""
+
+
+def normal(distribution: str) -> str:
+    return re.sub(r"[-_.]+", "-", distribution).lower()
+
+
+def needed(distributions: set[str]) -> set[str]:
+    """With what they need themselves, extras left out. Normal names."""
+    found, waiting = set(), [normal(name) for name in distributions]
+    while waiting:
+        name = waiting.pop()
+        if name in found:
+            continue
+        found.add(name)
+        for requirement in metadata.requires(name) or []:
+            try:
+                metadata.distribution(other := re.match(r"[\w.-]+", requirement).group())
+            except metadata.PackageNotFoundError:
+                continue  # of another system or Python
+            if "extra ==" not in requirement:
+                waiting.append(normal(other))
+    return found
+
+
+def forbidden(distributions: set[str]) -> str:
+    """Installed modules that are of none of the distributions, for IMPORT_ALL."""
+    owners = metadata.packages_distributions()
+    return ",".join(name for name, of in owners.items() if not distributions & {normal(one) for one in of})
+
+
+def module(path: Path) -> str:
+    return ".".join(path.relative_to(SCRIPTS).with_suffix("").parts).removesuffix(".__init__")
+
+
+@pytest.fixture(scope="module")
+def run_time() -> set[str]:
+    found = {normal(name) for name in cli.declared(cli.RUN_TIME)}
+    assert "numpy" in found and "pytest" not in found
+    return found
+
+
+def test_what_a_script_imports_is_declared_by_name(run_time: set[str]) -> None:
+    """Not only as what another package happens to need."""
+    own = {module(path).partition(".")[0] for path in FILES}
+    owners = metadata.packages_distributions()
+    wrong = []
+    for path in FILES:
+        for name in imports.named(path, "study"):
+            top = name.partition(".")[0]
+            if top in own or top in sys.stdlib_module_names or path.name == "drjit_render.py":
+                continue  # the last runs in a venv of its own
+            if not run_time & {normal(one) for one in owners.get(top, [])}:
+                wrong.append(f"{path.relative_to(ROOT)}: {top}")
+    assert not wrong, wrong
+
+
+def test_every_module_can_be_imported_with_the_run_time_packages_alone(run_time: set[str]) -> None:
+    names = {module(path) for path in FILES} - {"study.drjit_render"}
+    command = [sys.executable, "-c", IMPORT_ALL, forbidden(needed(run_time)), ",".join(sorted(names))]
+    done = subprocess.run(command, cwd=SCRIPTS, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_package_of_the_tests_alone_cannot_be_imported_there(run_time: set[str]) -> None:
+    command = [sys.executable, "-c", IMPORT_ALL, forbidden(needed(run_time)), "hypothesis"]
+    done = subprocess.run(command, capture_output=True)
+    assert done.returncode != 0 and b"not declared: hypothesis" in done.stderr
+
+
+def test_the_lock_has_what_is_declared() -> None:
+    locked = re.findall(
+        r"^([\w.-]+)==\S+ (?:.*\n)(?:    --hash.*\n)*    # via((?:.|\n    #)*)",
+        (ROOT / "requirements.lock").read_text(),
+        re.MULTILINE,
+    )
+    direct = {normal(name) for name, via in locked if "-r requirements.in" in via}
+    sections = (cli.RUN_TIME, "Tests and formatting")
+    assert direct == {normal(name) for section in sections for name in cli.declared(section)}
+
+
+def test_a_script_without_a_declared_package_says_which(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setenv(cli._GUARD, "1")
+    monkeypatch.setattr(cli, "_is_installed", lambda name: name not in ("scipy", "mpmath"))
+    with pytest.raises(SystemExit) as end:
+        cli._need_packages()
+    assert end.value.code == cli.CANNOT_RUN
+    assert "scipy, mpmath missing; run `make setup` first" in capsys.readouterr().err
