@@ -1,4 +1,4 @@
-// STEPWISE_PACKETS: words like "tree=kd root=newton", parted by one space.
+// See settings.h.
 #include "settings.h"
 
 #include <stdio.h>
@@ -17,7 +17,7 @@ static bool is(const char *text, size_t length, const char *word) {
     return strlen(word) == length && strncmp(text, word, length) == 0;
 }
 
-// Of "key=value", the number of the value; false if there is no such key or value.
+// Finds the numbers of key and value of a word "key=value". Returns false if there is no such pair.
 static bool find(const char *word, size_t length, int *key, int *value) {
     const char *equals = memchr(word, '=', length);
     if (!equals)
@@ -45,11 +45,12 @@ bool settings_read(const char *text, struct settings *settings, char *error) {
         chosen[key] = value;
         text += length + (text[length] == ' ');
     }
-    *settings = (struct settings){(enum tree_kind)chosen[0], chosen[1] == 1, (enum going)chosen[2]};
+    *settings =
+        (struct settings){(enum tree_kind)chosen[0], chosen[1] == 1, (enum ray_mode)chosen[2]};
     return true;
 }
 
-void settings_say(const struct settings *settings, char *text) {
+void settings_print(const struct settings *settings, char *text) {
     snprintf(text, 64, "tree=%s root=%s rays=%s", TREES[settings->tree], ROOTS[settings->newton],
              RAYS[settings->rays]);
 }
