@@ -216,30 +216,30 @@ static void shade_packet(const struct tile_context *context, int bounce, bool no
     const struct model *model = &context->scene->model;
     struct worker_scratch *scratch = context->scratch;
     struct tile_rays *rays = &scratch->rays;
+    float *hit_t = scratch->t + first, *shape = scratch->shape + first;
     struct ray ray = load_ray(rays, first);
     struct vec o = ray.point, d = ray.direction;
-    vfloat t = v_load(scratch->t + first), weight = v_load(rays->weight + first),
-           zero = v_splat(0.0f);
+    vfloat t = v_load(hit_t), weight = v_load(rays->weight + first), zero = v_splat(0.0f);
     vmask active = v_mask_first(rays->count - first),
           found = v_and(active, v_cmp_lt(t, v_splat(INFINITY)));
     struct vec p = vec_along(o, d, t);
     float bounds = (float)(model->march.bounds_radius * model->march.bounds_radius);
     vfloat far_sq = vec_dot(p, p);
     found = v_and(found, v_cmp_ge(v_splat(bounds), far_sq));
-    v_store(v_select(found, t, v_splat(INFINITY)), scratch->t + first);
-    v_store(v_select(found, v_load(scratch->shape + first), v_splat(-1.0f)),
-            scratch->shape + first);
+    v_store(v_select(found, t, v_splat(INFINITY)), hit_t);
+    v_store(v_select(found, v_load(shape), v_splat(-1.0f)), shape);
     struct vec color = vec_scale(vec_from_doubles(model->background), weight);
     if (v_any(found)) {
         ACTIVE(v_count(found));
         COUNT(shade_packet, found);
-        struct surface surface = surface_at(context->scene, found, o, d, t, scratch->shape + first);
+        struct surface surface = surface_at(context->scene, found, o, d, t, shape);
         if (normals)
             store_vec(surface.normal, scratch->normal, first);
         if (model->features.fog) {
             COUNT(shade_packet, fog);
             weight = weight * v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
         }
+        vfloat within = v_splat((float)-model->march.surface_offset);
         struct lighting at = lighting_at(context, found, p, d, &surface);
         color = vec_select(found, vec_scale(surface.color, weight * v_splat(0.01f)), color);
         if (v_any(at.lit)) {
@@ -252,7 +252,6 @@ static void shade_packet(const struct tile_context *context, int bounce, bool no
             } else {
                 COUNT(shade_packet, shadowed);
                 // A ray that started inside of a solid has its hit in it: no light.
-                vfloat within = v_splat((float)-model->march.surface_offset);
                 at.lit = v_andnot(v_cmp_lt(t, within), at.lit);
                 queue_shadow_rays(context, &at, bright, first);
             }
@@ -261,8 +260,7 @@ static void shade_packet(const struct tile_context *context, int bounce, bool no
         if (model->features.mirrors && bounce < model->march.max_bounces && v_any(mirrors)) {
             COUNT(shade_packet, mirrors);
             // A ray that started inside of a solid may hit that solid again.
-            vfloat excluded = v_select(v_cmp_lt(t, v_splat((float)-model->march.surface_offset)),
-                                       v_splat(-1.0f), v_load(scratch->shape + first));
+            vfloat excluded = v_select(v_cmp_lt(t, within), v_splat(-1.0f), v_load(shape));
             queue_mirror_rays(context, mirrors, (struct ray){p, d}, surface.normal,
                               weight * surface.share, excluded, first);
         }
