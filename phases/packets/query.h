@@ -2,7 +2,7 @@
 #ifndef PACKETS_QUERY_H
 #define PACKETS_QUERY_H
 
-#include "simd/vec.h"
+#include "simd/simd.h"
 #include "trace.h"
 
 // A batch under way through the tree.

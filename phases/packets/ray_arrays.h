@@ -2,8 +2,7 @@
 #ifndef PACKETS_RAY_ARRAYS_H
 #define PACKETS_RAY_ARRAYS_H
 
-#include "simd/permute.h"
-#include "simd/vec.h"
+#include "simd/simd.h"
 #include "trace.h"
 
 static inline struct vec load_vec(const float *const from[3], int i) {

@@ -5,7 +5,7 @@
 #include "shade.h"
 
 #include "ray_arrays.h"
-#include "simd/pow.h"
+#include "simd/simd.h"
 #include "solids.h"
 
 // What shading needs of a packet's hits.

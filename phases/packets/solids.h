@@ -8,7 +8,7 @@
 #ifndef PACKETS_SOLIDS_H
 #define PACKETS_SOLIDS_H
 
-#include "simd/vec.h"
+#include "simd/simd.h"
 #include "tree.h"
 
 enum lane_kind { LANE_RAYS, LANE_SOLIDS };
