@@ -26,7 +26,7 @@ PYTHON_ALONE := $(PYTHON3) -I -S# only the standard library, which starts faster
 , := ,
 WARNINGS := -Wall -Wextra -Wpedantic -Werror
 # -g1: a sanitizer's report needs only line numbers.
-SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thread,address$(,)undefined -fno-sanitize-recover=all) -fno-omit-frame-pointer -g1)
+SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thread,address$(,)undefined$(,)float-cast-overflow -fno-sanitize-recover=all) -fno-omit-frame-pointer -g1)
 # Follows a phase's own -O3. With -O1 less is optimized away before it is checked. -O0 compiles emulated code fastest.
 SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)$(if $(EMULATE), -O0)
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)

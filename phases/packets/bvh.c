@@ -1,61 +1,62 @@
-// Builder of the hierarchy: first of two children a node, then of as many as there are lanes (tree.h has the sources).
+// Builds the BVH: first with two children a node, then collapsed to as many as there are lanes
+// (sources: tree.h).
 #include "builders.h"
 
-static float middle(const struct solid_in *s, int axis) {
+static float middle(const struct bounded_solid *s, int axis) {
     return 0.5f * s->box.lo[axis] + 0.5f * s->box.hi[axis];
 }
 
-struct pair {
+struct binary_node {
     struct box box;
-    int left; // the right one is next; 0: a leaf of `count` from `first`
-    int first, count;
+    int left;         // child, the right one is next; 0: a leaf
+    int first, count; // its solids in `which`
 };
 
 struct builder {
     struct tree *tree;
-    const struct solid_in *solids;
+    const struct bounded_solid *solids;
     int *which; // numbers of solids
-    struct pair *pairs;
-    int pair_count;
+    struct binary_node *nodes;
+    int node_count;
 };
 
-struct cut {
-    float cost; // INFINITY: there is none
+struct split {
+    float cost; // INFINITY: no split
     int axis, bin;
     float from, per; // bin = (middle − from)·per
 };
 
-static int bin_of(const struct cut *cut, const struct solid_in *s) {
-    int bin = (int)((middle(s, cut->axis) - cut->from) * cut->per);
+static int bin_of(const struct split *split, const struct bounded_solid *s) {
+    int bin = (int)((middle(s, split->axis) - split->from) * split->per);
     return bin < 0 ? 0 : bin >= BINS ? BINS - 1 : bin;
 }
 
-static void try_axis(const struct builder *b, const struct pair *pair, struct cut try,
-                     struct cut *best) {
-    struct box box[BINS], right = NOWHERE;
+static void try_axis(const struct builder *b, const struct binary_node *node, struct split try,
+                     struct split *best) {
+    struct box box[BINS], right = EMPTY_BOX;
     int count[BINS] = {0};
     float behind[BINS] = {0};
     for (int i = 0; i < BINS; i++)
-        box[i] = NOWHERE;
-    for (int i = pair->first; i < pair->first + pair->count; i++) {
-        const struct solid_in *s = &b->solids[b->which[i]];
+        box[i] = EMPTY_BOX;
+    for (int i = node->first; i < node->first + node->count; i++) {
+        const struct bounded_solid *s = &b->solids[b->which[i]];
         int bin = bin_of(&try, s);
         count[bin]++;
-        box[bin] = joined(box[bin], &s->box);
+        box[bin] = box_union(box[bin], &s->box);
     }
     int after = 0;
     for (int i = BINS - 1; i > 0; i--) {
-        right = joined(right, &box[i]);
+        right = box_union(right, &box[i]);
         after += count[i];
-        // Of solids, not of whole steps: what is left over fills a leaf beside.
-        behind[i] = after ? area_of(&right) * (float)after : INFINITY;
+        // Counts solids, not groups of lanes: a part of a group can fill up a leaf elsewhere.
+        behind[i] = after ? box_area(&right) * (float)after : INFINITY;
     }
-    struct box left = NOWHERE;
+    struct box left = EMPTY_BOX;
     int before = 0;
     for (int i = 0; i < BINS - 1; i++) {
-        left = joined(left, &box[i]);
+        left = box_union(left, &box[i]);
         before += count[i];
-        float cost = before ? area_of(&left) * (float)before + behind[i + 1] : INFINITY;
+        float cost = before ? box_area(&left) * (float)before + behind[i + 1] : INFINITY;
         if (cost < best->cost) {
             *best = try;
             best->cost = cost;
@@ -64,59 +65,60 @@ static void try_axis(const struct builder *b, const struct pair *pair, struct cu
     }
 }
 
-static struct cut best_cut(const struct builder *b, const struct pair *pair) {
-    struct cut best = {.cost = INFINITY};
+static struct split best_split(const struct builder *b, const struct binary_node *node) {
+    struct split best = {.cost = INFINITY};
     for (int axis = 0; axis < 3; axis++) {
         float lo = INFINITY, hi = -INFINITY;
-        for (int i = pair->first; i < pair->first + pair->count; i++) {
+        for (int i = node->first; i < node->first + node->count; i++) {
             float m = middle(&b->solids[b->which[i]], axis);
-            lo = smaller(lo, m);
-            hi = larger(hi, m);
+            lo = float_min(lo, m);
+            hi = float_max(hi, m);
         }
         if (hi > lo)
-            try_axis(b, pair, (struct cut){INFINITY, axis, 0, lo, BINS / (hi - lo)}, &best);
+            try_axis(b, node, (struct split){INFINITY, axis, 0, lo, BINS / (hi - lo)}, &best);
     }
     return best;
 }
 
-// Puts those under the cut first; how many they are.
-static int parted(struct builder *b, const struct pair *pair, const struct cut *cut) {
-    int next = pair->first;
-    for (int i = pair->first; i < pair->first + pair->count; i++)
-        if (bin_of(cut, &b->solids[b->which[i]]) <= cut->bin) {
+// Moves the solids below the split to the front of `which`. Returns their number.
+static int partition(struct builder *b, const struct binary_node *node, const struct split *split) {
+    int next = node->first;
+    for (int i = node->first; i < node->first + node->count; i++)
+        if (bin_of(split, &b->solids[b->which[i]]) <= split->bin) {
             int held = b->which[i];
             b->which[i] = b->which[next];
             b->which[next++] = held;
         }
-    return next - pair->first;
+    return next - node->first;
 }
 
-// Two children a node, until a leaf is one group of lanes or no plane parts it.
-static void halve(struct builder *b, int number, int depth) {
-    struct pair *pair = &b->pairs[number];
-    pair->box = NOWHERE;
-    pair->left = 0;
-    for (int i = pair->first; i < pair->first + pair->count; i++)
-        pair->box = joined(pair->box, &b->solids[b->which[i]].box);
+// Splits a node and its children, until a leaf is one group of lanes or no plane divides it.
+static void split_node(struct builder *b, int number, int depth) {
+    struct binary_node *node = &b->nodes[number];
+    node->box = EMPTY_BOX;
+    node->left = 0;
+    for (int i = node->first; i < node->first + node->count; i++)
+        node->box = box_union(node->box, &b->solids[b->which[i]].box);
     int most = b->tree->width;
-    if (pair->count <= most / 2 || depth == MOST_DEPTH)
+    if (node->count <= most / 2 || depth == MAX_DEPTH)
         return;
-    struct cut cut = best_cut(b, pair);
-    if (cut.cost == INFINITY)
+    struct split split = best_split(b, node);
+    if (split.cost == INFINITY)
         return;
-    float whole = area_of(&pair->box) * (float)pair->count;
-    if (pair->count <= most && !(cut.cost < 0.75f * whole))
+    float whole = box_area(&node->box) * (float)node->count;
+    if (node->count <= most && !(split.cost < 0.75f * whole))
         return;
-    int count = parted(b, pair, &cut), left = b->pair_count;
-    b->pair_count += 2;
-    pair->left = left;
-    b->pairs[left] = (struct pair){.first = pair->first, .count = count};
-    b->pairs[left + 1] = (struct pair){.first = pair->first + count, .count = pair->count - count};
-    halve(b, left, depth + 1);
-    halve(b, left + 1, depth + 1);
+    int count = partition(b, node, &split), left = b->node_count;
+    b->node_count += 2;
+    node->left = left;
+    b->nodes[left] = (struct binary_node){.first = node->first, .count = count};
+    b->nodes[left + 1] =
+        (struct binary_node){.first = node->first + count, .count = node->count - count};
+    split_node(b, left, depth + 1);
+    split_node(b, left + 1, depth + 1);
 }
 
-static void put_box(struct tree *tree, int node, int i, const struct box *box) {
+static void set_child_box(struct tree *tree, int node, int i, const struct box *box) {
     float *at = tree->boxes + (size_t)node * 6 * (size_t)tree->width + i;
     for (int k = 0; k < 3; k++) {
         at[k * tree->width] = box->lo[k];
@@ -124,62 +126,63 @@ static void put_box(struct tree *tree, int node, int i, const struct box *box) {
     }
 }
 
-// The number of a new node, all of its children nowhere; −1 when memory is short.
+// Adds a node without children. Returns its number, −1 if memory is short.
 static int add_node(struct tree *tree) {
     int room = tree->node_room;
-    if (!grow(&tree->boxes, tree->nodes, &room, 6 * sizeof(float) * (size_t)tree->width))
+    if (!reserve_one(&tree->boxes, tree->nodes, &room, 6 * sizeof(float) * (size_t)tree->width))
         return -1;
     room = tree->node_room;
-    if (!grow(&tree->child, tree->nodes, &room, sizeof(int) * (size_t)tree->width))
+    if (!reserve_one(&tree->child, tree->nodes, &room, sizeof(int) * (size_t)tree->width))
         return -1;
     tree->node_room = room;
     for (int i = 0; i < tree->width; i++) {
-        put_box(tree, tree->nodes, i, &NOWHERE);
+        set_child_box(tree, tree->nodes, i, &EMPTY_BOX);
         tree->child[tree->nodes * tree->width + i] = 0;
     }
     return tree->nodes++;
 }
 
-// A node of as many children as it has room for: the largest is opened, again and again.
-static int widen(struct builder *b, int number) {
+// Makes one wide node of a binary one: opens the largest child until the node is full. Returns its
+// number, −1 if memory is short.
+static int collapse_node(struct builder *b, int number) {
     struct tree *tree = b->tree;
-    int open[MOST_LANES] = {number}, count = 1, node = add_node(tree);
+    int open[MAX_LANES] = {number}, count = 1, node = add_node(tree);
     if (node < 0)
         return -1;
     while (count < tree->width) {
         int largest = -1;
         float area = -1;
         for (int i = 0; i < count; i++)
-            if (b->pairs[open[i]].left && area_of(&b->pairs[open[i]].box) > area) {
+            if (b->nodes[open[i]].left && box_area(&b->nodes[open[i]].box) > area) {
                 largest = i;
-                area = area_of(&b->pairs[open[i]].box);
+                area = box_area(&b->nodes[open[i]].box);
             }
         if (largest < 0)
             break;
-        int left = b->pairs[open[largest]].left;
+        int left = b->nodes[open[largest]].left;
         open[largest] = left;
         open[count++] = left + 1;
     }
     for (int i = 0; i < count; i++) {
-        const struct pair *pair = &b->pairs[open[i]];
-        int made = pair->left ? widen(b, open[i])
-                              : add_leaf(tree, b->solids, b->which + pair->first, pair->count);
+        const struct binary_node *from = &b->nodes[open[i]];
+        int made = from->left ? collapse_node(b, open[i])
+                              : add_leaf(tree, b->solids, b->which + from->first, from->count);
         if (made < 0)
             return -1;
-        put_box(tree, node, i, &pair->box);
-        tree->child[node * tree->width + i] = pair->left ? made : -1 - made;
+        set_child_box(tree, node, i, &from->box);
+        tree->child[node * tree->width + i] = from->left ? made : -1 - made;
     }
     return node;
 }
 
-bool build_bvh(struct tree *tree, const struct solid_in *solids, int *which, int count) {
-    struct pair *pairs = calloc(2 * (size_t)count, sizeof *pairs);
-    if (!pairs)
+bool build_bvh(struct tree *tree, const struct bounded_solid *solids, int *which, int count) {
+    struct binary_node *nodes = calloc(2 * (size_t)count, sizeof *nodes);
+    if (!nodes)
         return false;
-    struct builder b = {tree, solids, which, pairs, 1};
-    pairs[0] = (struct pair){.first = 0, .count = count};
-    halve(&b, 0, 0);
-    bool built = widen(&b, 0) >= 0;
-    free(pairs);
+    struct builder b = {tree, solids, which, nodes, 1};
+    nodes[0] = (struct binary_node){.first = 0, .count = count};
+    split_node(&b, 0, 0);
+    bool built = collapse_node(&b, 0) >= 0;
+    free(nodes);
     return built;
 }

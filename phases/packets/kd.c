@@ -1,18 +1,20 @@
-// Builder of the kd-tree (tree.h has the sources). A solid is in every leaf that its box reaches into.
+// Builds the kd-tree (sources: tree.h). A solid is in every leaf that its box meets.
 #include "builders.h"
 
-// Of the kd-tree: a node beside the test of a group of shapes, and what cutting off empty space is worth (Wald and
-// Havran).
+// Cost of a node in tests of a group of solids, and the factor for a split that cuts off empty
+// space (Wald and Havran).
 static const float KD_NODE_COST = 0.5f, EMPTY_GAIN = 0.8f;
 
-struct plane {
+struct split_plane {
     float cost, at;
-    int axis; // −1: a leaf is cheaper
+    int axis; // −1: a leaf costs less
 };
 
-// Of BINS − 1 planes, by how many boxes begin below and end above each.
-static void try_planes(const struct tree *tree, const struct solid_in *solids, const int *which,
-                       int count, const struct box *cell, int axis, struct plane *best) {
+// Tries BINS − 1 planes of an axis. Each costs by the number of boxes that begin below and end
+// above it.
+static void try_planes(const struct tree *tree, const struct bounded_solid *solids,
+                       const int *which, int count, const struct box *cell, int axis,
+                       struct split_plane *best) {
     float lo = cell->lo[axis], width = cell->hi[axis] - lo, per = BINS / width;
     if (!(width > 0) || !(per < INFINITY))
         return;
@@ -23,7 +25,7 @@ static void try_planes(const struct tree *tree, const struct solid_in *solids, c
         begin[from > 0 ? (from < BINS ? (int)from : BINS - 1) : 0]++;
         end[to > 0 ? (to < BINS ? (int)to : BINS - 1) : 0]++;
     }
-    float whole = area_of(cell);
+    float whole = box_area(cell);
     int left = 0, right = count;
     for (int bin = 1; bin < BINS; bin++) {
         left += begin[bin - 1];
@@ -33,17 +35,17 @@ static void try_planes(const struct tree *tree, const struct solid_in *solids, c
         if (!(at > lo && at < cell->hi[axis]))
             continue;
         below.hi[axis] = above.lo[axis] = at;
-        float cost = (area_of(&below) * (float)left + area_of(&above) * (float)right) /
+        float cost = (box_area(&below) * (float)left + box_area(&above) * (float)right) /
                      (whole * (float)tree->width / 4);
         cost = KD_NODE_COST + (left && right ? 1 : EMPTY_GAIN) * cost;
         if (cost < best->cost)
-            *best = (struct plane){cost, at, axis};
+            *best = (struct split_plane){cost, at, axis};
     }
 }
 
-static bool split_cell(struct tree *tree, const struct solid_in *solids, const int *which,
+static bool split_cell(struct tree *tree, const struct bounded_solid *solids, const int *which,
                        int count, struct box cell, int node, int depth) {
-    struct plane best = {(float)count / ((float)tree->width / 4), 0, -1};
+    struct split_plane best = {(float)count / ((float)tree->width / 4), 0, -1};
     if (depth > 0 && count > 1)
         for (int axis = 0; axis < 3; axis++)
             try_planes(tree, solids, which, count, &cell, axis, &best);
@@ -54,7 +56,7 @@ static bool split_cell(struct tree *tree, const struct solid_in *solids, const i
     }
     int below = tree->kds;
     for (int i = 0; i < 2; i++)
-        if (!grow(&tree->kd, tree->kds++, &tree->kd_room, sizeof *tree->kd))
+        if (!reserve_one(&tree->kd, tree->kds++, &tree->kd_room, sizeof *tree->kd))
             return false;
     tree->kd[node] = (struct kd_node){best.at, best.axis, below};
     int *part = malloc((size_t)count * sizeof *part + 1);
@@ -74,8 +76,8 @@ static bool split_cell(struct tree *tree, const struct solid_in *solids, const i
     return built;
 }
 
-bool build_kd(struct tree *tree, const struct solid_in *solids, const int *which, int count) {
-    if (!grow(&tree->kd, tree->kds++, &tree->kd_room, sizeof *tree->kd))
+bool build_kd(struct tree *tree, const struct bounded_solid *solids, const int *which, int count) {
+    if (!reserve_one(&tree->kd, tree->kds++, &tree->kd_room, sizeof *tree->kd))
         return false;
     int depth = 8;
     for (int i = count; i > 1; i /= 2)

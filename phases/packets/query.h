@@ -1,46 +1,38 @@
-// What trace.c and alone.c share: rays under way through the tree.
+// What the traversals of bundles (bundle.c) and of single rays (single_ray.c) share.
 #ifndef PACKETS_QUERY_H
 #define PACKETS_QUERY_H
 
+#include "simd/simd.h"
 #include "trace.h"
 
+// A batch under way through the tree.
 struct query {
     const struct prepared *scene;
-    const struct beams *beams;
-    float *t, *shape; // as they come out; blocked(): no shape
-    bool any;         // asked for is whether, not where
+    const struct ray_batch *batch;
+    float *t, *shape; // results so far; `shape` is not used if `occlusion`
+    bool occlusion;   // whether a ray is blocked, not where
     bool newton;
 };
 
-static inline vmask active_in(const struct beams *b, int packet) {
+static inline float least_lane(vfloat a) {
+    COUNT(least_lane, call);
+    return v_reduce_min(a);
+}
+
+static inline vmask active_lanes(const struct ray_batch *b, int packet) {
     return v_mask_first(b->count - packet * LANES);
 }
 
-// What of a solid's interval counts as a hit of a ray from outside, or from inside.
-static inline vmask entered(vmask met, vfloat in, vfloat out, struct vec o, enum solid type,
-                            const struct hot *hot, int i, enum lane_of lane, vfloat *t) {
-    COUNT(entered, call);
-    vfloat zero = v_splat(0.0f);
-    met = v_and(met, v_cmp_gt(out, zero));
-    *t = in;
-    vmask within = v_andnot(v_cmp_gt(in, zero), met);
-    if (v_any(within)) {
-        COUNT(entered, within);
-        *t = v_select(within, v_min(depth_in(type, o, hot, i, lane), zero), in);
-    }
-    return met;
-}
-
-// Children to be looked into, the nearest on top.
-struct waiting {
+// A child that waits on the traversal's stack, the nearest on top.
+struct stack_entry {
     int child;
     float begin;
 };
-enum { STACK = MOST_DEPTH * MOST_LANES };
+enum { STACK_SIZE = MAX_DEPTH * MAX_LANES };
 
-// Puts the children in `which` onto the stack, the furthest first.
-static inline int push(struct waiting *stack, int count, unsigned which, vfloat begin,
-                       const int *child) {
+// Pushes the children in `which`, the farthest first. Returns the new count.
+static inline int push_children(struct stack_entry *stack, int count, unsigned which, vfloat begin,
+                                const int *child) {
     float at[LANES];
     v_store(begin, at);
     int bottom = count;
@@ -48,12 +40,19 @@ static inline int push(struct waiting *stack, int count, unsigned which, vfloat 
         int i = __builtin_ctz(which), j = count++;
         for (; j > bottom && stack[j - 1].begin < at[i]; j--)
             stack[j] = stack[j - 1];
-        stack[j] = (struct waiting){child[i], at[i]};
+        stack[j] = (struct stack_entry){child[i], at[i]};
     }
     return count;
 }
 
-// alone.c: ray i through the tree by itself. `margin`: by what a box may be off, but for the ray's origin.
-void go_alone(const struct query *q, int i, float margin);
+// bundle.c: traces the rays together through the tree, unless they diverge. `always`: also if many
+// solids are expected in their frustum. Returns whether it traced them.
+bool trace_bundle(const struct query *q, bool always);
+
+// bundle.c: tests every ray against every solid.
+void trace_all_solids(const struct query *q);
+
+// single_ray.c: traces ray i by itself. `margin`: rounding of a box's planes, without the origin's.
+void trace_single_ray(const struct query *q, int i, float margin);
 
 #endif

@@ -1,5 +1,5 @@
-// The phase's entry points, and the choice between the kernels for 4, 8 and 16 lanes: the same sources (tile.c,
-// trace.c, shade.c), built three times.
+// The phase's entry points, and the choice between the kernels for 4, 8 and 16 lanes, which are
+// built from the same sources ("each_variant" of phase.json).
 #include <math.h>
 #include <stdalign.h>
 #include <stdio.h>
@@ -7,15 +7,15 @@
 #include <string.h>
 
 #include "driver/variant.h"
-#include "placed.h"
+#include "trace.h"
 #include "workers/workers.h"
 
-// What the kernels read is `prepared`; the team stands behind it.
-struct kept {
+// The phase's state behind `prepared`, which is all that the kernels read.
+struct phase_state {
     struct prepared prepared;
     struct workers *workers;
     int lanes;
-    struct solid_in *solids; // room for all shapes
+    struct bounded_solid *solids; // room for one per shape
 };
 
 static const char *unsupported_shape(const struct scene *scene, char *error, size_t size) {
@@ -56,7 +56,7 @@ const char *phase_unsupported(const struct scene *scene) {
 }
 
 const char *phase_settings(const struct prepared *prepared) {
-    return prepared->said;
+    return prepared->settings_text;
 }
 
 // Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
@@ -74,8 +74,9 @@ static void rotation_matrix(const double *degrees, double m[3][3]) {
     }
 }
 
-static struct placed place_shape(const struct shape *shape, const struct material *material) {
-    struct placed p = {.type = shape->type};
+static struct primitive prepare_primitive(const struct shape *shape,
+                                          const struct material *material) {
+    struct primitive p = {.type = shape->type};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
     for (int i = 0; i < 3; i++) {
@@ -114,8 +115,8 @@ static struct placed place_shape(const struct shape *shape, const struct materia
     return p;
 }
 
-// From the centre to the furthest point along an axis of the world.
-static double reach_of(const struct shape *shape, const struct placed *p, int axis) {
+// Returns half of the size of a solid's bounding box along an axis of the world.
+static double half_extent(const struct shape *shape, const struct primitive *p, int axis) {
     const double *half = shape->box.half_size;
     double up = fabs((double)p->turn[1][axis]);
     switch (shape->type) {
@@ -123,19 +124,20 @@ static double reach_of(const struct shape *shape, const struct placed *p, int ax
     case SHAPE_BOX:
         return half[0] * fabs((double)p->turn[0][axis]) + half[1] * up +
                half[2] * fabs((double)p->turn[2][axis]);
-    default: // a cylinder about the cone
+    default: // of a cylinder around the cone
         return shape->cone.half_height * up +
                fmax(shape->cone.bottom_radius, shape->cone.top_radius) * sqrt(fmax(1 - up * up, 0));
     }
 }
 
-static struct solid_in solid_of(int index, const struct shape *shape, const struct placed *p) {
-    struct solid_in s = {.type = shape->type == SHAPE_SPHERE ? SOLID_SPHERE
-                                 : shape->type == SHAPE_BOX  ? SOLID_BOX
-                                                             : SOLID_CONE,
-                         .index = index};
+static struct bounded_solid bounded_solid_of(int index, const struct shape *shape,
+                                             const struct primitive *p) {
+    struct bounded_solid s = {.type = shape->type == SHAPE_SPHERE ? SOLID_SPHERE
+                                      : shape->type == SHAPE_BOX  ? SOLID_BOX
+                                                                  : SOLID_CONE,
+                              .index = index};
     for (int k = 0; k < 3; k++) {
-        double reach = reach_of(shape, p, k) * (1 + 1e-6) + 1e-7 * fabs(shape->position[k]);
+        double reach = half_extent(shape, p, k) * (1 + 1e-6) + 1e-7 * fabs(shape->position[k]);
         s.box.lo[k] = (float)(shape->position[k] - reach);
         s.box.hi[k] = (float)(shape->position[k] + reach);
         s.field[F_CENTRE + k] = p->position[k];
@@ -150,59 +152,62 @@ static struct solid_in solid_of(int index, const struct shape *shape, const stru
 }
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
-    struct kept *kept = (struct kept *)prepared; // its first member
+    struct phase_state *state = (struct phase_state *)prepared; // its first member
     int solids = 0;
     prepared->model = *model;
     prepared->plane_count = 0;
     for (int i = 0; i < model->shape_count; i++) {
         const struct shape *shape = &model->shapes[i];
-        prepared->placed[i] = place_shape(shape, &model->materials[shape->material]);
+        prepared->primitives[i] = prepare_primitive(shape, &model->materials[shape->material]);
         if (shape->type == SHAPE_PLANE)
             prepared->planes[prepared->plane_count++] = i;
         else if (shape->type == SHAPE_SPHERE || shape->type == SHAPE_BOX ||
                  shape->type == SHAPE_CONE)
-            kept->solids[solids++] = solid_of(i, shape, &prepared->placed[i]);
+            state->solids[solids++] = bounded_solid_of(i, shape, &prepared->primitives[i]);
     }
-    return tree_build(&prepared->tree, prepared->settings.tree, kept->lanes, kept->solids, solids);
+    return tree_build(&prepared->tree, prepared->settings.tree, state->lanes, state->solids,
+                      solids);
 }
 
-static size_t own_size(int lanes) {
-    return lanes == 16 ? lanes16_own_size() : lanes == 8 ? lanes8_own_size() : lanes4_own_size();
+static size_t scratch_size(int lanes) {
+    return lanes == 16  ? lanes16_scratch_size()
+           : lanes == 8 ? lanes8_scratch_size()
+                        : lanes4_scratch_size();
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
-    struct kept *kept = calloc(1, sizeof *kept);
-    if (!kept)
+    struct phase_state *state = calloc(1, sizeof *state);
+    if (!state)
         return NULL;
-    struct prepared *prepared = &kept->prepared;
+    struct prepared *prepared = &state->prepared;
     size_t count = (size_t)model->shape_count;
     char error[512];
-    kept->lanes = variant_here().lanes;
+    state->lanes = variant_here().lanes;
     settings_read(getenv("STEPWISE_PACKETS"), &prepared->settings, error);
-    settings_say(&prepared->settings, prepared->said);
-    prepared->placed = calloc(count, sizeof *prepared->placed);
+    settings_print(&prepared->settings, prepared->settings_text);
+    prepared->primitives = calloc(count, sizeof *prepared->primitives);
     prepared->planes = calloc(count, sizeof *prepared->planes);
-    kept->solids = calloc(count, sizeof *kept->solids);
-    if (prepared->placed && prepared->planes && kept->solids && phase_update(prepared, model))
-        kept->workers = workers_start(threads, own_size(kept->lanes));
-    if (kept->workers)
+    state->solids = calloc(count, sizeof *state->solids);
+    if (prepared->primitives && prepared->planes && state->solids && phase_update(prepared, model))
+        state->workers = workers_start(threads, scratch_size(state->lanes));
+    if (state->workers)
         return prepared;
     phase_release(prepared);
     return NULL;
 }
 
 void phase_release(struct prepared *prepared) {
-    struct kept *kept = (struct kept *)prepared; // its first member
-    if (kept->workers)
-        workers_end(kept->workers);
+    struct phase_state *state = (struct phase_state *)prepared; // its first member
+    if (state->workers)
+        workers_end(state->workers);
     tree_free(&prepared->tree);
-    free(prepared->placed);
+    free(prepared->primitives);
     free(prepared->planes);
-    free(kept->solids);
-    free(kept);
+    free(state->solids);
+    free(state);
 }
 
-// Apart from what the caller writes on its stack: all workers read it.
+// Aligned, so that no cache line of it holds variables that the caller writes: all workers read it.
 struct frame_job {
     alignas(WORKERS_APART) struct job job;
     int lanes;
@@ -219,23 +224,23 @@ static void render_tile(const void *data, int tile, void *own) {
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
-    const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame}, kept->lanes};
-    workers_run(kept->workers, render_tile, &job,
-                kept->lanes == 16  ? lanes16_tiles(frame)
-                : kept->lanes == 8 ? lanes8_tiles(frame)
-                                   : lanes4_tiles(frame));
+    const struct phase_state *state = (const struct phase_state *)prepared; // its first member
+    struct frame_job job = {{prepared, view, frame}, state->lanes};
+    workers_run(state->workers, render_tile, &job,
+                state->lanes == 16  ? lanes16_tiles(frame)
+                : state->lanes == 8 ? lanes8_tiles(frame)
+                                    : lanes4_tiles(frame));
     return true;
 }
 
 bool phase_hits(const struct prepared *prepared, const struct ray_set *rays) {
-    const struct kept *kept = (const struct kept *)prepared; // its first member
-    const size_t most = 256;                                 // go together
+    const struct phase_state *state = (const struct phase_state *)prepared; // its first member
+    const size_t most = BATCH;
     for (size_t first = 0; first < rays->count; first += most) {
         size_t count = rays->count - first < most ? rays->count - first : most;
-        if (kept->lanes == 16)
+        if (state->lanes == 16)
             lanes16_hits(prepared, rays, first, count);
-        else if (kept->lanes == 8)
+        else if (state->lanes == 8)
             lanes8_hits(prepared, rays, first, count);
         else
             lanes4_hits(prepared, rays, first, count);
@@ -279,7 +284,7 @@ static double distance_to(const struct shape *shape, const double *point) {
     }
 }
 
-// In double: no ray asks for it.
+// In double precision: for tests, no ray uses it.
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {
     for (size_t i = 0; i < count; i++) {

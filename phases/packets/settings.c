@@ -1,4 +1,4 @@
-// STEPWISE_PACKETS: words like "tree=kd root=newton", parted by one space.
+// See settings.h.
 #include "settings.h"
 
 #include <stdio.h>
@@ -13,20 +13,20 @@ static const struct {
 } KEYS[] = {{"tree", TREES}, {"root", ROOTS}, {"rays", RAYS}};
 enum { KEY_COUNT = 3 };
 
-static bool is(const char *text, size_t length, const char *word) {
+static bool same_word(const char *text, size_t length, const char *word) {
     return strlen(word) == length && strncmp(text, word, length) == 0;
 }
 
-// Of "key=value", the number of the value; false if there is no such key or value.
-static bool find(const char *word, size_t length, int *key, int *value) {
+// Finds the numbers of key and value of a word "key=value". Returns false if there is no such pair.
+static bool find_setting(const char *word, size_t length, int *key, int *value) {
     const char *equals = memchr(word, '=', length);
     if (!equals)
         return false;
     size_t before = (size_t)(equals - word), behind = length - before - 1;
     for (*key = 0; *key < KEY_COUNT; ++*key)
-        if (is(word, before, KEYS[*key].key))
+        if (same_word(word, before, KEYS[*key].key))
             for (*value = 0; KEYS[*key].values[*value]; ++*value)
-                if (is(equals + 1, behind, KEYS[*key].values[*value]))
+                if (same_word(equals + 1, behind, KEYS[*key].values[*value]))
                     return true;
     return false;
 }
@@ -35,7 +35,7 @@ bool settings_read(const char *text, struct settings *settings, char *error) {
     int chosen[KEY_COUNT] = {0}, key, value;
     while (text && *text) {
         size_t length = strcspn(text, " ");
-        if (!find(text, length, &key, &value)) {
+        if (!find_setting(text, length, &key, &value)) {
             snprintf(error, 512,
                      "STEPWISE_PACKETS: \"%.*s\": should be of tree=bvh|kd|none root=exact|newton "
                      "rays=auto|together|alone",
@@ -45,11 +45,12 @@ bool settings_read(const char *text, struct settings *settings, char *error) {
         chosen[key] = value;
         text += length + (text[length] == ' ');
     }
-    *settings = (struct settings){(enum tree_kind)chosen[0], chosen[1] == 1, (enum going)chosen[2]};
+    *settings =
+        (struct settings){(enum tree_kind)chosen[0], chosen[1] == 1, (enum ray_mode)chosen[2]};
     return true;
 }
 
-void settings_say(const struct settings *settings, char *text) {
+void settings_print(const struct settings *settings, char *text) {
     snprintf(text, 64, "tree=%s root=%s rays=%s", TREES[settings->tree], ROOTS[settings->newton],
              RAYS[settings->rays]);
 }

@@ -1,23 +1,26 @@
-// What the phase can be told by STEPWISE_PACKETS; unset, what its notes say is best.
+// The phase's settings, which the environment variable STEPWISE_PACKETS changes. All zero: the
+// default.
 #ifndef PACKETS_SETTINGS_H
 #define PACKETS_SETTINGS_H
 
 #include <stdbool.h>
 
-enum tree_kind { TREE_BVH, TREE_KD, TREE_NONE };
-enum going { GO_AUTO, GO_TOGETHER, GO_ALONE };
+enum tree_kind { TREE_BVH, TREE_KD, TREE_NONE }; // none: one leaf holds all solids
+enum ray_mode { RAYS_AUTO, RAYS_TOGETHER, RAYS_ALONE };
 
 struct settings {
-    enum tree_kind tree; // none: every ray is asked of every shape
+    enum tree_kind tree;
     bool
-        newton; // root=newton: the CPU's approximate inverse root and one step of Newton's; root=exact
-    enum going rays; // through the tree in bundles, each alone, or as they diverge
+        newton; // roots: the CPU's approximate inverse root and one Newton step, not the exact root
+    enum ray_mode
+        rays; // through the tree: together where they go the same way, always together, or singly
 };
 
-// False, with one line in `error` (512 bytes), if the text is none. NULL: the phase's own settings.
+// Reads words like "tree=kd root=newton", separated by one space. NULL or "": the default. Returns
+// false, with one line in `error` (512 bytes), for any other text.
 bool settings_read(const char *text, struct settings *settings, char *error);
 
-// All of them, in the form that is read; `text` has room for 64 bytes.
-void settings_say(const struct settings *settings, char *text);
+// Writes all settings in the form that settings_read reads; `text` has room for 64 bytes.
+void settings_print(const struct settings *settings, char *text);
 
 #endif

@@ -1,10 +1,12 @@
-// Shades hits: normals in closed form, light by B. T. Phong, "Illumination for computer generated pictures", CACM 18
-// (1975). Shadow rays go from the light to all points of a batch. Mirror rays are packed into new packets.
-// Shadow packets by start and end points: J. Bikker, "Architecture of a Real-Time Ray-Tracer".
-#include "numerics.h"
-#include "simd/permute.h"
-#include "simd/pow.h"
-#include "trace.h"
+// Shades hits: normals in closed form, light by B. T. Phong, "Illumination for computer generated
+// pictures", CACM 18 (1975). Shadow rays go from the light to all points of a batch. Mirror rays
+// are packed into new packets. Shadow packets by start and end points: J. Bikker, "Architecture of
+// a Real-Time Ray-Tracer".
+#include "shade.h"
+
+#include "ray_arrays.h"
+#include "simd/simd.h"
+#include "solids.h"
 
 // What shading needs of a packet's hits.
 struct surface {
@@ -12,7 +14,7 @@ struct surface {
     vfloat share, shininess;
 };
 
-static struct vec normal_on(const struct placed *s, struct vec p) {
+static struct vec normal_on(const struct primitive *s, struct vec p) {
     COUNT(normal_on, call);
     vfloat one = v_splat(1.0f), tiny = v_splat(1e-30f);
     switch (s->type) {
@@ -41,7 +43,7 @@ static struct vec normal_on(const struct placed *s, struct vec p) {
     }
 }
 
-static struct vec turned(const struct placed *s, struct vec v) {
+static struct vec turned(const struct primitive *s, struct vec v) {
     COUNT(turned, call);
     if (!s->turned)
         return v;
@@ -50,7 +52,7 @@ static struct vec turned(const struct placed *s, struct vec v) {
                         vec_dot(vec_set(s->turn[2]), v)};
 }
 
-static struct vec turned_back(const struct placed *s, struct vec v) {
+static struct vec turned_back(const struct primitive *s, struct vec v) {
     COUNT(turned_back, call);
     if (!s->turned)
         return v;
@@ -60,16 +62,17 @@ static struct vec turned_back(const struct placed *s, struct vec v) {
     return vec_along(x, vec_set(s->turn[2]), v.z);
 }
 
-// Returns the hit in the solid's frame. It is reached from the point of the ray nearest to the centre, which keeps
-// more digits than the way from the origin.
-static struct vec local_point(const struct placed *s, struct vec o, struct vec d, vfloat t) {
+// Returns the hit in the solid's frame. It is reached from the point of the ray nearest to the
+// centre, which keeps more digits than the way from the origin.
+static struct vec local_point(const struct primitive *s, struct vec o, struct vec d, vfloat t) {
     struct vec m = {o.x - v_splat(s->position[0]), o.y - v_splat(s->position[1]),
                     o.z - v_splat(s->position[2])};
     vfloat before = v_splat(0.0f) - vec_dot(m, d);
     return turned(s, vec_along(vec_along(m, d, before), d, t - before));
 }
 
-// Returns the surfaces at the hits, shape by shape. Only shapes that were hit have their material and normal loaded.
+// Returns the surfaces at the hits, shape by shape. Only shapes that were hit have their material
+// and normal loaded.
 static struct surface surface_at(const struct prepared *scene, vmask found, struct vec o,
                                  struct vec d, vfloat t, const float *shape) {
     COUNT(surface_at, call);
@@ -79,7 +82,7 @@ static struct surface surface_at(const struct prepared *scene, vmask found, stru
     for (unsigned rest = v_mask_bits(found); rest;) {
         COUNT(surface_at, shape);
         float index = shape[__builtin_ctz(rest)];
-        const struct placed *s = &scene->placed[(int)index];
+        const struct primitive *s = &scene->primitives[(int)index];
         vmask same = v_and(found, v_cmp_eq(shapes, v_splat(index)));
         rest &= ~v_mask_bits(same);
         struct vec n = vec_set(s->normal);
@@ -99,7 +102,8 @@ static struct surface surface_at(const struct prepared *scene, vmask found, stru
     return all;
 }
 
-static void add_color(struct desk *desk, vmask m, struct vec color, const float *pixel) {
+static void add_color(struct worker_scratch *scratch, vmask m, struct vec color,
+                      const float *pixel) {
     COUNT(add_color, call);
     float lanes[3][LANES];
     v_store(color.x, lanes[0]);
@@ -109,28 +113,28 @@ static void add_color(struct desk *desk, vmask m, struct vec color, const float 
         COUNT(add_color, lane);
         int lane = __builtin_ctz(rest), i = (int)pixel[lane];
         for (int k = 0; k < 3; k++)
-            desk->color[k][i] += lanes[k][lane];
+            scratch->color[k][i] += lanes[k][lane];
     }
 }
 
 // Hits, and the path from the light to them.
-struct lit {
+struct lighting {
     struct vec point, from_light; // unit, from the light to the point
     vfloat distance, facing, specular;
     vmask lit;
 };
 
-static struct lit light_on(const struct work *work, vmask found, struct vec p, struct vec d,
-                           const struct surface *surface) {
-    COUNT(light_on, call);
-    const double *light = work->view->light_position;
-    bool newton = work->scene->settings.newton;
+static struct lighting lighting_at(const struct tile_context *context, vmask found, struct vec p,
+                                   struct vec d, const struct surface *surface) {
+    COUNT(lighting_at, call);
+    const double *light = context->view->light_position;
+    bool newton = context->scene->settings.newton;
     vfloat zero = v_splat(0.0f);
     // The shadow ray joins the light and the hit.
     struct vec l = {p.x - v_splat((float)light[0]), p.y - v_splat((float)light[1]),
                     p.z - v_splat((float)light[2])};
-    vfloat square = vec_dot(l, l), per = inverse_root(square, newton);
-    struct lit at = {.point = p, .from_light = vec_scale(l, per), .distance = square * per};
+    vfloat square = vec_dot(l, l), per = inverse_sqrt(square, newton);
+    struct lighting at = {.point = p, .from_light = vec_scale(l, per), .distance = square * per};
     at.facing = zero - vec_dot(surface->normal, at.from_light);
     at.lit = v_and(found, v_and(v_cmp_gt(at.facing, zero), v_cmp_gt(square, zero)));
     at.specular = zero;
@@ -138,25 +142,26 @@ static struct lit light_on(const struct work *work, vmask found, struct vec p, s
     vfloat shine = zero - vec_dot(vec_reflect(at.from_light, surface->normal), d);
     vmask shines = v_and(at.lit, v_cmp_gt(shine, zero));
     if (v_any(shines)) {
-        COUNT(light_on, shines);
+        COUNT(lighting_at, shines);
         vfloat power = v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
         at.specular = v_select_or_zero(shines, v_splat(0.2f) * power);
     }
     return at;
 }
 
-// Queues a shadow ray for each lit hit, with the light `bright` that it adds if nothing is in the way.
-static void cast(const struct work *work, const struct lit *at, struct vec bright, int first) {
-    COUNT(cast, call);
-    struct desk *desk = work->desk;
-    int to = desk->shadows;
-    pack_vec(at->lit, at->from_light, desk->to_point, to);
-    pack_vec(at->lit, bright, desk->lit, to);
-    vfloat start = v_splat((float)work->scene->model.march.surface_offset);
-    v_compress_store(at->lit, at->distance - start, desk->length + to);
-    v_compress_store(at->lit, v_load(desk->rays.pixel + first), desk->slot + to);
-    v_compress_store(at->lit, v_load(desk->shape + first), desk->lit_own + to);
-    desk->shadows += v_count(at->lit);
+// Queues a shadow ray for each lit hit. It adds the light `bright` if nothing blocks it.
+static void queue_shadow_rays(const struct tile_context *context, const struct lighting *at,
+                              struct vec bright, int first) {
+    COUNT(queue_shadow_rays, call);
+    struct worker_scratch *scratch = context->scratch;
+    int to = scratch->shadows;
+    pack_vec(at->lit, at->from_light, scratch->shadow_direction, to);
+    pack_vec(at->lit, bright, scratch->shadow_light, to);
+    vfloat start = v_splat((float)context->scene->model.march.surface_offset);
+    v_compress_store(at->lit, at->distance - start, scratch->shadow_far + to);
+    v_compress_store(at->lit, v_load(scratch->rays.pixel + first), scratch->shadow_pixel + to);
+    v_compress_store(at->lit, v_load(scratch->shape + first), scratch->shadow_excluded + to);
+    scratch->shadows += v_count(at->lit);
 }
 
 // Rays of a packet.
@@ -164,30 +169,32 @@ struct ray {
     struct vec point, direction;
 };
 
-// Queues a mirror ray for each hit in `mirrors`, for the next round. `own` holds the shapes that they start on.
-static void reflect(const struct work *work, vmask mirrors, struct ray from, struct vec normal,
-                    vfloat weight, vfloat own, int first) {
-    struct desk *desk = work->desk;
-    struct rays *rays = &desk->rays;
-    COUNT(reflect, call);
-    struct rays *to = &desk->mirrored;
-    vfloat offset = v_splat((float)work->scene->model.march.surface_offset);
+// Queues a mirror ray for each hit in `mirrors`, for the next batch. `excluded`: the shapes that they
+// start on.
+static void queue_mirror_rays(const struct tile_context *context, vmask mirrors, struct ray from,
+                              struct vec normal, vfloat weight, vfloat excluded, int first) {
+    struct worker_scratch *scratch = context->scratch;
+    struct tile_rays *rays = &scratch->rays;
+    COUNT(queue_mirror_rays, call);
+    struct tile_rays *to = &scratch->mirrored;
+    vfloat offset = v_splat((float)context->scene->model.march.surface_offset);
     pack_vec(mirrors, vec_along(from.point, normal, offset), to->origin, to->count);
     pack_vec(mirrors, vec_reflect(from.direction, normal), to->direction, to->count);
     v_compress_store(mirrors, weight, to->weight + to->count);
     v_compress_store(mirrors, v_load(rays->pixel + first), to->pixel + to->count);
-    v_compress_store(mirrors, own, to->own + to->count);
+    v_compress_store(mirrors, excluded, to->excluded + to->count);
     to->count += v_count(mirrors);
 }
 
-static struct ray load_ray(const struct rays *rays, int first) {
+static struct ray load_ray(const struct tile_rays *rays, int first) {
     const float *const origin[3] = {rays->origin[0], rays->origin[1], rays->origin[2]};
     const float *const direction[3] = {rays->direction[0], rays->direction[1], rays->direction[2]};
     return (struct ray){load_vec(origin, first), load_vec(direction, first)};
 }
 
-// Returns the light that a hit sends along its ray if no shape is in the way of the light. `reach` scales it.
-static struct vec light_sent(const struct lit *at, struct vec base, const double *emission,
+// Returns the light that a hit sends along its ray if no shape blocks the light, scaled by
+// `reach`.
+static struct vec light_sent(const struct lighting *at, struct vec base, const double *emission,
                              vfloat reach) {
     struct vec e = vec_from_doubles(emission);
     return (struct vec){e.x * v_madd(base.x, at->facing, at->specular) * reach,
@@ -202,77 +209,78 @@ static struct vec add_where(vmask m, struct vec color, struct vec more) {
 }
 
 // Shades the packet of rays from number `first` on. Shadow and mirror rays are queued.
-static void shade_packet(const struct work *work, int bounce, bool normals, int first) {
-    ACTIVE(v_count(v_mask_first(work->desk->rays.count - first)));
+static void shade_packet(const struct tile_context *context, int bounce, bool normals, int first) {
+    ACTIVE(v_count(v_mask_first(context->scratch->rays.count - first)));
     COUNT(shade_packet, call);
     COUNT(shade_packet, scalar);
-    const struct model *model = &work->scene->model;
-    struct desk *desk = work->desk;
-    struct rays *rays = &desk->rays;
+    const struct model *model = &context->scene->model;
+    struct worker_scratch *scratch = context->scratch;
+    struct tile_rays *rays = &scratch->rays;
+    float *hit_t = scratch->t + first, *shape = scratch->shape + first;
     struct ray ray = load_ray(rays, first);
     struct vec o = ray.point, d = ray.direction;
-    vfloat t = v_load(desk->t + first), weight = v_load(rays->weight + first), zero = v_splat(0.0f);
+    vfloat t = v_load(hit_t), weight = v_load(rays->weight + first), zero = v_splat(0.0f);
     vmask active = v_mask_first(rays->count - first),
           found = v_and(active, v_cmp_lt(t, v_splat(INFINITY)));
     struct vec p = vec_along(o, d, t);
     float bounds = (float)(model->march.bounds_radius * model->march.bounds_radius);
     vfloat far_sq = vec_dot(p, p);
     found = v_and(found, v_cmp_ge(v_splat(bounds), far_sq));
-    v_store(v_select(found, t, v_splat(INFINITY)), desk->t + first);
-    v_store(v_select(found, v_load(desk->shape + first), v_splat(-1.0f)), desk->shape + first);
+    v_store(v_select(found, t, v_splat(INFINITY)), hit_t);
+    v_store(v_select(found, v_load(shape), v_splat(-1.0f)), shape);
     struct vec color = vec_scale(vec_from_doubles(model->background), weight);
     if (v_any(found)) {
         ACTIVE(v_count(found));
         COUNT(shade_packet, found);
-        struct surface surface = surface_at(work->scene, found, o, d, t, desk->shape + first);
+        struct surface surface = surface_at(context->scene, found, o, d, t, shape);
         if (normals)
-            unload_vec(surface.normal, desk->normal, first);
+            store_vec(surface.normal, scratch->normal, first);
         if (model->features.fog) {
             COUNT(shade_packet, fog);
             weight = weight * v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
         }
-        struct lit at = light_on(work, found, p, d, &surface);
+        vfloat within = v_splat((float)-model->march.surface_offset);
+        struct lighting at = lighting_at(context, found, p, d, &surface);
         color = vec_select(found, vec_scale(surface.color, weight * v_splat(0.01f)), color);
         if (v_any(at.lit)) {
             COUNT(shade_packet, lit);
             struct vec bright =
-                light_sent(&at, surface.color, work->view->light_emission, weight / at.distance);
+                light_sent(&at, surface.color, context->view->light_emission, weight / at.distance);
             if (model->shadows == SHADOWS_NONE) {
                 COUNT(shade_packet, unshadowed);
                 color = add_where(at.lit, color, bright);
             } else {
                 COUNT(shade_packet, shadowed);
-                // t < 0: the ray started inside of a solid. Its hit is in the solid, so the light does not reach it.
-                vfloat within = v_splat((float)-model->march.surface_offset);
+                // A ray that started inside of a solid has its hit in it: no light.
                 at.lit = v_andnot(v_cmp_lt(t, within), at.lit);
-                cast(work, &at, bright, first);
+                queue_shadow_rays(context, &at, bright, first);
             }
         }
         vmask mirrors = v_and(found, v_cmp_gt(surface.share, zero));
         if (model->features.mirrors && bounce < model->march.max_bounces && v_any(mirrors)) {
             COUNT(shade_packet, mirrors);
-            // A ray that started inside of a solid may hit that solid again: its mirror ray excludes none.
-            vfloat own = v_select(v_cmp_lt(t, v_splat((float)-model->march.surface_offset)),
-                                  v_splat(-1.0f), v_load(desk->shape + first));
-            reflect(work, mirrors, (struct ray){p, d}, surface.normal, weight * surface.share, own,
-                    first);
+            // A ray that started inside of a solid may hit that solid again.
+            vfloat excluded = v_select(v_cmp_lt(t, within), v_splat(-1.0f), v_load(shape));
+            queue_mirror_rays(context, mirrors, (struct ray){p, d}, surface.normal,
+                              weight * surface.share, excluded, first);
         }
     } else if (normals) {
-        unload_vec((struct vec){zero, zero, zero}, desk->normal, first);
+        store_vec((struct vec){zero, zero, zero}, scratch->normal, first);
     }
-    add_color(desk, active, color, rays->pixel + first);
+    add_color(scratch, active, color, rays->pixel + first);
 }
 
-// Sets where shadow rays from a light outside of the bounds begin: where they enter the bounds. A march ends at the
-// bounds, so shapes beyond them cast no shadow.
-static void begin_at_bounds(const struct work *work, float *from) {
+// Sets where shadow rays from a light outside of the bounds begin: where they enter the bounds. A
+// march ends at the bounds, so shapes beyond them cast no shadow.
+static void begin_at_bounds(const struct tile_context *context, float *from) {
     COUNT(begin_at_bounds, call);
-    const double *l = work->view->light_position;
-    double radius = work->scene->model.march.bounds_radius;
+    const double *l = context->view->light_position;
+    double radius = context->scene->model.march.bounds_radius;
     vfloat outside = v_splat((float)(l[0] * l[0] + l[1] * l[1] + l[2] * l[2] - radius * radius));
-    struct desk *desk = work->desk;
-    const float *const d_of[3] = {desk->to_point[0], desk->to_point[1], desk->to_point[2]};
-    for (int i = 0; i < desk->shadows; i += LANES) {
+    struct worker_scratch *scratch = context->scratch;
+    const float *const d_of[3] = {scratch->shadow_direction[0], scratch->shadow_direction[1],
+                                  scratch->shadow_direction[2]};
+    for (int i = 0; i < scratch->shadows; i += LANES) {
         COUNT(begin_at_bounds, packet);
         vfloat along = v_splat(0.0f) - vec_dot(vec_from_doubles(l), load_vec(d_of, i));
         vfloat half = v_sqrt(v_max(v_msub(along, along, outside), v_splat(0.0f)));
@@ -281,41 +289,42 @@ static void begin_at_bounds(const struct work *work, float *from) {
 }
 
 // Traces the queued shadow rays, and adds the light of those that nothing blocks.
-static void cast_shadows(const struct work *work) {
+static void cast_shadows(const struct tile_context *context) {
     COUNT(cast_shadows, call);
-    struct desk *desk = work->desk;
-    const double *l = work->view->light_position;
-    double radius = work->scene->model.march.bounds_radius;
+    struct worker_scratch *scratch = context->scratch;
+    const double *l = context->view->light_position;
+    double radius = context->scene->model.march.bounds_radius;
     bool beyond = l[0] * l[0] + l[1] * l[1] + l[2] * l[2] > radius * radius;
     if (beyond)
-        begin_at_bounds(work, desk->skipped);
+        begin_at_bounds(context, scratch->shadow_near);
     for (int k = 0; k < 3; k++)
-        for (int i = 0; i < desk->shadows; i += LANES)
-            v_store(v_splat((float)l[k]), desk->from_light[k] + i);
-    struct beams beams = {
-        {desk->from_light[0], desk->from_light[1], desk->from_light[2]},
-        {desk->to_point[0], desk->to_point[1], desk->to_point[2]},
-        beyond ? desk->skipped : NULL,
-        desk->length,
-        desk->lit_own,
-        desk->shadows,
+        for (int i = 0; i < scratch->shadows; i += LANES)
+            v_store(v_splat((float)l[k]), scratch->shadow_origin[k] + i);
+    struct ray_batch batch = {
+        {scratch->shadow_origin[0], scratch->shadow_origin[1], scratch->shadow_origin[2]},
+        {scratch->shadow_direction[0], scratch->shadow_direction[1], scratch->shadow_direction[2]},
+        beyond ? scratch->shadow_near : NULL,
+        scratch->shadow_far,
+        scratch->shadow_excluded,
+        scratch->shadows,
     };
-    blocked(work->scene, &beams, desk->reach);
-    const float *const lit[3] = {desk->lit[0], desk->lit[1], desk->lit[2]};
-    for (int i = 0; i < desk->shadows; i += LANES) {
+    find_occluded(context->scene, &batch, scratch->shadow_t);
+    const float *const lit[3] = {scratch->shadow_light[0], scratch->shadow_light[1],
+                                 scratch->shadow_light[2]};
+    for (int i = 0; i < scratch->shadows; i += LANES) {
         COUNT(cast_shadows, packet);
-        vmask open = v_and(v_mask_first(desk->shadows - i),
-                           v_cmp_gt(v_load(desk->reach + i), v_splat(-INFINITY)));
-        add_color(desk, open, load_vec(lit, i), desk->slot + i);
+        vmask open = v_and(v_mask_first(scratch->shadows - i),
+                           v_cmp_gt(v_load(scratch->shadow_t + i), v_splat(-INFINITY)));
+        add_color(scratch, open, load_vec(lit, i), scratch->shadow_pixel + i);
     }
 }
 
-void shade(const struct work *work, int bounce, bool normals) {
-    COUNT(shade, call);
-    struct desk *desk = work->desk;
-    desk->shadows = desk->mirrored.count = 0;
-    for (int first = 0; first < desk->rays.count; first += LANES)
-        shade_packet(work, bounce, normals, first);
-    if (desk->shadows > 0)
-        cast_shadows(work);
+void shade_batch(const struct tile_context *context, int bounce, bool normals) {
+    COUNT(shade_batch, call);
+    struct worker_scratch *scratch = context->scratch;
+    scratch->shadows = scratch->mirrored.count = 0;
+    for (int first = 0; first < scratch->rays.count; first += LANES)
+        shade_packet(context, bounce, normals, first);
+    if (scratch->shadows > 0)
+        cast_shadows(context);
 }

@@ -1,10 +1,19 @@
-// A tile of the picture is one batch of rays: its camera rays, then what they mirror, packed anew, until nothing does.
-// Rays packed by blocks of a tile, after J. Bikker, "Architecture of a Real-Time Ray-Tracer".
-#include "numerics.h"
-#include "simd/permute.h"
-#include "trace.h"
+// A tile of the picture is one batch of camera rays, packed by blocks of pixels after J. Bikker,
+// "Architecture of a Real-Time Ray-Tracer". Its mirror rays make the next batch, until there is
+// none.
+#include "ray_arrays.h"
+#include "shade.h"
+#include "solids.h"
 
-static int lesser(int a, int b) {
+enum {
+    TILE = 16, // pixels on a side
+    BLOCK_WIDTH = 4,
+    BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
+    PACKETS = BATCH / LANES
+};
+_Static_assert(TILE *TILE == BATCH, "a tile's camera rays are one batch");
+
+static int int_min(int a, int b) {
     return a < b ? a : b;
 }
 
@@ -12,16 +21,16 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE - 1) / TILE;
 }
 
-// Of pixel `slot` of a tile: packets are blocks of neighbours on both axes.
-static void place_of(int slot, int *column, int *row) {
+// Sets the position in the tile of its pixel `slot`. A packet is a block of pixels.
+static void position_of_slot(int slot, int *column, int *row) {
     int block = slot / LANES, lane = slot % LANES, across = TILE / BLOCK_WIDTH;
     *column = block % across * BLOCK_WIDTH + lane % BLOCK_WIDTH;
     *row = block / across * BLOCK_HEIGHT + lane / BLOCK_WIDTH;
 }
 
-// Camera rays of the tile's blocks, in lanes; pixels outside of the picture are left out.
-static void get_rays(const struct job *job, int left, int top, struct rays *rays) {
-    COUNT(get_rays, call);
+// Sets the tile's camera rays, without those of pixels outside of the picture.
+static void camera_rays(const struct job *job, int left, int top, struct tile_rays *rays) {
+    COUNT(camera_rays, call);
     const struct frame *frame = job->frame;
     const struct view *view = job->view;
     bool newton = job->prepared->settings.newton;
@@ -40,12 +49,12 @@ static void get_rays(const struct job *job, int left, int top, struct rays *rays
         int columns = frame->width - left - across, rows = frame->height - top - down;
         if (columns <= 0 || rows <= 0)
             continue;
-        COUNT(get_rays, packet);
+        COUNT(camera_rays, packet);
         vfloat x = v_splat((float)(2 * (left + across) + 1 - frame->width)) + v_load(right_by);
         vfloat y = v_splat((float)(frame->height - 1 - 2 * (top + down))) - v_load(down_by);
         struct vec d = vec_along(ahead, right, x * v_splat(per_height));
         d = vec_along(d, up, y * v_splat(per_height));
-        d = vec_scale(d, inverse_root(vec_dot(d, d), newton));
+        d = vec_scale(d, inverse_sqrt(vec_dot(d, d), newton));
         vmask in = v_and(v_cmp_lt(v_load(right_by), v_splat((float)(2 * columns))),
                          v_cmp_lt(v_load(down_by), v_splat((float)(2 * rows))));
         int to = rays->count;
@@ -57,75 +66,77 @@ static void get_rays(const struct job *job, int left, int top, struct rays *rays
     }
 }
 
-static void trace(const struct work *work, const float *own) {
-    struct desk *desk = work->desk;
-    const struct rays *r = &desk->rays;
-    struct beams beams = {{r->origin[0], r->origin[1], r->origin[2]},
-                          {r->direction[0], r->direction[1], r->direction[2]},
-                          NULL,
-                          NULL,
-                          own,
-                          r->count};
-    first_hits(work->scene, &beams, desk->t, desk->shape);
+static void find_tile_hits(const struct tile_context *context, const float *excluded) {
+    struct worker_scratch *scratch = context->scratch;
+    const struct tile_rays *r = &scratch->rays;
+    struct ray_batch batch = {{r->origin[0], r->origin[1], r->origin[2]},
+                              {r->direction[0], r->direction[1], r->direction[2]},
+                              NULL,
+                              NULL,
+                              excluded,
+                              r->count};
+    find_closest_hits(context->scene, &batch, scratch->t, scratch->shape);
 }
 
 static size_t pixel_at(const struct frame *frame, int left, int top, int slot) {
     int column, row;
-    place_of(slot, &column, &row);
+    position_of_slot(slot, &column, &row);
     return (size_t)(top + row) * (size_t)frame->width + (size_t)(left + column);
 }
 
-static void store_hits(const struct desk *desk, int left, int top, struct frame *frame) {
-    for (int i = 0; i < desk->rays.count; i++) {
-        size_t pixel = pixel_at(frame, left, top, (int)desk->rays.pixel[i]);
-        frame->depth[pixel] = desk->t[i];
-        frame->id[pixel] = desk->shape[i];
+static void store_hits(const struct worker_scratch *scratch, int left, int top,
+                       struct frame *frame) {
+    for (int i = 0; i < scratch->rays.count; i++) {
+        size_t pixel = pixel_at(frame, left, top, (int)scratch->rays.pixel[i]);
+        frame->depth[pixel] = scratch->t[i];
+        frame->id[pixel] = scratch->shape[i];
         frame->evals[pixel] = 1;
         for (size_t k = 0; k < 3; k++)
-            frame->normal[3 * pixel + k] = desk->shape[i] < 0 ? 0 : desk->normal[k][i];
+            frame->normal[3 * pixel + k] = scratch->shape[i] < 0 ? 0 : scratch->normal[k][i];
     }
 }
 
-static void store_colors(const struct desk *desk, int left, int top, struct frame *frame) {
-    int across = lesser(TILE, frame->width - left), down = lesser(TILE, frame->height - top);
+static void store_colors(const struct worker_scratch *scratch, int left, int top,
+                         struct frame *frame) {
+    int across = int_min(TILE, frame->width - left), down = int_min(TILE, frame->height - top);
     for (int slot = 0; slot < BATCH; slot++) {
         int column, row;
-        place_of(slot, &column, &row);
+        position_of_slot(slot, &column, &row);
         if (column >= across || row >= down)
             continue;
         float *to = frame->rgb + 3 * pixel_at(frame, left, top, slot);
         for (int k = 0; k < 3; k++)
-            to[k] = desk->color[k][slot];
+            to[k] = scratch->color[k][slot];
     }
 }
 
-size_t VARIANT(own_size)(void) {
-    return sizeof(struct desk);
+size_t VARIANT(scratch_size)(void) {
+    return sizeof(struct worker_scratch);
 }
 
 int VARIANT(tiles)(const struct frame *frame) {
     return tiles_across(frame) * ((frame->height + TILE - 1) / TILE);
 }
 
-static void draw_tile(const struct job *job, int tile, struct desk *desk) {
-    ACTIVE(LANES); // and not what the worker did before: two threads count as one
+static void draw_tile(const struct job *job, int tile, struct worker_scratch *scratch) {
+    ACTIVE(LANES); // not the last tile's, so that counts do not depend on the threads
     COUNT(draw_tile, call);
-    struct work work = {job->prepared, job->view, desk};
+    struct tile_context context = {job->prepared, job->view, scratch};
     int left = tile % tiles_across(job->frame) * TILE, top = tile / tiles_across(job->frame) * TILE;
     for (int k = 0; k < 3; k++)
         for (int i = 0; i < BATCH; i += LANES)
-            v_store(v_splat(0.0f), desk->color[k] + i);
-    get_rays(job, left, top, &desk->rays);
-    trace(&work, NULL);
-    shade(&work, 0, job->frame->depth != NULL);
+            v_store(v_splat(0.0f), scratch->color[k] + i);
+    camera_rays(job, left, top, &scratch->rays);
+    find_tile_hits(&context, NULL);
+    shade_batch(&context, 0, job->frame->depth != NULL);
     if (job->frame->depth)
-        store_hits(desk, left, top, job->frame);
-    for (int bounce = 1; desk->mirrored.count > 0; bounce++) {
-        desk->rays = desk->mirrored;
-        trace(&work, desk->rays.own);
-        shade(&work, bounce, false);
+        store_hits(scratch, left, top, job->frame);
+    for (int bounce = 1; scratch->mirrored.count > 0; bounce++) {
+        scratch->rays = scratch->mirrored;
+        find_tile_hits(&context, scratch->rays.excluded);
+        shade_batch(&context, bounce, false);
     }
-    store_colors(desk, left, top, job->frame);
+    store_colors(scratch, left, top, job->frame);
 }
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
@@ -134,13 +145,13 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
 
 void VARIANT(hits)(const struct prepared *prepared, const struct ray_set *rays, size_t first,
                    size_t count) {
-    struct beams beams = {.far = rays->far ? rays->far + first : NULL, .count = (int)count};
+    struct ray_batch batch = {.far = rays->far ? rays->far + first : NULL, .count = (int)count};
     for (int k = 0; k < 3; k++) {
-        beams.origin[k] = rays->origin[k] + first;
-        beams.direction[k] = rays->direction[k] + first;
+        batch.origin[k] = rays->origin[k] + first;
+        batch.direction[k] = rays->direction[k] + first;
     }
     if (rays->any)
-        blocked(prepared, &beams, rays->t + first);
+        find_occluded(prepared, &batch, rays->t + first);
     else
-        first_hits(prepared, &beams, rays->t + first, rays->shape + first);
+        find_closest_hits(prepared, &batch, rays->t + first, rays->shape + first);
 }

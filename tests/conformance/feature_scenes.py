@@ -207,6 +207,12 @@ def _cameras() -> dict[str, dict]:
         "camera_in_the_hole_of_a_crowds_torus": scene(
             [*crowd, shape("torus", position=[0.4, 1.1, -5])], light={"shadows": "soft"}
         ),
+        # a picture of one column has its hits within 1e-38 of x = 0
+        "hits_in_one_column": scene(
+            [FLOOR, *crowd],
+            light={"position": [0, 6, -2], "shadows": "soft"},
+            camera={"position": [0, 1, -5], "look_at": [1e-39, -1.2, 0]},
+        ),
         "camera_within_a_sphere_of_a_crowd": scene(
             [*crowd, shape("sphere", radius=0.8, position=[0.3, 1, -5])], light={"shadows": "hard"}
         ),

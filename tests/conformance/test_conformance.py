@@ -200,6 +200,9 @@ def test_features_show(phase: str) -> None:
         assert share > 0.02, f"{before} and {after} look the same: {share:.3f} of the pixels; {a}, {b}"
 
 
+COLUMN = "hits_in_one_column"
+
+
 def widths_around(lanes: int) -> list[int]:
     return sorted({1, 2, 3, 7, 17, lanes - 1, lanes, lanes + 1, 2 * lanes + 1} - {0})
 
@@ -217,6 +220,8 @@ def test_sizes(phase: str) -> None:
             difference = np.abs(run.picture[name] - reference[name]).max()
             assert difference < 2e-3, f"{run}: {name} of a pixel is off by {difference:.2e}"
         check(render(phase, room, width, height))
+    # the box about the hits is so narrow that a number of cells over its width is no float
+    check(render(phase, keep(COLUMN, FEATURES[COLUMN]), 1, 9))
 
 
 def test_what_is_displayed_is_the_picture(phase: str, tmp_path: Path) -> None:

@@ -597,7 +597,12 @@ def test_declared_costs_hold_against_the_blocks_that_ran(phase, scene):
     ("phase", "scene", "there", "least"),
     [
         ("fixed_float", "spheres40", {"intersect", "occluded", "direct_light", "camera_direction"}, 1e-3),
-        ("packets", "spheres40", {"meet_sphere", "frustum_of", "get_rays", "root_of", "light_on"}, 2e-3),
+        (
+            "packets",
+            "spheres40",
+            {"sphere_interval", "bundle_frustum", "camera_rays", "square_root", "lighting_at"},
+            2e-3,
+        ),
         ("rods_simd", "trio", {"packet_distance", "march_step", "sdf_torus", "calls of rod_step"}, 2e-3),
     ],
 )
