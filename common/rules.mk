@@ -100,6 +100,9 @@ compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* -
     $(only_supported) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(if $(CLANG),--clang) $(2)
 NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
 
+# An ablation takes over what its phase's build made, wherever its patch changes nothing: so the phase is built first.
+$(foreach a,$(subst /ablations/,+,$(patsubst phases/%.patch,%,$(wildcard phases/*/ablations/*.patch))),$(foreach o,phase.o count/phase.o,\
+    $(eval $(BUILD)/$a/$o: | $(BUILD)/$(firstword $(subst +, ,$a))/$o)))
 $(BUILD)/%/phase.o: $(phase_prerequisites)
 	$(call compile,$(if $(SANITIZED),objects,assembly))
 $(BUILD)/%/lines/phase.o: $(phase_prerequisites)

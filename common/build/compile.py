@@ -11,6 +11,9 @@ flags.json (made by phase_info.py) holds the phase's flags and variants. A file 
 compiled once per variant, as NAME-VARIANT, with LANES and VARIANT(name) defined. A source is compiled again
 only if its command or a file that it includes has changed.
 
+An ablation, NAME+PATCH, takes over what the build of NAME beside it made, wherever the patch changes nothing that
+the source reads.
+
 The timing build by gcc contains all variants. With --here only the variants that this CPU can run are
 compiled, because no other is ever called. Make passes --here for builds that are sanitized, counted, profiled
 or patched, and for clang. A function of a variant that is left out becomes an instruction that traps.
@@ -98,6 +101,46 @@ def fresh(made: Path, command: list[str]) -> bool:
         return False
 
 
+def without_line(path: Path) -> str:
+    """Returns the text of a file of a tree without the #line that patches.py puts first."""
+    text = path.read_text()
+    return text.partition("\n")[2] if text.startswith('#line 1 "') else text
+
+
+def take_over(made: Path, command: list[str], tree: Path, build: Path) -> bool:
+    """Takes a result from the build of NAME into that of NAME+PATCH if all files that it read have equal texts.
+
+    Returns False, with nothing done, if NAME's result is missing, stale or made by another command.
+    """
+    name, plus, _ = build.name.partition("+")
+    of = build.parent / name
+    from_tree = of / "source" if (of / "source").is_dir() else Path("phases", name)
+    if not plus or "@" in build.name:
+        return False
+
+    def theirs(word: str) -> str:
+        return word.replace(str(tree), str(from_tree)).replace(str(build), str(of))
+
+    try:
+        other = Path(theirs(str(made)))
+        if not fresh(other, [theirs(word) for word in command]):
+            return False
+        needed = other.with_suffix(".d").read_text()
+        for word in needed.replace("\\\n", " ").split(": ", 1)[1].split():
+            if word.startswith(f"{from_tree}/"):
+                if without_line(Path(word)) != without_line(tree / Path(word).relative_to(from_tree)):
+                    return False
+            elif word.startswith(f"{of}/"):
+                return False
+        for suffix, folder in ((made.suffix, made.parent), (".o", made.parent.parent / "objects")):
+            own = folder / f"{made.stem}{suffix}"
+            shutil.copyfile(theirs(str(own)), own)
+        made.with_suffix(".d").write_text(needed.replace(f"{from_tree}/", f"{tree}/"))
+        return True
+    except OSError:
+        return False
+
+
 def sources(tree: Path) -> list[Path]:
     """Returns the C files of the tree, sorted. Exits if two have the same name: so would their objects."""
     found = sorted(tree.rglob("*.c"))
@@ -161,8 +204,10 @@ def compile_all(args: argparse.Namespace, about: dict[str, Any]) -> Path:
         command += ["-MMD", str(source), "-o", str(made)]
         if not fresh(made, [args.toolchain, *command]):
             begun = time.time_ns()
-            run(command)
-            if by_assembly:
+            taken = take_over(made, [args.toolchain, *command], args.tree, args.build)
+            if not taken:
+                run(command)
+            if by_assembly and not taken:
                 run(
                     [*shlex.split(args.cc), "-c", str(made), "-o", str(objects / f"{made.stem}.o")],
                     show=False,
