@@ -18,6 +18,8 @@ lines `key: value` (a line that begins with blanks goes on with the one before),
     error       (optional) why its picture need not be within any tolerance: an approximation
     scenes      (optional) the scenes where the step can matter, separated by blanks
     costs       (optional) why the patched costs.def says nothing of its FLOPs
+    idea        (optional) the idea that the patch takes out, in a few words: a row of the lesson's table
+    code        (optional) where the idea stands, for its number of lines: FILE or FILE:FUNCTION, by blanks
 
 and then comes a unified diff (as of `diff -u`, `git diff`; paths a/FILE b/FILE in the phase's tree).
 
@@ -36,7 +38,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 REQUIRED = ("what", "paper", "direction", "against")
-OPTIONAL = ("after", "beside", "flags", "tolerance", "error", "scenes", "costs")
+OPTIONAL = ("after", "beside", "flags", "tolerance", "error", "scenes", "costs", "idea", "code")
 SOURCES = ("*.[ch]", "*.def")
 OWN_KEYS = (
     "title",
