@@ -12,7 +12,7 @@ ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene
 
-.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 truth enclosures stability pareto functions scaling views frames breakeven drjit toolchains systems original
+.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 truth enclosures stability pareto functions scaling views frames breakeven drjit toolchains systems original ideas
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -49,6 +49,9 @@ roofline: setup ## ceilings of this machine, every phase below them (Tables 5 an
 
 hotspots: setup ## where the time goes (Tables 2, 3 and 4), and what single steps are worth
 	@$(PY) scripts/run_study.py --part hotspots --part ablations $(ARGS)
+
+ideas: setup ## what each idea of opt6 to opt9 gains and changes: taken out of its phase, timed beside it (10 minutes)
+	@$(PY) scripts/run_study.py --part ideas $(ARGS)
 
 truth: setup ## the exact pictures of SCENE=… (default: scene0) at N=360, in proved enclosures
 	@$(PY) scripts/truth.py $(or $(SCENE),scene0) -n $(N) $(ARGS)

@@ -11,7 +11,7 @@ from pathlib import Path
 from study import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import ablations, machine, registry, run, store, summary
+from study import ablations, ideas, machine, registry, run, store, summary
 from study.ablations import BASELINE, Ablation, Case
 from study.cli import StudyError
 from study.gallery import Gallery
@@ -22,7 +22,10 @@ DESCRIPTION = """\
 An ablation is a small patch kept with its phase, phases/NAME/ablations/TITLE.patch, and named NAME+TITLE.
 Each is built, its picture held against the baseline's by the phase's tolerance, and timed next to the phase
 that it is compared with: every program once a round, in random order, one frame per process launch. The gain
-is the step's: the time without it over the time with it."""
+is the step's: the time without it over the time with it. With --ideas: the patches that take an idea out of
+its phase, each on the scenes that it names; their table stands in the report and in the phases' lessons."""
+
+SCENES = ("scene0", "mandelbulb")
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -30,13 +33,15 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, statuses | {3: "nothing could run on this CPU"})
     add = parser.add_argument
     add("--phase", nargs="+", metavar="NAME", help="opt2, or an ablation like opt2+horizontal; default: all")
-    add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="NAME", help="default: %(default)s")
+    add("--ideas", action="store_true", help="only ideas of phases, into ideas.json; no FLOPs")
+    about = f"default: {' '.join(SCENES)}; with --ideas: those that each patch names"
+    add("--scene", nargs="+", metavar="NAME", help=about)
     add("-n", type=cli.at_least(1), default=120, help="height in pixels; default: 120")
     add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
     add("--no-flops", action="store_true", help="do not count FLOPs (saves the counting builds)")
-    add("--run", type=Path, metavar="DIR", help="for ablations.json; default: build/ablations")
+    add("--run", type=Path, metavar="DIR", help="where the file goes; default: build/ablations")
     cores = len(os.sched_getaffinity(0))
     add("--jobs", type=cli.at_least(1), default=cores, help=f"built and verified at a time; default: {cores}")
     return parser.parse_args(argv)
@@ -47,9 +52,12 @@ class Study:
 
     def __init__(self, args: argparse.Namespace) -> None:
         self.args = args
-        self.scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
+        for name in args.scene or []:
+            ideas.check_scene(name)
         run.cpu_set(args.cpu, 1)
         self.found, broken = ablations.find(args.phase)
+        if args.ideas or not args.phase:
+            self.found = [one for one in self.found if bool(one.idea) == args.ideas]
         self.failures = [{"ablation": name, "reason": str(error)} for name, error in broken.items()]
         self.skipped: list[dict[str, str]] = []
         lacking = " ".join(registry.missing_isa(Spec.parse(BASELINE)))
@@ -88,7 +96,12 @@ class Study:
 
     def pairs(self) -> list[tuple[Ablation, Scene]]:
         """Rows to be: each ablation on the scenes where its step can matter."""
-        return [(a, s) for a in self.found for s in self.scenes if not a.scenes or s.name in a.scenes]
+        found = []
+        for one in self.found:
+            wanted = self.args.scene or (one.scenes if self.args.ideas else SCENES)
+            names = [name for name in dict.fromkeys(wanted) if not one.scenes or name in one.scenes]
+            found += [(one, ideas.find_scene(name)) for name in names]
+        return found
 
     @staticmethod
     def _cases(ablation: Ablation, scene: Scene) -> list[Case]:
@@ -96,7 +109,7 @@ class Study:
 
     def _refused(self, ablation: Ablation, scene: Scene, refused: dict[Case, DriverError]) -> bool:
         """Whether a picture that the row needs could not be had: then the row is a failure, or skipped."""
-        for case in [(Spec.parse(BASELINE), scene.name), *self._cases(ablation, scene)]:
+        for case in [(ablation.reference, scene.name), *self._cases(ablation, scene)]:
             if error := refused.get(case):
                 into = self.skipped if error.status in (run.NO_ISA, run.UNSUPPORTED) else self.failures
                 into.append({"ablation": str(ablation.spec), "reason": f"{case[0]} on {case[1]}: {error}"})
@@ -117,15 +130,22 @@ class Study:
         cases: list[Case] = list(dict.fromkeys(case for pair in pairs for case in self._cases(*pair)))
         folder = args.run or registry.ROOT / "build" / "ablations"
         gallery = Gallery(folder / "images" if args.run else folder, self.specs())
-        sizes = {scene.name: scene.size(args.n) for scene in self.scenes}
-        references = [(Spec.parse(BASELINE), name) for name in dict.fromkeys(name for _, name in cases)]
-        tasks = [(spec, registry.find_scene(name), sizes[name]) for spec, name in [*references, *cases]]
+        sizes = {scene.name: scene.size(args.n) for _, scene in pairs}
+        references = dict.fromkeys((ablation.reference, scene.name) for ablation, scene in pairs)
+        all_cases = dict.fromkeys([*references, *cases])
+        tasks = [(spec, ideas.find_scene(name), sizes[name]) for spec, name in all_cases]
         refused = gallery.render_all(tasks, args.jobs)
         pairs = [pair for pair in pairs if not self._refused(*pair, refused)]
         cases = [case for case in cases if any(case in self._cases(*pair) for pair in pairs)]
+        judged = {
+            (who, case): None
+            for one, scene in pairs
+            for case in self._cases(one, scene)
+            for who in (one.reference, one.against)
+        }
         metrics = {
-            (spec, name): ablations.error_of(gallery, spec, registry.find_scene(name), sizes[name])
-            for spec, name in cases
+            (who, case): ablations.error_of(gallery, who, case[0], ideas.find_scene(case[1]), sizes[case[1]])
+            for who, case in judged
         }
         declared, measured = self._flops(pairs, cases)
         times = ablations.measure(cases, args.n, args.launches, args.seed, args.cpu)
@@ -138,6 +158,7 @@ class Study:
 def main() -> int:
     args = arguments()
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
+    args.no_flops = args.no_flops or args.ideas
     study = Study(args)
     if not study.pairs():
         for item in study.failures[1:]:
@@ -146,12 +167,13 @@ def main() -> int:
             raise StudyError(study.failures[0]["reason"])
         if study.skipped:
             raise StudyError(f"nothing to measure: {study.skipped[0]['reason']}", cli.CANNOT_RUN)
-        raise StudyError(f"no ablation of these matters on {', '.join(args.scene)}")
+        raise StudyError(f"no ablation of these matters on {', '.join(args.scene or SCENES)}")
     rows = study.measure()
     settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "cpu")}
     result = {"schema": 1, "reference": BASELINE, **settings, "context": machine.context(), "rows": rows}
     result |= {"skipped": study.skipped, "failures": study.failures}
-    path = (args.run or registry.ROOT / "build" / "ablations") / "ablations.json"
+    folder = args.run or registry.ROOT / "build" / "ablations"
+    path = folder / (ideas.FILE if args.ideas else "ablations.json")
     store.write_json(path, result)
     report(result, args.json)
     outside = any(row["verdict"] == "OUTSIDE" for row in rows)

@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""The figures of the phases' NOTES.md, from a published run: phases/NAME/lesson.svg. Nothing is measured."""
+"""The figures and tables of the phases' NOTES.md, from published runs. Nothing is measured.
+
+phases/NAME/lesson.svg, and in NOTES.md the table of the phase's ideas, between its two markers."""
 
 from __future__ import annotations
 
 from study import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import lessons, lessons_svg, registry
+from study import ideas, lessons, lessons_svg, registry
 from study.cli import StudyError
 
 
@@ -17,6 +19,11 @@ def main() -> int:
     made = []
     for name in args.phase or registry.phases():
         found = lessons.figure(name)
+        if ideas.of(name):
+            notes = registry.find_phase(name).path / "NOTES.md"
+            text = notes.read_text(encoding="utf-8")
+            notes.write_text(ideas.filled(text, name, ideas.published(name)), encoding="utf-8")
+            made.append(notes.relative_to(registry.ROOT))
         if found is None:
             if args.phase:
                 raise StudyError(

@@ -188,6 +188,11 @@ def ablations(run: Path, options: argparse.Namespace, height: int) -> bool:
     return script("ablations", "--run", str(run), capture=True, accepted=CHECKED).returncode == cli.OK
 
 
+def ideas(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """At a size at which the fastest phase's frame takes milliseconds."""
+    return judged("ablations", "--ideas", "-n", "360", "--launches", "20", "--run", str(run))
+
+
 def accuracy(run: Path, options: argparse.Namespace, height: int) -> bool:
     """Every phase against truth, and the Mandelbulb's convergence; all scenes where it was asked for."""
     scenes = [] if options.part or options.full else ["--scene", *dict.fromkeys([*options.scene, "trio"])]
@@ -268,6 +273,7 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "roofline": ("ceilings of this machine", roofline),
     "hotspots": ("hotspots, and a model of what bounds them", hotspots),
     "ablations": ("single steps put in and taken out", ablations),
+    "ideas": ("each idea taken out of its phase", ideas),
     "accuracy": ("every phase against truth", accuracy),
     "stability": ("hard cases", stability),
     "pareto": ("speed against error", pareto),
@@ -280,8 +286,8 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "toolchains": ("compilers and flags", toolchains),
     "systems": ("systems of other articles", systems),
 }
-# Minutes of building, and what has to be installed: by make toolchains and make drjit, and with --full.
-ON_REQUEST = {"toolchains", "drjit", "systems"}
+# Minutes of building, and what has to be installed: by make ideas, toolchains and drjit, and with --full.
+ON_REQUEST = {"ideas", "toolchains", "drjit", "systems"}
 
 
 def arguments() -> argparse.Namespace:

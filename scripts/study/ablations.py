@@ -1,7 +1,9 @@
 """What single steps gain: ablations (study.patches) timed and judged against what they are compared with.
 
 A row is an ablation on a scene. `gain` is always the gain of the *step*: the time without it over the time
-with it, whichever of the two is the patched phase. Errors are against the baseline, as everywhere.
+with it, whichever of the two is the patched phase. Errors are against the baseline, as everywhere, but of
+ablations of a phase that is held to no tolerance against baseline (gate.left_to_truth): those are against the
+phase itself. `change_…`: how far the patched phase's picture is from that of what it is compared with.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from study import blocks, cli, gate, images, patches, registry, run, stats, store, verdicts
+from study import blocks, cli, gate, ideas, images, patches, registry, run, stats, store, verdicts
 from study.build import build
 from study.cli import StudyError
 from study.gallery import Gallery, Size
@@ -41,6 +43,13 @@ class Ablation:
     error: str | None  # why its picture need not be within a tolerance
     costs: str | None  # why its costs.def says nothing: then its FLOPs are measured
     scenes: tuple[str, ...]  # where the step can matter; none named: everywhere
+    idea: str | None = None  # of the phase, that the patch takes out (study.ideas)
+
+    @property
+    def reference(self) -> Spec:
+        """Whose picture its own is held against."""
+        own = registry.find_phase(self.spec.phase.partition("+")[0])
+        return self.against if gate.left_to_truth(own) else Spec.parse(BASELINE)
 
     @property
     def claim(self) -> float | None:
@@ -71,8 +80,8 @@ def _read(name: str, root: Path) -> list[Ablation]:
     except patches.PatchError as error:
         raise StudyError(str(error)) from None
     for scene in (scenes := tuple(head.get("scenes", "").split())):
-        registry.find_scene(scene, root)
-    optional = head.get("error"), head.get("costs"), scenes
+        ideas.check_scene(scene, root)
+    optional = head.get("error"), head.get("costs"), scenes, head.get("idea")
     against = Spec.parse(head["against"])
     added = head["direction"] == "added"
     found = [Ablation(Spec.parse(name), against, added, head["what"], head["paper"], *optional)]
@@ -136,7 +145,7 @@ def measure(
     """
 
     def once(case: Case, padding: int) -> float:
-        spec, scene = case[0], registry.find_scene(case[1])
+        spec, scene = case[0], ideas.find_scene(case[1])
         width, _ = scene.size(height)
         frames = run.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding)
         with contextlib.closing(frames):
@@ -146,9 +155,9 @@ def measure(
     return run.interleaved(cases, launches, seed, cpu, once, "time")
 
 
-def error_of(gallery: Gallery, spec: Spec, scene: Scene, size: Size) -> dict[str, Any]:
-    """Metrics of the picture against the baseline's; a fractal's anti-aliased ones from the same picture."""
-    a, b = (images.read(gallery.path(who, scene, size)) for who in (Spec.parse(BASELINE), spec))
+def error_of(gallery: Gallery, reference: Spec, spec: Spec, scene: Scene, size: Size) -> dict[str, Any]:
+    """Metrics of the picture against another's; a fractal's anti-aliased ones from the same picture."""
+    a, b = (images.read(gallery.path(who, scene, size)) for who in (reference, spec))
     return images.compare(a, b, (a, b) if scene.fractal else None)
 
 
@@ -170,7 +179,7 @@ def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, dict[str,
     """{"paper": FLOPs of one frame, "machine": …} by the counting builds; what has none is left out."""
 
     def one(case: Case) -> dict[str, int] | None:
-        scene = registry.find_scene(case[1])
+        scene = ideas.find_scene(case[1])
         try:
             found = run.render(
                 case[0], scene.path, height, scene.size(height)[0], target="render-count", timed=False
@@ -192,7 +201,7 @@ def measure_flops(cases: Iterable[Case], height: int) -> dict[Case, dict[str, in
     found: dict[Case, dict[str, int]] = {}
     for spec, name in cases:
         try:
-            done = blocks.measure(spec, registry.find_scene(name).path, height)
+            done = blocks.measure(spec, ideas.find_scene(name).path, height)
             found[spec, name] = {"machine": done.total.machine}
         except StudyError as error:
             cli.say(f"no FLOPs of {spec} on {name}: {error}")
@@ -204,18 +213,20 @@ def row(
     scene: Scene,
     size: Size,
     times: dict[Case, list[float]],
-    metrics: dict[Case, dict[str, Any]],
+    metrics: dict[tuple[Spec, Case], dict[str, Any]],
     flops: dict[Case, dict[str, int]],
 ) -> dict[str, Any]:
     """One line of the table. `flops_ratio`: machine FLOPs with the step over those without it.
 
-    `flops`: declared, or measured where the ablation's costs are not declared. Raises KeyError for a case
-    without times or metrics.
+    `metrics`: by reference and case. `flops`: declared, or measured where the ablation's costs are not
+    declared. Raises KeyError for a case without times or metrics.
     """
     mine, base = (ablation.spec, scene.name), (ablation.against, scene.name)
     without, with_it = (base, mine) if ablation.added else (mine, base)
     gain = stats.ratio_interval(times[without], times[with_it])
-    verdict, failed = judge(ablation, scene, metrics[mine])
+    error, unpatched = metrics[ablation.reference, mine], metrics[ablation.reference, base]
+    moved = metrics[ablation.against, mine]
+    verdict, failed = judge(ablation, scene, error)
     counted = without in flops and with_it in flops
     return {
         "ablation": str(ablation.spec),
@@ -231,9 +242,13 @@ def row(
         "claim": ablation.holds(gain, failed),
         "ms": stats.median_interval([ns / 1e6 for ns in times[mine]]),
         "against_ms": stats.median_interval([ns / 1e6 for ns in times[base]]),
-        **{key: metrics[mine][key] for key in ERRORS},
-        "identical": metrics[mine]["identical"],
-        "against_psnr_db": metrics[base]["psnr_db"],
+        "reference": str(ablation.reference),
+        **{key: error[key] for key in ERRORS},
+        "identical": error["identical"],
+        "against_psnr_db": unpatched["psnr_db"],
+        **{f"change_{key}": moved[key] for key in ("psnr_db", "max_abs")},
+        "idea": ablation.idea,
+        "lines": ideas.code_lines(str(ablation.spec)) if ablation.idea else None,
         "verdict": verdict,
         "failed": [f"{name}: {why}" for name, why in failed.items()],
         "error": ablation.error,
@@ -245,7 +260,10 @@ def row(
 
 
 def read(path: Path) -> dict[str, Any]:
-    """A run's ablations.json; without that file no row. Raises StudyError for another thing's JSON."""
+    """A run's ablations.json or ideas.json; without that file no row.
+
+    Raises StudyError for another thing's JSON.
+    """
     lists = ("rows", "skipped", "failures")
     if not path.exists():
         return {name: [] for name in lists}

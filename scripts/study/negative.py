@@ -12,7 +12,7 @@ import markdown_it
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from study import ablations, machine, registry, show, verdicts
+from study import ablations, ideas, machine, registry, show, verdicts
 from study.cli import StudyError
 from study.draw import BAD, Drawing
 from study.sections import Section, part, reading
@@ -152,16 +152,19 @@ def as_html(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def section(path: Path, document: Path = DOCUMENT) -> Section:
-    """The page of negative results: from a run's ablations.json, and from the document as it is now."""
+    """The page of negative results: of a run's ablations and ideas, and from the document as it is now."""
     file = path / "ablations.json"
-    parts, remarks, drawn = [], [], {}
+    rows: list[Row] = []
+    drawn = {}
     with reading(file, f"scripts/ablations.py --run {path}"):
         rows = chosen(ablations.read(file)["rows"])
         if rows:
-            parts = part("negative", "Steps that did not plainly pay", rows, STEPS)
-            remarks = [ABOUT]
             caption = "Gain of steps that did not plainly pay, and what they do to the picture"
             drawn = {"negative": Drawing(caption, _note(ablations.read(file)), lambda: draw(rows))}
+    with reading(path / ideas.FILE, f"scripts/ablations.py --ideas --run {path}"):
+        both = [*rows, *chosen(ablations.read(path / ideas.FILE)["rows"])]
+        parts = part("negative", "Steps that did not plainly pay", both, STEPS)
+        remarks = [ABOUT] * bool(both)
     about = {"file": file, "script": "scripts/ablations.py", "drawn": drawn, "html": as_html(tried(document))}
     return Section("negative", "What did not pay", "make hotspots", parts, remarks, **about)
 

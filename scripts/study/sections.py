@@ -11,7 +11,19 @@ from pathlib import Path
 
 import pandas as pd
 
-from study import ablations, bounds_page, columns, flops, hotspots, libm, roof, roof_tables, show, table1
+from study import (
+    ablations,
+    bounds_page,
+    columns,
+    flops,
+    hotspots,
+    ideas,
+    libm,
+    roof,
+    roof_tables,
+    show,
+    table1,
+)
 from study.analysis import BROKEN, Data
 from study.cli import StudyError
 from study.draw import Drawing
@@ -298,6 +310,43 @@ STEPS_ABOUT = (
 )
 
 
+IDEAS = [
+    Column("", "idea", lambda r: r["idea"]),
+    Column("", "taken out of", lambda r: r["against"]),
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "gain of the idea [95\u00a0%]", _gain),
+    Column("picture without the idea", "PSNR to the phase's own, dB", ideas.change),
+    Column("picture without the idea", "largest difference", show.plain("change_max_abs", 2)),
+    Column("error of the phase and without the idea", "against", lambda r: r["reference"]),
+    Column("error of the phase and without the idea", "PSNR of the phase, dB", _psnr("against_psnr_db")),
+    Column("error of the phase and without the idea", "without the idea", _psnr("psnr_db")),
+    Column("", "lines", lambda r: str(r["lines"])),
+    Column("", "tolerance", lambda r: r["verdict"], lambda r: "bad" if r["verdict"] == "OUTSIDE" else ""),
+    Column("", "without the idea", lambda r: r["what"]),
+]
+IDEAS_ABOUT = (
+    "Ideas: n = {n}, {launches} launches of one frame on one thread, interleaved. Each idea is taken out of "
+    "its phase by a patch. The gains of a phase's ideas do not multiply to the phase's own, since ideas share "
+    "work. Lines: of the code that holds the idea, or of the patch where the idea is a constant or a "
+    "condition. A phase that is held to ground truth alone is the reference of its own ablations."
+)
+
+
+def _ideas(path: Path) -> tuple[list[Part], list[str]]:
+    """Of a run's ideas.json: the table and how to read it."""
+    file = path / ideas.FILE
+    parts, remarks = [], []
+    with reading(file, f"scripts/ablations.py --ideas --run {path}"):
+        result = ablations.read(file)
+        rows = result["rows"]
+        if rows:
+            left_out = [*result["skipped"], *result["failures"]]
+            remarks = [IDEAS_ABOUT.format(**result)]
+            remarks += [f"not measured: {one['ablation']}: {one['reason']}" for one in left_out]
+        parts = part("ideas", "Each idea alone, against its phase without it", rows, IDEAS)
+    return parts, remarks
+
+
 def steps(path: Path) -> Section:
     """The ablations: single steps put in or taken out."""
     file = path / "ablations.json"
@@ -310,4 +359,7 @@ def steps(path: Path) -> Section:
             remarks = [STEPS_ABOUT.format(**result)]
             remarks += [f"not measured: {one['ablation']}: {one['reason']}" for one in left_out]
         parts = part("ablations", "Each step alone, against the code without it", rows, STEPS)
-    return Section("ablations", "What single steps are worth", "make hotspots", parts, remarks)
+    more, about = _ideas(path)
+    return Section(
+        "ablations", "What single steps are worth", "make hotspots", [*parts, *more], [*remarks, *about]
+    )

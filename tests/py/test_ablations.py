@@ -28,6 +28,7 @@ from study.patches import PatchError
 from study.registry import ROOT, Spec
 
 NAMES = [f"{phase}+{title}" for phase in registry.phases() for title in patches.titles(phase)]
+BASES = sorted({name.partition("+")[0] for name in NAMES} - {"baseline"})
 HEIGHT = 36
 SCENES = ("scene0", "mandelbulb", "cubes")
 # Counting builds that are run: for the others the compilers' look at the source must do.
@@ -53,7 +54,7 @@ def spec_of(name: str) -> Spec:
 @functools.cache
 def built() -> None:
     """Everything that the tests run, by one make. A patch that fails leaves the rest alone."""
-    targets = [f"build/{name}/render" for name in ["baseline", *NAMES]]
+    targets = [f"build/{name}/render" for name in ["baseline", *BASES, *NAMES]]
     targets += [f"build/{name}/render-count" for name in COUNTED]
     subprocess.run(["make", "-s", "-k", f"-j{JOBS}", *targets], cwd=ROOT, capture_output=True)
 
@@ -203,7 +204,7 @@ def test_clang_takes_it_and_gcc_the_counting_source(name, compiler, parsed):
 def test_its_picture_is_its_phases(name, scene, folder):
     spec_of(name)
     (ablation, *_), _ = ablations.find([name])
-    found, reference = (picture(who, scene, folder) for who in (name, "baseline"))
+    found, reference = (picture(who, scene, folder) for who in (name, str(ablation.reference)))
     fractal = registry.find_scene(scene).fractal
     metrics = images.compare(reference, found, (reference, found) if fractal else None)
     verdict, failed = ablations.judge(ablation, registry.find_scene(scene), metrics)
@@ -485,9 +486,10 @@ def test_the_gain_is_the_steps_whichever_side_has_it(added, gain):
     scene = registry.find_scene("scene0")
     mine, base = (Spec.parse("opt1+arrays"), "scene0"), (Spec.parse("opt1"), "scene0")
     metrics = dict.fromkeys(ablations.ERRORS, 0.0) | {"identical": True, "psnr_db": math.inf}
+    made = {(Spec.parse(who), case): metrics for who in ("baseline", "opt1") for case in (mine, base)}
     flops = {mine: {"machine": 300}, base: {"machine": 400}}
     times = {mine: [5.0] * 6, base: [10.0] * 6}
-    row = ablations.row(ablation(added), scene, (16, 9), times, {mine: metrics, base: metrics}, flops)
+    row = ablations.row(ablation(added), scene, (16, 9), times, made, flops)
     assert row["gain"].value == row["gain"].low == gain
     assert row["flops_ratio"] == (0.75 if added else 4 / 3)
     assert row["verdict"] == "identical"
