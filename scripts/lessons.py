@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The figures and tables of the phases' NOTES.md, from published runs. Nothing is measured.
 
-phases/NAME/lesson.svg, and in NOTES.md the table of the phase's ideas, between its two markers."""
+phases/NAME/lesson.svg, and in NOTES.md the table of the phase's ideas, below its marker."""
 
 from __future__ import annotations
 

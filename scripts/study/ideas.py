@@ -2,7 +2,7 @@
 
 An idea is an ablation whose head says `idea` (study.patches): the patch takes that idea out of its phase. All
 ideas together are timed by `scripts/ablations.py --ideas`, which writes FILE into a run. The report shows all
-rows, and the lesson of each phase (NOTES.md) has a table of its own, between two markers.
+rows, and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FILE = "ideas.json"
 REFERENCE = ROOT / "results" / "reference"
 MADE = re.compile(rf"({'|'.join(scaling_scenes.ARRANGEMENTS)})-(\d+)")  # scenes made to order
 SEED = 1
-BEGIN, END = "<!-- ideas: scripts/lessons.py -->", "<!-- end of ideas -->"
+BEGIN = "<!-- ideas: scripts/lessons.py -->"  # stands in a lesson before its table
 WIDTH = 100  # columns of a lesson
 HEADER = ("idea", "scene", "gain [95 %]", "change of the picture", "lines")
 Row = Mapping[str, Any]
@@ -106,7 +106,8 @@ def _date(run: Path) -> tuple[str, str]:
 
 
 def _interval(gain: Row) -> str:
-    return show.interval({"g": gain["value"], "g_low": gain["low"], "g_high": gain["high"]}, "g", 3)
+    told = show.interval({"g": gain["value"], "g_low": gain["low"], "g_high": gain["high"]}, "g", 3)
+    return told.replace("\u00a0", " ")
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -127,19 +128,21 @@ def table(phase: str, run: Path | None) -> list[str]:
         gain = row["gain"]["value"] if row else 0.0
         told = [_interval(row["gain"]), change(row), str(row["lines"])] if row else ["–", "–", "–"]
         found.append((-gain, _line([patch.head["idea"], scene, *told])))
-    about = "Each idea taken out alone: the time without it over the time with it (`make ideas`"
+    about = "Each idea taken out alone: time without it over time with it (`make ideas`"
     if run:
         cpu = machine.name(result.get("context"))
-        about += f", run `{run.relative_to(ROOT)}`; {cpu}, one thread, height {result['n']}, "
-        about += f"{result['launches']} launches"
+        about += f", run `results/reference/{run.name}`; {cpu}, one thread, height {result['n']}"
     lines = textwrap.wrap(f"{about}).", WIDTH, break_long_words=False, break_on_hyphens=False)
     return [*lines, "", _line(HEADER), _line(["---"] * len(HEADER)), *(line for _, line in sorted(found))]
 
 
 def filled(text: str, phase: str, run: Path | None) -> str:
-    """The lesson with its table made anew. Raises StudyError if it lacks the two markers."""
+    """The lesson with its table made anew: what stands between the marker and the table's last line.
+
+    Raises StudyError for a lesson without the marker.
+    """
     before, begin, rest = text.partition(f"{BEGIN}\n")
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise StudyError(f"{phase}: NOTES.md lacks the lines {BEGIN} and {END}, its table's place")
-    return f"{before}{begin}{chr(10).join(table(phase, run))}\n{end}{after}"
+    if not begin:
+        raise StudyError(f"{phase}: NOTES.md lacks the line {BEGIN}, below which its table stands")
+    after = re.sub(r"\A([^|#!]*\n)?(\|.*\n)+", "", rest)
+    return f"{before}{begin}{chr(10).join(table(phase, run))}\n{after}"

@@ -326,7 +326,7 @@ IDEAS = [
 ]
 IDEAS_ABOUT = (
     "Ideas: n = {n}, {launches} launches of one frame on one thread, interleaved. Each idea is taken out of "
-    "its phase by a patch. The gains of a phase's ideas do not multiply to the phase's own, since ideas share "
+    "its phase by a patch. The gains of a phase's ideas do not multiply to the phase's own, for they share "
     "work. Lines: of the code that holds the idea, or of the patch where the idea is a constant or a "
     "condition. A phase that is held to ground truth alone is the reference of its own ablations."
 )

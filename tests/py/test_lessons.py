@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from study import lessons, lessons_svg, patches, registry, store
+from study import ideas, lessons, lessons_svg, patches, registry, store
 from study.cli import StudyError
 
 PARTS = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
@@ -101,6 +101,73 @@ def test_its_figure_is_what_the_published_run_says(name: str) -> None:
     assert f"]({lessons.NAME})" in notes(name), "NOTES.md does not show its figure"
     assert path.stat().st_size < 20_000
     assert lessons.embedded(path) == lessons.figure(name), "scripts/lessons.py draws it again"
+
+
+WITH_IDEAS = [name for name in PHASES if ideas.of(name)]
+
+
+@pytest.mark.parametrize("name", WITH_IDEAS)
+def test_its_table_of_ideas_is_what_the_published_run_says(name: str) -> None:
+    text = notes(name)
+    made = ideas.filled(text, name, ideas.published(name))
+    assert made == text, "scripts/lessons.py makes the table again"
+    told = [line.split(" | ")[0] for line in parts(text)["Result"].splitlines() if line.startswith("| ")]
+    assert {f"| {patch.head['idea']}" for patch in ideas.of(name)} <= set(told)
+
+
+@pytest.mark.parametrize("name", [patch.name for phase in WITH_IDEAS for patch in ideas.of(phase)])
+def test_an_idea_is_taken_out_of_its_phase_and_its_lines_are_found(name: str) -> None:
+    (patch,) = [one for one in ideas.of(name.partition("+")[0]) if one.name == name]
+    assert (patch.head["direction"], patch.head["against"]) == ("removed", name.partition("+")[0])
+    assert ideas.code_lines(name) > 0
+    for scene in patch.head["scenes"].split():
+        ideas.check_scene(scene)
+
+
+def test_the_phases_behind_the_papers_have_their_ideas() -> None:
+    assert {"opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex"} <= set(WITH_IDEAS)
+    assert all(len(ideas.of(name)) >= 3 for name in WITH_IDEAS)
+
+
+def measured(phase: str, n: int = 360) -> dict:
+    def row(patch: patches.Patch, scene: str, at: int) -> dict:
+        gain = {"value": 1 + at / 10, "low": 1.0, "high": 2.0, "launches": 20, "sufficient": True}
+        told = {"change_psnr_db": 101.26 if at else None, "change_max_abs": 1e-4 * at, "lines": 10 + at}
+        return {"ablation": patch.name, "scene": scene, "gain": gain, **told}
+
+    rows = [row(p, s, i) for i, p in enumerate(ideas.of(phase)) for s in p.head["scenes"].split()]
+    context = {"cpu": {"model": "AMD EPYC", "microarchitecture": "Zen 9"}}
+    return {"rows": rows, "skipped": [], "failures": [], "n": n, "launches": 20, "context": context}
+
+
+def test_a_table_of_ideas_is_of_the_newest_run_that_has_them_all(tmp_path: Path) -> None:
+    name = "opt6_wide"
+    for run, made in {
+        "zen9-2027-01-02": measured(name),
+        "zen1-2027-01-01": measured(name, 90),
+        "zen9-2027-02-01": measured("opt7_tiles"),
+    }.items():
+        (tmp_path / run).mkdir()
+        store.write_json(tmp_path / run / ideas.FILE, made)
+    (tmp_path / "zen9-2027-03-01").mkdir()
+    found = ideas.published(name, tmp_path)
+    assert found == tmp_path / "zen9-2027-01-02"
+    lines = ideas.filled(f"a\n\n{ideas.BEGIN}\nold\n\n| x |\n\nb\n", name, found).splitlines()
+    assert lines[:3] == ["a", "", ideas.BEGIN] and lines[-2:] == ["", "b"]
+    assert "run `results/reference/zen9-2027-01-02`; AMD EPYC (Zen 9)" in " ".join(lines)
+    rows = [line for line in lines if line.startswith("| ")][2:]
+    assert len(rows) == len(ideas.of(name)) and all(len(line) <= COLUMNS for line in lines)
+    assert rows[0].endswith("| 1.20 [1.00, 2.00] | 101 dB | 12 |")  # the largest gain
+    assert rows[-1].endswith("| 1.00 [1.00, 2.00] | none | 10 |")
+    again = ideas.filled("\n".join([*lines, ""]), name, found)
+    assert again.splitlines() == lines
+    with pytest.raises(StudyError, match="lacks the line <!-- ideas"):
+        ideas.filled("# a lesson\n", name, found)
+
+
+def test_the_lines_of_a_function_are_its_definitions() -> None:
+    text = "int f(int);\nint f(int a,\n      int b) {\n    return f(1);\n}\nstatic int\ng(void) {\n}\n"
+    assert [ideas.function_lines(text, name) for name in "fgh"] == [4, 2, 0]
 
 
 def test_every_phase_of_the_published_run_has_a_figure() -> None:
