@@ -446,6 +446,24 @@ def test_a_tree_is_written_once_and_without_leftovers(tmp_path):
     assert {path.name: path.stat().st_mtime_ns for path in made.iterdir()} == before
 
 
+def test_a_build_takes_over_what_the_patch_leaves_alone(tmp_path):
+    """Of opt2's three sources, norm_bounds changes march.c."""
+    name = "opt2+norm_bounds"
+    words = ["make", f"BUILD={tmp_path}", f"{tmp_path}/{name}/phase.o"]
+
+    def compiled() -> list[tuple[str, str]]:
+        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+        return re.findall(rf"/(\w+)\.c -o {tmp_path}/([^/]+)/assembly/", done.stdout)
+
+    assert compiled() == [("march", "opt2"), ("render", "opt2"), ("shade", "opt2"), ("march", name)]
+    assert compiled() == []
+    parts = {
+        part: [(tmp_path / of / f"objects/{part}.o").read_bytes() for of in ("opt2", name)]
+        for part in ("march", "render", "shade")
+    }
+    assert {part for part, (a, b) in parts.items() if a == b} == {"render", "shade"}
+
+
 # --- names
 
 
@@ -588,6 +606,25 @@ def test_the_table(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert "insufficient" in done.stdout and "1.38×" in done.stdout and verdicts.FEW in done.stdout
+
+
+def test_ideas_have_a_file_of_their_own(tmp_path):
+    """Each on the scenes of its head, which may be made to order, and against its phase's own picture."""
+    spec_of("opt9_convex")
+    built()
+    small = ["-n", "9", "--launches", "1", "--run", str(tmp_path), "--json"]
+    names = ["opt9_convex+no_query", "opt6_wide+awake", "opt6_wide+rsqrt"]
+    done = command("--ideas", *small, "--phase", *names)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found == json.loads((tmp_path / "ideas.json").read_text())
+    rows = {(row["ablation"], row["scene"]): row for row in found["rows"]}
+    awake = [("opt6_wide+awake", scene) for scene in ("scene0", "mandelbulb")]
+    assert set(rows) == {("opt9_convex+no_query", "scattered-256"), *awake}
+    query, awake = rows["opt9_convex+no_query", "scattered-256"], rows["opt6_wide+awake", "scene0"]
+    assert (query["reference"], awake["reference"]) == ("opt9_convex", "baseline")
+    assert query["idea"] and query["lines"] > 100 and query["flops_ratio"] is None
+    assert (awake["change_psnr_db"], awake["change_max_abs"]) == (None, 0)  # not one bit
 
 
 @pytest.mark.parametrize(

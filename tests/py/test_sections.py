@@ -78,11 +78,17 @@ def stepped() -> dict[str, Any]:
     return {"schema": 1, "n": 9, "launches": 6, "rows": [row], "skipped": [], "failures": []}
 
 
+def taken_out() -> dict[str, Any]:
+    told = {"reference": "opt1", "idea": "an idea", "lines": 7, "change_psnr_db": 99.0, "change_max_abs": 0.5}
+    return {**stepped(), "rows": [stepped()["rows"][0] | told | {"step": "removed"}]}
+
+
 CONTENTS: dict[str, Callable[[], Any]] = {
     "counts.json": lambda: {"schema": 1, "declared": [declared(), declared("opt1")], "measured": []},
     "validation.json": lambda: {"schema": 1, "rows": [checked(), checked("sdf"), checked("calls of sdf")]},
     "hotspots.json": sampled,
     "ablations.json": stepped,
+    "ideas.json": taken_out,
 }
 
 
@@ -111,7 +117,7 @@ def put(run: Path, name: str, content: Any) -> None:
 
 def test_a_sound_run_has_every_part(run: Path) -> None:
     names = {name for section in chapters.all_of(analysis.load(run)) for name in parts_of(section)}
-    expected = {"table1", "table1-terms", "validation", "validation-functions", "ablations"}
+    expected = {"table1", "table1-terms", "validation", "validation-functions", "ablations", "ideas"}
     assert names >= expected | {"hotspots-baseline", "table3", "table3-regions"}
 
 
@@ -126,6 +132,8 @@ BROKEN = [
     ("ablations.json", ("launches",), REMOVE),
     *(("ablations.json", ("rows", 0, "gain"), value) for value in (None, 2.0, {})),
     ("ablations.json", ("rows", 0, "what"), 5),
+    *(("ideas.json", WHOLE, value) for value in ({}, [], None, "x")),
+    *(("ideas.json", ("rows", 0, key), REMOVE) for key in ("idea", "lines", "change_psnr_db")),
     *(("counts.json", WHOLE, value) for value in ({}, [], None)),
     *(("counts.json", ("declared", 0), value) for value in ({}, "x", None)),
     ("counts.json", ("declared", 0, "by_class"), REMOVE),
@@ -175,7 +183,8 @@ def test_a_broken_file_is_one_line_with_its_name(
     with pytest.raises(StudyError) as caught:
         chapters.all_of(data)
     said = str(caught.value)
-    script = {"counts": "flops", "validation": "flops"}.get(Path(name).stem, Path(name).stem)
+    others = {"counts": "flops", "validation": "flops", "ideas": "ablations"}
+    script = others.get(Path(name).stem, Path(name).stem)
     assert said.startswith(str(run / name)) and f"scripts/{script}.py" in said
     assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
 
