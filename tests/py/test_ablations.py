@@ -20,7 +20,7 @@ import started
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from study import ablations, blocks, flops, images, paper, patches, registry, run, stats, verdicts
+from study import ablations, blocks, flops, ideas, images, paper, patches, registry, run, stats, verdicts
 from study.ablations import Ablation
 from study.build import build
 from study.cli import StudyError
@@ -62,7 +62,7 @@ def built() -> None:
 @functools.cache
 def picture(name: str, scene: str, folder: Path) -> images.Picture:
     path = folder / f"{name}-{scene}.exr"
-    run.render(name, registry.find_scene(scene).path, HEIGHT, aov=True, out=path, timed=False)
+    run.render(name, ideas.find_scene(scene).path, HEIGHT, aov=True, out=path, timed=False)
     return images.read(path)
 
 
@@ -199,15 +199,20 @@ def test_clang_takes_it_and_gcc_the_counting_source(name, compiler, parsed):
         assert done.returncode == 0, done.stderr[-2000:]
 
 
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("name", NAMES)
+def pictured(name: str) -> list[str]:
+    """SCENES, and what the head names beside common/scenes: made to order, for many shapes."""
+    named = patches.chain(name)[-1].head.get("scenes", "").split()
+    return [*SCENES, *(scene for scene in named if ideas.MADE.fullmatch(scene))]
+
+
+@pytest.mark.parametrize(("name", "scene"), [(name, scene) for name in NAMES for scene in pictured(name)])
 def test_its_picture_is_its_phases(name, scene, folder):
     spec_of(name)
     (ablation, *_), _ = ablations.find([name])
     found, reference = (picture(who, scene, folder) for who in (name, str(ablation.reference)))
-    fractal = registry.find_scene(scene).fractal
+    fractal = ideas.find_scene(scene).fractal
     metrics = images.compare(reference, found, (reference, found) if fractal else None)
-    verdict, failed = ablations.judge(ablation, registry.find_scene(scene), metrics)
+    verdict, failed = ablations.judge(ablation, ideas.find_scene(scene), metrics)
     assert metrics["non_finite"] == 0
     assert verdict in ("identical", "within") or (ablation.error and verdict == "approximate"), failed
 
