@@ -11,8 +11,8 @@ flags.json (made by phase_info.py) holds the phase's flags and variants. A file 
 compiled once per variant, as NAME-VARIANT, with LANES and VARIANT(name) defined. A source is compiled again
 only if its command or a file that it includes has changed.
 
-An ablation, NAME+PATCH, takes over what the build of NAME beside it made, wherever the patch changes nothing that
-the source reads.
+An ablation, NAME+PATCH, takes over what the build of NAME beside it made, wherever its patch changes nothing
+that a source reads.
 
 The timing build by gcc contains all variants. With --here only the variants that this CPU can run are
 compiled, because no other is ever called. Make passes --here for builds that are sanitized, counted, profiled
@@ -108,7 +108,7 @@ def without_line(path: Path) -> str:
 
 
 def take_over(made: Path, command: list[str], tree: Path, build: Path) -> bool:
-    """Takes a result from the build of NAME into that of NAME+PATCH if all files that it read have equal texts.
+    """Takes a result from the build of NAME into that of NAME+PATCH if all that it read has equal texts.
 
     Returns False, with nothing done, if NAME's result is missing, stale or made by another command.
     """
