@@ -190,7 +190,7 @@ def report(result: dict, as_json: bool) -> None:
         print(
             f"n = {result['n']}, {result['launches']} launches of one frame. The gain is the step's, "
             "whichever side has it; FLOPs ×: machine FLOPs with the step over those without it. "
-            "Errors: linear RGB against baseline."
+            "Errors: linear RGB against baseline, or against a phase that has no tolerance to baseline."
         )
         for row in {row["ablation"]: row for row in rows}.values():
             print(f"{row['ablation']}: {row['what']}. Paper: {row['paper']}")

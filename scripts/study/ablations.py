@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from typing import Any
 from tqdm import tqdm
 
 from study import blocks, cli, gate, ideas, images, patches, registry, run, stats, store, verdicts
-from study.build import build
+from study.build import build, build_together
 from study.cli import StudyError
 from study.gallery import Gallery, Size
 from study.registry import ROOT, Scene, Spec
@@ -129,11 +128,8 @@ def build_all(specs: Sequence[Spec], targets: Sequence[str], jobs: int) -> dict[
         except StudyError as error:
             return error
 
-    paths = [f"build/{spec}/{target}" for spec in specs for target in targets]
-    command = ["make", "-s", "-k", f"-j{jobs}", "-C", str(ROOT), *paths]
-    with contextlib.suppress(FileNotFoundError):  # build() says so
-        subprocess.run(command, capture_output=True)  # what is wrong, build() says of each
     tasks = [(spec, target) for spec in specs for target in targets]
+    build_together(tasks, jobs)
     alone = [one(task) for task in tasks[: len(targets)]]  # what all share is built once
     with ThreadPoolExecutor(jobs) as pool:
         rest = pool.map(one, tasks[len(targets) :])

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from study import machine, patches, registry, scaling_scenes, show, store
+from study import patches, registry, scaling_scenes, show, store
 from study.cli import StudyError
 from study.registry import ROOT, Scene
 
@@ -130,8 +130,9 @@ def table(phase: str, run: Path | None) -> list[str]:
         found.append((-gain, _line([patch.head["idea"], scene, *told])))
     about = "Each idea taken out alone: time without it over time with it (`make ideas`"
     if run:
-        cpu = machine.name(result.get("context"))
-        about += f", run `results/reference/{run.name}`; {cpu}, one thread, height {result['n']}"
+        known = (result.get("context") or {}).get("cpu", {}).get("microarchitecture")
+        cpu = f"{known}, " if known else ""
+        about += f", run `results/reference/{run.name}`; {cpu}one thread, height {result['n']}"
     lines = textwrap.wrap(f"{about}).", WIDTH, break_long_words=False, break_on_hyphens=False)
     return [*lines, "", _line(HEADER), _line(["---"] * len(HEADER)), *(line for _, line in sorted(found))]
 

@@ -154,7 +154,7 @@ def test_a_table_of_ideas_is_of_the_newest_run_that_has_them_all(tmp_path: Path)
     assert found == tmp_path / "zen9-2027-01-02"
     lines = ideas.filled(f"a\n\n{ideas.BEGIN}\nold\n\n| x |\n\nb\n", name, found).splitlines()
     assert lines[:3] == ["a", "", ideas.BEGIN] and lines[-2:] == ["", "b"]
-    assert "run `results/reference/zen9-2027-01-02`; AMD EPYC (Zen 9)" in " ".join(lines)
+    assert "run `results/reference/zen9-2027-01-02`; Zen 9, one thread, height 360" in " ".join(lines)
     rows = [line for line in lines if line.startswith("| ")][2:]
     assert len(rows) == len(ideas.of(name)) and all(len(line) <= COLUMNS for line in lines)
     assert rows[0].endswith("| 1.20 [1.00, 2.00] | 101 dB | 12 |")  # the largest gain
