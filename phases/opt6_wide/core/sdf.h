@@ -122,9 +122,9 @@ __attribute__((always_inline)) static inline void wake_of_others(const struct pa
 }
 
 // Evaluates all shapes that may be the nearest, except `sole_shape`, which the caller has evaluated.
-__attribute__((always_inline)) static inline void
-evaluate_awake(struct packet_group *group, int size, const struct prepared *scene,
-               struct sole_shape *sole, struct nearest_so_far *found) {
+static inline void evaluate_awake(struct packet_group *group, int size,
+                                  const struct prepared *scene, struct sole_shape *sole,
+                                  struct nearest_so_far *found) {
     const struct shape_list *list = shapes_of(&group->packet[0], scene);
     int first = sole->shape, last = first, count = first >= 0;
     for (int n = 0; n < list->count; n++) {
@@ -173,8 +173,8 @@ __attribute__((always_inline)) static inline bool distances_of(struct packet_gro
     return !still;
 }
 
-static inline bool scene_distances(struct packet_group *group, const struct prepared *scene,
-                                   struct sole_shape *sole) {
+__attribute__((always_inline)) static inline bool
+scene_distances(struct packet_group *group, const struct prepared *scene, struct sole_shape *sole) {
     return packets_in(group) == UNROLLED ? distances_of(group, UNROLLED, scene, sole)
                                          : distances_of(group, GROUP, scene, sole);
 }
