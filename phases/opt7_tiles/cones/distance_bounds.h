@@ -36,9 +36,9 @@ static inline float near_distance(const struct limits *limits) {
     return (float)(limits->hit_distance + 4.0 * limits->normal_step);
 }
 
-static inline struct packet_rays eye_rays(struct march_scratch *scratch,
-                                          const struct prepared *scene) {
-    return single_packet(scratch->eye, scene->all, scratch->eye_wake);
+static inline struct packet_rays probe_rays(struct march_scratch *scratch,
+                                            const struct prepared *scene) {
+    return single_packet(scratch->probe, scene->all, scratch->probe_wake);
 }
 
 // Lists the wanted shapes of the scene, in both orders, into `shapes`.

@@ -25,9 +25,9 @@ struct march_scratch march_scratch_of(void *memory, const struct model *model) {
     struct march_scratch scratch = {.packets = max_packets(model), .wake = memory};
     size_t packets = (size_t)scratch.packets;
     scratch.local = (struct local_ray *)(scratch.wake + packets * n);
-    scratch.eye_wake = (vfloat *)(scratch.local + packets * n);
-    scratch.eye = (struct local_ray *)(scratch.eye_wake + n);
-    scratch.distance = (vfloat *)(scratch.eye + n);
+    scratch.probe_wake = (vfloat *)(scratch.local + packets * n);
+    scratch.probe = (struct local_ray *)(scratch.probe_wake + n);
+    scratch.distance = (vfloat *)(scratch.probe + n);
     scratch.axis = (struct local_ray *)(scratch.distance + n);
     scratch.levels[0] = (vmask *)(scratch.axis + n);
     for (int level = 1; level < CONE_LEVELS; level++)
@@ -35,8 +35,8 @@ struct march_scratch march_scratch_of(void *memory, const struct model *model) {
     scratch.offered[0] = (int *)(scratch.levels[0] + CONE_LEVELS * n);
     for (int level = 1; level < CONE_LEVELS; level++)
         scratch.offered[level] = scratch.offered[0] + 2 * level * n;
-    scratch.tile = scratch.offered[0] + 2 * CONE_LEVELS * n;
-    scratch.mirror = scratch.tile + 2 * n;
+    scratch.patch = scratch.offered[0] + 2 * CONE_LEVELS * n;
+    scratch.mirror = scratch.patch + 2 * n;
     scratch.shadow = scratch.mirror + 2 * n;
     scratch.wanted = (bool *)(scratch.shadow + 2 * n);
     return scratch;

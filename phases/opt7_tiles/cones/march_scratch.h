@@ -15,15 +15,15 @@ struct march_scratch {
     int packets;  // in the largest group: GROUP if the scene has a Mandelbulb, else SMALL_GROUP
     vfloat *wake; // of the rays that march: `packets` for each shape
     struct local_ray *local;
-    vfloat *eye_wake; // of cones and bundles
-    struct local_ray *eye;
+    vfloat *probe_wake;         // of rays that only ask for bounds: axes of cones and bundles
+    struct local_ray *probe;    // the axis of a bundle
     vfloat *distance;           // at the ends of a bundle's intervals
     struct local_ray *axis;     // of cones
     vmask *levels[CONE_LEVELS]; // lanes whose cone can meet the shape, for the cones of each level
     vmask *met;                 // the level of the cones that march now
     int *offered
         [CONE_LEVELS]; // the shapes that cones of a level have met: the list of the next level
-    int *tile, *mirror,
+    int *patch, *mirror,
         *shadow;  // lists: in the scene's order, then again in the order of evaluation
     bool *wanted; // whether each shape goes on the list in work
 };

@@ -102,8 +102,8 @@ static struct ray_bundle bundle_of(const struct ray_group *rays, const vfloat *l
     return b;
 }
 
-// Returns the ends of the intervals, as parts of the whole path. Each interval is 1.5 times (16 lanes) or twice (8) as
-// long as the one before it.
+// Returns the ends of the intervals, as parts of the whole path. From the second on, each end is 1.5 times (16 lanes)
+// or twice (8) as far as the one before it.
 static vfloat interval_ends(void) {
 #if LANES == 16
     static const float ends[LANES] = {0,          0.00342551f, 0.00513826f, 0.00770739f,
@@ -152,14 +152,14 @@ static vfloat bounds_at(vfloat ends, const struct ray_bundle *b, enum list_kind 
                         const struct prepared *scene, struct march_scratch *scratch) {
     COUNT(bounds_at, call);
     vfloat least = v_splat(INFINITY);
-    struct packet_rays packet = eye_rays(scratch, scene);
+    struct packet_rays packet = probe_rays(scratch, scene);
     set_local_origins(b->from, scene, &packet);
     set_local_directions(b->axis, scene, &packet);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct primitive *primitive = &scene->primitives[i];
         if (primitive->trust == BOUND_NONE)
             continue;
-        vfloat d = lower_bound(&scratch->eye[i], ends, primitive);
+        vfloat d = lower_bound(&scratch->probe[i], ends, primitive);
         if (primitive->trust == BOUND_LIPSCHITZ) {
             COUNT(bounds_at, distance);
             least = v_min(upper_bound(d, primitive), least);

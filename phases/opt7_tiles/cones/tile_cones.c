@@ -47,7 +47,7 @@ static void touch_all(vmask lanes, struct shape_list offered, vmask *met) {
 }
 
 static struct packet_rays axis_rays(struct march_scratch *scratch, struct shape_list list) {
-    return single_packet(scratch->axis, list, scratch->eye_wake);
+    return single_packet(scratch->axis, list, scratch->probe_wake);
 }
 
 void set_cone_origins(struct point eye, const struct prepared *scene,
@@ -148,5 +148,5 @@ struct shape_list list_of_cone(int lane, const struct prepared *scene,
         if (scratch->wanted[i] && scene->primitives[i].trust == BOUND_BALL)
             *start = 0.0f;
     }
-    return list_wanted_hits(scratch->wanted, scene, scratch->tile);
+    return list_wanted_hits(scratch->wanted, scene, scratch->patch);
 }

@@ -62,7 +62,7 @@ static bool next_camera_packet(struct ray_stream *stream, int number, struct tra
     vmask waiting = v_mask_of_bits(queues->camera_active[number]);
     ACTIVE(v_count(waiting));
     COUNT(next_camera_packet, call);
-    stream->packet = eye_rays(world->scratch, world->scene);
+    stream->packet = probe_rays(world->scratch, world->scene);
     set_local_origins(world->eye, world->scene, &stream->packet);
     set_local_directions(direction, world->scene, &stream->packet);
     stream->ready.shade.exit = bounds_exit_of(world->eye, direction, &world->scene->model);

@@ -11,13 +11,13 @@ struct local_ray; // core/shape_distances.h
 struct march_scratch {
     vfloat *wake; // GROUP for each shape, as `local`: of the rays that march
     struct local_ray *local;
-    vfloat *eye_wake; // of cones and bundles
-    struct local_ray *eye;
-    vfloat *distance;       // at the ends of a bundle's intervals
-    struct local_ray *axis; // of cones
-    vmask *met;             // lanes whose cone can meet the shape
-    int *offered;           // list of the shapes that wider cones have met
-    int *tile, *mirror,
+    vfloat *probe_wake;      // of rays that only ask for bounds: axes of cones and bundles
+    struct local_ray *probe; // the axis of a bundle
+    vfloat *distance;        // at the ends of a bundle's intervals
+    struct local_ray *axis;  // of cones
+    vmask *met;              // lanes whose cone can meet the shape
+    int *offered;            // list of the shapes that wider cones have met
+    int *patch, *mirror,
         *shadow;  // lists: in the scene's order, then again in the order of evaluation
     bool *wanted; // whether each shape goes on the list in work
 };

@@ -111,7 +111,7 @@ static struct shape_list list_without_bulbs(const struct prepared *scene,
                                             struct march_scratch *scratch) {
     for (int i = 0; i < scene->model.shape_count; i++)
         scratch->wanted[i] = scratch->wanted[i] && scene->primitives[i].trust != BOUND_BALL;
-    return list_wanted(scratch->wanted, scene, scratch->tile);
+    return list_wanted(scratch->wanted, scene, scratch->patch);
 }
 
 // Marches and shades the camera rays of a patch. Colours go into the worker's scratch memory, from pixel `at` on.

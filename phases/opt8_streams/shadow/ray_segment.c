@@ -215,7 +215,7 @@ static bool next_shadow_packet(struct ray_stream *stream, int number, struct tra
         return false;
     ACTIVE(v_count(waiting));
     COUNT(next_shadow_packet, call);
-    stream->packet = eye_rays(world->scratch, world->scene);
+    stream->packet = probe_rays(world->scratch, world->scene);
     set_local_origins(origin, world->scene, &stream->packet);
     set_local_directions(to_light, world->scene, &stream->packet);
     stream->ready.shade =

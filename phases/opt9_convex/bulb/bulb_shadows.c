@@ -211,9 +211,9 @@ INLINE void over_bulb(int i, const struct shadow_march *m, const struct known_sc
     }
     COUNT(plane_is_nearest_for_good, plane);
     const struct shadow_candidate *plane = &m->candidates[scene->plane];
-    struct vec p = vec_along(candidate->origin, candidate->direction, m->from);
+    struct vec p = vec_along(candidate->origin, candidate->direction, m->step_began);
     vfloat square = vec_dot(p, p), r = v_sqrt(square), grown = v_log(r);
-    vfloat slope = plane->direction.x, height = v_madd(m->from, slope, plane->origin.x);
+    vfloat slope = plane->direction.x, height = v_madd(m->step_began, slope, plane->origin.x);
     vmask under = v_cmp_lt(height, r * grown * v_splat(0.33f));
     vmask stays =
         v_cmp_ge(v_madd(grown, v_splat(0.33f), v_splat(0.33f)) * vec_dot(p, candidate->direction),
@@ -274,7 +274,7 @@ static void retire_shadow_rays(struct refilled_packet *from, struct refilled_pac
     if (leaving) {
         vmask which = v_mask_of_bits(leaving);
         from->march.previous = v_select(which, v_load(from->previous), from->march.previous);
-        from->march.from = v_select(which, v_load(from->from), from->march.from);
+        from->march.step_began = v_select(which, v_load(from->from), from->march.step_began);
     }
     while (leaving) {
         struct refilled_packet *to = &pools->out[pools->leaving / LANES];
@@ -312,7 +312,7 @@ static inline int step_refilled(struct shadow_march *m, struct refilled_packet *
             vfloat born = v_load(pool[k].born);
             v_store(v_select(behind, born - v_splat((float)steps), born), pool[k].born);
             v_store(v_select(behind, m[k].previous, v_load(pool[k].previous)), pool[k].previous);
-            v_store(v_select(behind, m[k].from, v_load(pool[k].from)), pool[k].from);
+            v_store(v_select(behind, m[k].step_began, v_load(pool[k].from)), pool[k].from);
             pool[k].leaving |= v_mask_bits(behind);
             m[k].done = v_or(m[k].done, behind);
         }

@@ -42,7 +42,7 @@ struct packet_cones {
 // least t.
 struct query_bundle {
     struct vec centre, to_light;
-    float radius, spread, q, from;
+    float radius, spread, q, least_t;
 };
 
 // Makes a bundle of the first open ray and all open rays within `near` of it. They become `now`.
@@ -192,7 +192,7 @@ static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, 
         COUNT(cone_query_rays, query);
         float a = 1 - q * q;
         struct ray_cone about = {bundle.centre, bundle.to_light, v_splat(q), v_splat(a),
-                                 v_splat(a * bundle.from)};
+                                 v_splat(a * bundle.least_t)};
         cone_query_bundle(tree, &about, v_splat(bundle.radius), cones, count, leaf);
         left = false;
         for (int i = 0; i < count; i++)

@@ -36,8 +36,8 @@ static const char *why_not(struct prepared *trial, const struct scene *scene, bo
         return "a BVH needs a solid, no Mandelbulb, no \"repeat\" and march.max_steps of 256 or "
                "more: list draws this scene";
     if (!set_local_cameras(trial, &scene->view, sixteen))
-        return "the camera should be within march.bounds_radius and outside of every shape's "
-               "bounding sphere: march draws this scene";
+        return "the camera should be within march.bounds_radius, above every plane and outside of "
+               "every shape's bounding sphere: march draws this scene";
     return NULL;
 }
 

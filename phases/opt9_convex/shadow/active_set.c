@@ -51,7 +51,7 @@ void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vf
     COUNT(set_active_set, scalar);
     const struct prepared *scene = work->scene;
     struct active_set *v = &batch->set;
-    struct vec p = vec_along(w->from, w->rays.to_light, w->march.t), l = w->rays.to_light;
+    struct vec p = vec_along(w->start, w->rays.to_light, w->march.t), l = w->rays.to_light;
     int one = __builtin_ctz(v_mask_bits(last));
     float near = lane_of(h, one), left = lane_of(w->march.end - w->march.t, one);
     v->within = float_max(ACTIVE_GROWTH * near, ACTIVE_RADIUS * scene->bvh.spacing);
@@ -69,7 +69,7 @@ void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vf
         struct batch_packet *each = &batch->packet[i];
         ACTIVE(LANES - v_count(each->march.done));
         COUNT(set_active_set, packet);
-        struct vec at = vec_along(each->from, each->rays.to_light, each->march.t);
+        struct vec at = vec_along(each->start, each->rays.to_light, each->march.t);
         each->waits = v_cmp_ge(distance_from_segment(v, at), v_splat(v->room));
     }
 }
@@ -104,7 +104,7 @@ void set_falling_bounds(struct shadow_batch *batch) {
         struct batch_packet *w = &batch->packet[i];
         ACTIVE(LANES - v_count(is_idle(w)));
         COUNT(set_falling_bounds, packet);
-        w->at = vec_along(w->from, w->rays.to_light, w->march.t);
+        w->at = vec_along(w->start, w->rays.to_light, w->march.t);
         vfloat nearest = idle_or_infinite(w);
         struct falling_bound *below = v->below + i;
         int recent = 0, solids = v->solids;
@@ -221,7 +221,7 @@ void active_nearest(struct shadow_batch *batch) {
         ACTIVE(LANES - v_count(is_idle(w)));
         COUNT(active_nearest, packet);
         walking |= 1u << i;
-        w->at = vec_along(w->from, w->rays.to_light, w->march.t);
+        w->at = vec_along(w->start, w->rays.to_light, w->march.t);
         w->least = idle_or_infinite(w);
         tested[i] = w->recent;
         if (v->count > 0)

@@ -16,14 +16,14 @@ static bool needs_cone_query(const struct batch_packet *w, struct cone_request *
     vfloat q = v_sqrt(m->square / m->divisor) *
                v_splat(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // q bounds the term of the step to here only if that step began at q·t or further from all shapes.
-    vmask queried = v_andnot(m->done, v_cmp_ge(m->previous, q * m->from));
+    vmask queried = v_andnot(m->done, v_cmp_ge(m->previous, q * m->step_began));
     queried = v_and(queried, v_or(v_cmp_ge(m->t, w->until),
                                   v_cmp_lt(q, w->query_slope * v_splat(REQUERY_SLOPE))));
     // Along a ray from a convex solid, the solid's distance over t never falls. It was q or more where the
     // last step began, so the query leaves the solid out. A ray without a step (`from` is 0) has no such
     // bound.
     bool convex = w->solid >= 0 && work->scene->primitives[w->solid].convex;
-    vfloat excluded = v_select(v_cmp_gt(m->from, v_splat(0.0f)),
+    vfloat excluded = v_select(v_cmp_gt(m->step_began, v_splat(0.0f)),
                                v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
     *asking = (struct cone_request){
         .rays = &w->rays, .t = m->t, .q = q, .excluded = excluded, .queried = queried};
@@ -75,7 +75,7 @@ typedef float rows_of[BATCH_RAYS + LANES];
 // begins; shadow/shadow_batch.h has their lengths.
 enum { MARCH_AT = offsetof(struct batch_packet, march) + offsetof(struct shadow_march, t) };
 enum { RAYS_AT = offsetof(struct batch_packet, rays) + offsetof(struct shadow_rays, point) };
-enum { OWN_AT = offsetof(struct batch_packet, from) };
+enum { OWN_AT = offsetof(struct batch_packet, start) };
 
 // `rows` is a constant at each call, so the compiler unrolls the loop.
 static inline void pack_rows(vindex first, const struct batch_packet *w, size_t from, int rows,

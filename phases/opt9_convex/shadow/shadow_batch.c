@@ -114,7 +114,7 @@ static void load_batch_packet(struct batch_packet *w, int first, int end,
     int shape = (int)v_lane0(w->rays.shape);
     w->solid = work->scene->primitives[shape].eval == EVAL_LINEAR ? -1 : shape;
     w->local_to = w->rays.to_light;
-    w->from =
+    w->start =
         (struct vec){w->rays.point.x - v_splat(origin[0]), w->rays.point.y - v_splat(origin[1]),
                      w->rays.point.z - v_splat(origin[2])};
 }

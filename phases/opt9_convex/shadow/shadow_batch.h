@@ -14,7 +14,7 @@ enum { BATCH_PACKETS = 8, BATCH_RAYS = BATCH_PACKETS * LANES };
 struct batch_packet {
     struct shadow_march march;
     struct shadow_rays rays;
-    struct vec from;           // their start, relative to batch.origin
+    struct vec start;          // of the rays, relative to batch.origin
     struct vec local_to;       // rays from a solid: to_light in its frame
     vfloat until, query_slope; // the last cone query: its blocker ends at `until`; its slope
     vfloat ray;                // index in the queue
@@ -26,13 +26,13 @@ struct batch_packet {
     int solid;  // on which all rays start, −1: planes
 };
 
-// Vectors that move with a ray to another packet: runs that begin at march.t, at rays.point and at `from`.
+// Vectors that move with a ray to another packet: runs that begin at march.t, at rays.point and at `start`.
 enum { RAY_REALS = 11, BATCH_REALS = 9, BATCH_ROWS = MARCH_REALS + RAY_REALS + BATCH_REALS };
 
 _Static_assert(offsetof(struct shadow_rays, shape) ==
                        offsetof(struct shadow_rays, point) + (RAY_REALS - 1) * sizeof(vfloat) &&
                    offsetof(struct batch_packet, ray) ==
-                       offsetof(struct batch_packet, from) + (BATCH_REALS - 1) * sizeof(vfloat),
+                       offsetof(struct batch_packet, start) + (BATCH_REALS - 1) * sizeof(vfloat),
                "one behind the other");
 
 // A shape of an active set.

@@ -44,8 +44,8 @@ struct shadow_march {
     struct shadow_candidate *candidates; // one per shape
     const struct shape_set *listed;      // the shapes that can be the nearest
     vmask done;
-    vfloat t, from, previous,
-        end; // from: where the step to t began, at distance `previous` from the shapes
+    vfloat t, step_began, previous,
+        end; // step_began: where the step to t began, at distance `previous` from the shapes
     vfloat square, divisor;  // the least term is √(square/divisor): one root at the end
     vfloat linear, constant; // t·(t + linear) + constant > 0: outside the bounds
     vmask sole_solid;        // rays that one convex solid alone can darken

@@ -63,7 +63,7 @@ void sort_shadow_rays(struct worker_scratch *scratch, const struct prepared *sce
     sort_by(scratch->code, 8, count, scratch->order[1], scratch->order[0]);
 }
 
-// A batch holds rays from one solid only, or rays from planes: walk.solid relies on it. Rays from one solid
+// A batch holds rays from one solid only, or rays from planes: batch_packet.solid relies on it. Rays from one solid
 // stay close together. Among rays from two solids, some would wait wherever the others march.
 int batch_end(const struct worker_scratch *scratch, int first) {
     const unsigned short *order = scratch->order[0];

@@ -143,7 +143,7 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
     m->candidates = candidates;
     m->listed = listed;
     m->previous = v_splat(1e9f);
-    m->from = v_splat(0.0f);
+    m->step_began = v_splat(0.0f);
     m->divisor = v_splat(1.0f);
     ACTIVE(v_count(r->active));
     COUNT(begin_march, call);
@@ -214,7 +214,7 @@ static inline void end_past_minimum(struct shadow_march *m, vfloat from, vfloat 
                                     vfloat enough) {
     ACTIVE(LANES - v_count(m->done));
     COUNT(end_past_minimum, call);
-    vfloat h = m->previous, t = m->from;
+    vfloat h = m->previous, t = m->step_began;
     vmask risen =
         v_cmp_ge_in(v_cmp_lt_in(m->sole_solid, before, v_splat(q) * from), h * from, before * t);
     vfloat least = m->square * (t * t), now = m->divisor * (h * h);
@@ -254,7 +254,7 @@ void cast_packets(const struct tile_context *work) {
                     continue;
                 struct shadow_march *m = &c->march;
                 if (c->steps-- > 0 && !v_all(m->done)) {
-                    vfloat from = m->from, before = m->previous;
+                    vfloat from = m->step_began, before = m->previous;
                     shadow_step(m,
                                 nearest_candidate(m->candidates, m->listed, m->t, m->done, scene),
                                 strength, hit, 0.0f);

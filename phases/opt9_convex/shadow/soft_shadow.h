@@ -37,8 +37,8 @@ static inline vmask off_surfaces(const struct shadow_march *m, vfloat h, vfloat 
 static inline void advance_by(struct shadow_march *m, vfloat h, vmask live) {
     COUNT(advance_by, call);
     m->previous = h;
-    live = v_cmp_ngt_in(live, m->from, m->end); // the step to t began beyond the end
-    m->from = m->t;
+    live = v_cmp_ngt_in(live, m->step_began, m->end); // the step to t began beyond the end
+    m->step_began = m->t;
     m->t = m->t + v_select_or_zero(live, h);
     live = v_cmp_ngt_in(live, v_madd(m->t, m->t + m->linear, m->constant), v_splat(0.0f));
     m->done = v_not(live);
@@ -72,7 +72,7 @@ shadow_step(struct shadow_march *m, vfloat h, vfloat strength, vfloat hit_distan
 // formed.
 static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vfloat strength,
                                vfloat hit, bool settled) {
-    vfloat previous = m->previous, from = m->from;
+    vfloat previous = m->previous, from = m->step_began;
     m->done = still;
     ACTIVE(LANES - v_count(still));
     if (settled)
@@ -80,7 +80,7 @@ static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vf
     else
         shadow_step(m, h, strength, hit, 0.0f);
     m->previous = v_select(still, previous, m->previous);
-    m->from = v_select(still, from, m->from);
+    m->step_began = v_select(still, from, m->step_began);
 }
 
 // Loads the packet at queue index `first`. Member by member: gcc copies a whole struct twice.
