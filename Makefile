@@ -23,7 +23,7 @@ study: setup ## install what is needed, build, sweep, verify, count, write repor
 demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
 	@$(PY) scripts/demo.py $(ARGS)
 
-test: setup-test ## install what is needed and run every test (12 to 18 minutes on 2 quiet cores, up to 25 on busy ones)
+test: setup-test ## install what is needed and run every test (18 to 25 minutes on 2 cores)
 	@$(MAKE) --no-print-directory check
 
 phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
@@ -35,11 +35,13 @@ tree-%: ; @echo $(call tree_of,$*) ## where the whole source tree of one phase i
 
 phases: $(PHASES:%=$(BUILD)/%/render) ## build every phase
 
-verify: setup ## pictures of PHASE=… (default: all) against baseline's at N=360, judged by each phase's tolerance
-	@$(PY) scripts/verify.py -n $(N) --phase $(filter-out baseline,$(PHASE)) $(ARGS)
+SCENES_ASKED = $(if $(SCENE), --scene $(SCENE))
 
-sweep: setup ## time PHASE=… (default: all), e.g. make sweep PHASE=opt4 N=360
-	@$(PY) scripts/sweep.py -n $(N) --phase $(PHASE) $(ARGS)
+verify: setup ## pictures of PHASE=… and SCENE=… (default: all) against baseline's at N=360, judged by each phase's tolerance
+	@$(PY) scripts/verify.py -n $(N) --phase $(filter-out baseline,$(PHASE))$(SCENES_ASKED) $(ARGS)
+
+sweep: setup ## time PHASE=… on SCENE=… (default: all), e.g. make sweep PHASE=opt4 SCENE=scene0 N=360
+	@$(PY) scripts/sweep.py -n $(N) --phase $(PHASE)$(SCENES_ASKED) $(ARGS)
 
 flops: setup ## FLOPs (Table 1), declared costs held against the blocks that were executed; PHASE=…: of one phase
 	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/flops.py --validate -n $(VALIDATION_N) --phase $(PHASE),scripts/run_study.py --part flops) $(ARGS)
@@ -57,7 +59,7 @@ truth: setup ## the exact pictures of SCENE=… (default: scene0) at N=360, in p
 	@$(PY) scripts/truth.py $(or $(SCENE),scene0) -n $(N) $(ARGS)
 
 accuracy: setup ## every phase against truth: hits, distances, normals, shadows, colours; PHASE=…: of one phase
-	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/accuracy.py -n $(N) --phase $(PHASE),scripts/run_study.py --part accuracy) $(ARGS)
+	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/accuracy.py -n $(N) --phase $(PHASE)$(SCENES_ASKED),scripts/run_study.py --part accuracy) $(ARGS)
 
 enclosures: setup-test ## truth's enclosures against exact roots, 100,000 random and adversarial rays per shape
 	@STEPWISE_RAYS=100000 $(PY) -m pytest -q tests/py/test_enclosures.py $(ARGS)

@@ -132,8 +132,11 @@ def main() -> int:
         print(
             f"     make tree-{options.name} says where all its files are; make phase-{options.name} builds it"
         )
-    print(f"  3. make verify PHASE={options.name}")
-    print(f'  4. make sweep PHASE="{options.parent} {options.name}"')
+    both = f'PHASE="{options.parent} {options.name}"'
+    print(f"  3. make verify PHASE={options.name} SCENE=scene0 N=90   (pictures against baseline's)")
+    print(f"  4. make accuracy {both} SCENE=scene0 N=90   (against ground truth)")
+    print(f"  5. make sweep {both} SCENE=scene0   (speed, in turn)")
+    print(f"  6. make flops PHASE={options.name}   (after a change of arithmetic: costs.def)")
     return cli.OK
 
 

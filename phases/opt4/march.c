@@ -196,7 +196,8 @@ void ray_march(struct point origin, struct vec direction, vmask active, const st
 
 // Returns the light that reaches the point, 0 ... 1, with a penumbra. S. Aaltonen's estimator (GDC
 // 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
-// passes the light and ends at the bounds, as in the paper.
+// passes the light and ends at the bounds, as in the paper. A ray that hits is not set to 0: its steps
+// shrink towards the surface, and so do the terms. With longer steps a hit would have to be set to 0.
 static vfloat soft_shadow(vmask active, struct exit exit, const struct world *world) {
     COUNT(soft_shadow, call);
     const struct prepared *scene = world->scene;

@@ -16,7 +16,8 @@ BASE, SECOND_BASE = "baseline", "opt2"
 SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
 SPEED += [("launches", "launches"), ("ms", "median ms [95 %]"), ("ns_per_pixel", "ns/pixel [95 %]")]
 SPEED += [("tsc_cycles", "TSC cycles"), ("core_cycles_per_pixel", "core cycles/pixel")]
-SPEED += [("speedup", f"× {BASE} [95 %]"), ("second_speedup", "× second base [95 %]")]
+SPEED += [("speedup", f"× {BASE} [95 %]"), ("parent_speedup", "× parent [95 %]")]
+SPEED += [("second_speedup", "× second base [95 %]")]
 SPEED += [("second_base", "second base")]
 
 
@@ -35,7 +36,8 @@ def second_base(row: pd.Series, specs: Sequence[str]) -> str | None:
 
 
 def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
-    """Rows with Interval values: ms, ns_per_pixel, speedup (baseline / this), second_speedup.
+    """Rows with Interval values: ms, ns_per_pixel, and the ratios base / this: speedup (baseline's time),
+    parent_speedup and second_speedup. None where the base was not timed.
 
     A base has the same scene and size, and the same threads or else one thread.
     """
@@ -58,7 +60,7 @@ def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
                     return stats.ratio_interval(times, ns)
             return None
 
-        other = second_base(row, list(same["spec"].unique()))
+        other, parent = second_base(row, list(same["spec"].unique())), phases().get(row["spec"])
         tsc, core = (
             values[name].loc[values[name]["config"] == config, "value"].median()
             for name in ("tsc_cycles", "core_cycles")
@@ -73,6 +75,7 @@ def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
                 "tsc_cycles": tsc,
                 "core_cycles_per_pixel": core / pixels,
                 "speedup": speedup(BASE),
+                "parent_speedup": speedup(parent.parent if parent else None),
                 "second_base": other if other != row["spec"] else None,
                 "second_speedup": speedup(other),
             }

@@ -609,6 +609,7 @@ def test_phases_with_other_flags_bring_their_second_base(tmp_path):
     assert rows["opt3"]["second_speedup"]["value"] == pytest.approx(ratio)
     assert rows["opt3"]["second_speedup"]["sufficient"]
     assert (rows["opt3"]["speedup"], rows["opt2@opt3"]["second_speedup"]) == (None, None)
+    assert rows["opt3"]["parent_speedup"] is None  # opt2 with flags of its own was not timed
     frames = only_run(tmp_path).frames()
     assert frames.groupby("spec")["flags"].unique().map(len).eq(1).all()
     assert frames["flags"].nunique() == 1  # the same flags, that is the point
@@ -616,3 +617,13 @@ def test_phases_with_other_flags_bring_their_second_base(tmp_path):
 
 def test_this_process_leaves_the_measured_cpu(measured):
     assert measured[0].plan["cpu"] == run.USABLE[-1]
+
+
+def test_a_phase_is_compared_with_its_parent(tmp_path):
+    small = ["--phase", "opt1", "opt2", "--scene", "cubes", "-n", "8", "--launches", "6", "--reps", "1"]
+    done = sweep(*small, "--no-second-base", "--results", tmp_path, "--json")
+    assert done.returncode == 0, done.stderr
+    rows = {row["spec"]: row for row in json.loads(done.stdout)["rows"]}
+    ratio = rows["opt1"]["ms"]["value"] / rows["opt2"]["ms"]["value"]
+    assert rows["opt2"]["parent_speedup"]["value"] == pytest.approx(ratio)
+    assert rows["opt1"]["parent_speedup"] is None
