@@ -211,21 +211,20 @@ def constant(phase: str, file: str, pattern: str) -> float:
     return float(found[1])
 
 
-PRIMITIVES = "core/primitives.c"
+UPDATE, BOUNDS = "core/update.c", "cones/distance_bounds.h"
 RADIUS, TANGENT = r"#define BALL_RADIUS ([\d.]+)f", r"#define FAR_TANGENT ([\d.]+)f"
 
 
 def test_the_mandelbulbs_bounds_are_the_same_in_opt8() -> None:
-    assert constant(PHASE, PRIMITIVES, RADIUS) == constant("opt8_streams", PRIMITIVES, RADIUS)
-    own, opt8s = "cones/ray_bundles.c", "cones/distance_bounds.h"
-    assert constant(PHASE, own, TANGENT) == constant("opt8_streams", opt8s, TANGENT)
+    for file, pattern in ((UPDATE, RADIUS), (BOUNDS, TANGENT)):
+        assert constant(PHASE, file, pattern) == constant("opt8_streams", file, pattern)
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 4, 20])
 @pytest.mark.parametrize("bailout", [4, 256, 10000])
 def test_the_mandelbulbs_bounds_hold(iterations, bailout, tmp_path) -> None:
     """Outside of its ball the estimate is positive and above both lines that stand for it in a list."""
-    radius, tangent = constant(PHASE, PRIMITIVES, RADIUS), constant(PHASE, "cones/ray_bundles.c", TANGENT)
+    radius, tangent = constant(PHASE, UPDATE, RADIUS), constant(PHASE, BOUNDS, TANGENT)
     bulb = {"type": "mandelbulb", "power": 8, "iterations": iterations, "bailout": bailout}
     scene = FEATURES["everything"] | {"shapes": [bulb | {"material": "plain"}]}
     (tmp_path / "bulb.json").write_text(json.dumps(scene))
