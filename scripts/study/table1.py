@@ -17,11 +17,13 @@ TERMS = {
         distance_to_shape coordinate
         vec_wrapped stay_in place_at place_sub point_* vec_double_* wide_* places places_along lane_place
         lane_coordinate points_along shape_inside
+        to_local_ray move_local_origins
     """,
     "vector library": """
         vec_* new_vector root_* rough_* rooted twice_* divided_by inverse_root inverses_of known_inverses
         least_lane most_lane
         shared_inverses
+        square_root inverse_sqrt
     """,
     "distance functions": """
         sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
@@ -43,6 +45,7 @@ TERMS = {
         graze grazed material_seen
         add_phong closest_mirror_hit cull_shadows find_surfaces primary_light primary_material queue_or_add
         scale_by_self_shadow shade_packets shade_primary_hit shade_primary_row
+        lighting_at shade_batch queue_mirror_rays
     """,
     "cones, tiles, lists and trees": """
         bounds_at bundle_of can_be_* cones_around corner_* get_cones intervals_of list_of_cone
@@ -61,6 +64,8 @@ TERMS = {
         set_active_set
         sphere_in_bundle_cone sphere_in_frustum sphere_in_window sphere_limits_leap sphere_met_by_ray
         support_of
+        bundle_frustum box_in_frustum boxes_in_frustum expected_solids farthest_hit all_rays_valid
+        traverse_*
     """,
     "closed forms and Newton's steps": """
         first_hit intersect* take_nearer occluded ask_* meet_* meets_bulbs enter* go_alone
@@ -69,6 +74,7 @@ TERMS = {
         bounds_distance cells_occlude evaluate_candidate first_entry first_entry_in_cells hit_bundles
         hit_cells hit_cells_of_bundles hit_copy hit_from_surface hit_whole_packet in_copy_frame
         is_same_point set_candidate_ray start_beside_copy store_chebyshev_hit walk_single_rays
+        sphere_interval cone_interval box_interval entry_distance depth_inside trace_single_ray trace_part
     """,
     "shadow rays' set-up": """
         cast* choose_shading choose_shapes cleared ball_* bundle_about bulges flat_within slant_at
@@ -87,6 +93,7 @@ TERMS = {
         march_leaving_rays may_enter_sphere misses_bulb move_rays_to_lanes needs_cone_query
         next_shadow_packet prepare_packet query_bundle_of segment_before_plane segment_of self_shadow
         store_bulb_light store_lit trivially_lit
+        queue_shadow_rays
     """,
     "marching": """
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
@@ -100,10 +107,12 @@ TERMS = {
         plane_is_sole_hit prepare_pieces query_ahead queue_camera_rays_single queue_close queue_patch
         renew_active_set resume_march segment_within shadow_step shadow_stream_step single_bulb_distances
         solid_exit_step store_march_result store_pieces store_slope store_terms take_bulb_hits
+        load_starts
     """,
     "rays of the camera": """
         camera_direction get_direction get_rays set_camera_ray phase_render store* put_pixel draw_*
         render_patch* render_tile column_of direction_in row_of_picture
+        camera_rays
     """,
 }
 DISTANCE = "distance functions"
