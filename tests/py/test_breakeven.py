@@ -147,7 +147,7 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     assert spheres["generated"] and 0 < spheres["compile_s"] <= spheres["setup_s"]
     assert 0 < spheres["setup_found_ms"] < 1e3 * spheres["compile_s"]
     assert spheres["error"]["psnr_db"] is None or spheres["error"]["psnr_db"] > 100
-    assert not crowd["generated"] and "tree" in crowd["reason"]
+    assert not crowd["generated"] and "BVH" in crowd["reason"]
     monkeypatch.setenv("STEPWISE_CC", "none")
     assert run_command(monkeypatch, *words) == cli.OK
     capsys.readouterr()

@@ -21,10 +21,10 @@ struct march_scratch {
     struct local_ray *axis;     // of cones
     vmask *levels[CONE_LEVELS]; // lanes whose cone can meet the shape, for the cones of each level
     vmask *met;                 // the level of the cones that march now
-    int *offered
-        [CONE_LEVELS]; // the shapes that cones of a level have met: the list of the next level
-    int *patch, *mirror,
-        *shadow;  // lists: in the scene's order, then again in the order of evaluation
+    // The shapes that cones of a level have met: the list of the next level.
+    int *offered[CONE_LEVELS];
+    // Lists: in the scene's order, then again in the order of evaluation.
+    int *patch, *mirror, *shadow;
     bool *wanted; // whether each shape goes on the list in work
 };
 

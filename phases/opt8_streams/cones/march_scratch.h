@@ -17,8 +17,8 @@ struct march_scratch {
     struct local_ray *axis;  // of cones
     vmask *met;              // lanes whose cone can meet the shape
     int *offered;            // list of the shapes that wider cones have met
-    int *patch, *mirror,
-        *shadow;  // lists: in the scene's order, then again in the order of evaluation
+    // Lists: in the scene's order, then again in the order of evaluation.
+    int *patch, *mirror, *shadow;
     bool *wanted; // whether each shape goes on the list in work
 };
 
