@@ -70,20 +70,24 @@ def originals(folder: Path) -> list[list[str]]:
 
 
 def ladder_block(data: Data, rows: pd.DataFrame) -> str:
-    """The README's one table: a row a phase, then the paper's own program where the run has it."""
+    """The README's one table: a row a phase, then the paper's own program where the run has it.
+
+    The ratio to baseline is shown where baseline was held beside the paper's program.
+    """
     found, bound, known = by_phase(rows), limits(data), registry.ladder()
+    ratios = original.held_beside(data.path)
     size = next(iter(next(iter(found.values())).values()))
     head = ["phase", "idea", "bound by"]
     for scene in SCENES:
-        head += [f"{scene}, ms [95 %]", "× baseline [95 %]", "dB"]
+        head += [f"{scene}, ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]
     lines = []
     for phase in sorted(found, key=lambda name: known[name].order if name in known else 99):
         title = known[phase].title if phase in known else ""
         cells = [f"[`{phase}`](phases/{phase}/NOTES.md)", title, bound.get(phase, show.NOTHING)]
         for scene in SCENES:
-            cells += _cells(found[phase].get(scene))
+            cells += _cells(found[phase].get(scene), ratios)
         lines.append(cells)
-    table = markdown(head, lines + originals(data.path))
+    table = markdown(head, lines + (originals(data.path) if ratios else []))
     at = truth_height([row for several in found.values() for row in several.values()])
     note = (
         f"{size['width']}×{size['height']}, one thread, {provenance.place(data.context)}. Times are medians "
