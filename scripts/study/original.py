@@ -169,16 +169,14 @@ def measure(programs: Mapping[str, Path], scene: Scene, phase: str, settings: Se
 def sentence(row: Row) -> str:
     """A row for people."""
     ratio, theirs, ours = (row[name] for name in ("ours_over_theirs", "theirs_ms", "ours_ms"))
-    ends = (
-        f" [{ratio['low']:.3f}, {ratio['high']:.3f}]"
-        if ratio["sufficient"]
-        else " (no interval: few launches)"
-    )
-    psnr = "identical" if row["psnr_display_db"] is None else f"{row['psnr_display_db']:.1f} dB"
+    ends = " (too few launches for an interval)"
+    if ratio["sufficient"]:
+        ends = f" [{ratio['low']:.3f}, {ratio['high']:.3f}]"
+    psnr = "identical" if row["psnr_display_db"] is None else f"PSNR {row['psnr_display_db']:.1f} dB"
     return (
         f"{row['phase']} on {row['scene']}, {row['width']}×{row['n']}: {ours['value']:,.0f} ms, the paper's "
-        f"program {theirs['value']:,.0f} ms, ratio {ratio['value']:.3f}{ends}; pictures as displayed {psnr} "
-        f"apart, {100 * row['fraction_over_1_255']:.3g} % of the pixels by more than 1/255"
+        f"program {theirs['value']:,.0f} ms, ratio {ratio['value']:.3f}{ends}; displayed pictures: "
+        f"{psnr}, {100 * row['fraction_over_1_255']:.3g} % of the pixels off by more than 1/255"
     )
 
 
