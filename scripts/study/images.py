@@ -139,7 +139,7 @@ def non_finite(picture: Picture) -> int:
     return count
 
 
-def _oiio(
+def metrics(
     reference: np.ndarray, image: np.ndarray, threshold: float, peak: float
 ) -> tuple[float, float, float]:
     """PSNR in dB, RMSE as a share of peak, share of pixels with any channel off by more than threshold.
@@ -219,9 +219,9 @@ def colour_errors(
     linear = [np.where(judged[..., None], x, 0) for x in (reference, image)]
     finite = all(np.isfinite(x).all() for x in linear)
     # Infinity would look like 1 once clamped, so a picture that is not finite has no picture metrics.
-    psnr, rmse, over = _oiio(*map(clamped, linear), ONE_STEP, 1.0) if finite else (math.nan,) * 3
+    psnr, rmse, over = metrics(*map(clamped, linear), ONE_STEP, 1.0) if finite else (math.nan,) * 3
     display = [to_display(x) for x in linear]
-    psnr8, rmse8, over8 = _oiio(*display, 1.0, 255.0) if finite else (math.nan,) * 3
+    psnr8, rmse8, over8 = metrics(*display, 1.0, 255.0) if finite else (math.nan,) * 3
     psnr, rmse, over = of_judged(judged, psnr, rmse, over)
     psnr8, _, over8 = of_judged(judged, psnr8, rmse8, over8)
     found = {
@@ -241,7 +241,7 @@ def colour_errors(
 def antialiased(reference: Picture, image: Picture, factor: int = 4) -> dict[str, float]:
     """The picture metrics after box averaging, for scenes where one sample per pixel is chaotic."""
     a, b = (box_average(rgb(p), factor) for p in (reference, image))
-    psnr, rmse, over = _oiio(a, b, ONE_STEP, 1.0)
+    psnr, rmse, over = metrics(a, b, ONE_STEP, 1.0)
     bad = non_finite(reference) + non_finite(image)
     return {"non_finite": bad, "psnr_db": psnr, "rmse": rmse, "fraction_over_1_255": over}
 

@@ -122,13 +122,9 @@ def difference(theirs: np.ndarray, ours: np.ndarray) -> dict[str, float]:
     step of 1/255 apart, and the largest step. StudyError where the sizes differ."""
     if theirs.shape != ours.shape:
         raise StudyError(f"pictures of {theirs.shape[:2]} and {ours.shape[:2]} pixels cannot be compared")
-    apart = np.abs(theirs.astype(int) - ours.astype(int))
-    mean = float((apart**2).mean())
-    return {
-        "psnr_display_db": 10 * np.log10(255**2 / mean) if mean else None,
-        "fraction_over_1_255": float((apart.max(axis=2) > 1).mean()),
-        "largest": int(apart.max()),
-    }
+    psnr, _, over = images.metrics(theirs, ours, 1, 255)
+    largest = int(np.abs(theirs.astype(int) - ours.astype(int)).max())
+    return {"psnr_display_db": psnr if largest else None, "fraction_over_1_255": over, "largest": largest}
 
 
 def measure(programs: Mapping[str, Path], scene: Scene, phase: str, settings: Settings) -> Row:

@@ -74,10 +74,10 @@ static inline struct bundle_bounds empty_bundle_bounds(struct vec o, struct vec 
         .o = o, .before = v_splat(0.0f) - vec_dot(o, d), .lo = none, .hi = none};
     struct vec c = vec_along(o, d, p.before);
     p.square = vec_dot(c, c);
-    // A ray along d′, within `spread` of d, is out of the copy's ball by t = bound − o·d′ ≤ bound + before +
-    // |o|·spread, and one that meets it has |o| ≤ |before| + bound + spread·t: t ≤ (|before| + bound)/(1 −
-    // spread). Bundles go from cell to cell where spread < .05 (bundle_holds_until): 1.1 is more than 1/.95.
-    // It would do up to 1/11.
+    // How far a ray along d′, within `spread` of d, strays while the copy's ball can matter. The ray leaves the
+    // ball by t = bound − o·d′ ≤ bound + before + |o|·spread. A ray that meets the ball has |o| ≤ |before| +
+    // bound + spread·t. So t ≤ (|before| + bound)/(1 − spread). bundle_holds_until() keeps spread below .05, and
+    // 1.1 is more than 1/.95.
     p.wide = v_madd(v_abs(p.before) + v_splat(bound), v_splat(1.1f * grid->spread),
                     v_splat(grid->slack));
     p.others = none;
