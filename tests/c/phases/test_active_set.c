@@ -65,7 +65,7 @@ static void set_batch(struct shadow_batch *batch, const struct meeting *m) {
                                     v_splat((float)m->along[2])};
     for (int k = 0; k < 3; k++)
         shape.centre[k] = (float)m->centre[k];
-    w->at = vec_along(w->from, w->rays.to_light, w->march.t);
+    w->at = vec_along(w->start, w->rays.to_light, w->march.t);
 }
 
 // Returns a nearest distance for lane 0; the other lanes are idle.
