@@ -160,17 +160,17 @@ static void march_size(int left, int top, const struct rod_size *size, const str
         for (int k = 0; k < GROUP; k++) {
             group->high[k] = v_select(group->live[k], group->packet[k].high, v_splat(-INFINITY));
             if (v_any(group->live[k]))
-                group->list[group->count++] = k;
+                group->marching[group->count++] = k;
         }
         struct sole_shape sole = {.shape = -1};
         while (group->count > 0) {
             scene_distances(group, world->scene, &sole);
             for (int i = 0; i < group->count;) {
-                int k = group->list[i];
+                int k = group->marching[i];
                 if (rod_step(&packet[k], k, size, group))
                     i++;
                 else
-                    group->list[i] = group->list[--group->count];
+                    group->marching[i] = group->marching[--group->count];
             }
         }
         int across = job->frame->width - left, down = job->frame->height - top;

@@ -11,7 +11,7 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
     struct bulb_orbit bulb[GROUP];
     int count = group->count;
     for (int i = 0; i < count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         COUNT(bulb_distances, packet);
         const struct local_ray *a = &group->packet[k].local[shape];
@@ -30,7 +30,7 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
             break;
     }
     for (int i = 0; i < count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         vfloat distance = bulb_estimate(&bulb[i]);
         found->least[k] = v_min(distance, found->least[k]);

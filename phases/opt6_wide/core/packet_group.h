@@ -24,7 +24,7 @@ struct packet_group {
     vfloat t[GROUP], distance[GROUP]; // of the last step
     vfloat high[GROUP]; // that of its packet; −∞ where a ray is done, which wakes no shape
     vmask live[GROUP];
-    int list[GROUP], count; // the packets that have a live ray
+    int marching[GROUP], count; // the packets that have a live ray
 };
 
 // Returns the shapes that the packet's rays may meet: all of the scene.

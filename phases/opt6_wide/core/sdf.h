@@ -36,7 +36,7 @@ group_distances(struct packet_group *group, int shape, int size, const struct pr
             packet_distance(group, k, shape, size, primitive, steady, kind, type, found);
     else
         for (int i = 0; i < group->count; i++)
-            packet_distance(group, group->list[i], shape, size, primitive, steady, kind, type,
+            packet_distance(group, group->marching[i], shape, size, primitive, steady, kind, type,
                             found);
 }
 
@@ -185,7 +185,7 @@ static inline void start_packets(struct packet_group *group) {
     for (int k = 0; k < packets_in(group); k++) {
         group->high[k] = v_select(group->live[k], group->packet[k].high, v_splat(-INFINITY));
         if (v_any(group->live[k]))
-            group->list[group->count++] = k;
+            group->marching[group->count++] = k;
         else
             group->t[k] = v_splat(0.0f);
     }

@@ -67,7 +67,8 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
     vfloat linear = v_splat(2.0f) * vec_dot(eye.hi, cones->axis);
     vfloat furthest = (bounds + v_sqrt(from_centre)) * v_splat(1.0f + 0x1p-10f);
     vfloat close = v_splat(near_distance(limits)), t = cones->start;
-    vfloat gap = cones->spread * v_splat(TOUCH_GAP), outer = bounds * v_splat(1.0f + 0x1p-16f);
+    vfloat touch_slope = cones->spread * v_splat(TOUCH_GAP),
+           outer = bounds * v_splat(1.0f + 0x1p-16f);
     struct packet_rays packet = axis_rays(scratch, offered);
     set_local_directions(cones->axis, scene, &packet);
     // From outside of the bounds, a ray's first step decides whether it goes on. So nothing is known about it.
@@ -84,8 +85,9 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
     for (int step = 0; step < MAX_CONE_STEPS && v_any(live); step++) {
         ACTIVE(v_count(live));
         COUNT(march_cones, step);
+        // The cone's own radius, t's rounding, and the distance at which a ray counts as hit.
         vfloat radius = v_madd(cones->spread, t, v_madd(t, v_splat(0x1p-18f), close));
-        vfloat touch = v_madd(gap, t, radius);
+        vfloat touch = v_madd(touch_slope, t, radius);
         struct cone_step around = touch_shapes(t, radius, touch, live, offered, scene, scratch);
         vmask first = v_andnot(met, around.touched);
         cones->start = v_select(first, t, cones->start);

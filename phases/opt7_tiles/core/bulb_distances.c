@@ -45,7 +45,7 @@ static void pack_bulb_points(struct packet_group *group, int shape,
     float row[3][GROUP * LANES + LANES], distance[GROUP * LANES + LANES];
     int at = 0;
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(asking[k]));
         struct vec p = bulb_point(group, k, shape, primitive);
         vindex first = v_compress_index(asking[k]);
@@ -75,7 +75,7 @@ static void pack_bulb_points(struct packet_group *group, int shape,
     }
     at = 0;
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(asking[k]));
         store_bulb_distance(group, k, v_expand_load(asking[k], v_splat(INFINITY), &distance[at]),
                             found);
@@ -90,7 +90,7 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
     vmask asking[GROUP];
     int rays = 0;
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         asking[k] =
             v_and(group->live[k], v_cmp_nge(*wake_of(&group->packet[k], shape), found->limit[k]));
         rays += v_count(asking[k]);
@@ -101,7 +101,7 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
     }
     struct bulb_orbit bulb[GROUP];
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         bulb[i] = bulb_start(bulb_point(group, k, shape, primitive), group->live[k]);
         if (!primitive->repeated)
@@ -109,7 +109,7 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
     }
     bulbs_iterate(bulb, group->count, primitive);
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         store_bulb_distance(group, k, bulb_estimate(&bulb[i]), found);
     }

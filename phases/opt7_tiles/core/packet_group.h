@@ -26,10 +26,11 @@ struct packet_group {
     vfloat t[GROUP], distance[GROUP]; // of the last step
     vfloat high[GROUP]; // that of its packet; −∞ where a ray is done, which wakes no shape
     vmask live[GROUP];
-    int list[GROUP], count; // the packets that have a live ray
-    int size;               // number of packets: SMALL_GROUP or GROUP
+    int marching[GROUP], count; // the packets that have a live ray
+    int size;                   // number of packets: SMALL_GROUP or GROUP
 };
 
+// Returns the shapes that the packet's rays may meet: its list (in opt6_wide: all of the scene).
 static inline const struct shape_list *shapes_of(const struct packet_rays *packet,
                                                  const struct prepared *scene) {
     (void)scene;

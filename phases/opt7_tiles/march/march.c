@@ -29,7 +29,7 @@ void march(struct march_state *packets, const struct ray_group *rays, struct tra
     struct packet_group *group = world->group;
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         struct march_state *at = &packets[k];
         at->exit = bounds_exit_of(at->origin, rays->direction[k], &scene->model);
@@ -48,13 +48,13 @@ void march(struct march_state *packets, const struct ray_group *rays, struct tra
     for (int step = 1; group->count > 0; step++) {
         bool anew = scene_distances(group, scene, &sole);
         for (int i = 0; i < group->count;) {
-            int k = group->list[i];
+            int k = group->marching[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
                 i++;
                 continue;
             }
             packets[k].t = group->t[k];
-            group->list[i] = group->list[--group->count];
+            group->marching[i] = group->marching[--group->count];
         }
         if (anew && sole.shape >= 0 && scene->primitives[sole.shape].kind == EVAL_LINEAR &&
             plane_is_sole_hit(group, &sole)) {

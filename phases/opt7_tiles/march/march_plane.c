@@ -82,7 +82,7 @@ bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape
     COUNT(plane_is_sole_hit, call);
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         COUNT(plane_is_sole_hit, packet);
         const struct local_ray *a = &group->packet[k].local[sole->shape];

@@ -15,7 +15,7 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
     int cap = step_cap(&scene->model), under_way = group->count;
     for (int step = 1; under_way > 0; step++)
         for (int i = 0; i < under_way;) {
-            int k = group->list[i];
+            int k = group->marching[i];
             struct march_state *at = &packets[k];
             vmask live = group->live[k];
             ACTIVE(v_count(live));
@@ -34,7 +34,7 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
             if (v_any(group->live[k]))
                 continue;
             at->t = t;
-            group->list[--i] = group->list[--under_way];
+            group->marching[--i] = group->marching[--under_way];
         }
 }
 

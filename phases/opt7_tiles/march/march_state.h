@@ -11,7 +11,7 @@
 struct march_state {
     struct point origin; // at the distance `before`
     vfloat before, t, last, evals;
-    vfloat start; // t of the next evaluation
+    vfloat start; // t of the first evaluation: from the cone
     vmask found;
     struct bounds_exit exit;
     int left;      // steps that every ray still has before its cap
@@ -32,10 +32,11 @@ static inline struct march_state march_state_of(const struct ray_group *rays, in
     return at;
 }
 
-// Returns t of the next evaluation. A ray that has ended stays where it is.
+// Returns t of the first evaluation: the start, or 0 where a march goes on from a hit. A ray that has ended stays
+// where it is.
 static inline vfloat first_t(struct march_state *at, vmask live) {
     vfloat t = v_select(live, at->start, at->t);
-    at->start = v_splat(0.0f); // of a march that goes on from a hit
+    at->start = v_splat(0.0f);
     return t;
 }
 

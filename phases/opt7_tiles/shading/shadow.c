@@ -50,7 +50,7 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
     list_occluders(hit, light, world);
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(light[k].lit));
         set_local_directions(light[k].to_light, world->scene, &group->packet[k]);
         rays[k].exit = bounds_exit_of(hit[k].point, light[k].to_light, model);
@@ -62,14 +62,14 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
         scene_distances(group, world->scene, &sole);
         for (int i = 0; i < group->count;) {
-            int k = group->list[i];
+            int k = group->marching[i];
             vmask live = group->live[k];
             vmask on = soft ? soft_step(&rays[k], k, strength_sq, group, model)
                             : hard_step(&rays[k], light[k].distance, k, group, model);
             if (v_same(on, live) || end_shadow_rays(k, on, group))
                 i++;
             else
-                group->list[i] = group->list[--group->count];
+                group->marching[i] = group->marching[--group->count];
         }
     }
     for (int k = 0; k < packets_in(group); k++) {

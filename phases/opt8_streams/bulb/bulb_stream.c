@@ -128,7 +128,7 @@ void march_camera_stream(struct trace_context *world) {
             scene_distances(group, world->scene, &sole);
             live = 0;
             for (int i = 0; i < group->count; i++) {
-                int k = group->list[i];
+                int k = group->marching[i];
                 live += camera_stream_step(&stream.refilled[k], k, cap, world);
             }
         }

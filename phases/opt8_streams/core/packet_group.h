@@ -25,7 +25,7 @@ struct packet_group {
     vfloat t[GROUP], distance[GROUP]; // of the last step
     vfloat high[GROUP]; // that of its packet; −∞ where a ray is done, which wakes no shape
     vmask live[GROUP];
-    int list[GROUP], count; // the packets that have a live ray
+    int marching[GROUP], count; // the packets that have a live ray
 };
 
 static inline const struct shape_list *shapes_of(const struct packet_rays *packet,

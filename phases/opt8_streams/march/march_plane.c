@@ -114,7 +114,7 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
         }
     }
     for (int i = 0; i < group->count; i++)
-        packets[group->list[i]].t = line[group->list[i]].t;
+        packets[group->marching[i]].t = line[group->marching[i]].t;
 }
 
 // Up to the plane, distance + t is at most the ray's t on the plane, origin/−direction. That quotient is taken 2^-16 too
@@ -123,7 +123,7 @@ bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape
     COUNT(plane_is_sole_hit, call);
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         COUNT(plane_is_sole_hit, packet);
         const struct local_ray *a = &group->packet[k].local[sole->shape];

@@ -115,7 +115,7 @@ int refill_lanes(struct ray_stream *stream, struct trace_context *world) {
         }
         group->live[k] = refilled->held = v_mask_of_bits(lanes);
         if (lanes)
-            group->list[group->count++] = k;
+            group->marching[group->count++] = k;
         live += __builtin_popcount(lanes);
     }
     return live;

@@ -152,7 +152,7 @@ static inline bool step_among_others(struct segment_packets *packets, int k, flo
 static inline void plane_distances(struct packet_group *group, const struct primitive *plane) {
     COUNT(plane_distances, call);
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         COUNT(plane_distances, packet);
         const struct local_ray *a = &group->packet[k].local[(int)plane->index];
@@ -175,7 +175,7 @@ static void march_among_others(int first, bool before, struct shape_list others,
     start_packets(group);
     unsigned begun = 0;
     for (int i = 0; i < group->count; i++)
-        begun |= 1u << group->list[i];
+        begun |= 1u << group->marching[i];
     const struct primitive *plane = single_shape(SHAPE_PLANE, world->scene);
     struct sole_shape sole = {.shape = -1};
     while (group->count > 0) {
@@ -184,10 +184,10 @@ static void march_among_others(int first, bool before, struct shape_list others,
         else
             scene_distances(group, world->scene, &sole);
         for (int i = 0; i < group->count;) {
-            if (step_among_others(&packets, group->list[i], strength_sq, cap, world))
+            if (step_among_others(&packets, group->marching[i], strength_sq, cap, world))
                 i++;
             else
-                group->list[i] = group->list[--group->count];
+                group->marching[i] = group->marching[--group->count];
         }
     }
     for (int k = 0; k < GROUP; k++) {
@@ -313,7 +313,7 @@ static void march_segments(struct trace_context *world) {
                 scene_distances(group, world->scene, &sole);
             live = 0;
             for (int i = 0; i < group->count; i++) {
-                int k = group->list[i];
+                int k = group->marching[i];
                 live += shadow_stream_step(&stream.refilled[k], k, strength_sq, cap, world);
             }
         }

@@ -42,7 +42,7 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
     }
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
+        int k = group->marching[i];
         ACTIVE(v_count(rays->active[k]));
         set_local_directions(rays->direction[k], scene, &group->packet[k]);
         shades[k].exit = bounds_exit_of(rays->origin[k], rays->direction[k], model);
@@ -54,14 +54,14 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
         scene_distances(group, scene, &sole);
         for (int i = 0; i < group->count;) {
-            int k = group->list[i];
+            int k = group->marching[i];
             vmask live = group->live[k];
             vmask on = soft ? soft_step(&shades[k], k, strength_sq, group, model)
                             : hard_step(&shades[k], length[k], k, group, model);
             if (v_same(on, live) || end_shadow_rays(k, on, group))
                 i++;
             else
-                group->list[i] = group->list[--group->count];
+                group->marching[i] = group->marching[--group->count];
         }
     }
     for (int k = 0; k < GROUP; k++) {

@@ -209,7 +209,7 @@ void bvh_list_for_packet(const float centre[3], float radius, const float to_lig
     }
 }
 
-struct ray_bundle {
+struct packet_query {
     struct vec origin, direction;
     vmask active;
     struct worker_scratch *scratch;
@@ -218,7 +218,7 @@ struct ray_bundle {
 static inline bool sphere_met_by_ray(const float centre[3], float radius, void *with) {
     COUNT(sphere_met_by_ray, call);
     COUNT(sphere_met_by_ray, scalar);
-    const struct ray_bundle *rays = with;
+    const struct packet_query *rays = with;
     struct vec v = {v_splat(centre[0]) - rays->origin.x, v_splat(centre[1]) - rays->origin.y,
                     v_splat(centre[2]) - rays->origin.z};
     vfloat along = vec_dot(v, rays->direction), square = vec_dot(v, v);
@@ -228,12 +228,12 @@ static inline bool sphere_met_by_ray(const float centre[3], float radius, void *
 }
 
 static inline void mark_leaf(int shape, void *with) {
-    mark(((struct ray_bundle *)with)->scratch, shape);
+    mark(((struct packet_query *)with)->scratch, shape);
 }
 
 int bvh_list_along(struct vec origin, struct vec direction, vmask active,
                    const struct tile_context *work, int *list) {
-    struct ray_bundle bundle = {origin, direction, active, work->scratch};
+    struct packet_query bundle = {origin, direction, active, work->scratch};
     bvh_visit(&work->scene->bvh, sphere_met_by_ray, mark_leaf, &bundle);
     mark_planes(work->scratch, work->scene);
     return list_marked(work->scratch, work->scene, list);

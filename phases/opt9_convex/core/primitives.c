@@ -116,7 +116,8 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
     return p;
 }
 
-// Returns the radius of the bounding sphere about the shape's position. The factor 1 + 1e-5 covers rounding.
+// Returns the radius of the bounding sphere about the shape's position. The factor 1 + 1e-5 covers rounding;
+// a sphere's radius is exact.
 static double bounding_radius(const struct shape *shape) {
     const double *half = shape->box.half_size;
     switch (shape->type) {

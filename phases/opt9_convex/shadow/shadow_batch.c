@@ -104,7 +104,8 @@ static void load_batch_packet(struct batch_packet *w, int first, int end,
     w->rays =
         load_sorted_packet(scratch->shadow, scratch->order[0] + first, left < LANES ? left : LANES);
     w->waits = v_mask_none();
-    // The ray is queued because its cone of slope lit_slope meets a shape, which is mostly further than this.
+    // A cone query may come at any distance: this only puts the first one off, for the shape that had the ray
+    // queued is mostly further on.
     w->until = v_splat(work->scene->bvh.spacing);
     w->query_slope = v_splat(KNOWN(work->scene)->lit_slope);
     float ray[LANES] = {0};
@@ -141,11 +142,11 @@ static void add_batch_light(int first, int end, struct worker_scratch *scratch) 
 
 // A bundle of rays: the ball in which they start, a direction to the light, and how far the others differ
 // from it.
-struct ray_bundle {
+struct batch_bundle {
     float centre[3], to_light[3], radius, spread;
 };
 
-static struct ray_bundle bundle_of_packets(const struct batch_packet *packet, int packets) {
+static struct batch_bundle bundle_of_packets(const struct batch_packet *packet, int packets) {
     ACTIVE(v_count(packet->rays.active));
     COUNT(bundle_of_packets, call);
     COUNT(bundle_of_packets, scalar);
@@ -158,12 +159,12 @@ static struct ray_bundle bundle_of_packets(const struct batch_packet *packet, in
         high = (struct vec){v_max(high.x, p.x), v_max(high.y, p.y), v_max(high.z, p.z)};
     }
     struct vec to = packet->rays.to_light;
-    struct ray_bundle bundle = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
-                                 0.5f * (least_lane(low.y) + most_lane(high.y)),
-                                 0.5f * (least_lane(low.z) + most_lane(high.z))},
-                                {v_lane0(to.x), v_lane0(to.y), v_lane0(to.z)},
-                                0,
-                                0};
+    struct batch_bundle bundle = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
+                                   0.5f * (least_lane(low.y) + most_lane(high.y)),
+                                   0.5f * (least_lane(low.z) + most_lane(high.z))},
+                                  {v_lane0(to.x), v_lane0(to.y), v_lane0(to.z)},
+                                  0,
+                                  0};
     struct vec c = vec_set(bundle.centre), t = vec_set(bundle.to_light);
     vfloat away = v_splat(0.0f), turned = away;
     for (int i = 0; i < packets; i++) {
@@ -206,7 +207,7 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
     do // at least one packet
         load_batch_packet(&batch.packet[batch.count++], at, end, &batch, work);
     while ((at += LANES) < end);
-    struct ray_bundle bundle = bundle_of_packets(batch.packet, batch.count);
+    struct batch_bundle bundle = bundle_of_packets(batch.packet, batch.count);
     bvh_list_for_batch(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
     for (int i = 0; i < batch.count; i++) {
         bundle = bundle_of_packets(&batch.packet[i], 1);

@@ -72,8 +72,8 @@ static bool bundle_misses(const struct light_bundle *ball, const struct primitiv
     return b * b * (1 + 1e-4f) < (1 - q * q) * c;
 }
 
-// Adds shape i to the occluders unless its bounding sphere is clear of the bundle (NULL: unknown). Planes and
-// repeated shapes are always added.
+// Adds shape i to the occluders unless its bounding sphere is clear of the bundle. Without a bundle (NULL) every
+// shape is added, and planes and repeated shapes always are.
 INLINE void add_occluder(int i, const struct light_bundle *ball, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
     const struct primitive *s = &scene->primitives[i];
