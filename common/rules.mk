@@ -59,7 +59,7 @@ flags_of = $(lastword $(subst @, ,$(1)))
 has_made_tree = $(and $(or $(findstring +,$(1)),$(filter $(DERIVED),$(call source_of,$(1)))),$(if $(findstring /,$(1)),,yes))
 tree_of = $(if $(call has_made_tree,$(1)),$(call make_tree,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
 # Each run of make makes a tree once.
-make_tree = $(or $(made-tree-$(2)),$(eval made-tree-$(2) := $(shell $(PYTHON_ALONE) scripts/study/patches.py $(1) $(2)))$(made-tree-$(2)),$(error $(1) cannot be made))
+make_tree = $(or $(made-tree-$(2)),$(eval made-tree-$(2) := $(shell $(PYTHON_ALONE) scripts/study/core/patches.py $(1) $(2)))$(made-tree-$(2)),$(error $(1) cannot be made))
 sources_of = $(foreach f,$(call tree_of,$(1)),$(wildcard $(f)/*.[ch] $(f)/*.def $(f)/*/*.[ch]))
 phase_prerequisites = $$(call sources_of,$$*) $(COMMON_HEADERS) $(BUILD)/%/phase_info.h common/build/compile.py $(BUILD)/common/emulated_by
 
@@ -158,8 +158,8 @@ $(BUILD)/%/hits: $(BUILD)/%/hits.o $(BUILD)/common/tools/embree.o $(BUILD)/%/pha
 	$(LINK) $(if $(EMBREE),-lembree$(EMBREE_VERSION)) -o $@
 
 # --- Basic blocks: a counter in each block of the timing build's assembly, or of assembly without inlining.
-INSTRUMENT = PYTHONPATH=scripts $(firstword $(wildcard .venv/bin/python) $(PYTHON3)) -m study.assembly --cc '$(CC)'
-INSTRUMENT_TOOLS := $(wildcard scripts/study/assembly*.py) scripts/study/decode.py
+INSTRUMENT = PYTHONPATH=scripts $(firstword $(wildcard .venv/bin/python) $(PYTHON3)) -m study.counting.assembly --cc '$(CC)'
+INSTRUMENT_TOOLS := $(wildcard scripts/study/counting/assembly*.py) scripts/study/counting/decode.py
 instrument = @$(INSTRUMENT) $(@D) $(@D)/assembly/*.s
 $(BUILD)/%/blocks/phase.o: $(BUILD)/%/phase.o $(INSTRUMENT_TOOLS)
 	$(call compile,copy)

@@ -8,15 +8,18 @@ import os
 import secrets
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import ablations, ideas, machine, registry, run, store, summary
-from study.ablations import BASELINE, Ablation, Case
-from study.cli import StudyError
-from study.gallery import Gallery
-from study.registry import Scene, Spec
-from study.run import DriverError
+from study.core import machine, registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.core.run import DriverError
+from study.experiments.ablations import ideas
+from study.experiments.ablations import measure as ablations
+from study.experiments.ablations.measure import BASELINE, Ablation, Case
+from study.experiments.sweep import summary
+from study.pictures.gallery import Gallery
 
 DESCRIPTION = """\
 An ablation is a small patch kept with its phase, phases/NAME/ablations/TITLE.patch, and named NAME+TITLE.

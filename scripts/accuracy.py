@@ -8,17 +8,22 @@ import os
 from itertools import product
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 from tqdm import tqdm
 
-from study import accuracy, accuracy_page, converge, draw, gate, images, panels, registry, store, truth, where
-from study.cli import StudyError
-from study.gallery import Gallery, Size
-from study.registry import Scene, Spec
-from study.run import NO_ISA, UNSUPPORTED
+from study.core import registry, store
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.core.run import NO_ISA, UNSUPPORTED
+from study.experiments.accuracy import converge, where
+from study.experiments.accuracy import measure as accuracy
+from study.experiments.accuracy import tables as accuracy_page
+from study.pictures import draw, gate, images, panels
+from study.pictures.gallery import Gallery, Size
+from study.truth import truth
 
 DESCRIPTION = """\
 Each phase's picture is held against truth's, below the picture first. Rungs behind opt4 are gated: on no

@@ -8,13 +8,15 @@ import secrets
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import breakeven, breakeven_page, machine, registry, store
-from study.build import build
-from study.cli import StudyError
-from study.registry import Spec
+from study.core import machine, registry, store
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.experiments.breakeven import measure as breakeven
+from study.experiments.breakeven import tables as breakeven_page
 
 DESCRIPTION = """\
 opt10_scene compiles a kernel for each scene. Its set-up, from an empty cache, and its frames against

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import ceilings, roof_tables, show, store
+from study.bounds import ceilings
+from study.core import show, store
+from study.experiments.roofline import tables as roof_tables
 
 
 def run() -> int:

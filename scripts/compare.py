@@ -6,14 +6,16 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import pandas as pd
 
-from study import provenance, stats, summary
-from study.cli import StudyError
-from study.store import Run
+from study.core import provenance
+from study.core.cli import StudyError
+from study.core.store import Run
+from study.experiments.sweep import summary
+from study.numbers import stats
 
 DESCRIPTION = """\
 Compares the times of two runs, configuration by configuration: ratio of the medians A / B (over 1: B is

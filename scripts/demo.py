@@ -7,11 +7,12 @@ import tempfile
 import time
 from pathlib import Path
 
-from study import cli, images, panels, registry
-from study.build import build
-from study.cli import StudyError
-from study.registry import Scene, Spec
-from study.run import USABLE, render
+from study.core import cli, registry
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.core.run import USABLE, render
+from study.pictures import images, panels
 
 STEP, LARGEST = 36, 720  # heights that are whole in 16:9
 MOST_SWITCHES = 20  # involuntary context switches a second that an idle machine has

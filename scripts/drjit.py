@@ -10,13 +10,17 @@ import tempfile
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import drjit_measure, drjit_page, frames, machine, registry, run, store, summary
-from study.cli import StudyError
-from study.drjit_measure import DRJIT, Measuring, Point, Rival
-from study.registry import Spec
+from study.core import machine, registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.experiments.drjit import measure as drjit_measure
+from study.experiments.drjit import tables as drjit_page
+from study.experiments.drjit.measure import DRJIT, Measuring, Point, Rival
+from study.experiments.frames import measure as frames
+from study.experiments.sweep import summary
 
 DESCRIPTION = """\
 scene0_plain and mandelbulb without shadows, rendered by Dr.Jit (float, at most 100 steps, hit distance

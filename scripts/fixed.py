@@ -8,13 +8,17 @@ import secrets
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 
-from study import fixed, fixed_page, fixed_pictures, machine, moving, registry, store
-from study.draw import STYLE, save
+from study.core import machine, registry, store
+from study.experiments.fixed import measure as fixed
+from study.experiments.fixed import pictures as fixed_pictures
+from study.experiments.fixed import tables as fixed_page
+from study.experiments.moving import measure as moving
+from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
 spheres40 by the integer ray tracer: the article's way, one lane, 8 and 16, and the same in floats, timed in

@@ -9,16 +9,19 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import columns, flops, libm, registry, show, store, table1
-from study.build import build
-from study.cli import StudyError
-from study.counts import Measured
-from study.flops import BACKENDS, Row
-from study.registry import Scene, Spec
-from study.run import NO_ISA, UNSUPPORTED, DriverError
+from study.core import registry, show, store
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.core.run import NO_ISA, UNSUPPORTED, DriverError
+from study.counting import flops, libm
+from study.counting.counts import Measured
+from study.counting.flops import BACKENDS, Row
+from study.experiments.flops import table1
+from study.report import columns
 
 HEIGHT = 720  # of the paper's pictures
 QEMU_HEIGHT = 24  # it is about a hundred times slower than the machine

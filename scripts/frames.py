@@ -9,13 +9,15 @@ import tempfile
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 
-from study import frames, frames_page, machine, registry, run, store
-from study.draw import STYLE, save
+from study.core import machine, registry, run, store
+from study.experiments.frames import measure as frames
+from study.experiments.frames import tables as frames_page
+from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
 Whole frames (rendering on every core, then gamma and 8 bits) of scene0 at 1920×1080 and of mandelbulb at

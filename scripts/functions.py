@@ -8,22 +8,17 @@ import os
 import secrets
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 
-from study import (
-    functions,
-    functions_coefficients,
-    functions_figures,
-    functions_page,
-    registry,
-    run,
-    show,
-    store,
-)
-from study.draw import STYLE
+from study.core import registry, run, show, store
+from study.experiments.functions import coefficients as functions_coefficients
+from study.experiments.functions import figures as functions_figures
+from study.experiments.functions import measure as functions
+from study.experiments.functions import tables as functions_page
+from study.pictures.draw import STYLE
 
 DESCRIPTION = """\
 Instructions, bit tricks, own polynomials, libm, libmvec and SLEEF: ns per element against the largest error

@@ -6,13 +6,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import analysis, goals_page, show, store
-from study.cli import StudyError
-from study.readme import between
-from study.registry import ROOT
+from study.core import show, store
+from study.core.cli import StudyError
+from study.core.marked_blocks import between
+from study.core.registry import ROOT
+from study.numbers import analysis
+from study.report import goals_page
 
 PAGE = ROOT / "results" / "reference" / "goals.md"
 BEGIN, END = "<!-- goals:begin -->", "<!-- goals:end -->"

@@ -8,25 +8,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import (
-    bounds,
-    bounds_page,
-    hotspots,
-    machine,
-    perf,
-    profiles,
-    registry,
-    run,
-    sections,
-    show,
-    store,
-    symbols,
-)
-from study.cli import StudyError
-from study.registry import ROOT, Scene, Spec
+from study.bounds import profiles
+from study.bounds import topdown as bounds
+from study.core import machine, registry, run, show, store
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Scene, Spec
+from study.counting import perf, symbols
+from study.experiments.hotspots import bounds_tables as bounds_page
+from study.experiments.hotspots import tables as hotspots
+from study.report import sections
 
 VARIANTS = ("shipped", "calls")
 ENOUGH = 1000  # samples: under them intervals are wider than what they are to tell apart
@@ -37,7 +30,7 @@ Row = dict[str, Any]
 def counted(spec: Spec, scene: Scene, args: Any, variant: str, said: set[str]) -> dict[str, int]:
     """Instructions of a frame by function, by the block counters; none where they cannot be had."""
     try:
-        blocks = importlib.import_module("study.blocks")
+        blocks = importlib.import_module("study.counting.blocks")
         if lacking := blocks.missing():
             raise StudyError(lacking)
         wide, high = scene.size(args.n)

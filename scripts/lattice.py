@@ -9,11 +9,13 @@ import tempfile
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import lattice, lattice_page, machine, registry, run, store
-from study.cli import StudyError
+from study.core import machine, registry, run, store
+from study.core.cli import StudyError
+from study.experiments.lattice import measure as lattice
+from study.experiments.lattice import tables as lattice_page
 
 DESCRIPTION = """\
 Every phase of the ladder on the scene `lattice` at 1000×562 and 1280×720, on one thread and on all CPUs, in

@@ -5,11 +5,13 @@ phases/NAME/lesson.svg, and in NOTES.md the table of the phase's ideas, below it
 
 from __future__ import annotations
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import ideas, lessons, lessons_svg, registry
-from study.cli import StudyError
+from study.core import registry
+from study.core.cli import StudyError
+from study.experiments.ablations import ideas
+from study.report import lessons, lessons_svg
 
 
 def main() -> int:
@@ -27,7 +29,7 @@ def main() -> int:
         if found is None:
             if args.phase:
                 raise StudyError(
-                    f"{name}: no figure; scripts/study/lessons.py has {', '.join(lessons.PANELS)}"
+                    f"{name}: no figure; scripts/study/report/lessons.py has {', '.join(lessons.PANELS)}"
                 )
             continue
         path = registry.find_phase(name).path / lessons.NAME

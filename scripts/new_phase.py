@@ -15,8 +15,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from study import cli, patches, registry
-from study.cli import StudyError
+from study.core import cli, patches, registry
+from study.core.cli import StudyError
 
 BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built too
     *("accuracy", "asan", "asan-clang", "calibration", "ceilings", "clang", "common", "drjit", "emulated"),

@@ -8,12 +8,13 @@ import secrets
 import sys
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import machine, original, registry, store
-from study.build import build
-from study.cli import StudyError
+from study.core import machine, registry, store
+from study.core.build import build
+from study.core.cli import StudyError
+from study.experiments.original import measure as original
 
 DESCRIPTION = """\
 Fetches the paper's program from its public repository, builds each of its steps as its own makefile does,

@@ -8,25 +8,21 @@ import secrets
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 
-from study import (
-    functions,
-    machine,
-    moving,
-    packets,
-    packets_figures,
-    packets_moving,
-    packets_page,
-    packets_pictures,
-    packets_rays,
-    registry,
-    store,
-)
-from study.draw import STYLE, save
+from study.core import machine, registry, store
+from study.experiments.functions import measure as functions
+from study.experiments.moving import measure as moving
+from study.experiments.packets import figures as packets_figures
+from study.experiments.packets import measure as packets
+from study.experiments.packets import moving_tables as packets_moving
+from study.experiments.packets import pictures as packets_pictures
+from study.experiments.packets import rays as packets_rays
+from study.experiments.packets import tables as packets_page
+from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
 Rays a second of phase packets: of the camera, to the light, mirrored, in any direction; by tree, number of

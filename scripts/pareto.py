@@ -11,16 +11,18 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 
-from study import machine, pareto, pareto_page, registry, run, store
-from study import pareto_measure as measuring
-from study.cli import StudyError
-from study.draw import STYLE, save
-from study.registry import Scene, Spec
+from study.core import machine, registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.experiments.pareto import fronts as pareto
+from study.experiments.pareto import measure as measuring
+from study.experiments.pareto import tables as pareto_page
+from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
 Every program is rendered for each hit distance and step cap, its picture held against truth's. Then each of

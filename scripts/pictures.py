@@ -7,15 +7,17 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import numpy as np
 from matplotlib.figure import Figure
 
-from study import accuracy, images, panels, store
-from study.cli import StudyError
-from study.registry import phases
+from study.core import store
+from study.core.cli import StudyError
+from study.core.registry import phases
+from study.experiments.accuracy import measure as accuracy
+from study.pictures import images, panels
 
 THUMBNAIL = 320  # pixels across, at most
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
@@ -18,10 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from study import analysis, ladder, machine, registry, show
-from study.analysis import Data
-from study.cli import StudyError
-from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
+from study.core import machine, registry, show
+from study.core.cli import StudyError
+from study.experiments.sweep import ladder
+from study.numbers import analysis
+from study.numbers.analysis import Data
+from study.pictures.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
 
 SAME = 150  # dB; a difference below is less than what float holds of a colour near 1
 

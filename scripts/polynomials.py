@@ -10,7 +10,7 @@ the phase). log(m) for m in [√½, √2]: s = (m−1)/(m+1), log m = 2s + s·u�
 
 from __future__ import annotations
 
-from study import cli
+from study.core import cli
 
 # isort: split
 from mpmath import atanh, chebyfit, exp, log, mp, mpf, nstr, sqrt

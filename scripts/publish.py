@@ -11,14 +11,18 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import numpy as np
 import OpenImageIO as oiio
 
-from study import analysis, chapters, images, machine, provenance, rods, store
-from study.cli import StudyError
+from study.core import machine, provenance, store
+from study.core.cli import StudyError
+from study.experiments.rods import measure as rods
+from study.numbers import analysis
+from study.pictures import images
+from study.report import chapters
 
 DESCRIPTION = """\
 Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json

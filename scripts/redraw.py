@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
@@ -14,26 +14,23 @@ import matplotlib
 import pareto as pareto_script
 import plots
 import roofline
-from study import (
-    analysis,
-    fixed_pictures,
-    ladder,
-    packets_pictures,
-    packets_rays,
-    pareto,
-    registry,
-    rods,
-    rods_pictures,
-    roof,
-    scaling,
-    scaling_page,
-    store,
-    systems_pictures,
-    views_measure,
-    views_page,
-)
-from study.cli import StudyError
-from study.draw import STYLE, save
+from study.bounds import roof
+from study.core import registry, store
+from study.core.cli import StudyError
+from study.experiments.fixed import pictures as fixed_pictures
+from study.experiments.packets import pictures as packets_pictures
+from study.experiments.packets import rays as packets_rays
+from study.experiments.pareto import fronts as pareto
+from study.experiments.rods import measure as rods
+from study.experiments.rods import pictures as rods_pictures
+from study.experiments.scaling import figures as scaling_page
+from study.experiments.scaling import measure as scaling
+from study.experiments.sweep import ladder
+from study.experiments.systems import pictures as systems_pictures
+from study.experiments.views import figures as views_page
+from study.experiments.views import measure as views_measure
+from study.numbers import analysis
+from study.pictures.draw import STYLE, save
 
 PACKETS = 180  # height, as scripts/packets.py has
 THUMBNAILS = {scaling_page.SHEET, "views-sheet"}  # of pictures that a published run lacks: left as they are

@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import jinja2
@@ -20,24 +20,15 @@ import pandas as pd
 import plots
 import roofline
 import tables
-from study import (
-    analysis,
-    chapters,
-    columns,
-    draw,
-    facts,
-    ladder,
-    lessons,
-    paper,
-    registry,
-    roof,
-    show,
-    stats,
-    store,
-)
-from study.analysis import Data
-from study.cli import StudyError
-from study.sections import Section, reading
+from study.bounds import roof
+from study.core import registry, show, store
+from study.core.cli import StudyError
+from study.experiments.sweep import ladder
+from study.numbers import analysis, paper, stats
+from study.numbers.analysis import Data
+from study.pictures import draw
+from study.report import chapters, columns, facts, lessons
+from study.report.sections import Section, reading
 
 TEMPLATES = registry.ROOT / "report" / "templates"
 OUT = registry.ROOT / "report" / "out" / "index.html"

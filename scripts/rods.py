@@ -8,13 +8,16 @@ import secrets
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 
-from study import machine, registry, rods, rods_page, rods_pictures, store
-from study.draw import STYLE, save
+from study.core import machine, registry, store
+from study.experiments.rods import measure as rods
+from study.experiments.rods import pictures as rods_pictures
+from study.experiments.rods import tables as rods_page
+from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
 The article's two pictures by rods and by rays (two_spheres, 800×800, 20 steps), the march alone timed in

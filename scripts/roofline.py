@@ -10,7 +10,7 @@ import textwrap
 from html import escape
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
@@ -22,11 +22,15 @@ from matplotlib.lines import Line2D
 
 import plots
 import tables
-from study import analysis, labels, machine, roof, roof_shares, roof_tables, show, store
-from study.analysis import Data
-from study.ceilings import LEVELS, Ceilings
-from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
-from study.roof import Row
+from study.bounds import roof, roof_shares
+from study.bounds.ceilings import LEVELS, Ceilings
+from study.bounds.roof import Row
+from study.core import machine, show, store
+from study.experiments.roofline import tables as roof_tables
+from study.numbers import analysis
+from study.numbers.analysis import Data
+from study.pictures import labels
+from study.pictures.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
 
 CAPTIONS = {
     "roofline": "Every phase below the measured roofs of one core, by bytes as the core sees them; the dash "

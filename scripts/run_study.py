@@ -15,14 +15,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import analysis, ceilings, ladder, store
-from study.build import build
-from study.flops import read as read_counts
-from study.registry import ROOT, Spec, cpu_supports
-from study.registry import ladder as rungs  # beside the module of that name
+from study.bounds import ceilings
+from study.core import store
+from study.core.build import build
+from study.core.registry import ROOT, Spec, cpu_supports
+from study.core.registry import ladder as rungs  # beside the module of that name
+from study.counting.flops import read as read_counts
+from study.experiments.sweep import ladder
+from study.numbers import analysis
 
 SCRIPTS = Path(__file__).resolve().parent
 SWEEP_SECONDS = (

@@ -9,25 +9,20 @@ import tempfile
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 
-from study import (
-    machine,
-    registry,
-    run,
-    scaling,
-    scaling_fit,
-    scaling_goals,
-    scaling_page,
-    scaling_series,
-    store,
-)
-from study.cli import StudyError
-from study.draw import STYLE, save
-from study.registry import Spec
+from study.core import machine, registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.experiments.scaling import figures as scaling_page
+from study.experiments.scaling import goals as scaling_goals
+from study.experiments.scaling import measure as scaling
+from study.experiments.scaling import series as scaling_series
+from study.numbers import power_laws as scaling_fit
+from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
 Each program is rendered over picture height, number of shapes (scenes made to order, the same share of the

@@ -10,9 +10,11 @@ import argparse
 import os
 from pathlib import Path
 
-from study import cli, hard, hard_page, registry, store
-from study.hard import curves, measure, phase
-from study.run import GENERAL
+from study.core import cli, registry, store
+from study.core.run import GENERAL
+from study.experiments.stability import cases as hard
+from study.experiments.stability import tables as hard_page
+from study.experiments.stability.cases import curves, measure, phase
 
 
 def positive(text: str) -> float:

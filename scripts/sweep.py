@@ -16,17 +16,19 @@ import time
 from pathlib import Path
 from typing import Any
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 from tqdm import tqdm
 
-from study import machine, run, stats, store, summary
-from study.build import build
-from study.cli import StudyError
-from study.plan import Config, fail, make_plan, now, overrides, sha256
-from study.registry import Spec, find_scene, ladder
-from study.run import DriverError
+from study.core import machine, run, store
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.registry import Spec, find_scene, ladder
+from study.core.run import DriverError
+from study.experiments.sweep import summary
+from study.experiments.sweep.plan import Config, fail, make_plan, now, overrides, sha256
+from study.numbers import stats
 
 DESCRIPTION = """\
 Times phases on scenes and sizes. A round launches every configuration once, in random order, pinned

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import registry, store, systems_pictures
+from study.core import registry, store
+from study.experiments.systems import pictures as systems_pictures
 
 DESCRIPTION = """\
 opt9_convex on CPU-RTRM's scene, rods_simd with the map of where its rods let each ray begin, fixed beside

@@ -6,28 +6,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import pandas as pd
 
-from study import (
-    analysis,
-    chapters,
-    claims,
-    columns,
-    front_page,
-    ladder,
-    paper,
-    provenance,
-    show,
-    store,
-    systems,
-)
-from study.analysis import Data
-from study.cli import StudyError
-from study.readme import between
-from study.registry import ROOT
+from study.claims import claims
+from study.core import provenance, show, store
+from study.core.cli import StudyError
+from study.core.marked_blocks import between
+from study.core.registry import ROOT
+from study.experiments.sweep import ladder
+from study.experiments.systems import tables as systems
+from study.numbers import analysis, paper
+from study.numbers.analysis import Data
+from study.report import chapters, columns, front_page
 
 REFERENCE = ROOT / "results" / "reference"
 README, SYSTEMS, MACHINES = ROOT / "README.md", REFERENCE / "systems.md", REFERENCE / "machines.md"

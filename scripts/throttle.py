@@ -8,12 +8,14 @@ import secrets
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import machine, registry, rods, rods_page, store
-from study.cli import StudyError
-from study.run import USABLE
+from study.core import machine, registry, store
+from study.core.cli import StudyError
+from study.core.run import USABLE
+from study.experiments.rods import measure as rods
+from study.experiments.rods import tables as rods_page
 
 DESCRIPTION = """\
 Phase rods_simd hands each pixel's ray over to packets where its rods end. Every choice of starting size,

@@ -8,13 +8,15 @@ import os
 import secrets
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import machine, registry, run, store, summary, toolchains
-from study.cli import StudyError
-from study.registry import Spec
-from study.toolchains import BASE, SETS
+from study.core import machine, registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.experiments.sweep import summary
+from study.experiments.toolchains import measure as toolchains
+from study.experiments.toolchains.measure import BASE, SETS
 
 DESCRIPTION = """\
 Each phase is built by each compiler under each set of flags, behind the phase's own:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from study import cli, registry, truth
+from study.core import cli, registry
+from study.truth import truth
 
 
 def table(found: list[truth.Summary]) -> str:

@@ -10,11 +10,12 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from study import cli, gate, images, panels, registry, store
-from study.cli import StudyError
-from study.gallery import Gallery, Size
-from study.registry import Scene, Spec
-from study.run import NO_ISA, UNSUPPORTED
+from study.core import cli, registry, store
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.core.run import NO_ISA, UNSUPPORTED
+from study.pictures import gate, images, panels
+from study.pictures.gallery import Gallery, Size
 
 TRUTH = "scripts/accuracy.py"  # what judges a rung that has no tolerance to the reference
 FACTOR = 4  # of the anti-aliased comparison, each way

@@ -9,30 +9,25 @@ import tempfile
 import time
 from pathlib import Path
 
-from study import cli  # first: it may start the script again with the venv's Python
+from study.core import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
 import matplotlib
 import numpy as np
 
-from study import (
-    images,
-    machine,
-    registry,
-    run,
-    store,
-    views,
-    views_gains,
-    views_measure,
-    views_page,
-    views_tables,
-)
-from study.ablations import BASELINE
-from study.cli import StudyError
-from study.draw import STYLE, save
-from study.registry import Spec
-from study.run import DriverError
-from study.views import View
+from study.core import machine, registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.core.run import DriverError
+from study.experiments.ablations.measure import BASELINE
+from study.experiments.views import figures as views_page
+from study.experiments.views import gains as views_gains
+from study.experiments.views import measure as views_measure
+from study.experiments.views import tables as views_tables
+from study.experiments.views import views
+from study.experiments.views.views import View
+from study.pictures import images
+from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
 Constants of a rung may be tuned on the own views of scene0 and mandelbulb alone. Here every scene is rendered

@@ -2,7 +2,7 @@
 
 A kernel takes seconds to compile, and the suites have hundreds of scenes. They run its general kernels, which
 are the same sources; py/test_scene_kernel.py holds generated ones to these. Clocks are 25 ms of each of the
-thousands of pictures; what the scripts time (study.run) has them all the same.
+thousands of pictures; what the scripts time (study.core.run) has them all the same.
 """
 
 from __future__ import annotations

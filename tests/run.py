@@ -27,7 +27,7 @@ from typing import IO
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "scripts"))
 
-from study import patches  # noqa: E402  (standard library only)
+from study.core import patches  # noqa: E402  (standard library only)
 
 RESULTS = ROOT / "build" / "test-results"
 JOBS = str(len(os.sched_getaffinity(0)))
@@ -40,7 +40,7 @@ BUILDS = {
     "build/clang": ["CC=clang"],
     "build/asan": ["SANITIZE=1"],
 }
-# Built for single steps: the C tests by clang, and what hard cases compare (scripts/study/hard/builds.py).
+# Built for single steps: the C tests by clang, and what hard cases compare (stability/cases/builds.py).
 SETTINGS = BUILDS | {
     "build/asan-clang": ["CC=clang", "SANITIZE=1"],
     "build/hard-fast": ["CC=gcc", "SANITIZERS=-ffast-math"],

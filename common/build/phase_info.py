@@ -21,7 +21,7 @@ from pathlib import Path
 PHASES = Path(__file__).resolve().parents[2] / "phases"
 sys.path.insert(0, str(PHASES.parent / "scripts"))
 
-from study import patches  # noqa: E402  (standard library only)
+from study.core import patches  # noqa: E402  (standard library only)
 
 KEYS = {
     "name": str,

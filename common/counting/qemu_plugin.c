@@ -1,5 +1,5 @@
 // A plugin for QEMU's user-mode emulator. It counts how often each translated block of a program runs
-// between the entry of one function and its return. scripts/study/qemu.py starts it;
+// between the entry of one function and its return. scripts/study/counting/qemu.py starts it;
 // qemu_recording.c keeps the counts and writes them. Tested with QEMU 7.2 only, with inline counters
 // and with callbacks.
 //

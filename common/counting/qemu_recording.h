@@ -63,7 +63,7 @@ struct repeated *recording_repeated(const struct block *block, uint64_t address)
 void recording_enter(const struct block *current);
 void recording_leave(const struct block *current);
 
-// Writes the recording. scripts/study/qemu_recording.py reads it.
+// Writes the recording. scripts/study/counting/qemu_recording.py reads it.
 void recording_write(void);
 
 #endif

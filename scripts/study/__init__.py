@@ -1,1 +1,3 @@
-"""What the scripts share: registry, build, run, store, statistics, machine, images."""
+"""The study. Packages import only from those before them: core, numbers, pictures, truth, counting, bounds,
+experiments, claims, report.
+"""

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from conformance.harness import REDUCED, Unsupported
-from study import registry
+from study.core import registry
 
 # What an approximate phase (phase.json) is asked: its form. Its pictures have tests of their own.
 FORM = (

@@ -23,7 +23,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts"))
 
-from study import images, registry  # noqa: E402  (the package stands in scripts/)
+from study.core import registry  # noqa: E402  (the package stands in scripts/)
+from study.pictures import images  # noqa: E402
 
 SIZES = {"n90": ("-n", "90"), "97x53": ("-n", "53", "-w", "97")}
 COUNTED = ("scene0", "mandelbulb", "trio")

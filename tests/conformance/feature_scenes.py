@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from study.hard import scenes
+from study.experiments.stability.cases import scenes
 
 SIZES: dict[str, dict[str, Any]] = {
     "sphere": {"radius": 1.3},

@@ -17,11 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from conformance import geometry
-from study import images, registry
-from study.accuracy import PROVED
-from study.images import Picture
-from study.registry import ROOT
-from study.run import UNTIMED
+from study.core import registry
+from study.core.registry import ROOT
+from study.core.run import UNTIMED
+from study.experiments.accuracy.measure import PROVED
+from study.pictures import images
+from study.pictures.images import Picture
 
 BUILD = os.environ.get("STEPWISE_BUILD", "build")
 REDUCED = BUILD != "build"

@@ -47,8 +47,9 @@ from conformance.harness import (
     same_bits,
     within_reach,
 )
-from study import images, registry
-from study.registry import ROOT
+from study.core import registry
+from study.core.registry import ROOT
+from study.pictures import images
 
 SCENES = {name: found.path for name, found in registry.scenes().items()}
 WIDTH, HEIGHT = (17, 5) if REDUCED else (48, 27)

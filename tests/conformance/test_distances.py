@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from conformance import geometry
 from conformance.feature_scenes import FEATURES, SIZES, scene, shape
 from conformance.harness import PHASES, REDUCED, Unsupported, call, check_refusal, distances, keep
-from study import registry
+from study.core import registry
 
 pytestmark = pytest.mark.parametrize("phase", PHASES)
 

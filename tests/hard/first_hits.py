@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from conformance import geometry
-from study.hard.scenes import rays
+from study.experiments.stability.cases.scenes import rays
 
 
 def on_ray(origin: np.ndarray, directions: np.ndarray, t: np.ndarray) -> np.ndarray:

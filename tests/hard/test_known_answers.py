@@ -13,7 +13,7 @@ import pytest
 from mpmath import mpf
 
 from conformance import geometry
-from study.hard import (
+from study.experiments.stability.cases import (
     c01_grazing_plane,
     c02_silhouette,
     c03_halo,

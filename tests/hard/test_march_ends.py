@@ -7,11 +7,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from study import registry
-from study.hard import Phase, exact, measure
-from study.hard import c03_halo as c03
-from study.hard import c31_bounds_cut as c31
-from study.hard.scenes import angle_degrees, found, normals, rays, scene, shape
+from study.core import registry
+from study.experiments.stability.cases import Phase, exact, measure
+from study.experiments.stability.cases import c03_halo as c03
+from study.experiments.stability.cases import c31_bounds_cut as c31
+from study.experiments.stability.cases.scenes import angle_degrees, found, normals, rays, scene, shape
 
 PHASES, _ = measure.able(None)
 pytestmark = pytest.mark.parametrize("phase", PHASES)

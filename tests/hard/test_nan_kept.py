@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from study.hard import c09_repetition, c11_edges, c18_mirrors_and_inside
-from study.hard.scenes import angle_degrees
+from study.experiments.stability.cases import c09_repetition, c11_edges, c18_mirrors_and_inside
+from study.experiments.stability.cases.scenes import angle_degrees
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,9 @@ import os
 
 import pytest
 
-from study import hard, registry
-from study.hard import measure
+from study.core import registry
+from study.experiments.stability import cases as hard
+from study.experiments.stability.cases import measure
 
 PHASES = [name for name, phase in registry.phases().items() if phase.family == measure.FAMILY]
 

@@ -11,9 +11,11 @@ from pathlib import Path
 import pytest
 import started
 
-from study import hard, hard_page, registry, store
-from study.cli import StudyError
-from study.hard import measure
+from study.core import registry, store
+from study.core.cli import StudyError
+from study.experiments.stability import cases as hard
+from study.experiments.stability import tables as hard_page
+from study.experiments.stability.cases import measure
 
 HALO = dataclasses.replace(
     hard.find_cases(["halo"])[0], why="narrow & <b>wide</b>, *so*", strengths=(1.0, 0.1, 1e-6)

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from conformance import harness
-from study import images, registry
+from study.core import registry
+from study.pictures import images
 
 WIDTH, HEIGHT = 40, 24
 CLOSE = 1 / 50  # of a colour, as displayed

@@ -18,8 +18,9 @@ from hypothesis import Phase as Stage
 from hypothesis import strategies as st
 
 from conformance import harness
-from study import images, registry
-from study.hard import measure
+from study.core import registry
+from study.experiments.stability.cases import measure
+from study.pictures import images
 
 SIZE = 8  # pixels a side
 LADDER = [

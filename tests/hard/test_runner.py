@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from study import hard, store
-from study.cli import StudyError
-from study.hard import Case, Outcome, Phase, curves, measure
-from study.hard.scenes import scene, shape
+from study.core import store
+from study.core.cli import StudyError
+from study.experiments.stability import cases as hard
+from study.experiments.stability.cases import Case, Outcome, Phase, curves, measure
+from study.experiments.stability.cases.scenes import scene, shape
 
 BALL = scene([shape("sphere", radius=1)])
 
@@ -75,7 +76,7 @@ def test_right_and_wrong() -> None:
 
 def test_not_finite_is_seen_without_the_case(monkeypatch: pytest.MonkeyPatch) -> None:
     """NaN in any plane is counted where the picture is read; Z = +inf on a miss is not."""
-    from study import images
+    from study.pictures import images
 
     read = images.read
 

@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 import pytest
 from discs import HEIGHT, RADIUS, WIDTH
 
-from study import cli
+from study.core import cli
 
 Picture = dict[str, np.ndarray]
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from study import registry
-from study.build import build
-from study.registry import ROOT
+from study.core import registry
+from study.core.build import build
+from study.core.registry import ROOT
 
 SHIM = ROOT / "tests" / "emulate"
 SIMDE = Path(os.environ.get("STEPWISE_INCLUDE", "/usr/include")) / "simde" / "x86" / "avx512.h"

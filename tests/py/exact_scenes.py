@@ -1,6 +1,8 @@
 """Scenes of the exact oracle, for its tests."""
 
-from study import enclosures, exact
+import enclosures
+
+from study.truth import exact
 
 
 def one(kind: str, **more):

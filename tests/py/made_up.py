@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from study import fixed, packets, packets_rays, rods
+from study.experiments.fixed import measure as fixed
+from study.experiments.packets import measure as packets
+from study.experiments.packets import rays as packets_rays
+from study.experiments.rods import measure as rods
 
 
 def fixed_result() -> dict:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from study import registry
+from study.core import registry
 
 
 def cpu_for(phase: str) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from conformance.feature_scenes import scene, shape
-from study import images
+from study.pictures import images
 
 STRENGTH = 3.0
 

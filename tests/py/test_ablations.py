@@ -20,12 +20,17 @@ import started
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from study import ablations, blocks, flops, ideas, images, paper, patches, registry, run, stats, verdicts
-from study.ablations import Ablation
-from study.build import build
-from study.cli import StudyError
-from study.patches import PatchError
-from study.registry import ROOT, Spec
+from study.core import patches, registry, run
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.patches import PatchError
+from study.core.registry import ROOT, Spec
+from study.counting import blocks, flops
+from study.experiments.ablations import ideas
+from study.experiments.ablations import measure as ablations
+from study.experiments.ablations.measure import Ablation
+from study.numbers import paper, stats, verdicts
+from study.pictures import images
 
 NAMES = [f"{phase}+{title}" for phase in registry.phases() for title in patches.titles(phase)]
 BASES = sorted({name.partition("+")[0] for name in NAMES} - {"baseline"})

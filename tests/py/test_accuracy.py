@@ -1,4 +1,4 @@
-"""Errors to truth (study.accuracy, study.where, study.converge).
+"""Errors to truth (experiments.accuracy.measure, experiments.accuracy.where, experiments.accuracy.converge).
 
 The synthetic pictures have errors that are known by counting, by trigonometry or by the definition of PSNR.
 """
@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 from discs import HEIGHT, WIDTH, lengths, made_truth
 
-from study import accuracy, converge, gate, registry, store, where
-from study.cli import StudyError, plain
+from study.core import registry, store
+from study.core.cli import StudyError, plain
+from study.experiments.accuracy import converge, where
+from study.experiments.accuracy import measure as accuracy
+from study.pictures import gate
 
 # --- below the picture
 

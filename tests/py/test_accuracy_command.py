@@ -14,10 +14,14 @@ import pytest
 from discs import HEIGHT, WIDTH, made_truth
 
 import accuracy as command_module
-from study import accuracy, accuracy_page, gallery, gate, images, registry, store, where
-from study.cli import StudyError
-from study.registry import ROOT, Spec
-from study.run import DriverError
+from study.core import registry, store
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Spec
+from study.core.run import DriverError
+from study.experiments.accuracy import measure as accuracy
+from study.experiments.accuracy import tables as accuracy_page
+from study.experiments.accuracy import where
+from study.pictures import gallery, gate, images
 
 
 @pytest.fixture
@@ -173,7 +177,7 @@ def test_a_picture_that_is_not_finite_fails_gated_or_not(command, house, disc):
 
 
 def test_what_cannot_be_is_said(command, house):
-    from study.run import DriverError
+    from study.core.run import DriverError
 
     house.pictures["opt4"] = DriverError(4, "no planes here")
     status, _, err = command("--phase", "opt4", "opt5", "--scene", "trio")

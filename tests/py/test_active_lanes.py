@@ -9,8 +9,8 @@ from pathlib import Path
 import needs
 import pytest
 
-from study import scaling_scenes
-from study.build import build
+from study.core import generated_scenes as scaling_scenes
+from study.core.build import build
 
 ROOT = Path(__file__).parents[2]
 

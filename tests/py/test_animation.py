@@ -11,7 +11,7 @@ import pytest
 
 from conformance.feature_scenes import scene, shape
 from conformance.harness import REFERENCE, Unsupported, call, check_refusal, keep, render, same_bits
-from study import registry
+from study.core import registry
 
 # After half a second the first is a quarter turn on, the second at its line's other end.
 MOVING = [

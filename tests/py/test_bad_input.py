@@ -15,7 +15,7 @@ import pytest
 
 from conformance.feature_scenes import DEEPEST, scene, shape
 from conformance.harness import REFERENCE, Run, binary, call, check_refusal
-from study import registry
+from study.core import registry
 
 SCENE0 = registry.scenes()["scene0"].path
 SPHERE = json.dumps(scene([shape("sphere")]))

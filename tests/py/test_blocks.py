@@ -19,15 +19,17 @@ import numpy as np
 import pytest
 from elftools.elf.elffile import ELFFile
 
-from study import assembly, blocks, calibration, images, patches, qemu, registry, run, store
-from study.assembly_counters import overwrites_flags
-from study.assembly_source import Source
-from study.build import build
-from study.cli import BAD_INPUT, StudyError
-from study.counts import Counts, Measured
-from study.decode import Disassembler
-from study.registry import ROOT, find_phase, find_scene, variant_here
-from study.run import DriverError
+from study.core import patches, registry, run, store
+from study.core.build import build
+from study.core.cli import BAD_INPUT, StudyError
+from study.core.registry import ROOT, find_phase, find_scene, variant_here
+from study.core.run import DriverError
+from study.counting import assembly, blocks, calibration, qemu
+from study.counting.assembly_counters import overwrites_flags
+from study.counting.assembly_source import Source
+from study.counting.counts import Counts, Measured
+from study.counting.decode import Disassembler
+from study.pictures import images
 
 COMPILERS = {"gcc": "build", "clang": "build/clang"}
 PHASES = list(registry.ladder())
@@ -514,7 +516,15 @@ def test_the_tool_says_in_one_line_what_is_wrong(tmp_path):
     """As make calls it. A loop instruction reaches 127 bytes; nothing is left that looks whole."""
     path = tmp_path / "f.s"
     path.write_text(HEAD + "f:\n.L2:\n" + "\tcall g\n" * 20 + "\tloop .L2\n\tret\n")
-    command = [sys.executable, "-m", "study.assembly", "--cc", "gcc", str(tmp_path / "out"), str(path)]
+    command = [
+        sys.executable,
+        "-m",
+        "study.counting.assembly",
+        "--cc",
+        "gcc",
+        str(tmp_path / "out"),
+        str(path),
+    ]
     environment = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
     done = subprocess.run(command, capture_output=True, text=True, env=environment)
     assert done.returncode == BAD_INPUT

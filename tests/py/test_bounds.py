@@ -10,10 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study import analysers, bounds, bounds_page, profiles, regions, symbols
-from study.analysers import Mca, Processor
-from study.cli import StudyError
-from study.regions import Region
+from study.bounds import analysers, profiles, regions
+from study.bounds import topdown as bounds
+from study.bounds.analysers import Mca, Processor
+from study.bounds.regions import Region
+from study.core.cli import StudyError
+from study.counting import symbols
+from study.experiments.hotspots import bounds_tables as bounds_page
 
 FIXTURES = Path(__file__).parents[1] / "fixtures" / "bounds"
 MCA = (FIXTURES / "llvm-mca.txt").read_text()
@@ -327,8 +330,8 @@ def test_the_papers_table_is_beside():
 @pytest.mark.skipif(shutil.which("objdump") is None, reason="objdump is missing")
 def test_the_hot_loop_of_arrays_is_found():
     """Of the real program: the loop over shapes in opt2's sdf, which takes square roots."""
-    from study.build import build
-    from study.registry import ROOT
+    from study.core.build import build
+    from study.core.registry import ROOT
 
     path = build("opt2", "render-lines")
     built = symbols.program(path, ROOT / "build/opt2/lines/phase.o")

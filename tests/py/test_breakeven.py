@@ -11,11 +11,13 @@ from pathlib import Path
 import pytest
 
 import breakeven as command
-from study import breakeven, breakeven_page, cli, registry, run, show
-from study.breakeven import Settings
-from study.cli import StudyError
-from study.registry import Spec
-from study.stats import Interval
+from study.core import cli, registry, run, show
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.experiments.breakeven import measure as breakeven
+from study.experiments.breakeven import tables as breakeven_page
+from study.experiments.breakeven.measure import Settings
+from study.numbers.stats import Interval
 
 SPECS = Spec.parse("opt9_convex"), Spec.parse("opt10_scene")
 

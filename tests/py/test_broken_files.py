@@ -12,10 +12,11 @@ from typing import Any
 import pytest
 import started
 
-from study import negative, truth_sections
-from study.cli import StudyError
-from study.registry import ROOT
-from study.sections import Section
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.ablations import negative
+from study.report import truth_sections
+from study.report.sections import Section
 
 PUBLISHED = max(ROOT.glob("results/reference/*/stability.json")).parent
 INTERVAL = {"value": 1.0, "low": 0.9, "high": 1.1, "launches": 6, "sufficient": True}

@@ -11,9 +11,9 @@ import threading
 
 import pytest
 
-from study import build as module
-from study.cli import CANNOT_RUN, StudyError
-from study.registry import ROOT, Spec
+from study.core import build as module
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.registry import ROOT, Spec
 
 TOOLS = (
     "make",

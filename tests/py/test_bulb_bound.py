@@ -12,7 +12,7 @@ import re
 
 from flint import arb
 
-from study import registry
+from study.core import registry
 
 FAR = 1000.0
 PHASE = "opt9_convex"  # opt10_scene derives from it

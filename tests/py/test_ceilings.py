@@ -14,10 +14,11 @@ import pytest
 import started
 from elftools.elf.elffile import ELFFile
 
-from study import ceilings, machine, store
-from study.build import build
-from study.cli import StudyError
-from study.decode import Decoded, Disassembler
+from study.bounds import ceilings
+from study.core import machine, store
+from study.core.build import build
+from study.core.cli import StudyError
+from study.counting.decode import Decoded, Disassembler
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "common" / "ceilings"

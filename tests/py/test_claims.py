@@ -13,10 +13,14 @@ import pytest
 import started
 
 import tables
-from study import analysis, claims, cli, ladder, paper, register, roof
-from study.analysis import Cell, Data
-from study.registry import ROOT
-from study.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, WORDS, Found, sized
+from study.bounds import roof
+from study.claims import claims, register
+from study.core import cli
+from study.core.registry import ROOT
+from study.experiments.sweep import ladder
+from study.numbers import analysis, paper
+from study.numbers.analysis import Cell, Data
+from study.numbers.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, WORDS, Found, sized
 
 STEADY = (0.999, 1.0, 1.001, 1.0, 0.9995, 1.0005)
 CLAIM = {"scene": "scene0", "phase": "baseline", "base": "baseline", "note": "no size is named"}

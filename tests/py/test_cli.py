@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import started
 
-from study import cli
-from study.registry import ROOT
+from study.core import cli
+from study.core.registry import ROOT
 
 SCRIPTS = sorted(path for path in (ROOT / "scripts").glob("*.py") if os.access(path, os.X_OK))
 
@@ -110,7 +110,7 @@ def test_emit_writes_what_json_knows(capsys):
 
 
 def script(folder: Path, body: str) -> Path:
-    """A script beside a copy of study/cli.py, in a tree of its own."""
+    """A script beside a copy of study/core/cli.py, in a tree of its own."""
     study = folder / "scripts" / "study"
     study.mkdir(parents=True)
     (study / "__init__.py").touch()

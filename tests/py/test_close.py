@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from study import images, patches, registry
-from study.build import build
+from study.core import patches, registry
+from study.core.build import build
+from study.pictures import images
 
 PHASES = ("opt8_streams", "opt9_convex")  # each with its own copy
 TERMS = 6

@@ -9,10 +9,10 @@ import pytest
 import started
 
 import compare
-from study import store
-from study.cli import StudyError
-from study.registry import ROOT
-from study.store import Run
+from study.core import store
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.core.store import Run
 
 CONTEXT = {"cpu": {"model": "Some CPU"}, "git": {"commit": "1" * 40, "dirty": False}, "libc": "glibc 2.36"}
 LINE = {"schema": 1, "scene_hash": "aa", "width": 16, "height": 9, "threads": 1, "steal_ticks": 0}

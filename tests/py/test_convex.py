@@ -17,8 +17,9 @@ import pytest
 from soft_shadows import SHARP, SOFT, STRENGTH, bound, clamped, lit
 
 from conformance.feature_scenes import FLOOR, TURNED, scene, shape
-from study import images, registry
-from study.build import build
+from study.core import registry
+from study.core.build import build
+from study.pictures import images
 
 PHASE = "opt9_convex"
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from study import images, registry, run, scaling_scenes
-from study.build import build
+from study.core import generated_scenes as scaling_scenes
+from study.core import registry, run
+from study.core.build import build
+from study.pictures import images
 
 PHASE, MARCHED = "opt9_convex", "opt6_wide"
 

@@ -22,8 +22,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from conformance.feature_scenes import CELLS, FLOOR, ROOM, SIZES, TURNED, scene, shape
-from study import build, images, patches, registry, run, store
-from study.registry import ROOT
+from study.core import build, patches, registry, run, store
+from study.core.registry import ROOT
+from study.pictures import images
 
 DECLARED = {name: p for name, p in registry.phases().items() if p.file("costs.def").exists()}
 SCALAR = [name for name, phase in DECLARED.items() if phase.lanes == 1 and phase.family == "ladder"]

@@ -17,10 +17,12 @@ import pytest
 
 import accuracy as command
 from conformance.feature_scenes import FLOOR, scene, shape
-from study import accuracy, gate, images, registry
-from study.build import build
-from study.gallery import Gallery
-from study.registry import Scene, Spec
+from study.core import registry
+from study.core.build import build
+from study.core.registry import Scene, Spec
+from study.experiments.accuracy import measure as accuracy
+from study.pictures import gate, images
+from study.pictures.gallery import Gallery
 
 PHASE, GENERATOR = "opt9_convex", "opt10_scene"
 VARIABLE = "STEPWISE_PATH"

@@ -13,11 +13,15 @@ import numpy as np
 import pytest
 import started
 
-from study import cli, drjit_measure, drjit_page, registry, run, truth_sections, verdicts
-from study.cli import StudyError
-from study.drjit_measure import DRJIT, OWN, SAME, Measuring, Point, Rival
-from study.registry import ROOT, Spec
-from study.stats import Interval
+from study.core import cli, registry, run
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Spec
+from study.experiments.drjit import measure as drjit_measure
+from study.experiments.drjit import tables as drjit_page
+from study.experiments.drjit.measure import DRJIT, OWN, SAME, Measuring, Point, Rival
+from study.numbers import verdicts
+from study.numbers.stats import Interval
+from study.report import truth_sections
 
 SCRIPT = ROOT / "scripts" / "drjit.py"
 OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")

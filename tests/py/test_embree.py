@@ -14,9 +14,12 @@ import numpy as np
 import pytest
 
 from conformance.feature_scenes import FLOOR, scene, shape
-from study import packets, packets_figures, packets_rays, store
-from study.build import build
-from study.registry import ROOT, Scene, find_scene
+from study.core import store
+from study.core.build import build
+from study.core.registry import ROOT, Scene, find_scene
+from study.experiments.packets import figures as packets_figures
+from study.experiments.packets import measure as packets
+from study.experiments.packets import rays as packets_rays
 
 BASES = (Path("/usr/include"), Path("/usr/local/include"))
 HEADERS = [base / f"embree{version}" / "rtcore.h" for version in (4, 3) for base in BASES]

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 from emulated import SHIM, SIMDE, TRUE, needs_emulation, needs_sixteen, sixteen
 
-from study import images, registry
-from study.build import build
-from study.registry import ROOT
+from study.core import registry
+from study.core.build import build
+from study.core.registry import ROOT
+from study.pictures import images
 
 LANES = np.arange(16)
 GIVEN = np.dtype(

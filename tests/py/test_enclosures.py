@@ -10,11 +10,11 @@ import os
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 
+import enclosures
 import numpy as np
 import pytest
 
-from study import enclosures
-from study.build import build
+from study.core.build import build
 
 COUNT = int(os.environ.get("STEPWISE_RAYS", "10000"))
 CHUNK = 1000

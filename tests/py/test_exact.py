@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+import enclosures
 import mpmath
 import pytest
 from exact_scenes import BALL, CONE, CUBE, STAR, TORUS, one, several
 
-from study import enclosures, exact
-from study.cli import StudyError
+from study.core.cli import StudyError
+from study.truth import exact
 
 OFF = Fraction(1, 2**200)  # far beyond double's reach
 

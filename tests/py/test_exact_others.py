@@ -6,13 +6,16 @@ import json
 import math
 import subprocess
 
+import enclosures
 import mpmath
 import numpy as np
 import pytest
 from exact_scenes import TORUS, one
 
-from study import enclosures, exact, images, registry, run
-from study.build import build
+from study.core import registry, run
+from study.core.build import build
+from study.pictures import images
+from study.truth import exact
 
 
 def quartic_roots(origin, direction, big, small):

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 from conformance.feature_scenes import scene, shape
-from study import images, registry, store
-from study.build import build
-from study.hard import scenes
-from study.registry import ROOT
+from study.core import registry, store
+from study.core.build import build
+from study.core.registry import ROOT
+from study.experiments.stability.cases import scenes
+from study.pictures import images
 
 PHASES = ("fixed", "fixed_simd", "fixed_float")
 SIMD = PHASES[1:]

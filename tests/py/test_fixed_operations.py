@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from study import fixed
-from study.build import build
-from study.registry import ROOT
+from study.core.build import build
+from study.core.registry import ROOT
+from study.experiments.fixed import measure as fixed
 
 SCENE = ROOT / "common" / "scenes" / "spheres40.json"
 HEIGHT = 90

@@ -13,9 +13,14 @@ import started
 from documented import keys
 from made_up import fixed_result as made_up
 
-from study import fixed, fixed_page, fixed_pictures, moving, registry, run, show, systems
-from study.cli import StudyError
-from study.registry import ROOT
+from study.core import registry, run, show
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.fixed import measure as fixed
+from study.experiments.fixed import pictures as fixed_pictures
+from study.experiments.fixed import tables as fixed_page
+from study.experiments.moving import measure as moving
+from study.experiments.systems import tables as systems
 
 IN_LANES = {  # what may be timed on a CPU of so many
     1: ["article, 1 lane", "1 lane"],

@@ -14,11 +14,14 @@ from collections import Counter
 import pytest
 import started
 
-from study import blocks, columns, costs, decode, flops, libm, registry, show, table1
-from study.build import build
-from study.cli import StudyError
-from study.counts import Counts, Measured
-from study.registry import ROOT, Spec
+from study.core import registry, show
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Spec
+from study.counting import blocks, costs, decode, flops, libm
+from study.counting.counts import Counts, Measured
+from study.experiments.flops import table1
+from study.report import columns
 
 
 def counts(calls: int, adds: int, load: int = 0) -> Counts:

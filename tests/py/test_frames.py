@@ -13,13 +13,18 @@ import numpy as np
 import pytest
 
 import frames as command
-from study import cli, frames, frames_page, images, registry, stats, truth_sections
-from study.cli import StudyError
-from study.draw import STYLE
-from study.frames import Case, Settings
-from study.registry import Spec
-from study.run import DriverError
-from study.stats import Interval
+from study.core import cli, registry
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.core.run import DriverError
+from study.experiments.frames import measure as frames
+from study.experiments.frames import tables as frames_page
+from study.experiments.frames.measure import Case, Settings
+from study.numbers import stats
+from study.numbers.stats import Interval
+from study.pictures import images
+from study.pictures.draw import STYLE
+from study.report import truth_sections
 
 OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")
 CASE = Case("scene0", 1080, 60, frames.OWN, 1e-6, Path("scene0.json"))

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from study import functions, functions_coefficients, functions_edges
+from study.experiments.functions import coefficients as functions_coefficients
+from study.experiments.functions import edges as functions_edges
+from study.experiments.functions import measure as functions
 
 QUICK_STRIDE = 12289  # of common/functions/exhaustive.c
 # One in 16, at another place of each 16: every value of the upper 20 bits, in both exponents.

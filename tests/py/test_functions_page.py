@@ -10,8 +10,12 @@ from pathlib import Path
 import pytest
 import started
 
-from study import functions, functions_edges_page, functions_figures, functions_page, show
-from study.cli import StudyError
+from study.core import show
+from study.core.cli import StudyError
+from study.experiments.functions import edge_tables as functions_edges_page
+from study.experiments.functions import figures as functions_figures
+from study.experiments.functions import measure as functions
+from study.experiments.functions import tables as functions_page
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "scripts" / "functions.py"

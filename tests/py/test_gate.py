@@ -7,8 +7,9 @@ import math
 import pytest
 from tolerances import FRACTAL, SMOOTH, bound, phase
 
-from study import gate, images, registry
-from study.cli import StudyError
+from study.core import registry
+from study.core.cli import StudyError
+from study.pictures import gate, images
 
 
 def test_a_scene_by_name_wins_over_its_class():

@@ -14,10 +14,13 @@ import pytest
 import started
 
 import goals as script
-from study import accuracy, analysis, goals, goals_page, show
-from study.cli import StudyError
-from study.registry import ROOT
-from study.stats import Interval
+from study.core import show
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.accuracy import measure as accuracy
+from study.numbers import analysis
+from study.numbers.stats import Interval
+from study.report import goals, goals_page
 
 
 def timed(phase: str, speedup: tuple[float, float, float], lanes: int = 16, **more: object) -> dict:

@@ -16,11 +16,14 @@ import started
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study import build, hotspots, perf, profiles, registry, symbols
-from study.cli import CANNOT_RUN, StudyError
-from study.profiles import Place
-from study.registry import ROOT
-from study.symbols import Program
+from study.bounds import profiles
+from study.bounds.profiles import Place
+from study.core import build, registry
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.registry import ROOT
+from study.counting import perf, symbols
+from study.counting.symbols import Program
+from study.experiments.hotspots import tables as hotspots
 
 FIXTURES = Path(__file__).parents[1] / "fixtures" / "hotspots"
 SCRIPT = ROOT / "scripts" / "hotspots.py"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from study import patches, registry
-from study.build import build
-from study.registry import ROOT
+from study.core import patches, registry
+from study.core.build import build
+from study.core.registry import ROOT
 
 FILES = sorted(
     path

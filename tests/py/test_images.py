@@ -1,4 +1,4 @@
-"""Metrics of study.images against values known from mathematics."""
+"""Metrics of study.pictures.images against values known from mathematics."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from study import cli, images
-from study.cli import StudyError
+from study.core import cli
+from study.core.cli import StudyError
+from study.pictures import images
 
 UNIT = st.floats(0, 1, width=32)
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from study import backend, imports
+from study.core import imports
+from study.counting import backend
 
 FILES = {
     "__init__.py": "",
@@ -78,7 +79,7 @@ def test_another_version_of_a_package_is_another_analysis(
     assert len(counted) == 2
 
 
-@pytest.mark.parametrize("module", ["study.blocks", "study.qemu"])
+@pytest.mark.parametrize("module", ["study.counting.blocks", "study.counting.qemu"])
 def test_a_back_end_rests_on_its_decoder_and_on_no_page(module: str) -> None:
     found = imports.closure(module)
     stems = {path.stem for path in found.files}

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from study import analysis
+from study.numbers import analysis
 
 WHY = "general: cc took longer than its time limit, 60 s"
 

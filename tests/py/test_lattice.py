@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 import started
 
-from study import lattice, lattice_page, registry, systems
-from study.build import build
-from study.cli import StudyError
-from study.registry import ROOT
+from study.core import registry
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.lattice import measure as lattice
+from study.experiments.lattice import tables as lattice_page
+from study.experiments.systems import tables as systems
 
 ERROR = {f"{kind}_ppm": 0.0 for kind in ("false_hits", "false_misses", "wrong_shape", "wrong")}
 ERROR |= {"dt_p50": 0.0, "dt_p99": 0.5, "dt_p100": 1.0, "psnr_db": 60.0, "evaluations": 1.0, "known": 1.0}

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from study import ideas, lessons, lessons_svg, patches, registry, store
-from study.cli import StudyError
+from study.core import patches, registry, store
+from study.core.cli import StudyError
+from study.experiments.ablations import ideas
+from study.report import lessons, lessons_svg
 
 PARTS = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
 LINES, COLUMNS, EXCERPT = 60, 100, 15

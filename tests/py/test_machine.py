@@ -5,7 +5,8 @@ import subprocess
 
 import pytest
 
-from study import cli, machine, peaks
+from study.bounds import peaks
+from study.core import cli, machine
 
 
 def cpuinfo(name, vendor, family, model, stepping=0):

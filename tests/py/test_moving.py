@@ -1,4 +1,4 @@
-"""study.moving: an animation's frames outlive an interruption, and each is measured once."""
+"""experiments.moving: an animation's frames outlive an interruption, and each is measured once."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from study import machine, moving, registry, run
-from study.cli import StudyError
+from study.core import machine, registry, run
+from study.core.cli import StudyError
+from study.experiments.moving import measure as moving
 
 FRAMES, HEIGHT = 2000, 48  # about a millisecond each: enough to be killed among them
 

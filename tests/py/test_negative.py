@@ -9,9 +9,10 @@ from pathlib import Path
 import matplotlib
 import pytest
 
-from study import negative, registry
-from study.cli import StudyError
-from study.draw import STYLE
+from study.core import registry
+from study.core.cli import StudyError
+from study.experiments.ablations import negative
+from study.pictures.draw import STYLE
 
 
 def row(name: str, low: float, high: float, scene: str = "scene0", verdict: str = "within") -> dict:

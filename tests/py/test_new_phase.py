@@ -10,9 +10,9 @@ import pytest
 import started
 
 import new_phase
-from study import patches, registry
-from study.cli import StudyError
-from study.registry import ROOT
+from study.core import patches, registry
+from study.core.cli import StudyError
+from study.core.registry import ROOT
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from study import imports
+from study.core import imports
 
 TESTS = Path(__file__).parents[1]
 FILES = sorted(path for path in TESTS.rglob("*.py") if "__pycache__" not in path.parts)

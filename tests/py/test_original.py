@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from study import images, original, registry
-from study.cli import CANNOT_RUN, StudyError
+from study.core import registry
+from study.core.cli import CANNOT_RUN, StudyError
+from study.experiments.original import measure as original
+from study.pictures import images
 
 CONFIG = (
     "#define REPETITIONS 4\n#define WARM_UP_REPETITIONS 0\n"

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from study import cli, imports
-from study.registry import ROOT
+from study.core import cli, imports
+from study.core.registry import ROOT
 
 SCRIPTS = ROOT / "scripts"
 FILES = sorted(path for path in SCRIPTS.rglob("*.py") if "__pycache__" not in path.parts)
@@ -85,7 +85,7 @@ def test_what_a_script_imports_is_declared_by_name(run_time: set[str]) -> None:
 
 
 def test_every_module_can_be_imported_with_the_run_time_packages_alone(run_time: set[str]) -> None:
-    names = {module(path) for path in FILES} - {"study.drjit_render"}
+    names = {module(path) for path in FILES} - {"study.experiments.drjit.render"}
     command = [sys.executable, "-c", IMPORT_ALL, forbidden(needed(run_time)), ",".join(sorted(names))]
     done = subprocess.run(command, cwd=SCRIPTS, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

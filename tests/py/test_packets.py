@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 
+import enclosures
 import numpy as np
 import pytest
 import started
@@ -18,9 +19,11 @@ from emulated import needs_sixteen, sixteen
 
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
-from study import enclosures, images, packets_rays, registry, run, store
-from study.build import build
-from study.registry import ROOT
+from study.core import registry, run, store
+from study.core.build import build
+from study.core.registry import ROOT
+from study.experiments.packets import rays as packets_rays
+from study.pictures import images
 
 SPHERES40 = ROOT / "common" / "scenes" / "spheres40.json"
 WAYS = ["tree=bvh rays=alone", "tree=kd rays=alone", "tree=none rays=alone"]

@@ -12,21 +12,18 @@ from made_up import packets_result as made_up
 
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
-from study import (
-    moving,
-    packets,
-    packets_figures,
-    packets_moving,
-    packets_page,
-    packets_pictures,
-    packets_rays,
-    packets_systems,
-    run,
-    show,
-    systems,
-)
-from study.cli import StudyError
-from study.registry import Scene, find_scene
+from study.core import run, show
+from study.core.cli import StudyError
+from study.core.registry import Scene, find_scene
+from study.experiments.moving import measure as moving
+from study.experiments.packets import figures as packets_figures
+from study.experiments.packets import measure as packets
+from study.experiments.packets import moving_tables as packets_moving
+from study.experiments.packets import pictures as packets_pictures
+from study.experiments.packets import rays as packets_rays
+from study.experiments.packets import systems as packets_systems
+from study.experiments.packets import tables as packets_page
+from study.experiments.systems import tables as systems
 
 DATA = scene([FLOOR, shape("sphere", radius=1, position=[0, 0, 4])], light={"shadows": "hard"})
 INF = np.inf

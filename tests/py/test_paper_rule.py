@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from study import blocks, claims, flops, ladder, paper_rule, table1
-from study.analysis import load
-from study.registry import ROOT, find_scene
-from study.verdicts import FAILS, HOLDS, PART
+from study.claims import claims
+from study.core.registry import ROOT, find_scene
+from study.counting import blocks, flops, paper_rule
+from study.experiments.flops import table1
+from study.experiments.sweep import ladder
+from study.numbers.analysis import load
+from study.numbers.verdicts import FAILS, HOLDS, PART
 
 PUBLISHED = ROOT / "results" / "reference" / "zen5-2026-11-25"
 # FLOPs of an iteration and of what it calls. Baseline's costs.def: 75 additions and products, 2 roots, a

@@ -11,10 +11,16 @@ import matplotlib
 import pytest
 import started
 
-from study import ablations, cli, images, pareto, pareto_page, registry, run, toolchains, truth_sections
-from study import pareto_measure as measuring
-from study.draw import STYLE, save
-from study.registry import ROOT, Spec
+from study.core import cli, registry, run
+from study.core.registry import ROOT, Spec
+from study.experiments.ablations import measure as ablations
+from study.experiments.pareto import fronts as pareto
+from study.experiments.pareto import measure as measuring
+from study.experiments.pareto import tables as pareto_page
+from study.experiments.toolchains import measure as toolchains
+from study.pictures import images
+from study.pictures.draw import STYLE, save
+from study.report import truth_sections
 
 SCRIPT = ROOT / "scripts" / "pareto.py"
 

@@ -1,4 +1,4 @@
-"""Figures of study.panels, scripts/pictures.py and scripts/demo.py: what must be seen in them is there."""
+"""Figures of pictures.panels, scripts/pictures.py and scripts/demo.py: what must be seen in them is there."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 import demo
 import pictures
-from study import images, panels
-from study.cli import StudyError
-from study.registry import ROOT, Spec
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Spec
+from study.pictures import images, panels
 
 
 def pixels(path) -> np.ndarray:

@@ -21,10 +21,12 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import plots
-from study import analysis, contents, ladder
-from study import draw as drawing
-from study.analysis import Data
-from study.cli import StudyError
+from study.core.cli import StudyError
+from study.experiments.sweep import ladder
+from study.numbers import analysis
+from study.numbers.analysis import Data
+from study.pictures import contents
+from study.pictures import draw as drawing
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"

@@ -10,11 +10,12 @@ from typing import Any
 
 import pytest
 
-from study import machine, pmu
-from study.cli import CANNOT_RUN, StudyError
-from study.counts import Measured
-from study.registry import find_scene
-from study.run import UNTIMED
+from study.core import machine
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.registry import find_scene
+from study.core.run import UNTIMED
+from study.counting import pmu
+from study.counting.counts import Measured
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "perf"
 FILES = sorted(pmu.FOLDER.glob("*.json"))
@@ -312,7 +313,7 @@ def test_a_perf_that_refuses(ice_lake: Path, body: str, message: str) -> None:
 
 def test_for_real() -> None:
     """Where there are counters: instructions of a frame are those that QEMU counts, libm with them."""
-    qemu = pytest.importorskip("study.qemu")
+    qemu = pytest.importorskip("study.counting.qemu")
     works, reason = pmu.available()
     if not works or qemu.available():
         pytest.skip(reason if not works else qemu.available())

@@ -12,9 +12,14 @@ from pathlib import Path
 import made_up
 import pytest
 
-from study import analysis, fixed, lattice, provenance, rods, systems
-from study.cli import StudyError
-from study.registry import ROOT
+from study.core import provenance
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.fixed import measure as fixed
+from study.experiments.lattice import measure as lattice
+from study.experiments.rods import measure as rods
+from study.experiments.systems import tables as systems
+from study.numbers import analysis
 
 OLD, NEW = "694a2379e4" + "0" * 30, "da3dd80826" + "1" * 30
 

@@ -20,18 +20,16 @@ import pytest
 import started
 
 import publish as publishing
-from study import (
-    fixed,
-    fixed_pictures,
-    images,
-    packets,
-    packets_pictures,
-    rods,
-    rods_pictures,
-    store,
-    systems_pictures,
-)
-from study.registry import ROOT
+from study.core import store
+from study.core.registry import ROOT
+from study.experiments.fixed import measure as fixed
+from study.experiments.fixed import pictures as fixed_pictures
+from study.experiments.packets import measure as packets
+from study.experiments.packets import pictures as packets_pictures
+from study.experiments.rods import measure as rods
+from study.experiments.rods import pictures as rods_pictures
+from study.experiments.systems import pictures as systems_pictures
+from study.pictures import images
 
 FIXTURE = ROOT / "tests" / "fixtures" / "run"
 

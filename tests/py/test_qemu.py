@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from study import blocks, calibration, decode, qemu, qemu_recording
-from study.build import build
-from study.cli import CANNOT_RUN, StudyError
-from study.elf import Program
-from study.registry import Spec, find_scene
+from study.core.build import build
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.registry import Spec, find_scene
+from study.counting import blocks, calibration, decode, qemu, qemu_recording
+from study.counting.elf import Program
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "qemu"
 REPEATS = 1000

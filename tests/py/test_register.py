@@ -13,11 +13,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from study import analysis, claims, fixed, paper, register
-from study.analysis import Data
-from study.cli import StudyError
-from study.registry import ROOT
-from study.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, judged, near
+from study.claims import claims, register
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.fixed import measure as fixed
+from study.numbers import analysis, paper
+from study.numbers.analysis import Data
+from study.numbers.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, judged, near
 
 
 @pytest.fixture

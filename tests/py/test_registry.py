@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study import registry
-from study.cli import StudyError
-from study.registry import Spec
+from study.core import registry
+from study.core.cli import StudyError
+from study.core.registry import Spec
 
 NAMES = sorted(registry.phases())
 

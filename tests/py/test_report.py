@@ -19,7 +19,9 @@ from PIL import Image
 
 import plots
 import report
-from study import analysis, facts, registry, stats
+from study.core import registry
+from study.numbers import analysis, stats
+from study.report import facts
 
 ROOT = Path(__file__).parents[2]
 VOID = {"meta", "img", "br", "link", "input", "hr"}

@@ -19,9 +19,12 @@ import pytest
 import started
 
 from conformance.feature_scenes import FEATURES, ROOM, scene
-from study import accuracy, gate, images, registry, store, truth
-from study.build import build
-from study.registry import ROOT
+from study.core import registry, store
+from study.core.build import build
+from study.core.registry import ROOT
+from study.experiments.accuracy import measure as accuracy
+from study.pictures import gate, images
+from study.truth import truth
 
 SIMD_LACKS = bool(registry.missing_isa(registry.phases()["rods_simd"]))
 needs_simd = pytest.mark.skipif(SIMD_LACKS, reason="the CPU lacks what rods_simd needs")

@@ -15,20 +15,15 @@ import pytest
 import started
 from made_up import rods_result as made_up
 
-from study import (
-    accuracy,
-    cli,
-    registry,
-    rods,
-    rods_page,
-    rods_pictures,
-    run,
-    show,
-    systems,
-    systems_pictures,
-)
-from study.cli import StudyError
-from study.registry import ROOT
+from study.core import cli, registry, run, show
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.accuracy import measure as accuracy
+from study.experiments.rods import measure as rods
+from study.experiments.rods import pictures as rods_pictures
+from study.experiments.rods import tables as rods_page
+from study.experiments.systems import pictures as systems_pictures
+from study.experiments.systems import tables as systems
 
 
 def planes(**other: list) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""roofline.py and study/roof.py on tests/fixtures/run, with counts and ceilings of round numbers.
+"""roofline.py and study/bounds/roof.py on tests/fixtures/run, with counts and ceilings of round numbers.
 
 At n = 180 the fixture's opt4 takes 2000 core cycles and 1250 TSC cycles per pixel of scene0, opt3 twice that.
 """
@@ -23,10 +23,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import roofline
-from study import analysis, ceilings, labels, roof, roof_shares, roof_tables, sections, store
-from study.cli import StudyError
-from study.counts import Counts, Measured
-from study.draw import RING, STYLE, save
+from study.bounds import ceilings, roof, roof_shares
+from study.core import store
+from study.core.cli import StudyError
+from study.counting.counts import Counts, Measured
+from study.experiments.roofline import tables as roof_tables
+from study.numbers import analysis
+from study.pictures import labels
+from study.pictures.draw import RING, STYLE, save
+from study.report import sections
 
 ROOT = Path(__file__).parents[2]
 PIXELS = {90: 160 * 90, 180: 320 * 180}

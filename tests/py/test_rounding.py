@@ -11,8 +11,9 @@ import pytest
 
 from conformance.feature_scenes import CELLS, TURNED, scene, shape
 from conformance.harness import call, distances
-from study import images, registry
-from study.build import build
+from study.core import registry
+from study.core.build import build
+from study.pictures import images
 
 LATTICE = registry.find_scene("lattice")
 PHASES = list(registry.phases())

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from study import run
-from study.registry import ROOT
-from study.run import DriverError
+from study.core import run
+from study.core.registry import ROOT
+from study.core.run import DriverError
 
 SCENE = ROOT / "common" / "scenes" / "cubes.json"
 

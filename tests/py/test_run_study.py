@@ -9,7 +9,7 @@ from unittest.mock import create_autospec
 import pytest
 
 import run_study
-from study import cli
+from study.core import cli
 
 FIXTURE = Path(__file__).resolve().parents[1] / "fixtures" / "run"
 

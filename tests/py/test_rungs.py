@@ -7,7 +7,7 @@ import math
 import pandas as pd
 import pytest
 
-from study import rungs
+from study.experiments.sweep import rungs
 
 SIZE = {"width": 20, "height": 10}
 

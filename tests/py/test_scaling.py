@@ -20,27 +20,23 @@ import started
 
 import scaling as command
 from run_study import SCALING_SECONDS
-from study import (
-    cli,
-    registry,
-    run,
-    scaling,
-    scaling_errors,
-    scaling_fit,
-    scaling_goals,
-    scaling_page,
-    scaling_scenes,
-    scaling_tables,
-)
-from study import scaling_series as series
-from study.cli import StudyError
-from study.draw import STYLE, save
-from study.registry import ROOT, Scene, Spec
-from study.run import DriverError
-from study.scaling import First
-from study.scaling_series import Picture, Point
-from study.sections import part
-from study.stats import Interval
+from study.core import cli, registry, run
+from study.core import generated_scenes as scaling_scenes
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Scene, Spec
+from study.core.run import DriverError
+from study.experiments.scaling import errors as scaling_errors
+from study.experiments.scaling import figures as scaling_page
+from study.experiments.scaling import goals as scaling_goals
+from study.experiments.scaling import measure as scaling
+from study.experiments.scaling import series
+from study.experiments.scaling import tables as scaling_tables
+from study.experiments.scaling.measure import First
+from study.experiments.scaling.series import Picture, Point
+from study.numbers import power_laws as scaling_fit
+from study.numbers.stats import Interval
+from study.pictures.draw import STYLE, save
+from study.report.sections import part
 
 SCRIPT = ROOT / "scripts" / "scaling.py"
 OPT4, BASE = Spec("opt4", "opt4"), Spec("baseline", "baseline")
@@ -182,7 +178,7 @@ def test_the_factor_lies_between_rays_and_not_on_one() -> None:
 
 
 def test_a_rendered_scene_covers_what_it_should(tmp_path: Path) -> None:
-    from study import images
+    from study.pictures import images
 
     scene = scaling_scenes.of_shapes("clustered", 60, 1, tmp_path)
     run.render("baseline", scene.path, 45, 80, aov=True, out=tmp_path / "a.exr")
@@ -680,7 +676,7 @@ def test_closed_forms_have_no_exponent_of_evaluations(evals) -> None:
 
 
 def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> None:
-    from study import truth_sections
+    from study.report import truth_sections
 
     made = result([row("opt4", x, 1e6 * x**0.5) for x in (1, 16, 64)] + [row("opt3", 1, 5e5)])
     with matplotlib.rc_context(STYLE):

@@ -17,8 +17,9 @@ import pytest
 from emulated import TRUE, made_in, needs_sixteen, sixteen
 
 from conformance.feature_scenes import FEATURES
-from study import images, registry
-from study.build import build
+from study.core import registry
+from study.core.build import build
+from study.pictures import images
 
 PHASE = "opt10_scene"
 SIZE = ["-n", "61", "-w", "112"]  # rows past the caches; opt9_convex has odd ones in test_convex

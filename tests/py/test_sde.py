@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from study import sde
-from study.cli import CANNOT_RUN, StudyError
-from study.registry import find_scene
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.registry import find_scene
+from study.counting import sde
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "sde"
 MIX, MASKS = FIXTURES / "sde-mix-out.txt", FIXTURES / "sde-dyn-mask-profile.txt"
@@ -158,7 +158,7 @@ def test_a_run_that_fails(stand_in: Path, body: str, message: str) -> None:
 @pytest.mark.skipif(sde.available() is not None, reason=str(sde.available()))
 def test_for_real() -> None:
     """Where there is an SDE: its FLOPs are QEMU's, with libm, within what DPP and the like could add."""
-    qemu = pytest.importorskip("study.qemu")
+    qemu = pytest.importorskip("study.counting.qemu")
     if qemu.available():
         pytest.skip(qemu.available())
     here, there = (m.measure("opt3", find_scene("scene0").path, 12) for m in (sde, qemu))

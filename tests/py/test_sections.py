@@ -14,9 +14,12 @@ from typing import Any
 import pytest
 import started
 
-from study import ablations, analysis, chapters, hotspots, sections
-from study.cli import StudyError
-from study.registry import ROOT
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.ablations import measure as ablations
+from study.experiments.hotspots import tables as hotspots
+from study.numbers import analysis
+from study.report import chapters, sections
 
 PICTURE = {"phase": "baseline", "flags_from": "baseline", "scene": "scene0", "width": 16, "height": 9}
 

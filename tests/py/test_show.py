@@ -2,7 +2,7 @@
 
 import pytest
 
-from study import show
+from study.core import show
 
 
 @pytest.mark.parametrize(

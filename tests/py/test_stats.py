@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from study import stats
+from study.numbers import stats
 
 TIMES = st.lists(st.floats(0.1, 1e6), min_size=6, max_size=15)
 SCALE = st.floats(1e-3, 1e3)

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from study import store
-from study.cli import StudyError
-from study.store import Run
+from study.core import store
+from study.core.cli import StudyError
+from study.core.store import Run
 
 FRAME = {"phase": "opt2", "flags_from": "opt4", "config": "c", "launch": 0, "frame": 0, "ns": 12}
 VALUES = st.one_of(st.none(), st.booleans(), st.integers(-(2**53), 2**53), st.floats(), st.text())
@@ -168,7 +168,7 @@ def test_published_frames_are_packed(run):
 
 def test_one_process_at_a_time_appends(run):
     run.append_frame(FRAME)
-    code = "import sys; from study.store import Run; Run(sys.argv[1]).append_frame({'phase': 'x'})"
+    code = "import sys; from study.core.store import Run; Run(sys.argv[1]).append_frame({'phase': 'x'})"
     command = [sys.executable, "-c", code, str(run.path)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=store.ROOT / "scripts")
     assert "another process is measuring into this run" in done.stderr

@@ -23,7 +23,8 @@ from tile_pictures import (
 )
 
 from conformance.feature_scenes import FEATURES
-from study import images, registry
+from study.core import registry
+from study.pictures import images
 
 PHASE, PARENT = "opt8_streams", "opt7_tiles"
 

@@ -15,12 +15,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sweep as module
-from study import plan as planning
-from study import registry, run, store
-from study.cli import StudyError
-from study.plan import Config
-from study.registry import ROOT
-from study.run import DriverError
+from study.core import registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.core.run import DriverError
+from study.experiments.sweep import plan as planning
+from study.experiments.sweep.plan import Config
 
 SMALL = ["--phase", "baseline", "opt1", "--scene", "cubes", "-n", "6", "9x9", "--seed", "3"]
 SMALL += ["--launches", "3", "--reps", "2", "--warmup", "1"]

@@ -15,9 +15,13 @@ import pytest
 import started
 
 import tables
-from study import analysis, claims, columns, front_page, ladder, paper, show, stats, summary
-from study.cli import StudyError
-from study.verdicts import OPEN, PART
+from study.claims import claims
+from study.core import show
+from study.core.cli import StudyError
+from study.experiments.sweep import ladder, summary
+from study.numbers import analysis, paper, stats
+from study.numbers.verdicts import OPEN, PART
+from study.report import columns, front_page
 
 ROOT = Path(__file__).parents[2]
 

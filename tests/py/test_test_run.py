@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from study import patches, registry
-from study.registry import ROOT
+from study.core import patches, registry
+from study.core.registry import ROOT
 
 
 @pytest.fixture(scope="module")

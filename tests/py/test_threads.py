@@ -20,9 +20,10 @@ import pytest
 from emulated import made_in
 
 from conformance.feature_scenes import DEEPEST, FEATURES, STANDING
-from study import images, patches, registry
-from study.build import build
-from study.registry import ROOT
+from study.core import patches, registry
+from study.core.build import build
+from study.core.registry import ROOT
+from study.pictures import images
 
 PHASE, PARENT = "opt5_threads", "opt4"
 CPUS = sorted(os.sched_getaffinity(0))

@@ -26,8 +26,8 @@ from tile_pictures import (
 )
 
 from conformance.feature_scenes import FEATURES, SIZES
-from study import registry
-from study.build import build
+from study.core import registry
+from study.core.build import build
 
 PHASE, PARENT = "opt7_tiles", "opt6_wide"
 

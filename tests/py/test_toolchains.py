@@ -13,10 +13,13 @@ import numpy as np
 import pytest
 import started
 
-from study import cli, images, registry, toolchains, truth_sections
-from study.cli import StudyError
-from study.registry import ROOT, Spec
-from study.toolchains import BASE, SETS, Program
+from study.core import cli, registry
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Spec
+from study.experiments.toolchains import measure as toolchains
+from study.experiments.toolchains.measure import BASE, SETS, Program
+from study.pictures import images
+from study.report import truth_sections
 
 
 def picture(height: int = 4, width: int = 5) -> images.Picture:

@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 import started
 
-from study import accuracy, cli, images, registry, run, truth
-from study.cli import StudyError
-from study.registry import ROOT
+from study.core import cli, registry, run
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.accuracy import measure as accuracy
+from study.pictures import images
+from study.truth import truth
 
 SIZE = (16, 12)
 # Planes that hang on the primary hit.

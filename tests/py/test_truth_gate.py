@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study import gate, registry
-from study.cli import StudyError
-from study.registry import Phase
+from study.core import registry
+from study.core.cli import StudyError
+from study.core.registry import Phase
+from study.pictures import gate
 
 
 def values(**changed: float) -> dict:

@@ -8,10 +8,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from study import images, registry
-from study.build import build
-from study.registry import Spec
-from study.run import render
+from study.core import registry
+from study.core.build import build
+from study.core.registry import Spec
+from study.core.run import render
+from study.pictures import images
 
 WIDTH, HEIGHT = 16, 9
 RADIUS, CENTRE = 1.0, (0.0, 0.5, 8.0)

@@ -14,20 +14,16 @@ import pytest
 
 import plots
 import report
-from study import (
-    analysis,
-    functions_edges_page,
-    functions_figures,
-    functions_page,
-    pareto,
-    registry,
-    run,
-    show,
-    truth_sections,
-)
-from study import pareto_measure as measuring
-from study.registry import ROOT, Spec
-from study.sections import Section
+from study.core import registry, run, show
+from study.core.registry import ROOT, Spec
+from study.experiments.functions import edge_tables as functions_edges_page
+from study.experiments.functions import figures as functions_figures
+from study.experiments.functions import tables as functions_page
+from study.experiments.pareto import fronts as pareto
+from study.experiments.pareto import measure as measuring
+from study.numbers import analysis
+from study.report import truth_sections
+from study.report.sections import Section
 
 Row = dict[str, Any]
 PUBLISHED = max((ROOT / "results" / "reference").glob("*/pareto.json")).parent

@@ -11,8 +11,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from study import images, registry
-from study.run import render
+from study.core import registry
+from study.core.run import render
+from study.pictures import images
 
 WIDTH, HEIGHT = 24, 14
 FLOOR, START, STRENGTH, BOUNDS = -1.0, 0.001, 3, 100

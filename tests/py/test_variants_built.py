@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from study import registry
-from study.build import build
-from study.registry import ROOT
+from study.core import registry
+from study.core.build import build
+from study.core.registry import ROOT
 
 PHASE = "opt6_wide"
 COUNTS = ("flops", "by_function", "by_class", "executed", "useful")  # of flops.c

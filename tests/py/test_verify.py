@@ -1,4 +1,4 @@
-"""The pictures that the gate looks at (study.gallery) and scripts/verify.py."""
+"""The pictures that the gate looks at (study.pictures.gallery) and scripts/verify.py."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ import started
 from tolerances import SMOOTH, bound, phase
 
 import verify
-from study import build, gallery, images, registry
-from study.cli import StudyError
-from study.gallery import Gallery
-from study.registry import ROOT, Spec
-from study.run import DriverError
+from study.core import build, registry
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Spec
+from study.core.run import DriverError
+from study.pictures import gallery, images
+from study.pictures.gallery import Gallery
 
 # --- pictures on disk, with a driver that copies a prepared EXR
 

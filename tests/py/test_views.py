@@ -13,12 +13,18 @@ import pytest
 import started
 
 import views as command
-from study import cli, registry, stats, truth_sections, views, views_gains, views_measure, views_page
-from study.cli import StudyError
-from study.draw import STYLE
-from study.registry import ROOT, Spec
-from study.run import UNSUPPORTED, DriverError
-from study.views import View
+from study.core import cli, registry
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Spec
+from study.core.run import UNSUPPORTED, DriverError
+from study.experiments.views import figures as views_page
+from study.experiments.views import gains as views_gains
+from study.experiments.views import measure as views_measure
+from study.experiments.views import views
+from study.experiments.views.views import View
+from study.numbers import stats
+from study.pictures.draw import STYLE
+from study.report import truth_sections
 
 SCRIPT = ROOT / "scripts" / "views.py"
 OPT1, OPT2, OPT3 = (Spec(name, name) for name in ("opt1", "opt2", "opt3"))

@@ -12,8 +12,9 @@ import pytest
 from emulated import WORD, needs_sixteen, sixteen
 
 from conformance.feature_scenes import FEATURES
-from study import images, registry
-from study.build import build
+from study.core import registry
+from study.core.build import build
+from study.pictures import images
 
 PHASE, PARENT = "opt6_wide", "opt5_threads"
 NAMES = ["everything", "shapes_64_turned", "camera_within_a_shape", "nothing_to_see", "mirrors_facing_6"]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from study import registry
+from study.core import registry
 
 WIDE = np.tan(np.radians(85))  # half the widest field of view
 

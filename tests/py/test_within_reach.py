@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from conformance.harness import Run, within_reach
-from study.accuracy import PROVED
-from study.images import Picture
+from study.experiments.accuracy.measure import PROVED
+from study.pictures.images import Picture
 
 STEPS = 20
 

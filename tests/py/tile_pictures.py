@@ -13,8 +13,9 @@ import pytest
 from emulated import TRUE
 
 from conformance.feature_scenes import FEATURES, SIZES
-from study import images, registry
-from study.build import build
+from study.core import registry
+from study.core.build import build
+from study.pictures import images
 
 SMALL = (48, 27)
 WIDTHS = ({"16 lanes": {}} if TRUE else {}) | {"8 lanes": {"STEPWISE_ISA_LIMIT": "avx2"}}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from study import registry
-from study.registry import ROOT, Phase, Scene
+from study.core import registry
+from study.core.registry import ROOT, Phase, Scene
 
 SMOOTH = Scene("trio", ROOT / "common/scenes/trio.json", {}, False)
 FRACTAL = Scene("mandelbulb", ROOT / "common/scenes/mandelbulb.json", {}, True)

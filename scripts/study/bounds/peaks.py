@@ -1,0 +1,54 @@
+"""What a core's ports allow: FMAs issued per core cycle, by microarchitecture and width of the vector.
+
+Beside a measured ceiling this is the theoretical peak: ports × lanes × 2. Sources: Intel 64 and IA-32
+Architectures Optimization Reference Manual (ports of each core); A. Fog, "The microarchitecture of Intel, AMD
+and VIA CPUs" (agner.org/optimize); A. Abel, J. Reineke, "uops.info", ASPLOS 2019.
+
+Left out is what a name does not settle: 512 bits on Skylake, Cascade Lake and Ice Lake (one unit or two, by
+product) and on Zen 5 (256 bits wide in the mobile ones); hybrids, where it depends on the core; CPUs
+without FMA.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from study.core import machine
+
+ELEMENT = {"double": 64, "single": 32}  # bits
+WIDE, WIDER = {128: 2, 256: 2}, {128: 2, 256: 2, 512: 2}  # two units, of 256 bits and of 512
+ONE = {128: 2, 256: 2, 512: 1}  # two of 256 bits that are one of 512
+PORTS: dict[str, dict[int, int]] = {
+    **dict.fromkeys(("Haswell", "Broadwell", "Skylake", "Cascade Lake", "Cooper Lake"), WIDE),
+    **dict.fromkeys(("Kaby Lake", "Comet Lake", "Ice Lake"), WIDE),
+    **dict.fromkeys(("Tiger Lake", "Rocket Lake"), ONE),
+    **dict.fromkeys((*machine.AMX, machine.SOME_AMX), WIDER),
+    "Zen": {128: 2, 256: 1},  # 256 bits are two operations
+    **dict.fromkeys(("Zen 2", "Zen 3", "Zen 5"), WIDE),
+    "Zen 4": ONE,
+}
+# Operations of one instruction's lane; additions and multiplications have as many ports at most.
+FLOPS = {"fma": 2, "add": 1, "mul": 1}
+
+
+def ports(cpu: Mapping[str, Any], bits: int) -> int | None:
+    """FMAs of `bits` (the element's where scalar) per core cycle. `cpu`: as in context.json or
+    ceilings.json; None where it, or what it can do, is not known.
+    """
+    numbers = [cpu.get(key) for key in ("family", "model_number")]
+    if None in numbers:
+        return None
+    name = cpu.get("microarchitecture") or machine.microarchitecture(
+        cpu.get("vendor"), *numbers, cpu.get("stepping") or 0
+    )
+    return PORTS.get(name or "", {}).get(max(bits, 128))
+
+
+def peak(cpu: Mapping[str, Any], kind: str, precision: str, bits: int) -> float:
+    """Flop per core cycle at most, of fma, add or mul; NaN where that is not known."""
+    several = ports(cpu, bits)
+    if several is None or kind not in FLOPS:
+        return math.nan
+    return float(several * (bits // ELEMENT[precision]) * FLOPS[kind])

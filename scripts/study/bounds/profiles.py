@@ -1,0 +1,265 @@
+"""Samples of a program's timed frames, by function.
+
+Two builds are sampled: `calls`, the same source without inlining, where every function of the source is one
+of the program, as the paper had them; and `shipped`, the code that is timed, where inlined instructions are
+told by the function they are from. Only the timed frames count: see `in_frame`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import statistics
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from study.core import run
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Scene, Spec
+from study.counting import perf
+from study.counting.symbols import Program, canonical, inlined, program, wrappers
+
+TARGETS = {"calls": "render-calls", "shipped": "render-lines"}  # lines: the shipped code, told by line
+OBJECTS = {"calls": "calls/phase.o", "shipped": "lines/phase.o"}
+
+Row = dict[str, Any]
+
+
+@dataclass
+class Place:
+    """Where a sample is: `kind` is phase, libm, library or other; `address` only in the program itself."""
+
+    kind: str
+    name: str
+    address: int | None = None
+
+
+def locate(recording: perf.Recording, sample: perf.Sample, built: Program) -> Place:
+    where = recording.place(sample)
+    if where and Path(where[0]).name == built.path.name:
+        address = built.address(where[1])
+        function = built.function(address) if address is not None else None
+        if function is None:  # a stub that calls a library
+            return Place("library", canonical(sample.name, True))
+        kind = "phase" if function[0] in built.of_phase else "other"
+        return Place(kind, canonical(function[2]), address)
+    dso = Path(sample.dso)
+    if re.match(r"libm[.-]", dso.name):
+        return Place("libm", canonical(sample.name, True) if sample.name != "[unknown]" else "libm")
+    if re.match(r"libc[.-]", dso.name):
+        return Place("library", canonical(sample.name, True) if sample.name != "[unknown]" else "libc")
+    return Place("other", sample.name if sample.name != "[unknown]" else dso.name)
+
+
+def in_frame(kinds: Sequence[str]) -> list[bool]:
+    """Which samples of a thread, in the order of time, are of a timed frame. The phase's own functions are;
+    libm is if the driver's code is not on both sides of it; other libraries only between two of the phase.
+    (Between frames the driver calibrates its clocks for some milliseconds, in its own code.)
+    """
+    certain = [kind == "phase" if kind in ("phase", "other") else None for kind in kinds]
+    before, after = [], []
+    for known, seen in ((certain, before), (certain[::-1], after)):
+        last = False
+        for one in known:
+            last = last if one is None else one
+            seen.append(last)
+    both = zip(kinds, certain, before, after[::-1], strict=True)
+    return [one if one is not None else (b or a) if kind == "libm" else (b and a) for kind, one, b, a in both]
+
+
+def wilson(part: float, of: float) -> tuple[float, float]:
+    """95 % interval of a share (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927)); of nothing: (nan, nan)."""
+    if of <= 0:
+        return math.nan, math.nan
+    z, p = 1.959964, part / of
+    middle = (p + z * z / (2 * of)) / (1 + z * z / of)
+    half = z * math.sqrt(p * (1 - p) / of + z * z / (4 * of * of)) / (1 + z * z / of)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+@dataclass
+class Profile:
+    """Samples of one build's timed frames.
+
+    `functions`: name to samples and weight (events). `left_out`: what was not of a frame, by name.
+    `frame_ns`: median wall time of the sampled frames. `cpu_ns`, `core_cycles`: what the samples stand for,
+    per frame: time and cycles in which the process ran, however long it waited for the CPU. All of them
+    with what sampling costs (some 5 %).
+    `addresses`: weight per address of the phase's own code. `covered`: sampled time over timed time, 1 where
+    all of it was seen.
+    """
+
+    phase: str
+    flags_from: str
+    variant: str
+    scene: str
+    width: int
+    height: int
+    event: str
+    frames: int
+    frame_ns: float
+    cpu_ns: float
+    core_cycles: float
+    samples: int
+    weight: int
+    covered: float
+    functions: dict[str, dict[str, int]]
+    left_out: dict[str, int]
+    addresses: dict[int, int] = field(default_factory=dict, repr=False)
+    kernel: str | None = None  # of a phase that generates code for a scene: that it did not
+
+    @property
+    def spec(self) -> str:
+        return str(Spec(self.phase, self.flags_from))
+
+    def share(self, name: str) -> float:
+        return self.functions[name]["weight"] / self.weight if name in self.functions else 0.0
+
+    def to_json(self) -> Row:
+        rows = []
+        for name, found in sorted(self.functions.items(), key=lambda item: -item[1]["weight"]):
+            share = self.share(name)
+            low, high = wilson(share * self.samples, self.samples)
+            rows.append(
+                {
+                    "function": name,
+                    **found,
+                    "share": share,
+                    "share_low": low,
+                    "share_high": high,
+                    "seconds": share * self.cpu_ns / 1e9,
+                }
+            )
+        data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "addresses"}
+        return data | {"functions": rows}
+
+    @classmethod
+    def from_json(cls, data: Row) -> Profile:
+        """Raises KeyError, TypeError or ValueError for another thing's JSON."""
+        functions = {
+            row["function"]: {"samples": row["samples"] + 0, "weight": row["weight"] + 0}
+            for row in data["functions"]
+        }
+        made = cls(**{**data, "functions": functions})
+        types = {"str": str, "int": int, "float": (int, float)}
+        for one in dataclasses.fields(cls):
+            value = getattr(made, one.name)
+            if one.type in types and not isinstance(value, types[one.type]):
+                raise TypeError(f"{one.name}: {value!r}")
+        if made.variant not in TARGETS:
+            raise ValueError(f"variant {made.variant!r}; there are {', '.join(TARGETS)}")
+        for name in ("weight", "samples", "cpu_ns", "frames"):
+            if not getattr(made, name) > 0:
+                raise ValueError(f"{name}: {getattr(made, name)}, which is not positive")
+        return made
+
+
+def profile(
+    recording: perf.Recording,
+    made: Row,
+    built: Program,
+    variant: str,
+    owner: Callable[[Place], str] | None = None,
+) -> Profile:
+    """Samples and the driver's JSON of the same process as a Profile. `owner` names the function that a
+    place in the phase's code belongs to, where it is not the symbol.
+    """
+    threads: dict[int, list[perf.Sample]] = {}
+    for sample in sorted(recording.samples, key=lambda s: s.time):
+        threads.setdefault(sample.tid, []).append(sample)
+    functions: dict[str, dict[str, int]] = {}
+    left_out: Counter[str] = Counter()
+    addresses: Counter[int] = Counter()
+    located = {tid: [locate(recording, sample, built) for sample in some] for tid, some in threads.items()}
+    libm = {place.name for places in located.values() for place in places if place.kind == "libm"}
+    for tid, samples in threads.items():
+        places = located[tid]
+        for sample, place, inside in zip(samples, places, in_frame([p.kind for p in places]), strict=True):
+            if not inside:
+                left_out[place.name] += 1
+                continue
+            known_libm = place.kind == "libm" or (place.kind == "library" and place.name in libm)
+            name = f"{place.name} ({'libm' if known_libm else 'library'})"
+            if place.kind == "phase":
+                addresses[place.address or 0] += sample.period
+                name = owner(place) if owner else place.name
+            found = functions.setdefault(name, {"samples": 0, "weight": 0})
+            found["samples"] += 1
+            found["weight"] += sample.period
+    taken = sum(found["samples"] for found in functions.values())
+    if not taken:
+        raise StudyError(f"{built.path}: no sample in the timed frames; more frames (--samples) are required")
+    frames = [frame for frame in made["frames"] if not frame["warmup"]]
+    timed = sum(frame["ns"] for frame in frames)
+    hz = statistics.median(frame["core_cycles"] / (frame["ns"] / 1e9) for frame in frames)
+    weight = sum(found["weight"] for found in functions.values())
+    event = recording.samples[0].event.split(":")[0]
+    # perf's clock is in ns of running, the PMU's cycles are what they say.
+    cycles = weight / len(frames) * (1.0 if event == "cycles" else hz / 1e9)
+    return Profile(
+        phase=made["phase"],
+        flags_from=made["flags_from"],
+        variant=variant,
+        scene=made["scene"],
+        width=made["width"],
+        height=made["height"],
+        event=event,
+        frames=len(frames),
+        frame_ns=statistics.median(frame["ns"] for frame in frames),
+        cpu_ns=cycles / hz * 1e9,
+        core_cycles=cycles,
+        samples=taken,
+        weight=weight,
+        covered=taken / perf.FREQUENCY / (timed / 1e9),
+        functions=functions,
+        left_out=dict(left_out.most_common()),
+        addresses=dict(addresses),
+        kernel=made.get("kernel"),
+    )
+
+
+def _repetitions(spec: Spec, scene: Scene, height: int, width: int | None, target: str, samples: int) -> int:
+    """Frames that make so many samples, by the time of one."""
+    first = run.render(spec, scene.path, *reversed(scene.size(height, width)), target=target)
+    return max(1, min(1000, math.ceil(samples / perf.FREQUENCY / (first["frames"][0]["ns"] / 1e9))))
+
+
+def measure(
+    spec: Spec,
+    scene: Scene,
+    height: int,
+    width: int | None = None,
+    variant: str = "calls",
+    samples: int = 3000,
+    cpu: int | None = None,
+) -> Profile:
+    """Samples build/SPEC/render-calls or -lines until there are some `samples` of its timed frames."""
+    target = TARGETS[variant]
+    binary = build(spec, target)
+    folder = ROOT / "build" / str(spec)
+    built = program(binary, folder / OBJECTS[variant])
+    reps = _repetitions(spec, scene, height, width, target, samples)
+    recording, made = perf.record(spec, scene, height, width, reps, target, cpu)
+    owner = None
+    if variant == "shipped":
+        named = wrappers(program(build(spec, TARGETS["calls"]), folder / OBJECTS["calls"]))
+        owner = owners(recording, built, named)
+    return profile(recording, made, built, variant, owner)
+
+
+def owners(recording: perf.Recording, built: Program, folded: Iterable[str]) -> Callable[[Place], str]:
+    """Names the source's function of an address: the innermost inlined one that is not in `folded`."""
+    places = [locate(recording, sample, built) for sample in recording.samples]
+    chains = inlined(built.path, sorted({p.address for p in places if p.kind == "phase" and p.address}))
+    names = set(folded)
+
+    def owner(place: Place) -> str:
+        chain = chains.get(place.address or 0, [])
+        return next((name for name in chain if name not in names), chain[-1] if chain else place.name)
+
+    return owner

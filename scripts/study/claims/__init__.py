@@ -1,0 +1,1 @@
+"""The papers' statements, held against a run."""

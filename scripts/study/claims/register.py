@@ -1,0 +1,273 @@
+"""The claims register: statements of the four papers that no sweep alone can check, held against what a run
+has counted, profiled, compared with truth or timed on the side. Statements about a sweep: claims.claims;
+of what other articles built: study.claims.systems.
+
+Each check takes (data, claim) and returns a verdicts.Found. A file that is not there is "not measured",
+never a verdict.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from study.bounds import roof
+from study.claims import compilers
+from study.claims import systems as register_systems
+from study.claims.compilers import known, read
+from study.counting import flops, paper_rule
+from study.experiments.ablations import measure as ablations
+from study.numbers import stats
+from study.numbers.analysis import Data
+from study.numbers.stats import Interval
+from study.numbers.verdicts import (
+    FAILS,
+    HOLDS,
+    NEVER,
+    PART,
+    Found,
+    figure,
+    held,
+    judged,
+    missing,
+    near,
+    sized,
+    timed,
+)
+
+Claim = dict[str, Any]
+
+
+def _declared(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
+    """The largest counted picture of each (scene, phase)."""
+    best: dict[tuple[str, str], dict[str, Any]] = {}
+    for one in flops.read(data.path / "counts.json")[0]:
+        key = one["scene"], one["phase"]
+        if one["flags_from"] == one["phase"] and one["height"] >= best.get(key, one)["height"]:
+            best[key] = one
+    return best
+
+
+def _count(one: dict[str, Any]) -> float:
+    """FLOPs by the paper's rule; NaN for a phase that it says nothing of."""
+    found = paper_rule.flop(one)
+    return math.nan if found is None else found
+
+
+def _flops(data: Data, claim: Claim) -> Found:
+    one = _declared(data).get((claim["scene"], claim["phase"]))
+    if one is None or one["height"] != claim["n"]:
+        return missing(f"count of {claim['phase']} on {claim['scene']} at n = {claim['n']:.0f}")
+    giga, entered = _count(one) / 1e9, paper_rule.convention(one) / 1e9
+    if math.isnan(giga):
+        return Found(f"{entered:.2f} GFLOP as entered", NEVER, "the paper's rule says nothing of this phase")
+    text = f"{giga:.2f} GFLOP by the paper's rule"
+    text += f" ({entered:.2f} with iterations as entered)" if entered != giga else ""
+    return Found(text, *near(giga, claim["value"]), value=giga, n=one["height"])
+
+
+def _pair(
+    data: Data, one: tuple[str, str], base: tuple[str, str]
+) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """The counts of two (scene, phase), where they are of one height."""
+    made = _declared(data)
+    first, second = made.get(one), made.get(base)
+    both = first and second and first["height"] == second["height"]
+    return (first, second) if both and not math.isnan(_count(first) + _count(second)) else None
+
+
+def _flop_cut(data: Data, claim: Claim) -> Found:
+    scene = claim["scene"]
+    pair = _pair(data, (scene, claim["phase"]), (scene, claim["base"]))
+    if not pair:
+        return missing(f"counts of {claim['phase']} and {claim['base']} on {scene}")
+    cut, n = 100 * (1 - _count(pair[0]) / _count(pair[1])), pair[0]["height"]
+    entered = 100 * (1 - paper_rule.convention(pair[0]) / paper_rule.convention(pair[1]))
+    beside = f" ({entered:.1f} % with iterations as entered)" if entered != cut else ""
+    verdict, why = near(cut, claim["value"])
+    if verdict == FAILS and cut > 0:
+        verdict, why = PART, f"a cut, {why}"
+    return sized(Found(f"{cut:.1f} % at n = {n}{beside}", verdict, why, cut, n=n), claim["n"])
+
+
+def _flop_ratio(data: Data, claim: Claim) -> Found:
+    pair = _pair(data, (claim["scene"], claim["phase"]), (claim["base"], claim["phase"]))
+    if not pair:
+        return missing(f"counts of {claim['phase']} on {claim['scene']} and {claim['base']}")
+    ratio, stated, n = _count(pair[0]) / _count(pair[1]), claim["value"], pair[0]["height"]
+    entered = paper_rule.convention(pair[0]) / paper_rule.convention(pair[1])
+    beside = f" ({entered:.2f}× with iterations as entered)" if entered != ratio else ""
+    if ratio > stated:
+        verdict, why = HOLDS, f"more than {stated:g}"
+    else:
+        verdict, why = (PART, f"more, and not {stated:g}") if ratio > 1 else (FAILS, "no more")
+    return sized(Found(f"{ratio:.2f}× as many at n = {n}{beside}", verdict, why, ratio, n=n), claim["n"])
+
+
+def _points(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
+    """Points of the roofline by scene and phase; kept with the run, for six claims ask for them."""
+    if "points" not in data.kept:
+        found, limits, _ = roof.read(data.path, strict=False)
+        table = roof.rows(data, found, limits)
+        rows = [] if table.empty else roof.headline(table).to_dict("records")
+        data.kept["points"] = {(row["scene"], row["phase"]): row for row in rows}
+    return data.kept["points"]
+
+
+PAPERS = "paper_rule_flops_per_core_cycle"
+SHARE, PEAK = (f"paper_rule_share_of_avx2_{of}" for of in ("roof", "peak"))
+UNKNOWN = "this CPU's theoretical peak is not known"
+
+
+def _gain_flops(data: Data, claim: Claim) -> Found:
+    """FLOPs per core cycle by the paper's rule, `phase` over `base`, at the largest size of both."""
+    points = _points(data)
+    one, base = (points.get((claim["scene"], claim[key])) for key in ("phase", "base"))
+    if not one or not base or one["height"] != base["height"]:
+        return missing(f"count of {claim['phase']} and {claim['base']} beside their times")
+    cells = [data.cell(claim["scene"], r["phase"], r["height"], r["width"]) for r in (base, one)]
+    ratio = stats.ratio_interval(*(cell.values["core_cycles"] for cell in cells if cell))
+    more = one["paper_rule_flops"] / base["paper_rule_flops"]
+    if not more > 0:
+        return missing(f"count of {claim['phase']} and {claim['base']} by the paper's rule")
+    ends = [more * x for x in (ratio.value, ratio.low, ratio.high)]
+    gain = Interval(*ends, ratio.launches, ratio.sufficient)
+    text = f"{one[PAPERS]:.3g} over {base[PAPERS]:.3g} flop/core cycle at n = {one['height']}: "
+    text += f"{gain.text().replace(' ', '× ', 1)}, with {more:.3g}× the FLOPs"
+    return sized(figure(gain, text, *judged(gain.value, claim["value"]), one["height"]), claim["n"])
+
+
+def _more_flops_per_cycle(data: Data, claim: Claim) -> Found:
+    points = _points(data)
+    pairs = [
+        (phase, row, points[claim["base"], phase])
+        for (scene, phase), row in points.items()
+        if scene == claim["scene"] and (claim["base"], phase) in points
+    ]
+    name = "flops_per_core_cycle"
+    pairs = [(phase, a[name], b[name], a["height"]) for phase, a, b in pairs if a[name] > 0 and b[name] > 0]
+    if not pairs:
+        return missing("count of what was timed")
+    text = "; ".join(f"{phase} {a:.3g} against {b:.3g}" for phase, a, b, _ in pairs)
+    higher, least = sum(a > b for _, a, b, _ in pairs), min(a / b for _, a, b, _ in pairs)
+    verdict = HOLDS if higher == len(pairs) else PART if higher else FAILS
+    n = min(height for *_, height in pairs)
+    why = f"more in {higher} of {len(pairs)} phases"
+    return sized(Found(f"{text} flop/core cycle", verdict, why, least, n=n), claim["n"])
+
+
+def _peak(row: dict[str, Any], theoretical: bool) -> float:
+    """Percent of the AVX2 peak by the ports, or of the measured roof; NaN where that is not known."""
+    return 100 * row.get(PEAK if theoretical else SHARE, math.nan)
+
+
+def _share_of_peak(data: Data, claim: Claim) -> Found:
+    row = _points(data).get((claim["scene"], claim["phase"]), {})
+    known, measured = _peak(row, True), _peak(row, False)
+    share = known if known > 0 else measured
+    if not share > 0:
+        return missing(f"ceilings, or count of {claim['phase']} on {claim['scene']}")
+    verdict, why = judged(share, claim["value"])
+    text = f"{known:.1f} % of what its ports allow" if known > 0 else UNKNOWN
+    text += f"; {measured:.1f} % of the measured roof" if measured > 0 else ""
+    return sized(Found(f"{text} (the paper's rule)", verdict, why, share, n=row["height"]), claim["n"])
+
+
+def _share_falls(data: Data, claim: Claim) -> Found:
+    points = _points(data)
+    rows = [points.get((claim["scene"], claim[key]), {}) for key in ("base", "phase")]
+    known, measured = ([_peak(row, theoretical) for row in rows] for theoretical in (True, False))
+    shares = known if all(share > 0 for share in known) else measured
+    if not all(share > 0 for share in shares):
+        return missing(f"ceilings, or counts of {claim['phase']} and {claim['base']}")
+    said = (
+        f"from {known[0]:.1f} % to {known[1]:.1f} % of what its ports allow" if shares is known else UNKNOWN
+    )
+    if all(share > 0 for share in measured):
+        said += f"; from {measured[0]:.1f} % to {measured[1]:.1f} % of the measured roof"
+    text = f"{said}, of its own precision"
+    verdict, why = (HOLDS, "it decreases") if shares[1] < shares[0] else (FAILS, "it does not decrease")
+    n = min(row["height"] for row in rows)
+    return sized(Found(text, verdict, why, shares[1] / shares[0], n=n), claim["n"])
+
+
+def _ablation(data: Data, claim: Claim) -> Found:
+    for row in ablations.read(data.path / "ablations.json")["rows"]:
+        if (row["ablation"], row["scene"]) != (claim["phase"], claim["scene"]):
+            continue
+        gain = Interval(**row["gain"])
+        psnr = row["psnr_db"]
+        picture = "not finite" if row["non_finite"] else "identical picture"  # JSON's null is either
+        picture = picture if psnr is None else f"{psnr:.1f} dB to baseline"
+        text = f"{gain.text().replace(' ', '× ', 1)}, {picture}"
+        verdict, why = held(row["paper"], gain, row["failed"])
+        if not verdict:
+            return Found(text, NEVER, "the step's patch states no claim of the paper's")
+        return sized(figure(gain, text, verdict, why, row["height"]), claim["n"])
+    return missing(f"ablation {claim['phase']} on {claim['scene']}")
+
+
+def _hottest(data: Data, claim: Claim) -> Found:
+    mine = set(claim["base"].split("|"))
+    for profile in read(data.path / "hotspots.json").get("profiles", []):
+        if (profile["scene"], profile["phase"], profile["variant"]) != (claim["scene"], "baseline", "calls"):
+            continue
+        shares = {one["function"].split(" ")[0]: one["share"] for one in profile["functions"]}
+        together = sum(share for name, share in shares.items() if name in mine)
+        rest = max((share, name) for name, share in shares.items() if name not in mine)
+        text = f"{100 * together:.0f} % of the time together; next: {rest[1]}, {100 * rest[0]:.0f} %"
+        verdict = HOLDS if together > rest[0] else FAILS
+        why = f"{'more' if verdict == HOLDS else 'no more'} than the next"
+        return sized(Found(text, verdict, why, 100 * together, n=profile["height"]), claim["n"])
+    return missing(f"profile of baseline on {claim['scene']}, without inlining")
+
+
+def _never_misses(data: Data, claim: Claim) -> Found:
+    for row in read(data.path / "accuracy.json").get("rows", []):
+        if (row["scene"], row["phase"]) == (claim["scene"], claim["phase"]):
+            ppm, height = row["false_misses_ppm"], row["height"]
+            if not known(ppm):
+                return missing("pixel that truth proves")
+            text = f"{ppm:.3g} ppm of the pixels missed at n = {height}, by proof"
+            verdict, why = (HOLDS, "none is missed") if ppm == 0 else (FAILS, "one miss refutes at any size")
+            return sized(Found(text, verdict, why, ppm, n=height), claim["n"])
+    return missing(f"accuracy of {claim['phase']} on {claim['scene']}")
+
+
+def _normalize(data: Data, claim: Claim) -> Found:
+    rows = read(data.path / "functions.json").get("normalise", [])
+    mine = [row for row in rows if row["isa"] == "SSE" and row["name"].endswith("+ 1")]
+    mine = [row for row in mine if known((row["speedup"] or {}).get("value"))]
+    if not mine:
+        return missing("functions.json")
+    row = max(mine, key=lambda row: row["vectors"])
+    gain, n = row["speedup"], row["vectors"]
+    ends = [gain.get(end) for end in ("low", "high")]
+    low, high = (end if known(end) else math.nan for end in ends)
+    text = f"{gain['value']:.2f}× for {n:,} vectors"
+    verdict, why = judged(gain["value"], claim["value"])
+    found = timed(Found(text, verdict, why, gain["value"], low, high, n))
+    return sized(found, claim["n"], unit="vectors = ")
+
+
+CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
+    "flops": _flops,
+    "flop_cut": _flop_cut,
+    "flop_ratio": _flop_ratio,
+    "flops_gain": _gain_flops,
+    "more_flops_per_cycle": _more_flops_per_cycle,
+    "share_of_peak": _share_of_peak,
+    "share_falls": _share_falls,
+    "ablation": _ablation,
+    "hottest": _hottest,
+    "never_misses": _never_misses,
+    "compilers": compilers.slightly_better,
+    "best_compiler": compilers.best,
+    "normalize": _normalize,
+    "rtrm": register_systems.rtrm,
+    "integers": register_systems.integers,
+    "linear": register_systems.linear,
+    "rods_fewer": register_systems.rods_fewer,
+    "rods_gain": register_systems.rods_gain,
+}

@@ -1,0 +1,1 @@
+"""What every other package rests on: phases and scenes, builds, runs, stored files, the command line."""

@@ -1,0 +1,76 @@
+"""Builds by the Makefile: build/SPEC/render and build/SPEC/probe."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import functools
+import re
+import subprocess
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.registry import ROOT, Spec
+
+# As make itself, dash and bash say it.
+MISSING = re.compile(
+    r"make(?:\[\d+\])?: (\S+): No such file|sh: (?:line )?(?:\d+: )?(\S+): (?:command )?not found"
+)
+
+
+_one_at_a_time = threading.RLock()  # two makes of one target would write the same files
+
+
+def build(spec: Spec | str, target: str = "render") -> Path:
+    """Path of the binary, brought up to date once per process: what a script runs stays the same.
+
+    StudyError with the compiler's last lines, or the name of the missing tool.
+    """
+    with _one_at_a_time:
+        return _build(str(spec), target)
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """While no other script makes anything in that folder. Where it cannot be written to, make says so."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / ".making").open("w")
+    except OSError:
+        yield
+        return
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def build_together(tasks: Sequence[tuple[Spec, str]], jobs: int) -> None:
+    """Programs by spec and target, by one make with `jobs` jobs. Of what fails, build() says why."""
+    names = list(dict.fromkeys(str(spec) for spec, _ in tasks))
+    command = ["make", "-s", "-k", f"-j{jobs}", "-C", str(ROOT), *(f"build/{s}/{t}" for s, t in tasks)]
+    with _one_at_a_time, contextlib.ExitStack() as stack, contextlib.suppress(FileNotFoundError):
+        for name in sorted(names):
+            stack.enter_context(_alone(ROOT / "build" / name))
+        subprocess.run(command, capture_output=True)
+
+
+@functools.cache
+def _build(spec: str, target: str) -> Path:
+    path = ROOT / "build" / spec / target
+    command = ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))]
+    try:
+        with _alone(path.parent):
+            done = subprocess.run(command, capture_output=True, text=True)
+    except FileNotFoundError:
+        raise StudyError("make is missing; run `make setup` or install make and gcc", CANNOT_RUN) from None
+    if done.returncode != 0:
+        output = done.stderr + done.stdout
+        if tool := MISSING.search(output):
+            raise StudyError(
+                f"cannot build {spec}: {tool[1] or tool[2]} is missing; run `make setup`", CANNOT_RUN
+            )
+        lines = [line for line in output.splitlines() if line.strip()]
+        raise StudyError(f"cannot build {spec}:\n  " + "\n  ".join(lines[-12:]))
+    return path

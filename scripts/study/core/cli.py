@@ -1,0 +1,189 @@
+"""Command line of every script: arguments, exit statuses, errors in one line, JSON on stdout.
+
+Importing this needs the standard library alone. When a package of the study is missing, the import
+starts the script again with the Python of ROOT/.venv, or says how to make it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import json
+import math
+import os
+import re
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+OK, FAILED, BAD_INPUT, CANNOT_RUN = 0, 1, 2, 3
+CRASHED = 70  # EX_SOFTWARE of sysexits.h; Python's own status of a traceback is FAILED
+INTERRUPTED = 130
+STATUSES = {  # the table of docs/exit-statuses.md
+    OK: "done",
+    FAILED: "done, and a check failed",
+    BAD_INPUT: "bad arguments or input",
+    CANNOT_RUN: "nothing could run here",
+    CRASHED: "crashed: a bug of the script, whose traceback is on standard error",
+    INTERRUPTED: "interrupted from the keyboard",
+}
+DECLARED = Path(__file__).resolve().parents[3] / "requirements.in"
+RUN_TIME = "The study"  # the heading of what the scripts import
+_GUARD = "STEPWISE_IN_VENV"
+
+
+def declared(section: str) -> list[str]:
+    """Distributions below the heading "# section" of requirements.in; none in a tree without that file."""
+    lines = DECLARED.read_text(encoding="utf-8").splitlines() if DECLARED.exists() else []
+    found, inside = [], False
+    for line in lines:
+        if line.startswith("#"):
+            inside = line == f"# {section}"
+        elif inside and (name := re.match(r"[\w.-]+", line)):
+            found.append(name.group())
+    return found
+
+
+def _is_installed(distribution: str) -> bool:
+    try:
+        metadata.distribution(distribution)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def _need_packages() -> None:
+    """Go on in the venv if a package is missing here; the guard stops a venv that lacks it too."""
+    missing = [name for name in declared(RUN_TIME) if not _is_installed(name)]
+    if sys.version_info >= (3, 11) and not missing:
+        return
+    python = Path(__file__).resolve().parents[3] / ".venv" / "bin" / "python"
+    if python.exists() and not os.environ.get(_GUARD):
+        os.environ[_GUARD] = "1"
+        os.execv(python, [str(python), *sys.orig_argv[1:]])
+    lacking = "Python 3.11 or newer" if sys.version_info < (3, 11) else ", ".join(missing)
+    print(f"{Path(sys.argv[0]).name}: {lacking} missing; run `make setup` first", file=sys.stderr)
+    sys.exit(CANNOT_RUN)
+
+
+def _crash(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Say which script has a bug and where, and end it with CRASHED."""
+    name = Path(sys.argv[0]).name
+    if issubclass(kind, KeyboardInterrupt):
+        print(f"{name}: interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    traceback.print_exception(kind, error, trace)
+    print(f"{name}: crashed: {kind.__name__}", file=sys.stderr)
+    sys.exit(CRASHED)
+
+
+def _is_script() -> bool:
+    """Whether one of our scripts imports this, and not a test or a program of somebody else."""
+    path = getattr(sys.modules["__main__"], "__file__", None)
+    return path is not None and Path(path).resolve().parent == Path(__file__).resolve().parents[2]
+
+
+_need_packages()
+if _is_script():
+    sys.excepthook = _crash  # of what is raised outside `main`: a module that cannot be imported
+
+
+class StudyError(Exception):
+    """One line for the user: what is wrong and what would be right. Ends a script with `exit_status`."""
+
+    def __init__(self, message: str, exit_status: int = BAD_INPUT) -> None:
+        super().__init__(message)
+        self.exit_status = exit_status
+
+
+def parser(description: str, statuses: dict[int, str] | None = None) -> argparse.ArgumentParser:
+    """A parser with --json and the exit statuses (the usual ones, then `statuses`) in its help."""
+    meaning = {status: text for status, text in STATUSES.items() if status != FAILED} | (statuses or {})
+    lines = "\n".join(f"  {status:3d}  {meaning[status]}" for status in sorted(meaning))
+    made = argparse.ArgumentParser(
+        description=description,
+        epilog=f"exit status:\n{lines}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    made.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    return made
+
+
+def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
+    """An argparse type: a finite number of `kind` that is `lowest` or more."""
+    what = "a whole number" if kind is int else "a number"
+
+    def parse(text: str) -> Any:
+        with contextlib.suppress(ValueError):
+            if lowest <= (value := kind(text)) < math.inf:
+                return value
+        raise argparse.ArgumentTypeError(f"'{text}': must be {what} of at least {lowest:g}")
+
+    return parse
+
+
+def _ended(number: int, frame: object) -> None:
+    """As an exception: what a script has under a temporary name goes with it. A second one ends at once."""
+    signal.signal(number, signal.SIG_DFL)
+    os.write(2, f"{Path(sys.argv[0]).name}: ended by {signal.Signals(number).name}\n".encode())
+    sys.exit(128 + number)
+
+
+def main(run: Callable[[], int | None]) -> None:
+    """Run a script's main function and exit with its status (STATUSES). Errors are one line on stderr."""
+    name = Path(sys.argv[0]).name
+    before = signal.signal(signal.SIGTERM, _ended)
+    try:
+        status = run() or OK
+        sys.stdout.flush()
+    except StudyError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        status = error.exit_status
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted", file=sys.stderr)
+        status = INTERRUPTED
+    except BrokenPipeError:
+        # The reader has gone (head, less): that is no error, and the flush at exit must not say so.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = OK
+    except OSError as error:  # of files the scripts speak themselves: a full disk behind standard output
+        print(f"{name}: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = BAD_INPUT
+    except Exception as error:
+        _crash(type(error), error, error.__traceback__)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    sys.exit(status)
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON types: dataclasses as objects, NumPy as numbers and lists, NaN and inf as null."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = dataclasses.asdict(value)
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def emit(value: Any) -> None:
+    """Write one JSON object to standard output."""
+    print(json.dumps(plain(value), allow_nan=False))
+
+
+def say(text: str) -> None:
+    """Progress and remarks for people: standard error, so that --json stays parseable."""
+    sys.stderr.write(text + "\n")  # one write: lines of several threads stay whole
+    sys.stderr.flush()

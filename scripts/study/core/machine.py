@@ -1,0 +1,206 @@
+"""What the measuring machine is, as far as it lets itself be read (context.json). Changes nothing."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import importlib.metadata
+import os
+import platform
+import re
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from study.core.registry import ROOT
+
+LIBRARIES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "Jinja2", "tqdm", "flip-evaluator")
+
+# Family 6 models by name: Linux, arch/x86/include/asm/intel-family.h.
+INTEL = {
+    "Sandy Bridge": (42, 45),
+    "Ivy Bridge": (58, 62),
+    "Haswell": (60, 63, 69, 70),
+    "Broadwell": (61, 71, 79, 86),
+    "Skylake": (78, 94, 85),
+    "Kaby Lake": (142, 158),
+    "Comet Lake": (165, 166),
+    "Ice Lake": (106, 108, 125, 126),
+    "Tiger Lake": (140, 141),
+    "Rocket Lake": (167,),
+    "Alder Lake": (151, 154),
+    "Raptor Lake": (183, 186, 191),
+    "Meteor Lake": (170, 172),
+    "Arrow Lake": (181, 197, 198),
+    "Lunar Lake": (189,),
+    "Sapphire Rapids": (143,),
+    "Emerald Rapids": (207,),
+    "Granite Rapids": (173, 174),
+}
+# Cores with AMX. A hypervisor may give another model's number: one of these then, or what came after them.
+AMX = ("Sapphire Rapids", "Emerald Rapids", "Granite Rapids")
+SOME_AMX = "Sapphire Rapids or later"
+# (family, first model, last model): Linux, arch/x86/kernel/cpu/amd.c, bsp_init_amd.
+AMD = {
+    "Zen": ((23, 0x00, 0x2F), (23, 0x50, 0x5F)),
+    "Zen 2": ((23, 0x30, 0x4F), (23, 0x60, 0x7F), (23, 0x90, 0x91), (23, 0xA0, 0xAF)),
+    "Zen 3": ((25, 0x00, 0x0F), (25, 0x20, 0x5F)),
+    "Zen 4": ((25, 0x10, 0x1F), (25, 0x60, 0xAF)),
+    "Zen 5": ((26, 0x00, 0x2F), (26, 0x40, 0x4F), (26, 0x60, 0x7F)),
+}
+
+
+def _text(path: str | Path) -> str | None:
+    try:
+        return Path(path).read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def _output(*command: str) -> str | None:
+    """Standard output of a command, or None if it is missing or fails."""
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.decode(errors="replace").strip() if done.returncode == 0 else None
+
+
+def microarchitecture(
+    vendor: str | None, family: int, model: int, stepping: int = 0, flags: Sequence[str] = ()
+) -> str | None:
+    """Common name, e.g. "Zen 4", or None when the tables above do not have it. `flags`: of /proc/cpuinfo."""
+    name = _by_numbers(vendor, family, model, stepping)
+    if vendor == "GenuineIntel" and "amx_tile" in flags and name not in AMX:
+        return SOME_AMX
+    return name
+
+
+def _by_numbers(vendor: str | None, family: int, model: int, stepping: int) -> str | None:
+    if vendor == "GenuineIntel" and family == 6:
+        if model == 85 and stepping >= 5:
+            return "Cooper Lake" if stepping >= 10 else "Cascade Lake"
+        return next((name for name, models in INTEL.items() if model in models), None)
+    if vendor == "AuthenticAMD":
+        ranges = ((name, r) for name, several in AMD.items() for r in several)
+        return next((name for name, (f, low, high) in ranges if f == family and low <= model <= high), None)
+    return None
+
+
+def cpu(cpuinfo: str | None = None) -> dict[str, Any]:
+    """The first processor of /proc/cpuinfo. `cpuinfo`: its text, for tests."""
+    text = _text("/proc/cpuinfo") if cpuinfo is None else cpuinfo
+    lines = (line.partition(":") for line in (text or "").split("\n\n")[0].splitlines())
+    info = {key.strip(): value.strip() for key, _, value in lines}
+    family, model, stepping = (int(info.get(k, "0")) for k in ("cpu family", "model", "stepping"))
+    vendor, flags = info.get("vendor_id"), info.get("flags", "").split()
+    return {
+        "model": info.get("model name", platform.machine()),
+        "vendor": vendor,
+        "family": family,
+        "model_number": model,
+        "stepping": stepping,
+        "microcode": info.get("microcode"),
+        "microarchitecture": microarchitecture(vendor, family, model, stepping, flags),
+        "cores": int(info.get("cpu cores", "0")) or None,
+        "logical_cpus": os.cpu_count(),
+        "usable_cpus": len(os.sched_getaffinity(0)),
+        "flags": flags,
+    }
+
+
+def name(context: Mapping[str, Any] | None) -> str:
+    """The CPU of a context.json, and what it is (a virtual machine's may be called just "AMD EPYC"): by its
+    common name, else by family and model.
+    """
+    found = (context or {}).get("cpu") or {}
+    known = found.get("microarchitecture")
+    if not known and found.get("family"):
+        known = f"family {found['family']} model {found.get('model_number')}"
+    model = found.get("model")
+    return f"{model} ({known})" if model and known else model or known or "unknown CPU"
+
+
+def slug(cpuinfo: str | None = None) -> str:
+    """Folder name made from the CPU: maker, name, family and model, e.g. intel-xeon-6-207."""
+    found = cpu(cpuinfo)
+    name = re.sub(r"\((R|TM|C)\)|@.*|\b(CPU|Processor|\d+-Core)\b", " ", found["model"], flags=re.IGNORECASE)
+    return re.sub(r"[^a-z0-9]+", "-", f"{name} {found['family']} {found['model_number']}".lower()).strip("-")
+
+
+def caches() -> list[dict[str, Any]]:
+    """Caches of CPU 0 as the kernel lists them; sizes as it writes them, e.g. 48K."""
+    names = {
+        "level": "level",
+        "type": "type",
+        "size": "size",
+        "ways": "ways_of_associativity",
+        "shared_by": "shared_cpu_list",
+    }
+    folders = sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*"))
+    return [{key: _text(folder / file) for key, file in names.items()} for folder in folders]
+
+
+def steal_ticks() -> int:
+    """Time the hypervisor has taken from all CPUs since boot, in 1/100 s."""
+    fields = (_text("/proc/stat") or "").split("\n")[0].split()
+    return int(fields[8]) if len(fields) > 8 else 0
+
+
+def commit() -> dict[str, Any]:
+    """Git commit, whether the tree differs from it, and a SHA-256 over what differs or is new."""
+    git = ("git", "-C", str(ROOT))
+    digest = hashlib.sha256((_output(*git, "diff", "HEAD", "--binary") or "").encode())
+    new = (_output(*git, "ls-files", "--others", "--exclude-standard", "-z") or "").split("\0")
+    for name in sorted(filter(None, new)):
+        file = ROOT / name  # a link to a folder is listed too, and has no bytes
+        digest.update(
+            name.encode() + b"\0" + hashlib.sha256(file.read_bytes() if file.is_file() else b"").digest()
+        )
+    dirty = bool(_output(*git, "status", "--porcelain"))
+    return {
+        "commit": _output(*git, "rev-parse", "HEAD"),
+        "dirty": dirty,
+        "diff_sha256": digest.hexdigest() if dirty else None,
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _hypervisor() -> str | None:
+    if "hypervisor" not in cpu()["flags"]:
+        return None
+    names = (_text(path) for path in ("/sys/hypervisor/type", "/sys/class/dmi/id/sys_vendor"))
+    return next(filter(None, names), "yes, name unknown")
+
+
+def context() -> dict[str, Any]:
+    """Everything a figure of this run stands on. Unreadable things are None."""
+    memory = re.search(r"MemTotal:\s+(\d+)", _text("/proc/meminfo") or "")
+    policy = Path("/sys/devices/system/cpu/cpu0/cpufreq")
+    return {
+        "schema": 1,
+        "time": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "machine": slug(),
+        "cpu": cpu(),
+        "caches": caches(),
+        "memory_kib": int(memory[1]) if memory else None,
+        "kernel": platform.release(),
+        "system": (platform.freedesktop_os_release() if _text("/etc/os-release") else {}).get("PRETTY_NAME"),
+        "hypervisor": _hypervisor(),
+        "governor": _text(policy / "scaling_governor"),
+        "no_turbo": _text("/sys/devices/system/cpu/intel_pstate/no_turbo"),
+        "compiler": (_output(os.environ.get("CC", "gcc"), "--version") or "").split("\n")[0] or None,
+        "libc": " ".join(platform.libc_ver()).strip() or None,
+        "python": platform.python_version(),
+        "libraries": {name: _version(name) for name in LIBRARIES},
+        "git": commit(),
+        "load_average": os.getloadavg(),
+        "steal_ticks": steal_ticks(),
+    }

@@ -1,0 +1,146 @@
+"""What a run's files say of themselves: machine, commit and time of each, and what disturbed them.
+
+A file may be of another commit or hour than the run's context.json: a part measured anew and put into it.
+"""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import machine, show, store
+from study.core.cli import StudyError
+
+Context = Mapping[str, Any]
+SPREADS = ("launches", "ns")  # keys of a row that hold a time per process launch
+CONTEXT = "context.json"  # is its own context
+
+
+TEXTS = (("time",), ("machine",), ("compiler",), ("git", "commit"))
+TEXTS += tuple(("cpu", name) for name in ("model", "vendor", "microarchitecture"))
+
+
+def check(context: Any, file: Path) -> None:
+    """Raises StudyError for a context whose names are no text, or that is none."""
+    for place in ((), ("cpu",), ("git",), ("end",), *TEXTS):
+        found = context
+        for key in place:
+            found = (found or {}).get(key)
+        wanted = (str, "text") if place in TEXTS else (Mapping, "an object")
+        if found is not None and not isinstance(found, wanted[0]):
+            raise StudyError(
+                f"{file}: $.{'.'.join(place)}: should be {wanted[1]}, or null".replace("$.:", "$:")
+            )
+
+
+def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, Context]:
+    """Of each JSON file at the top of a run (of those named) that says where it was made: name without
+    suffix → context, in order of time. Raises StudyError for a broken file."""
+    files = sorted(path.glob("*.json")) if names is None else [path / name for name in names]
+    found = {}
+    for file in files:
+        content = store.read_json(file) if file.exists() else None
+        if not isinstance(content, Mapping):
+            continue
+        context = content if file.name == CONTEXT else content.get("context")
+        if isinstance(context, Mapping):
+            check(context, file)
+            found[file.stem] = context
+    return dict(sorted(found.items(), key=lambda item: str(item[1].get("time") or "")))
+
+
+def commit(context: Context) -> str:
+    """The first ten digits, and whether sources were changed."""
+    git = context.get("git") or {}
+    dirty = " with uncommitted changes" if git.get("dirty") else ""
+    return (git.get("commit") or "unknown commit")[:10] + dirty
+
+
+def place(context: Context) -> str:
+    """CPU and compiler."""
+    return f"{machine.name(context)}; {context.get('compiler') or 'unknown compiler'}"
+
+
+def line(found: Mapping[str, Context]) -> str:
+    """CPU and compiler, then each commit, once for all files that share them, with the time of each file."""
+    alike: dict[str, dict[str, list[str]]] = {}
+    for name, context in found.items():
+        said = f"{name} {str(context.get('time') or 'at an unknown time')[:16]}"
+        alike.setdefault(place(context), {}).setdefault(commit(context), []).append(said)
+    return "; and on ".join(
+        f"{where}; " + "; ".join(f"{made_of} ({', '.join(files)})" for made_of, files in by_commit.items())
+        for where, by_commit in alike.items()
+    )
+
+
+def commits(path: Path) -> dict[str, list[str]]:
+    """Commit → the files of a run that were measured of it."""
+    found: dict[str, list[str]] = {}
+    for name, context in contexts(path).items():
+        found.setdefault(commit(context), []).append(name)
+    return found
+
+
+def _launches(content: Any) -> Iterator[Sequence[float]]:
+    """Times per process launch, wherever in a file they are."""
+    if isinstance(content, Mapping):
+        for key, value in content.items():
+            if key in SPREADS and isinstance(value, list) and len(value) > 1:
+                if all(isinstance(one, int | float) and one > 0 for one in value):
+                    yield value
+            elif key != "all":  # the throttle's settings, in no table and not published
+                yield from _launches(value)
+    elif isinstance(content, list):
+        for value in content:
+            yield from _launches(value)
+
+
+def spread(content: Any) -> tuple[float, float] | None:
+    """Median launch over the least launch: the median of all rows with launches, and the greatest."""
+    ratios = [float(np.median(times)) / min(times) for times in _launches(content)]
+    return (float(np.median(ratios)), max(ratios)) if ratios else None
+
+
+def stolen(found: Mapping[str, Context]) -> float | None:
+    """Share of all CPUs' time that the hypervisor took between the first and the last file's begin, of those
+    that the same boot of the same machine made. None: not known."""
+    time, all_ticks, seconds = datetime.datetime.fromisoformat, 0, 0.0
+    for one, next_one in itertools.pairwise(found.values()):
+        ticks = [context.get("steal_ticks") for context in (one, next_one)]
+        cpus = (one.get("cpu") or {}).get("usable_cpus")
+        if None in ticks or ticks[1] < ticks[0] or not cpus or place(one) != place(next_one):
+            continue
+        if one.get("time") and next_one.get("time"):
+            all_ticks += ticks[1] - ticks[0]
+            seconds += cpus * (time(next_one["time"]) - time(one["time"])).total_seconds()
+    return all_ticks / 100 / seconds if seconds > 0 else None
+
+
+def disturbed(path: Path, names: Sequence[str]) -> str:
+    """What these files know of how quiet the machine was, in sentences. Raises StudyError."""
+    said = []
+    contents = {name: store.read_json(path / name) for name in names if (path / name).exists()}
+    for name, content in contents.items():
+        if found := spread(content):
+            middle, most = (show.number(value) for value in found)
+            said.append(f"{Path(name).stem} {middle} (at most {most})")
+    text = ""
+    if said:
+        text = (
+            "How quiet the machine was: a row's median launch over its least (1: nothing disturbed it), in "
+            f"the median row and at most: {', '.join(said)}."
+        )
+    steal = stolen(contexts(path, names))
+    if steal is not None:
+        text += (
+            f" From the first of these files' start to the last's the hypervisor took {100 * steal:.1f} % of "
+            "the CPUs' time (steal; what a neighbour takes of a shared core is not in it)."
+        )
+    if any(isinstance(one, Mapping) and one.get("animation") for one in contents.values()):
+        text += " Rows of one process have no interval and are not interleaved: what disturbed one is in it."
+    return text.strip()

@@ -1,0 +1,305 @@
+"""Phases and scenes, found by their folders and files: there is no list to edit."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import functools
+import json
+import os
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from study.core import patches
+from study.core.cli import StudyError
+
+ROOT = Path(__file__).resolve().parents[3]
+OPTIONAL = {
+    "planes",
+    "variants",
+    "each_variant",
+    "exact_hits",
+    "display",
+    "embedded",
+    "approximate",
+    "derives",
+    "without",
+}  # keys of phase.json that may be left out
+NO_ARITHMETIC = {"-pthread"}  # flags
+# Of structs, gcc's alone; which compiler is told them: common/build/phase_info.py.
+COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
+TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
+SYSTEMS = (
+    "systems"  # family of what other articles did: alternatives to the ladder, shown apart (scripts/rods.py)
+)
+SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One phases/NAME/phase.json. `isa` are flag names of /proc/cpuinfo; `path` is the folder."""
+
+    name: str
+    title: str
+    family: str
+    order: int
+    parent: str | None
+    idea: str
+    paper: str | None
+    isa: list[str]
+    precision: str
+    lanes: int
+    threads: bool
+    algorithm: str
+    cflags: str
+    tolerance: dict[str, Any]
+    path: Path
+    planes: list[str] = dataclasses.field(default_factory=list)  # channels of its own, with --aov
+    # Built for several numbers of lanes (driver/variant.h): [{lanes, isa, flags}], widest first; `lanes` is
+    # the widest, `isa` what all need. `each_variant`: the files that are built for each.
+    variants: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    each_variant: list[str] = dataclasses.field(default_factory=list)
+    # Solids and planes are hit where they are, not where a march ends: conformance holds a scene whose step
+    # cap or hit distance shapes the marched picture against truth's picture instead of the reference's.
+    exact_hits: bool = False
+    # It makes the picture as it is displayed itself, where that alone is asked for (render --display).
+    display: bool = False
+    # Its picture is meant to be near, not the same: conformance asks of its form alone, and `tolerance` says
+    # how much further from truth than baseline it may be (scripts/accuracy.py).
+    approximate: bool = False
+    # Files of a source that the program has in it and compiles at run time (common/build/phase_info.py).
+    embedded: list[str] = dataclasses.field(default_factory=list)
+    # Its folder holds what differs from this phase's files; `without` names those left out (core.patches).
+    derives: str | None = None
+    without: list[str] = dataclasses.field(default_factory=list)
+
+    def file(self, name: str) -> Path:
+        """Where the file `name` of the phase's tree stands: in its own folder or in the nearest ancestor's.
+
+        A path in its own folder if no such file exists. Raises StudyError for a broken lineage.
+        """
+        own = self.path / name
+        if own.exists() or not self.derives or "+" in self.name:
+            return own
+        root = self.path.parents[1]
+        try:
+            return patches.files(self.name, root).get(name, self.path / name)
+        except patches.PatchError as error:
+            raise StudyError(str(error)) from None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One common/scenes/NAME.json. `fractal`: it has a mandelbulb, so single samples are chaotic."""
+
+    name: str
+    path: Path
+    data: dict[str, Any]
+    fractal: bool
+
+    def size(self, height: int, width: int | None = None) -> tuple[int, int]:
+        """(width, height) in pixels; without a width 16:9 as the driver has it, or square."""
+        return width or (height if self.name in SQUARE else max(1, int(height * 16 / 9 + 0.5))), height
+
+
+@dataclass(frozen=True, order=True)
+class Spec:
+    """The sources of `phase` built with the cflags of `flags_from`; written opt2 or opt2@opt4.
+
+    A phase may be an ablation, opt2+title (study.core.patches).
+    """
+
+    phase: str
+    flags_from: str
+
+    @classmethod
+    def parse(cls, text: str) -> Spec:
+        """Raises StudyError, with the nearest names, if a phase does not exist."""
+        phase, _, flags_from = text.partition("@")
+        find_phase(phase)
+        if "@" in text:
+            find_phase(flags_from)
+        return cls(phase, flags_from or phase)
+
+    def __str__(self) -> str:
+        return self.phase if self.phase == self.flags_from else f"{self.phase}@{self.flags_from}"
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    if not isinstance(data, dict):
+        raise StudyError(f"{path}: must be a JSON object")
+    return data
+
+
+def _unknown(kind: str, name: str, known: Iterable[str]) -> StudyError:
+    known = list(known)
+    near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known) or 'none'}"
+    return StudyError(f"no {kind} '{name}'; {hint}")
+
+
+@functools.cache
+def phases(root: Path = ROOT) -> dict[str, Phase]:
+    """All phases by name, sorted by family and order. Raises StudyError with the file and the key."""
+    found = []
+    for path in sorted(root.glob("phases/[!.]*/phase.json")):
+        _read_json(path)
+        try:
+            data = patches.about(path.parent.name, root)
+        except patches.PatchError as error:
+            raise StudyError(str(error)) from None
+        keys = {field.name for field in dataclasses.fields(Phase)} - {"path"}
+        wrong = sorted(keys - OPTIONAL - data.keys()) + sorted(data.keys() - keys)
+        if wrong:
+            state = (
+                "is missing" if wrong[0] in keys else f"is unknown; the keys are {', '.join(sorted(keys))}"
+            )
+            raise StudyError(f"{path}: key '{wrong[0]}' {state}")
+        if data["name"] != path.parent.name:
+            raise StudyError(f"{path}: name is '{data['name']}', must be the folder's '{path.parent.name}'")
+        found.append(Phase(**data, path=path.parent))
+    try:
+        found.sort(key=lambda phase: (phase.family, phase.order, phase.name))
+    except TypeError:
+        raise StudyError("phases/*/phase.json: family must be a string and order a number") from None
+    return {phase.name: phase for phase in found}
+
+
+def ladder(root: Path = ROOT) -> dict[str, Phase]:
+    """The phases that are timed, verified and counted: all but those of families truth and systems."""
+    return {name: phase for name, phase in phases(root).items() if phase.family not in (TRUTH, SYSTEMS)}
+
+
+@functools.cache
+def scenes(root: Path = ROOT) -> dict[str, Scene]:
+    """All scenes by name, sorted. Raises StudyError for a file that is not a JSON object."""
+    return _scenes_in(root / "common" / "scenes")
+
+
+@functools.cache
+def animated(root: Path = ROOT) -> dict[str, Scene]:
+    """The scenes that are made to move (render --frames), by name: no suite renders them as stills."""
+    return _scenes_in(root / "common" / "scenes" / "animated")
+
+
+def _scenes_in(folder: Path) -> dict[str, Scene]:
+    found = {}
+    for path in sorted(folder.glob("*.json")):
+        data = _read_json(path)
+        shapes = data.get("shapes")
+        shapes = shapes if isinstance(shapes, list) else []  # what is wrong, the driver says
+        types = [shape.get("type") for shape in shapes if isinstance(shape, dict)]
+        found[path.stem] = Scene(path.stem, path, data, "mandelbulb" in types)
+    return found
+
+
+def is_exact(spec: str) -> bool:
+    """Whether a program of a run (opt9_convex, opt2@opt3) meets shapes where they are and marches to none.
+    False for what is no longer there."""
+    phase = phases().get(re.split("[@+]", spec)[0])
+    return phase is not None and phase.exact_hits
+
+
+def find_phase(name: str, root: Path = ROOT) -> Phase:
+    """The phase of that name, or a StudyError that names the nearest ones.
+
+    NAME+TITLE is the ablation phases/NAME/ablations/TITLE.patch; its `path` is there once it is built.
+    """
+    if "+" in name:
+        return _ablation(name, root)
+    if name not in phases(root):
+        raise _unknown("phase", name, phases(root))
+    return phases(root)[name]
+
+
+@functools.cache
+def _ablation(name: str, root: Path) -> Phase:
+    base, _, title = name.partition("+")
+    find_phase(base, root)
+    if title not in (known := patches.titles(base, root)):
+        raise _unknown(f"ablation of {base}", title, known)
+    try:
+        return Phase(**patches.described(name, root), path=root / "build" / name / "source")
+    except patches.PatchError as error:
+        raise StudyError(str(error)) from None
+
+
+def find_scene(name: str, root: Path = ROOT) -> Scene:
+    """The scene of that name, or a StudyError that names the nearest ones."""
+    if name not in scenes(root):
+        raise _unknown("scene", name, scenes(root))
+    return scenes(root)[name]
+
+
+@functools.cache
+def cpu_flags() -> frozenset[str]:
+    """Instruction-set flags of this CPU as /proc/cpuinfo names them."""
+    match = re.search(r"^flags\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+    return frozenset(match[1].split() if match else ())
+
+
+def _limited(limit: str | None) -> frozenset[str]:
+    if limit not in (None, "", "avx2", "none"):
+        raise StudyError(f"STEPWISE_ISA_LIMIT is {limit}: avx2 or none is required")
+    if limit == "none":
+        return frozenset()
+    return frozenset(flag for flag in cpu_flags() if limit != "avx2" or not flag.startswith("avx512"))
+
+
+def missing_isa(what: Phase | Spec) -> list[str]:
+    """Flags that `what` needs and this CPU lacks; a Spec needs those of its flags' phase as well.
+
+    STEPWISE_ISA_LIMIT stands for a smaller CPU, as it does for the driver (common/driver/variant.h).
+    """
+    need = (
+        what.isa
+        if isinstance(what, Phase)
+        else [flag for name in dict.fromkeys([what.phase, what.flags_from]) for flag in find_phase(name).isa]
+    )
+    have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
+    return [flag for flag in dict.fromkeys(need) if flag not in have]
+
+
+def variant_here(phase: Phase) -> dict[str, Any]:
+    """{lanes, isa, flags} of the phase's variant that this CPU runs: the widest it has (driver/variant.h)."""
+    have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
+    alone = {"lanes": phase.lanes, "isa": [], "flags": ""}
+    return next((one for one in phase.variants if have.issuperset(one["isa"])), alone)
+
+
+def arithmetic_flags(flags: str, variants: Iterable[dict[str, Any]] = ()) -> str:
+    """Compiler flags without those that change no arithmetic, and without a variant's own: what it shares.
+
+    Two builds of one source by equal ones are one program as far as its speed and its picture go, but for how
+    a variant copies its lanes, which clang is not told (common/build/phase_info.py).
+    """
+    flags = _of_arithmetic(flags)
+    for own in (_of_arithmetic(one["flags"]) for one in variants):
+        if own and flags.endswith(own):
+            return flags.removesuffix(own).rstrip()
+    return flags
+
+
+def short(flags: str) -> str:
+    """For small print: of the words for copies the first alone."""
+    return re.sub(rf"({COPIES[0]}\S+)( ({'|'.join(COPIES[1:])})\S+)+", r"\1 …", flags)
+
+
+def _of_arithmetic(flags: str) -> str:
+    return " ".join(
+        word for word in flags.split() if word not in NO_ARITHMETIC and not word.startswith(COPIES)
+    )
+
+
+def cpu_supports(what: Phase | Spec) -> bool:
+    """Whether this CPU has every instruction set that the phase (or spec) needs."""
+    return not missing_isa(what)

@@ -1,0 +1,292 @@
+"""Runs the driver: one process, pinned, its JSON parsed, its end looked after."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import json
+import os
+import random
+import signal
+import subprocess
+import tempfile
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tqdm import tqdm
+
+from study.core.build import build
+from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
+from study.core.registry import Spec
+
+T = TypeVar("T", bound=Hashable)
+_LIBC = ctypes.CDLL(None)  # loaded here: between fork and exec nothing may be imported
+_PR_SET_PDEATHSIG = 1
+USABLE = sorted(os.sched_getaffinity(0))  # CPUs, before a script moves itself out of the way
+UNTIMED = "STEPWISE_UNTIMED"  # in a driver's environment: it does not measure the clocks' rates, 25 ms
+# Every program but "render" counts, or tells code by its functions: that of costs.def, so that a phase that
+# generates kernels for scenes makes none there.
+GENERAL = {"STEPWISE_CC": "none"}
+NO_ISA, UNSUPPORTED, NO_MEMORY = 3, 4, 5  # exit statuses of the driver
+
+
+class DriverError(StudyError):
+    """The driver ended with `status` (negative: killed by that signal) and said `message`."""
+
+    def __init__(self, status: int, message: str) -> None:
+        super().__init__(message, CANNOT_RUN if status == NO_ISA else BAD_INPUT)
+        self.status = status
+        self.message = message
+
+
+def cpu_set(cpu: int | None, threads: int) -> set[int] | None:
+    """CPUs to pin to: `cpu` and the next threads - 1 of the usable ones; None: no pinning."""
+    if cpu is None:
+        return None
+    if cpu not in USABLE:
+        raise StudyError(f"CPU {cpu} is not available; there are {', '.join(map(str, USABLE))}")
+    first = USABLE.index(cpu)
+    return set((USABLE[first:] + USABLE[:first])[:threads])
+
+
+def _arguments(
+    spec: Spec | str,
+    scene_path: Path,
+    height: int,
+    width: int | None,
+    *,
+    target: str = "render",
+    **options: Any,
+) -> list[str]:
+    return [str(build(spec, target)), *_options(scene_path, height, width, **options)]
+
+
+def _options(
+    scene_path: Path,
+    height: int,
+    width: int | None,
+    *,
+    aov: bool = False,
+    display: bool = False,
+    out: Path | None = None,
+    threads: int = 1,
+    reps: int = 1,
+    animation: int | None = None,
+    first_frame: int | None = None,
+    warmup: int = 0,
+    hit_distance: float | None = None,
+    max_steps: int | None = None,
+) -> list[str]:
+    arguments = [str(scene_path), "-n", str(height)]
+    for option, value in [
+        ("--reps", reps if animation is None else None),
+        ("--frames", animation),
+        ("--first-frame", first_frame),
+        ("-w", width),
+        ("-o", out),
+        ("--threads", threads if threads != 1 else None),
+        ("--warmup", warmup or None),
+        ("--hit-distance", hit_distance),
+        ("--max-steps", max_steps),
+    ]:
+        if value is not None:
+            arguments += [option, str(value)]
+    return arguments + ["--aov"] * aov + ["--display"] * display
+
+
+def _lines(
+    arguments: list[str],
+    cpus: set[int] | None,
+    env_bytes: int,
+    timed: bool = True,
+    more: Mapping[str, str] | None = None,
+) -> Iterator[str]:
+    """Whole lines of a child's standard output as they come. DriverError at its end if it failed.
+
+    The child dies with its reader: killed when the generator is closed, and by the kernel's
+    parent-death signal when this process is killed outright.
+    """
+    with _child(arguments, cpus, environment(env_bytes, timed, more), subprocess.PIPE) as child:
+        assert child.stdout
+        for line in child.stdout:
+            if line.endswith("\n"):
+                yield line
+
+
+def environment(
+    env_bytes: int = 0, timed: bool = True, more: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Of a driver: as this process's, but whether clocks are measured is `timed`'s to say alone."""
+    found = {key: value for key, value in os.environ.items() if key != UNTIMED}
+    if not timed:
+        found[UNTIMED] = "1"
+    found |= more or {}
+    if env_bytes:
+        found["STEPWISE_PADDING"] = "x" * env_bytes
+    return found
+
+
+@contextlib.contextmanager
+def _child(
+    arguments: list[str], cpus: set[int] | None, environment: dict[str, str], out: Any
+) -> Iterator[subprocess.Popen[str]]:
+    """A child that ends with this: killed if the body is left early; else DriverError if it failed."""
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
+        try:
+            child = subprocess.Popen(
+                arguments,
+                stdout=out,
+                stderr=errors,
+                stdin=subprocess.DEVNULL,
+                env=environment,
+                text=True,
+                preexec_fn=functools.partial(_in_child, cpus),
+            )
+        except OSError as error:
+            raise DriverError(127, f"{arguments[0]}: {error.strerror}") from None
+        try:
+            yield child
+            status = child.wait()
+        finally:
+            if child.poll() is None:
+                child.kill()
+                child.wait()
+            if child.stdout:
+                child.stdout.close()
+        if status:
+            errors.seek(0)
+            said = errors.read().strip().splitlines()
+            how = f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+            raise DriverError(status, said[-1] if said else f"{arguments[0]}: {how}")
+
+
+def _in_child(cpus: set[int] | None) -> None:
+    # Not what this process has: `interleaved` keeps it off the measured CPU; threads would share the others.
+    os.sched_setaffinity(0, cpus or USABLE)
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def render(
+    spec: Spec | str,
+    scene_path: Path,
+    height: int,
+    width: int | None = None,
+    *,
+    cpu: int | None = None,
+    threads: int = 1,
+    env_bytes: int = 0,
+    timed: bool = True,
+    general: bool | None = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
+
+    Options: aov, display, out, reps, animation (its frames), first_frame, warmup, hit_distance, max_steps,
+    target (render-count …). Not `timed`: for a picture or counts alone; the clocks' rates are 0.
+    `general`: no kernel is generated for the scene; so run all other targets than render. `env_bytes`: as
+    in frames.
+    Raises DriverError(status, message).
+    """
+    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
+    if general is None:
+        general = options.get("target", "render") != "render"
+    more = GENERAL if general else None
+    text = "".join(_lines(arguments, cpu_set(cpu, threads), env_bytes, timed, more))
+    return _parse(text, arguments[0])
+
+
+def frames(
+    spec: Spec | str,
+    scene_path: Path,
+    height: int,
+    width: int | None = None,
+    *,
+    cpu: int | None = None,
+    threads: int = 1,
+    env_bytes: int = 0,
+    timed: bool = True,
+    **options: Any,
+) -> Iterator[dict[str, Any]]:
+    """The same, frame by frame, as each is done. `env_bytes`: padding of the child's environment.
+
+    Not `timed`: `ns` is as always, the clocks' rates are 0; without them a frame costs no more than itself.
+    """
+    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
+    for line in _lines(arguments, cpu_set(cpu, threads), env_bytes, timed):
+        yield _parse(line, arguments[0])
+
+
+def frames_into(
+    file: int,
+    spec: Spec | str,
+    scene_path: Path,
+    height: int,
+    width: int | None = None,
+    *,
+    cpu: int | None = None,
+    threads: int = 1,
+    timed: bool = True,
+    **options: Any,
+) -> None:
+    """`frames`, written by the driver itself at the end of the open `file`, a line flushed after each frame:
+    no reader takes time from the threads, and what was written stays if this process is killed."""
+    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
+    with _child(arguments, cpu_set(cpu, threads), environment(0, timed), file):
+        pass
+
+
+def execute(
+    program: Path,
+    scene_path: Path,
+    height: int,
+    width: int | None = None,
+    *,
+    cpu: int | None = None,
+    env_bytes: int = 0,
+    compiler: str | None = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """As `render`, of a driver that was built elsewhere, by another `compiler` or other flags. What it
+    compiles for a scene is by that compiler, too."""
+    more = {"STEPWISE_CC": compiler} if compiler and os.environ.get("STEPWISE_CC") != "none" else None
+    arguments = [str(program), *_options(scene_path, height, width, **options), "--json"]
+    return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes, more=more)), arguments[0])
+
+
+def interleaved(
+    what: Sequence[T],
+    launches: int,
+    seed: int,
+    cpu: int,
+    once: Callable[[T, int], float],
+    about: str = "time",
+) -> dict[T, list[float]]:
+    """`once(item, env_bytes)` of every item once a round in random order: what it returns per launch.
+
+    The environment's size is random too: it shifts the stack, which can look like 10 %. Meanwhile this
+    process, which only waits, keeps off the measured CPU.
+    """
+    values: dict[T, list[float]] = {item: [] for item in what}
+    dice = random.Random(seed)
+    order = [item for _ in range(launches) for item in dice.sample(list(what), len(what))]
+    here = os.sched_getaffinity(0)
+    if others := set(USABLE) - {cpu}:
+        os.sched_setaffinity(0, others)
+    try:
+        for item in tqdm(order, about, leave=False, disable=None):
+            values[item].append(once(item, dice.randint(0, 4096)))
+    finally:
+        os.sched_setaffinity(0, here)
+    return values
+
+
+def _parse(text: str, program: str) -> dict[str, Any]:
+    try:
+        parsed = json.loads(text)
+    except json.JSONDecodeError:
+        parsed = None
+    if not isinstance(parsed, dict):
+        raise DriverError(0, f"{program}: printed no JSON object but {text[:60]!r}")
+    return parsed

@@ -1,0 +1,184 @@
+"""Rows as tables for people: cells as text, tables as Markdown; the columns are in study.report.columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+NOTHING = "–"
+MOST_DB = 150  # of a PSNR: floats in [0, 1] are rounded at 2^-25 of themselves, 150 dB
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Column:
+    """`group` spans neighbours with the same group; `mark` says whether a cell is "good" or "bad"."""
+
+    group: str
+    name: str
+    text: Callable[[Row], str]
+    mark: Callable[[Row], str] = lambda row: ""
+
+    @property
+    def wraps(self) -> bool:
+        """Whether its cells may break into lines: intervals and words, never plain numbers."""
+        return "[95" in self.name or self.name in ("tolerance", "flags", "implementations")
+
+
+def yes(value: Any) -> bool:
+    """Whether a cell is true: Python's or NumPy's, not None and not NaN."""
+    return value is not None and not pd.isna(value) and bool(value)
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """Significant digits, never fewer than those before the point; – for none, ∞ for infinity."""
+    if value is None or isinstance(value, str) or pd.isna(value):
+        return value if isinstance(value, str) else NOTHING
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if 0 < abs(value) < 1e-3:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:,.{_places(value, digits)}f}"
+
+
+def _places(value: float, digits: int) -> int:
+    """Decimal places that give so many significant digits."""
+    return max(digits - 1 - math.floor(math.log10(abs(value))), 0) if value else 0
+
+
+def interval(row: Row, name: str, digits: int = 4, unit: str = "") -> str:
+    """`12.3 [12.1, 12.6]`, or the value and "insufficient" when the launches were too few.
+
+    A line may break before the brackets only.
+    """
+    value, low, high = (row.get(key) for key in (name, f"{name}_low", f"{name}_high"))
+    if value is None or pd.isna(value):
+        return "not measured"
+    places = _places(value, digits)
+    ends = "insufficient" if pd.isna(low) else f"[{low:,.{places}f},\u00a0{high:,.{places}f}]"
+    return f"{value:,.{places}f}{unit} {ends}"
+
+
+def speedup(name: str, base: str) -> Callable[[Row], str]:
+    """Text of a speed-up; the base itself has none."""
+    return lambda row: (
+        "base" if (row.get(base), row["threads"]) == (row["phase"], 1) else interval(row, name, 3, "×")
+    )
+
+
+def times(value: Any) -> str:
+    """A speed-up as somebody printed it: no digits are added."""
+    return NOTHING if value is None or pd.isna(value) else f"{value:.3g}×"
+
+
+def percent(value: Any) -> str:
+    return (
+        NOTHING
+        if value is None or pd.isna(value)
+        else f"{float(number(100 * value).replace(',', '')):.10g}\u00a0%"
+    )
+
+
+def share(value: Any) -> str:
+    """A percentage near 100, where the digits that count are the last ones."""
+    if value is None or pd.isna(value):
+        return NOTHING
+    texts = (f"{100 * value:.{digits}g}" for digits in range(5, 18))
+    text = next(text for text in texts if value >= 1 or float(text) < 100)  # only all of it is 100 %
+    return f"{text}\u00a0%"
+
+
+def psnr(row: Row, name: str) -> str:
+    if yes(row.get("is_reference")):
+        return "reference"
+    value = row.get(name)
+    if value is None or pd.isna(value):
+        return NOTHING
+    if value > MOST_DB and not (math.isinf(value) and yes(row.get("identical"))):
+        return f"> {MOST_DB}"
+    return "identical" if math.isinf(value) else number(value)
+
+
+def gate(row: Row) -> str:
+    """In words and a sign, so that colour is not needed to tell."""
+    if yes(row.get("is_reference")):
+        return "reference"
+    within = row.get("within_tolerance")
+    if within is None or pd.isna(within):
+        return "by truth alone" if isinstance(row.get("left_to"), str) else "not verified"
+    height = row.get("error_height")
+    other = "" if pd.isna(height) or height == row.get("height") else f" (at n = {height:.0f})"
+    if within:
+        return f"✓ within{other}"
+    failed = row.get("failed") or "no reason recorded"
+    return f"✗ OUTSIDE: {'none declared' if failed == 'tolerance' else failed}{other}"
+
+
+def gate_mark(row: Row) -> str:
+    return {"✓": "good", "✗": "bad"}.get(gate(row)[0], "")
+
+
+def rerun(row: Row) -> str:
+    """The authors' own program: never its speed without its error."""
+    if row.get("rerun") is None or pd.isna(row["rerun"]):
+        return NOTHING
+    error = row.get("rerun_psnr_display_db")
+    if row["phase"] == "baseline" or pd.isna(error):
+        return times(row["rerun"])
+    return f"{times(row['rerun'])} ({'identical' if math.isinf(error) else number(error) + ' dB'})"
+
+
+def plain(name: str, digits: int = 3, scale: float = 1) -> Callable[[Row], str]:
+    def text(row: Row) -> str:
+        value = row.get(name)
+        return number(value / scale if isinstance(value, int | float) and scale != 1 else value, digits)
+
+    return text
+
+
+def word(name: str) -> Callable[[Row], str]:
+    return lambda row: NOTHING if row.get(name) is None or pd.isna(row[name]) else str(row[name])
+
+
+def whole(name: str) -> Callable[[Row], str]:
+    return lambda row: NOTHING if row.get(name) is None or pd.isna(row[name]) else f"{row[name]:.0f}"
+
+
+@dataclass(frozen=True)
+class Table:
+    columns: list[Column]
+    cells: list[list[tuple[str, str]]]  # text, mark
+
+    @property
+    def groups(self) -> list[tuple[str, int]]:
+        """Neighbouring columns of one group: its name and how many it spans."""
+        spans: list[tuple[str, int]] = []
+        for column in self.columns:
+            if spans and spans[-1][0] == column.group and column.group:
+                spans[-1] = (column.group, spans[-1][1] + 1)
+            else:
+                spans.append((column.group, 1))
+        return spans
+
+
+def table(rows: Sequence[Row], columns: Sequence[Column]) -> Table:
+    """The cells, without the columns that would be empty in every row."""
+    texts = [[column.text(row) for row in rows] for column in columns]
+    empty = (NOTHING, "reference")
+    kept = [i for i, column in enumerate(texts) if i == 0 or any(text not in empty for text in column)]
+    cells = [[(texts[i][n], columns[i].mark(row)) for i in kept] for n, row in enumerate(rows)]
+    return Table([columns[i] for i in kept], cells)
+
+
+def markdown(made: Table) -> str:
+    """A Markdown table. A column's group goes before its name."""
+    heads = [f"{c.group}: {c.name}" if c.group else c.name for c in made.columns]
+    lines = [heads, ["---"] * len(heads), *[[text for text, _ in row] for row in made.cells]]
+    return (
+        "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+        + "\n"
+    )

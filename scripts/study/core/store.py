@@ -1,0 +1,306 @@
+"""Files of a run (results/README.md): written whole or not at all, read with their torn tail cut off."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import errno
+import fcntl
+import functools
+import gzip
+import json
+import math
+import os
+import subprocess
+import tempfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from study.core import cli
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RESULTS = ROOT / "results"
+NOT_MACHINES = ("paper", "reference")
+
+
+def _problem(path: Path, error: OSError) -> StudyError:
+    return StudyError(f"{path}: {error.strerror or error}")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Replace `path` by `text` in one step: a reader or a kill sees the old file or the new one."""
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
+        raise _problem(path, error) from None
+
+
+def writable(folder: Path) -> Path:
+    """`folder`, made if need be and tried with a file. Raises StudyError: before measuring, not after."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=folder, prefix=".writable.")
+        os.close(handle)
+        os.unlink(name)
+    except OSError as error:
+        raise StudyError(f"{folder}: cannot be written to: {error.strerror or error}") from None
+    return folder
+
+
+def write_json(path: Path, value: Any) -> None:
+    """`write_text` of indented JSON; NaN and infinity become null."""
+    write_text(path, json.dumps(cli.plain(value), indent=2, allow_nan=False) + "\n")
+
+
+def read_rows(path: Path, script: str, keys: set[str], empty: bool = False) -> dict[str, Any]:
+    """What scripts/`script` has written: an object whose `rows` are objects with these keys, at least one of
+    them unless it may be `empty`. Raises StudyError for anything else."""
+    result = read_json(path)
+    rows = result.get("rows") if isinstance(result, dict) else None
+    whole = isinstance(rows, list) and all(isinstance(row, dict) and keys <= row.keys() for row in rows)
+    if not whole or not (rows or empty):
+        raise StudyError(f"{path}: not what scripts/{script} writes; make it again with scripts/{script}")
+    return result
+
+
+def stored(path: Path) -> Path:
+    """`path`, or where that is not the packed one (path.gz) of a published run; `path` if neither is."""
+    packed = path.with_name(path.name + ".gz")
+    return packed if packed.exists() and not path.exists() else path
+
+
+def unpacked(packed: Path) -> bytes:
+    """Raises StudyError for a file that is cut short or no gzip file, OSError for one that cannot be read."""
+    try:
+        return gzip.decompress(packed.read_bytes())
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise StudyError(f"{packed}: not a whole gzip file: {error}") from None
+
+
+def read_json(path: Path) -> Any:
+    """Of `path`, which may be packed (`stored`). Raises StudyError with file, line and column."""
+    try:
+        data = unpacked(path) if path.suffix == ".gz" else path.read_bytes()
+        return json.loads(data.decode("utf-8"))
+    except json.JSONDecodeError as error:
+        raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
+    except RecursionError:
+        raise StudyError(f"{path}: nested too deep") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def short_commit() -> str:
+    """Seven digits of the checked-out commit, or `nocommit` outside a repository."""
+    command = ["git", "-C", str(ROOT), "rev-parse", "--short=7", "HEAD"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True)
+    except OSError:
+        return "nocommit"
+    return done.stdout.strip() if done.returncode == 0 else "nocommit"
+
+
+class Run:
+    """One run's folder. Make it with `Run.create`, `Run.open` or `latest`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+        self._file: int | None = None
+
+    @classmethod
+    def create(cls, results_root: Path, machine_slug: str) -> Run:
+        """A new folder RESULTS/MACHINE/DATE-COMMIT (UTC, so that names sort by age)."""
+        stamp = datetime.datetime.now(datetime.UTC).strftime("%Y%m%d-%H%M%S")
+        base = Path(results_root) / machine_slug / f"{stamp}-{short_commit()}"
+        for number in range(1, 1000):
+            path = base if number == 1 else base.with_name(f"{base.name}-{number}")
+            try:
+                path.mkdir(parents=True)
+                return cls(path)
+            except FileExistsError:
+                continue
+            except OSError as error:
+                raise _problem(path, error) from None
+        raise StudyError(f"{base}: exists a thousand times over")
+
+    @classmethod
+    def open(cls, path: Path | str) -> Run:
+        """An existing run; StudyError if the folder has no plan.json."""
+        path = Path(path)
+        if not (path / "plan.json").is_file():
+            raise StudyError(f"{path}: not a run (no plan.json); a run is a folder like results/MACHINE/RUN")
+        return cls(path)
+
+    @staticmethod
+    def latest(results_root: Path | str = RESULTS) -> Run:
+        """The newest run of any machine below results/ (the published reference does not count)."""
+        found = [
+            path.parent
+            for path in Path(results_root).glob("*/*/plan.json")
+            if path.parent.parent.name not in NOT_MACHINES
+        ]
+        if not found:
+            raise StudyError(f"{results_root}: no run yet; make one with scripts/sweep.py")
+        return Run(max(found, key=lambda path: path.name))
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    @functools.cached_property
+    def context(self) -> dict[str, Any]:
+        """Machine, toolchain, commit (context.json)."""
+        return read_json(self.path / "context.json")
+
+    @property
+    def plan(self) -> dict[str, Any]:
+        """Configurations, seed, budget, notes (plan.json), as on disk now."""
+        return read_json(self.path / "plan.json")
+
+    def _folder(self, name: str) -> Path:
+        folder = self.path / name
+        folder.mkdir(exist_ok=True)
+        return folder
+
+    @property
+    def images(self) -> Path:
+        return self._folder("images")
+
+    @property
+    def tables(self) -> Path:
+        return self._folder("tables")
+
+    @property
+    def figures(self) -> Path:
+        return self._folder("figures")
+
+    @property
+    def frames_path(self) -> Path:
+        return self.path / "frames.jsonl"
+
+    def lock(self) -> None:
+        """Open frames.jsonl for appending, alone, and cut off a torn last line."""
+        if self._file is not None:
+            return
+        try:
+            file = os.open(self.frames_path, os.O_RDWR | os.O_CREAT, 0o644)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                os.ftruncate(file, whole_lines(self.frames_path.read_bytes()))
+            except BlockingIOError:
+                os.close(file)
+                raise StudyError(f"{self.path}: another process is measuring into this run") from None
+        except OSError as error:
+            raise _problem(self.frames_path, error) from None
+        self._file = file
+
+    @contextlib.contextmanager
+    def still(self) -> Iterator[None]:
+        """Within, no process measures into it: StudyError if one does. Changes nothing in the folder."""
+        with contextlib.ExitStack() as stack:
+            if self.frames_path.exists():
+                try:
+                    file = stack.enter_context(self.frames_path.open("rb"))
+                    fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    raise StudyError(f"{self.path}: another process is measuring into this run") from None
+                except OSError as error:
+                    raise _problem(self.frames_path, error) from None
+            yield
+
+    def append_frame(self, frame: dict[str, Any]) -> None:
+        """Append one line: one write, then fsync. A full disk leaves only whole lines behind."""
+        line = json.dumps(cli.plain(frame), allow_nan=False).encode() + b"\n"
+        self.lock()
+        assert self._file is not None
+        end = os.fstat(self._file).st_size
+        try:
+            if os.pwrite(self._file, line, end) < len(line):  # room for a part of it only
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(self._file)
+        except OSError as error:
+            os.ftruncate(self._file, end)
+            raise _problem(self.frames_path, error) from None
+
+    def close(self) -> None:
+        """Close frames.jsonl; appending opens it again."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+    def frames(self) -> pd.DataFrame:
+        """One row per frame, columns as in results/README.md plus `spec` (opt2 or opt2@opt4).
+
+        Without a frames.jsonl it is read from frames.jsonl.gz, as published runs have it. A torn last line is
+        dropped with a remark on stderr; any other broken line is a StudyError that names file and line.
+        """
+        import pandas as pd  # a quarter of a second, which the build of every counted phase need not wait for
+
+        data, path = b"", stored(self.frames_path)
+        try:
+            if path.exists():
+                data = unpacked(path) if path != self.frames_path else path.read_bytes()
+        except OSError as error:
+            raise _problem(self.frames_path, error) from None
+        whole = whole_lines(data)
+        if whole < len(data):
+            cli.say(f"{self.frames_path}: last line is cut off ({len(data) - whole} bytes dropped)")
+        rows = []
+        for number, line in enumerate(data[:whole].splitlines(), 1):
+            try:
+                row = json.loads(line)
+                odd = _odd(row) if isinstance(row, dict) else "not an object"
+                if odd:
+                    raise StudyError(f"{self.frames_path}:{number}: {odd}")
+                row["spec"] = row["phase"] + (
+                    "" if row["phase"] == row["flags_from"] else f"@{row['flags_from']}"
+                )
+            except (ValueError, TypeError, KeyError, RecursionError) as error:
+                what = f"no {error}" if isinstance(error, KeyError) else "not a whole JSON object"
+                raise StudyError(f"{self.frames_path}:{number}: {what}") from None
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+
+# A frame's figures, where a line has them: the least that each may be.
+NUMBERS = {"width": 1, "height": 1, "threads": 1, "launch": 0, "round": 0, "ns": 1}
+WORDS = ("phase", "flags_from", "scene", "scene_hash", "config", "flags", "compiler", "libc")
+
+
+def _odd(row: dict[str, Any]) -> str | None:
+    """What is wrong with a line of frames.jsonl: its first entry that is not the number or the word it should
+    be. None if nothing is."""
+    for name, least in NUMBERS.items():
+        value = row.get(name, least)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not (number and least <= value < math.inf):
+            return f"{name} is {value!r}; should be a number of {least} or more"
+    for name in WORDS:
+        if not isinstance(row.get(name, ""), str):
+            return f"{name} is {row[name]!r}; should be text"
+    if not isinstance(row.get("warmup", False), bool):
+        return f"warmup is {row['warmup']!r}; should be true or false"
+    return None
+
+
+def whole_lines(data: bytes) -> int:
+    """Length of the part of `data` that ends with its last newline."""
+    return data.rfind(b"\n") + 1
+
+
+latest = Run.latest

@@ -1,0 +1,1 @@
+"""FLOPs and bytes: declared costs, and the back ends that measure them."""

@@ -1,0 +1,362 @@
+"""Compiler output (gcc or clang -S, AT&T syntax) as basic blocks, and that text with symbols or counters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from elftools.elf.elffile import ELFFile
+from elftools.elf.sections import SymbolTableSection
+
+from study.core.cli import StudyError
+from study.counting.assembly_counters import count, count_lanes, count_rcx, overwrites_flags
+from study.counting.decode import Decoded, Disassembler
+
+MARKER = "stepwise_block_"
+_PREFIXES = re.compile(r"lock|repn?[ez]?|notrack|bnd|data(16|32)|addr32|rex64|rex\.\w+|[c-g]s|ss|\{\w+\}")
+_UNCONDITIONAL = re.compile(r"jmpq?|l?retq?|ud2|hlt|iretq?|ljmp")
+_ENDS = re.compile(r"j\w+|loop\w*|l?callq?|l?retq?|ljmp|xbegin|syscall|sysenter|int\d?|ud2|hlt|iretq?")
+_ALIGN = (".p2align", ".align", ".balign", ".nops")
+_DATA = re.compile(
+    r"\.(byte|[248]byte|word|value|short|long|int|quad|octa|ascii|asciz|string|zero|skip|space|fill|float|double)"
+)
+_REFUSED = {
+    ".subsection": "code in subsections changes its order",
+    ".org": "code is placed by .org",
+    ".macro": "assembler macros hide instructions",
+    ".rept": "assembler repetitions hide instructions",
+    ".irp": "assembler repetitions hide instructions",
+    ".if": "conditional assembly hides instructions",
+    ".include": "included assembly hides instructions",
+    ".incbin": "included bytes hide instructions",
+    ".intel_syntax": "AT&T syntax is required",
+    ".altmacro": "assembler macros hide instructions",
+}
+_REFERRING = (".long", ".quad", ".4byte", ".8byte", ".int", ".value", ".short", ".2byte", ".set", ".word")
+_LABEL = re.compile(r'\s*("[^"]*"|[\w.$@]+)\s*:(?!:)')
+_NAME = re.compile(r"[\w.$]+")
+
+
+@dataclass
+class Statement:
+    """One label, directive, instruction or comment. `words`: mnemonic and operands without prefixes."""
+
+    text: str
+    line: int
+    kind: str
+    name: str = ""
+    rest: str = ""
+
+
+@dataclass
+class Block:
+    """Straight-line code, entered at its start alone. `at`: the statement its counter stands before.
+
+    `lines`: statements of its instructions; none for a block that counts a passage only.
+    `callee`: of the direct call at its end, or of the jump that stands for one; `conditional`: the jump is
+    taken as often as this block runs and the block of the next number does not.
+    """
+
+    function: str
+    section: str
+    at: int
+    entry: bool = False
+    lines: list[int] = field(default_factory=list)
+    callee: str | None = None
+    conditional: bool = False
+    offset: int = 0
+    code: bytes = b""
+    decoded: list[Decoded] = field(default_factory=list)
+
+
+@dataclass
+class _Place:
+    """Where the reader is in a section.
+
+    `waiting`: why the next instruction begins a block: "entry" of a function; "behind" a branch or label
+    that control passes; "passed", by a conditional jump out of the function; "target" of jumps only; "dead",
+    behind an unconditional jump. Empty if it does not.
+    """
+
+    function: str = ""
+    waiting: str = "dead"
+    block: Block | None = None
+
+
+def _split(line: str) -> Iterator[str]:
+    """Statements of a line: at semicolons outside of strings, without comments."""
+    quoted, start = False, 0
+    for i, c in enumerate(line):
+        if c == '"' and (i == 0 or line[i - 1] != "\\"):
+            quoted = not quoted
+        elif not quoted and c == "#":
+            line = line[:i]
+            break
+        elif not quoted and c == ";":
+            yield line[start:i]
+            start = i + 1
+    yield line[start:]
+
+
+def statements(text: str) -> list[Statement]:
+    """The file's statements in order."""
+    found: list[Statement] = []
+    alone: Statement | None = None  # a prefix without an instruction
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("#"):  # #APP and #NO_APP say something to the assembler
+            found.append(Statement(line, number, "comment"))
+            continue
+        for part in _split(re.sub(r"/\*.*?\*/", " ", line)):
+            while match := _LABEL.match(part):
+                found.append(Statement(match[0], number, "label", match[1].strip('"')))
+                part = part[match.end() :]
+            if not part.strip():
+                continue
+            name, rest = [*part.split(None, 1), ""][:2]
+            rest = rest.strip()
+            if re.match(r"[\w.$]+\s*=", part.strip()):
+                name, kind = ".set", "directive"
+                rest = part.strip().replace("=", ",", 1)
+            else:
+                kind = "directive" if name.startswith(".") else "instruction"
+            one = Statement(part, number, kind, name, rest)
+            if alone and kind == "instruction":  # clang writes rep;movsq: one instruction, nothing between
+                one = Statement(f"{alone.text} {part.strip()}", number, kind, alone.name, f"{name} {rest}")
+                found.pop()
+            found.append(one)
+            alone = one if kind == "instruction" and not _without_prefixes(one)[0] else None
+    return found
+
+
+def _without_prefixes(one: Statement) -> tuple[str, str]:
+    """Mnemonic and operands; an empty mnemonic for a prefix that stands alone."""
+    name, rest = one.name.lower(), one.rest
+    while _PREFIXES.fullmatch(name):
+        name, rest = [*rest.split(None, 1), "", ""][:2]
+        name = name.lower()
+    return name, rest
+
+
+class Source:
+    """One assembly file: its statements and its basic blocks, ids from `first` on."""
+
+    def __init__(self, path: Path, first: int) -> None:
+        self.path, self.first = path, first
+        try:
+            self.statements = statements(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise StudyError(f"{path}: {getattr(error, 'strerror', None) or 'not text'}") from None
+        self.blocks: list[Block] = []
+        self.aliases: dict[str, str] = {}
+        self._scan()
+        self._read()
+        for block, behind in zip(self.blocks, [*self.blocks[1:], None], strict=True):
+            if block.conditional and (behind is None or behind.section != block.section):
+                raise self._refuse(self.statements[block.at], "a conditional jump at a section's end")
+
+    def _refuse(self, one: Statement, why: str) -> StudyError:
+        return StudyError(f"{self.path}:{one.line}: {why}: {one.text.strip()!r} cannot be counted")
+
+    def _scan(self) -> None:
+        """Functions, and labels that something refers to: the others begin no block."""
+        self._functions, referred = set(), set()
+        self._labels = {one.name for one in self.statements if one.kind == "label"}
+        for one in self.statements:
+            if one.name == ".type" and re.search("[@%]function$", one.rest):
+                self._functions.add(one.rest.split(",")[0].strip().strip('"'))
+            elif one.name == ".set":
+                name, _, value = (word.strip() for word in one.rest.partition(","))
+                self.aliases[name] = value
+            if one.kind == "instruction" or one.name in _REFERRING:
+                referred.update(_NAME.findall(one.rest))
+        self._referred = referred
+
+    def _read(self) -> None:
+        places: dict[str, _Place] = {}
+        section, previous, pushed = ".text", ".text", []
+        executable = {".text"}
+        for i, one in enumerate(self.statements):
+            moved = None
+            if one.name in (".text", ".data", ".bss"):
+                moved = one.name
+            elif one.name in (".section", ".pushsection"):
+                words = [word.strip().strip('"') for word in one.rest.split(",")]
+                moved = words[0]
+                if moved.startswith(".text") or (len(words) > 1 and "x" in words[1]):
+                    executable.add(moved)
+                if one.name == ".pushsection":
+                    pushed.append((section, previous))
+            elif one.name == ".popsection" and pushed:
+                section, previous = pushed.pop()
+                continue
+            elif one.name == ".previous":
+                moved = previous
+            if moved:
+                if moved != section:
+                    section, previous = moved, section
+                continue
+            if section in executable and one.kind != "comment":
+                self._statement(i, one, section, places.setdefault(section, _Place()))
+
+    def _begin(self, i: int, section: str, place: _Place) -> Block:
+        block = Block(place.function, section, i, entry=place.waiting == "entry")
+        self.blocks.append(block)
+        place.block, place.waiting = block, ""
+        return block
+
+    def _statement(self, i: int, one: Statement, section: str, place: _Place) -> None:
+        if one.kind == "directive":
+            if one.name in _REFUSED:
+                raise self._refuse(one, _REFUSED[one.name])
+            if _DATA.fullmatch(one.name) and place.waiting not in ("dead", "target"):
+                raise self._refuse(one, "bytes written by hand")
+            # Padding is executed where control falls into it: it gets a block of its own.
+            if one.name in _ALIGN and place.waiting in ("entry", "passed", "behind"):
+                self._begin(i, section, place)
+                place.waiting = "behind"
+        elif one.kind == "label":
+            if place.waiting in ("entry", "passed") and self._is_target(one.name):
+                self._begin(i, section, place)  # a jump to this label is no entry
+            if one.name in self._functions:
+                place.function, place.waiting = one.name, "entry"
+            elif self._is_target(one.name):
+                place.waiting = "target" if place.waiting in ("dead", "target") else "behind"
+        else:
+            self._instruction(i, one, section, place)
+
+    def _is_target(self, label: str) -> bool:
+        return not label.startswith(".L") or label in self._referred
+
+    def _instruction(self, i: int, one: Statement, section: str, place: _Place) -> None:
+        if not place.function:
+            raise self._refuse(
+                one, "code outside any function (`.type NAME, @function` and a label make one)"
+            )
+        block = place.block if place.block is not None and not place.waiting else None
+        if block is None:
+            block = self._begin(i, section, place)
+        name, operands = _without_prefixes(one)
+        if not name:
+            raise self._refuse(one, "a prefix without an instruction")
+        block.lines.append(i)
+        if not _ENDS.fullmatch(name):
+            return
+        if re.match(r"\.(\s*[-+]|\s*$)", operands):
+            raise self._refuse(one, "a jump by distance, not to a label")
+        target = operands.split("@")[0].strip().strip('"')
+        is_call = "call" in name
+        place.waiting = "dead" if _UNCONDITIONAL.fullmatch(name) else "behind"
+        # A jump to a function, here or elsewhere, is a call of it as the last thing done.
+        named = _NAME.fullmatch(target) and not target.startswith(".L") and not target[0].isdigit()
+        if named and (is_call or target in self._functions or target not in self._labels):
+            block.callee = target
+            if not is_call and not _UNCONDITIONAL.fullmatch(name):
+                block.conditional, place.waiting = True, "passed"
+
+    def marked(self) -> str:
+        """The text with a symbol before each block."""
+        before = {}
+        for number, block in enumerate(self.blocks, self.first):
+            before.setdefault(block.at, []).append(f"{MARKER}{number}:")
+        return self._text(before, {})
+
+    def _text(self, before: dict[int, list[str]], behind: dict[int, list[str]]) -> str:
+        out = []
+        for i, one in enumerate(self.statements):
+            out += before.get(i, [])
+            out.append(one.text)
+            out += behind.get(i, [])
+        return "\n".join(out) + "\n"
+
+    def locate(self, obj: Path, disassembler: Disassembler) -> None:
+        """Each block's bytes out of the assembled text, decoded and held against its statements."""
+        try:
+            with obj.open("rb") as file:
+                elf = ELFFile(file)
+                symbols = {}
+                for table in elf.iter_sections():
+                    if isinstance(table, SymbolTableSection):
+                        symbols |= {s.name: s for s in table.iter_symbols() if s.name.startswith(MARKER)}
+                code = {i: s.data() for i, s in enumerate(elf.iter_sections()) if s["sh_flags"] & 4}
+        except OSError as error:
+            raise StudyError(f"{obj}: {error.strerror}") from None
+        places: dict[int, list[tuple[int, int]]] = {}
+        for n in range(len(self.blocks)):
+            symbol = symbols.get(f"{MARKER}{self.first + n}")
+            if symbol is None:
+                raise StudyError(f"{obj}: block {self.first + n} has no symbol; do not strip it")
+            places.setdefault(symbol["st_shndx"], []).append((symbol["st_value"], n))
+        for index, starts in places.items():
+            starts.sort()
+            ends = [start for start, _ in starts[1:]] + [len(code[index])]
+            for (start, n), end in zip(starts, ends, strict=True):
+                self._decode(self.blocks[n], start, code[index][start:end], disassembler)
+
+    def _decode(self, block: Block, start: int, code: bytes, disassembler: Disassembler) -> None:
+        decoded = []
+        for one in disassembler.decode(code, start):
+            decoded.append(one)
+            if not one.known or one.ends_block:
+                break
+        expected = len(block.lines)
+        extra = decoded[expected:]
+        padding = all(one.known and one.mnemonic == "nop" for one in extra)
+        if len(decoded) < expected or not padding or any(not one.known for one in decoded):
+            line = self.statements[block.at].line
+            raise StudyError(
+                f"{self.path}:{line}: {len(decoded)} instructions decoded where the assembly has {expected}: "
+                "bytes written by hand, or a jump that is none in the text, cannot be counted"
+            )
+        block.offset, block.decoded = start, decoded
+        block.code = code[: sum(one.length for one in decoded)]
+
+    def counted(self, counters: Counters) -> str:
+        """The text with counters; `counters` says which are whose."""
+        before: dict[int, list[str]] = {}
+        behind: dict[int, list[str]] = {}
+        for number, block in enumerate(self.blocks, self.first):
+            step = count(number, bool(block.lines) and overwrites_flags(block.code, block.offset))
+            if block.lines and block.decoded[0].mnemonic == "endbr64":
+                behind.setdefault(block.lines[0], []).extend(step)  # must be the first instruction
+            else:
+                before.setdefault(block.at, []).extend(step)
+            for place, one in enumerate(block.decoded[: len(block.lines)]):
+                i = block.lines[place]
+                if one.mask is not None and one.kind:
+                    slot = counters.masked[number, place]
+                    before.setdefault(i, []).extend(count_lanes(slot, one.mask, one.lanes))
+                if one.repeat:
+                    slot = counters.repeated[number, place]
+                    before.setdefault(i, []).extend(count_rcx(slot, 1))
+                    behind.setdefault(i, []).extend(count_rcx(slot, -1))
+        return self._text(before, behind)
+
+
+@dataclass
+class Counters:
+    """Numbers of the counters: blocks first, then masked instructions, then repeated ones."""
+
+    blocks: int
+    masked: dict[tuple[int, int], int]
+    repeated: dict[tuple[int, int], int]
+
+    @classmethod
+    def of(cls, sources: list[Source]) -> Counters:
+        blocks = sum(len(source.blocks) for source in sources)
+        masked: list[tuple[int, int]] = []
+        repeated: list[tuple[int, int]] = []
+        for source in sources:
+            for number, block in enumerate(source.blocks, source.first):
+                for place, one in enumerate(block.decoded[: len(block.lines)]):
+                    if one.mask is not None and one.kind:
+                        masked.append((number, place))
+                    if one.repeat:
+                        repeated.append((number, place))
+        behind = blocks + len(masked)
+        return cls(
+            blocks,
+            {key: blocks + i for i, key in enumerate(masked)},
+            {key: behind + i for i, key in enumerate(repeated)},
+        )

@@ -1,0 +1,203 @@
+"""Samples of where a program's time goes, by Linux perf: PMU cycles where there are any, else its clock.
+
+Formats: perf-record(1), perf-script(1). perf is used for samples, their addresses and the names of library
+functions; the program's own functions are found from its ELF symbols by study.counting.symbols.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from study.core import run
+from study.core.build import build
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.registry import Scene, Spec
+
+FREQUENCY = 999  # samples a second: no multiple of the timer's tick
+EVENTS = ("cycles:u", "cpu-clock:u")  # in the order of preference
+PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
+ADDS = "adds where the time goes (hotspots, Tables 2 to 4)"
+
+_MAP = re.compile(
+    r"^\s*(?P<pid>-?\d+)/-?\d+\s.*PERF_RECORD_MMAP2? -?\d+/-?\d+: "
+    r"\[0x(?P<start>[0-9a-f]+)\(0x(?P<length>[0-9a-f]+)\) @ (?:0x)?(?P<offset>[0-9a-f]+)[^\]]*\]: "
+    r"\S+ (?P<path>.+)$"
+)
+_SAMPLE = re.compile(
+    r"^\s*(?P<pid>\d+)/(?P<tid>\d+)\s+(?P<time>\d+\.\d+):\s+(?P<period>\d+)\s+(?P<event>\S+):\s+"
+    r"(?P<ip>[0-9a-f]+) (?P<name>.+?)(?:\+0x[0-9a-f]+)? \((?P<dso>.*)\)$"
+)
+_OTHER = re.compile(r"PERF_RECORD_\w+")  # records that carry neither: COMM, FORK, EXIT, LOST …
+
+
+@dataclass(frozen=True)
+class Sample:
+    """`period`: events (ns of the clock, or cycles) it stands for; `name`: as perf has it, or [unknown]."""
+
+    pid: int
+    tid: int
+    time: float
+    period: int
+    event: str
+    ip: int
+    name: str
+    dso: str
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """`length` bytes of the file `path` from `offset` on, mapped at `start`."""
+
+    pid: int
+    start: int
+    length: int
+    offset: int
+    path: str
+
+
+@dataclass(frozen=True)
+class Recording:
+    samples: list[Sample]
+    mappings: list[Mapping]
+
+    def place(self, sample: Sample) -> tuple[str, int] | None:
+        """File and offset in it of a sample's address; None where nothing was mapped."""
+        for m in self.mappings:
+            if m.pid in (sample.pid, -1) and m.start <= sample.ip < m.start + m.length:
+                return m.path, sample.ip - m.start + m.offset
+        return None
+
+
+def parse(text: str, source: str = "perf script") -> Recording:
+    """Output of `perf script --show-mmap-events -F pid,tid,time,period,event,ip,sym,symoff,dso`.
+
+    Raises StudyError with the line that is not of that form, or when there is no sample.
+    """
+    samples, mappings = [], []
+    for number, line in enumerate(text.splitlines(keepends=True), 1):
+        bare = line.rstrip("\n")
+        if not bare.strip() or bare.startswith("#"):
+            continue
+        if not line.endswith("\n"):
+            raise StudyError(f"{source}:{number}: the last line is cut off; record again")
+        if found := _SAMPLE.match(bare):
+            numbers = (int(found["pid"]), int(found["tid"]), float(found["time"]), int(found["period"]))
+            samples.append(
+                Sample(*numbers, found["event"], int(found["ip"], 16), found["name"], found["dso"])
+            )
+        elif found := _MAP.match(bare):
+            where = (int(found[name], 16) for name in ("start", "length", "offset"))
+            mappings.append(Mapping(int(found["pid"]), *where, found["path"]))
+        elif not _OTHER.search(bare):
+            raise StudyError(f"{source}:{number}: neither a sample nor a mapping: {bare[:60]!r}")
+    if not samples:
+        raise StudyError(f"{source}: no sample in {len(text)} characters; a longer run is required")
+    return Recording(samples, mappings)
+
+
+@functools.cache
+def program() -> str | None:
+    """Path of a perf that starts. Ubuntu's /usr/bin/perf looks for the running kernel's own and gives up
+    without; any version will do here.
+    """
+    versions = sorted(Path("/usr/lib").glob("linux-tools*/*/perf"), reverse=True)
+    for path in [shutil.which("perf"), *map(str, [*versions, *Path("/usr/lib").glob("linux-tools*/perf")])]:
+        if path and _status(path, "--version") == 0:
+            return path
+    return None
+
+
+def _status(*command: str) -> int:
+    try:
+        return subprocess.run(command, capture_output=True, timeout=60).returncode
+    except (OSError, subprocess.TimeoutExpired):
+        return 127
+
+
+@functools.cache
+def event() -> str | None:
+    """What can be sampled here, found by trying; None: nothing."""
+    perf = program()
+    if perf is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        for name in EVENTS:
+            data = f"{folder}/{name}"
+            command = (perf, "record", "-q", "-B", "-N", "--no-bpf-event", "-e", name, "-F", str(FREQUENCY))
+            # A PMU that is there and counts nothing (some hypervisors) gives no sample.
+            busy = ("sh", "-c", "i=0; while [ $i -lt 200000 ]; do i=$((i+1)); done")
+            if _status(*command, "-o", data, "--", *busy) == 0 and _samples(perf, data):
+                return name
+    return None
+
+
+def _samples(perf: str, data: str) -> bool:
+    done = subprocess.run([perf, "script", "-i", data, "-F", "ip"], capture_output=True)
+    return done.returncode == 0 and bool(done.stdout.strip())
+
+
+def missing() -> str | None:
+    """None, or in one line what is missing and what it would add."""
+    if program() is None:
+        return f"perf is missing; linux-perf (Debian) or linux-tools-generic (Ubuntu) {ADDS}"
+    if event() is None:
+        try:
+            paranoid = int(PARANOID.read_text())
+        except (OSError, ValueError):
+            return f"this kernel offers no perf events; a kernel that does {ADDS}"
+        if paranoid > 2:
+            return (
+                f"kernel.perf_event_paranoid is {paranoid}; `sudo sysctl kernel.perf_event_paranoid=2` {ADDS}"
+            )
+        return f"perf records nothing here (neither {' nor '.join(EVENTS)}); a kernel that lets it {ADDS}"
+    return None
+
+
+def record(
+    spec: Spec | str, scene: Scene, height: int, width: int | None, reps: int, target: str, cpu: int | None
+) -> tuple[Recording, dict[str, Any]]:
+    """Samples of build/SPEC/TARGET over `reps` frames, and the driver's own JSON of the same frames.
+
+    Raises StudyError if perf or its output fails, DriverError if the driver does.
+    """
+    if lacking := missing():
+        raise StudyError(lacking, CANNOT_RUN)
+    perf, binary = str(program()), build(spec, target)
+    wide, high = scene.size(height, width)
+    driver = [str(binary), str(scene.path), "-n", str(high), "-w", str(wide), "--reps", str(reps), "--json"]
+    with tempfile.TemporaryDirectory() as folder:
+        data = f"{folder}/perf.data"
+        options = ["-q", "-B", "-N", "--no-bpf-event", "-e", str(event()), "-F", str(FREQUENCY), "-o", data]
+        pin = run.cpu_set(cpu, 1)
+        done = subprocess.run(
+            [perf, "record", *options, "--", *driver],
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            env=run.environment(more=run.GENERAL),
+            preexec_fn=functools.partial(os.sched_setaffinity, 0, pin) if pin else None,
+        )
+        if done.returncode:
+            said = [line for line in done.stderr.splitlines() if line.strip()]
+            ours = [line for line in said if line.startswith("render:")]
+            raise run.DriverError(done.returncode, (ours or said or [f"perf record: {done.returncode}"])[-1])
+        fields = "pid,tid,time,period,event,ip,sym,symoff,dso"
+        script = subprocess.run(
+            [perf, "script", "-i", data, "--show-mmap-events", "-F", fields], capture_output=True, text=True
+        )
+    if script.returncode:
+        raise StudyError(f"perf script: {(script.stderr.strip().splitlines() or ['failed'])[-1]}")
+    try:
+        made = json.loads(done.stdout)
+    except json.JSONDecodeError:
+        raise StudyError(f"{binary}: printed no JSON object but {done.stdout[:60]!r}") from None
+    return parse(script.stdout), made

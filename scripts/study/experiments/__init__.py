@@ -1,0 +1,1 @@
+"""One folder per experiment: what it measures, its tables, its figures."""

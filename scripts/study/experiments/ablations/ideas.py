@@ -1,0 +1,150 @@
+"""The ideas of a phase: what each gains, what it changes in the picture, and how many lines hold it.
+
+An idea is an ablation whose head says `idea` (core.patches): the patch takes that idea out of its phase. All
+ideas together are timed by `scripts/ablations.py --ideas`, which writes FILE into a run. The report shows all
+rows, and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from study.core import generated_scenes as scaling_scenes
+from study.core import patches, registry, show, store
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Scene
+
+FILE = "ideas.json"
+REFERENCE = ROOT / "results" / "reference"
+MADE = re.compile(rf"({'|'.join(scaling_scenes.ARRANGEMENTS)})-(\d+)")  # scenes made to order
+SEED = 1
+BEGIN = "<!-- ideas: scripts/lessons.py -->"  # stands in a lesson before its table
+WIDTH = 100  # columns of a lesson
+HEADER = ("idea", "scene", "gain [95 %]", "change of the picture", "lines")
+Row = Mapping[str, Any]
+
+
+def find_scene(name: str, root: Path = ROOT) -> Scene:
+    """A scene of common/scenes, or one made to order, like scattered-256. Raises StudyError for neither."""
+    if not (made := MADE.fullmatch(name)):
+        return registry.find_scene(name, root)
+    folder = store.writable(root / "build" / "ablations" / "scenes")
+    scene = scaling_scenes.of_shapes(made[1], int(made[2]), SEED, folder)
+    return dataclasses.replace(scene, name=name)
+
+
+def check_scene(name: str, root: Path = ROOT) -> None:
+    """Raises StudyError for the name of no scene. Makes none."""
+    if not MADE.fullmatch(name):
+        registry.find_scene(name, root)
+
+
+def function_lines(text: str, name: str) -> int:
+    """Lines of the function's definition in a formatted C source, 0 if it has none."""
+    lines = text.splitlines()
+    for first, line in enumerate(lines):
+        if not re.match(rf"[^\s/#].*\b{name}\(|{name}\(", line):
+            continue
+        for at in range(first, len(lines)):
+            if lines[at].endswith(";"):  # a declaration
+                break
+            if lines[at].endswith("{"):
+                return lines.index("}", at) - first + 1
+    return 0
+
+
+def code_lines(name: str, root: Path = ROOT) -> int:
+    """Lines that hold the idea of NAME+TITLE: those of its head's `code`, else those that the patch changes.
+
+    Raises StudyError for a file or function that the phase's tree does not have.
+    """
+    patch = patches.chain(name, root)[-1]
+    if "code" not in patch.head:
+        return sum(line[:1] in "+-" and line[:3] not in ("+++", "---") for line in patch.diff)
+    files, count = patches.files(name.partition("+")[0], root), 0
+    for place in patch.head["code"].split():
+        file, _, function = place.partition(":")
+        text = files[file].read_text(encoding="utf-8") if file in files else ""
+        lines = function_lines(text, function) if function else len(text.splitlines())
+        if not lines:
+            raise StudyError(f"{patch.path}: code: the phase's tree has no '{place}'")
+        count += lines
+    return count
+
+
+def of(phase: str, root: Path = ROOT) -> list[patches.Patch]:
+    """The phase's patches that take out an idea, by title."""
+    folder = root / "phases" / phase / "ablations"
+    found = [patches.read(folder / f"{title}.patch") for title in patches.titles(phase, root)]
+    return [patch for patch in found if "idea" in patch.head]
+
+
+def change(row: Row) -> str:
+    """What the idea does to the picture: how far the patched phase's picture is from the phase's own."""
+    if row["change_psnr_db"] is None:
+        return "none" if row["change_max_abs"] == 0 else "undefined"
+    return f"{row['change_psnr_db']:.0f} dB"
+
+
+def published(phase: str, folder: Path = REFERENCE) -> Path | None:
+    """The newest published run that has a row for every idea of the phase. None if there is no such run."""
+    wanted = {patch.name for patch in of(phase)}
+    for run in sorted(folder.glob("*"), key=_date, reverse=True):
+        path = store.stored(run / FILE)
+        if path.exists() and wanted <= {row["ablation"] for row in store.read_json(path)["rows"]}:
+            return run
+    return None
+
+
+def _date(run: Path) -> tuple[str, str]:
+    date = re.search(r"\d{4}-\d\d-\d\d", run.name)
+    return (date[0] if date else "", run.name)
+
+
+def _interval(gain: Row) -> str:
+    told = show.interval({"g": gain["value"], "g_low": gain["low"], "g_high": gain["high"]}, "g", 3)
+    return told.replace("\u00a0", " ")
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def table(phase: str, run: Path | None) -> list[str]:
+    """The lines of a lesson's table: each idea on the first scene of its head, the largest gain first.
+
+    `run`: the published run. None: the gains are not known, and a dash stands for each.
+    """
+    result = store.read_json(store.stored(run / FILE)) if run else {"rows": []}
+    rows = {(row["ablation"], row["scene"]): row for row in result["rows"]}
+    found = []
+    for patch in of(phase):
+        scene = patch.head["scenes"].split()[0]
+        row = rows.get((patch.name, scene))
+        gain = row["gain"]["value"] if row else 0.0
+        told = [_interval(row["gain"]), change(row), str(row["lines"])] if row else ["–", "–", "–"]
+        found.append((-gain, _line([patch.head["idea"], scene, *told])))
+    about = "Each idea taken out alone: time without it over time with it (`make ideas`"
+    if run:
+        known = (result.get("context") or {}).get("cpu", {}).get("microarchitecture")
+        cpu = f"{known}, " if known else ""
+        about += f", run `results/reference/{run.name}`; {cpu}one thread, height {result['n']}"
+    lines = textwrap.wrap(f"{about}).", WIDTH, break_long_words=False, break_on_hyphens=False)
+    return [*lines, "", _line(HEADER), _line(["---"] * len(HEADER)), *(line for _, line in sorted(found))]
+
+
+def filled(text: str, phase: str, run: Path | None) -> str:
+    """The lesson with its table made anew: what stands between the marker and the table's last line.
+
+    Raises StudyError for a lesson without the marker.
+    """
+    before, begin, rest = text.partition(f"{BEGIN}\n")
+    if not begin:
+        raise StudyError(f"{phase}: NOTES.md lacks the line {BEGIN}, below which its table stands")
+    after = re.sub(r"\A([^|#!]*\n)?(\|.*\n)+", "", rest)
+    return f"{before}{begin}{chr(10).join(table(phase, run))}\n{after}"

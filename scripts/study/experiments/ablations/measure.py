@@ -1,0 +1,316 @@
+"""What single steps gain: ablations (core.patches) timed and judged against what they are compared with.
+
+A row is an ablation on a scene. `gain` is always the gain of the *step*: the time without it over the time
+with it, whichever of the two is the patched phase. Errors are against the baseline, as everywhere, but of
+ablations of a phase that is held to no tolerance against baseline (gate.left_to_truth): those are against the
+phase itself. `change_…`: how far the patched phase's picture is from that of what it is compared with.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from study.core import cli, patches, registry, run, store
+from study.core.build import build, build_together
+from study.core.cli import StudyError
+from study.core.registry import ROOT, Scene, Spec
+from study.core.run import DriverError
+from study.counting import blocks
+from study.experiments.ablations import ideas
+from study.numbers import stats, verdicts
+from study.pictures import gate, images
+from study.pictures.gallery import Gallery, Size
+
+BASELINE = "baseline"
+FACTOR = 4  # of the anti-aliased comparison of fractal scenes, each way
+ERRORS = ("psnr_db", "fraction_over_1_255", "max_abs", "mask_mismatch_ppm", "non_finite")
+Case = tuple[Spec, str]  # a program and the name of a scene
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """One patch, or (`beside`) the phase that one wants timed next to it. See core.patches for its head."""
+
+    spec: Spec
+    against: Spec
+    added: bool  # the patched phase has the step; else it lacks it
+    what: str
+    paper: str
+    error: str | None  # why its picture need not be within a tolerance
+    costs: str | None  # why its costs.def says nothing: then its FLOPs are measured
+    scenes: tuple[str, ...]  # where the step can matter; none named: everywhere
+    idea: str | None = None  # of the phase, that the patch takes out (study.experiments.ablations.ideas)
+
+    @property
+    def reference(self) -> Spec:
+        """Whose picture its own is held against."""
+        own = registry.find_phase(self.spec.phase.partition("+")[0])
+        return self.against if gate.left_to_truth(own) else Spec.parse(BASELINE)
+
+    @property
+    def claim(self) -> float | None:
+        """The speed-up that the paper states."""
+        return verdicts.stated(self.paper)
+
+    def holds(self, gain: stats.Interval, failed: Iterable[str]) -> str:
+        """The paper's claim held against what was found, in the words of verdicts; "" for no claim."""
+        verdict, _ = verdicts.held(self.paper, gain, failed)
+        if verdict != verdicts.UNSURE:
+            return verdict
+        return verdicts.WITHIN if gain.sufficient else verdicts.FEW
+
+
+def said(row: Mapping[str, Any]) -> str:
+    """A row's claim; of a step that the paper gave up also why that holds: too wrong, no faster, or both."""
+    if row["claim"] != verdicts.HOLDS or row["paper_value"] is not None:
+        return row["claim"]
+    high = row["gain"]["high"] if isinstance(row["gain"], Mapping) else row["gain"].high
+    why = ["too wrong"] * bool(row["paper"].startswith("not satisfying") and row["failed"])
+    why += ["no faster"] * bool(high <= verdicts.NO_GAIN)
+    return f"{row['claim']}: {' and '.join(why)}"
+
+
+def _read(name: str, root: Path) -> list[Ablation]:
+    try:
+        head = patches.chain(name, root)[-1].head
+    except patches.PatchError as error:
+        raise StudyError(str(error)) from None
+    for scene in (scenes := tuple(head.get("scenes", "").split())):
+        ideas.check_scene(scene, root)
+    optional = head.get("error"), head.get("costs"), scenes, head.get("idea")
+    against = Spec.parse(head["against"])
+    added = head["direction"] == "added"
+    found = [Ablation(Spec.parse(name), against, added, head["what"], head["paper"], *optional)]
+    if "beside" in head:
+        other = Spec.parse(head["beside"])
+        words = f"beside {name}: {registry.find_phase(other.phase).title[:1].lower()}"
+        words += registry.find_phase(other.phase).title[1:]
+        found.append(Ablation(other, against, True, words, "no figure of its own", None, None, scenes))
+    return found
+
+
+def find(
+    names: Iterable[str] | None = None, root: Path = ROOT
+) -> tuple[list[Ablation], dict[str, StudyError]]:
+    """Ablations by name (opt2+horizontal) or of whole phases (opt2), None: all; and what cannot be read.
+
+    Raises StudyError for a name that is neither, with the nearest ones.
+    """
+    wanted: list[str] = []
+    for name in names if names is not None else registry.phases(root):
+        if "+" not in name:
+            registry.find_phase(name, root)
+            wanted += [f"{name}+{title}" for title in patches.titles(name, root)]
+        elif name.partition("+")[2] in patches.titles(name.partition("+")[0], root):
+            wanted.append(name)
+        else:
+            registry.find_phase(name, root)  # says what is near
+    found: list[Ablation] = []
+    broken: dict[str, StudyError] = {}
+    for name in dict.fromkeys(wanted):
+        try:
+            found += _read(name, root)
+        except StudyError as error:
+            broken[name] = error
+    return found, broken
+
+
+def build_all(specs: Sequence[Spec], targets: Sequence[str], jobs: int) -> dict[tuple[Spec, str], StudyError]:
+    """Builds everything, `jobs` programs at a time. Returns what cannot be built, by spec and target."""
+
+    def one(task: tuple[Spec, str]) -> StudyError | None:
+        try:
+            return build(*task) and None
+        except StudyError as error:
+            return error
+
+    tasks = [(spec, target) for spec in specs for target in targets]
+    build_together(tasks, jobs)
+    alone = [one(task) for task in tasks[: len(targets)]]  # what all share is built once
+    with ThreadPoolExecutor(jobs) as pool:
+        rest = pool.map(one, tasks[len(targets) :])
+        outcomes = [*alone, *tqdm(rest, "build", len(tasks) - len(alone), leave=False, disable=None)]
+    return {task: error for task, error in zip(tasks, outcomes, strict=True) if error}
+
+
+def measure(
+    cases: Sequence[Case], height: int, launches: int, seed: int, cpu: int
+) -> dict[Case, list[float]]:
+    """Nanoseconds of one frame per process launch, every case once a round in random order.
+
+    The environment's size is random too: it shifts the stack, which can look like 10 %. Raises DriverError.
+    """
+
+    def once(case: Case, padding: int) -> float:
+        spec, scene = case[0], ideas.find_scene(case[1])
+        width, _ = scene.size(height)
+        frames = run.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding)
+        with contextlib.closing(frames):
+            (frame,) = frames
+        return float(frame["ns"])
+
+    return run.interleaved(cases, launches, seed, cpu, once, "time")
+
+
+def error_of(gallery: Gallery, reference: Spec, spec: Spec, scene: Scene, size: Size) -> dict[str, Any]:
+    """Metrics of the picture against another's; a fractal's anti-aliased ones from the same picture."""
+    a, b = (images.read(gallery.path(who, scene, size)) for who in (reference, spec))
+    return images.compare(a, b, (a, b) if scene.fractal else None)
+
+
+def judge(ablation: Ablation, scene: Scene, metrics: dict[str, Any]) -> tuple[str, dict[str, str]]:
+    """identical, within, approximate or OUTSIDE; and the metrics outside the tolerance, with why.
+
+    What declares an error may have one, but no sample that is not finite.
+    """
+    declared = gate.tolerance(registry.find_phase(ablation.spec.phase), scene)
+    failed = gate.failures(metrics, declared)
+    if failed and ablation.error and not {"non_finite", "antialiased.non_finite"} & failed.keys():
+        return "approximate", failed
+    if failed:
+        return "OUTSIDE", failed
+    return ("identical" if metrics["identical"] else "within"), {}
+
+
+def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, dict[str, int]]:
+    """{"paper": FLOPs of one frame, "machine": …} by the counting builds; what has none is left out."""
+
+    def one(case: Case) -> dict[str, int] | None:
+        scene = ideas.find_scene(case[1])
+        try:
+            found = run.render(
+                case[0], scene.path, height, scene.size(height)[0], target="render-count", timed=False
+            )
+            return found["flops"]
+        except DriverError as error:
+            cli.say(f"no FLOPs of {case[0]} on {case[1]}: {error}")
+        except StudyError:  # does not build, which was said
+            pass
+        return None
+
+    with ThreadPoolExecutor(jobs) as pool:
+        counts = list(tqdm(pool.map(one, cases), "count", len(cases), leave=False, disable=None))
+    return {case: n for case, n in zip(cases, counts, strict=True) if n is not None}
+
+
+def measure_flops(cases: Iterable[Case], height: int) -> dict[Case, dict[str, int]]:
+    """Machine FLOPs by the assembly block counters, for what no costs.def describes."""
+    found: dict[Case, dict[str, int]] = {}
+    for spec, name in cases:
+        try:
+            done = blocks.measure(spec, ideas.find_scene(name).path, height)
+            found[spec, name] = {"machine": done.total.machine}
+        except StudyError as error:
+            cli.say(f"no FLOPs of {spec} on {name}: {error}")
+    return found
+
+
+def row(
+    ablation: Ablation,
+    scene: Scene,
+    size: Size,
+    times: dict[Case, list[float]],
+    metrics: dict[tuple[Spec, Case], dict[str, Any]],
+    flops: dict[Case, dict[str, int]],
+) -> dict[str, Any]:
+    """One line of the table. `flops_ratio`: machine FLOPs with the step over those without it.
+
+    `metrics`: by reference and case. `flops`: declared, or measured where the ablation's costs are not
+    declared. Raises KeyError for a case without times or metrics.
+    """
+    mine, base = (ablation.spec, scene.name), (ablation.against, scene.name)
+    without, with_it = (base, mine) if ablation.added else (mine, base)
+    gain = stats.ratio_interval(times[without], times[with_it])
+    error, unpatched = metrics[ablation.reference, mine], metrics[ablation.reference, base]
+    moved = metrics[ablation.against, mine]
+    verdict, failed = judge(ablation, scene, error)
+    counted = without in flops and with_it in flops
+    return {
+        "ablation": str(ablation.spec),
+        "against": str(ablation.against),
+        "scene": scene.name,
+        "width": size[0],
+        "height": size[1],
+        "step": "added" if ablation.added else "removed",
+        "what": ablation.what,
+        "paper": ablation.paper,
+        "paper_value": ablation.claim,
+        "gain": gain,
+        "claim": ablation.holds(gain, failed),
+        "ms": stats.median_interval([ns / 1e6 for ns in times[mine]]),
+        "against_ms": stats.median_interval([ns / 1e6 for ns in times[base]]),
+        "reference": str(ablation.reference),
+        **{key: error[key] for key in ERRORS},
+        "identical": error["identical"],
+        "against_psnr_db": unpatched["psnr_db"],
+        **{f"change_{key}": moved[key] for key in ("psnr_db", "max_abs")},
+        "idea": ablation.idea,
+        "lines": ideas.code_lines(str(ablation.spec)) if ablation.idea else None,
+        "verdict": verdict,
+        "failed": [f"{name}: {why}" for name, why in failed.items()],
+        "error": ablation.error,
+        "flops_by": (blocks.BACKEND if ablation.costs else "declared costs") if counted else None,
+        "flops": flops[mine] if counted else None,
+        "against_flops": flops[base] if counted else None,
+        "flops_ratio": flops[with_it]["machine"] / flops[without]["machine"] if counted else None,
+    }
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A run's ablations.json or ideas.json; without that file no row.
+
+    Raises StudyError for another thing's JSON.
+    """
+    lists = ("rows", "skipped", "failures")
+    if not path.exists():
+        return {name: [] for name in lists}
+    result = store.read_json(path)
+    try:
+        for name in lists:
+            if not isinstance(result[name], list) or not all(isinstance(one, dict) for one in result[name]):
+                raise TypeError(f"{name}: no list of objects")
+    except (KeyError, TypeError) as error:
+        raise StudyError(
+            f"{path}: not what scripts/ablations.py writes ({error!r}); make it again with "
+            f"scripts/ablations.py --run {path.parent}"
+        ) from None
+    return result
+
+
+def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows as people read them: short claims, decibels in words where there are none."""
+
+    def decibels(value: float) -> str:
+        return "∞" if value == math.inf else f"{value:.1f}"
+
+    return [
+        {
+            **row,
+            "claim": said(row),
+            "short": row["paper"].partition(" (")[0],
+            "psnr": decibels(row["psnr_db"]),
+            "against_psnr": decibels(row["against_psnr_db"]),
+            "over": f"{100 * row['fraction_over_1_255']:.3g}",
+            "flops_text": None if row["flops_ratio"] is None else f"{row['flops_ratio']:.3f}",
+        }
+        for row in rows
+    ]
+
+
+COLUMNS = [("ablation", "ablation"), ("step", "step"), ("against", "against"), ("scene", "scene")]
+COLUMNS += [("gain", "step's gain × [95 %]"), ("short", "paper"), ("claim", "paper's claim")]
+COLUMNS += [
+    ("psnr", "PSNR dB"),
+    ("against_psnr", "of against"),
+    ("over", "off > 1/255 %"),
+    ("verdict", "verdict"),
+]
+COLUMNS += [("flops_text", "FLOPs ×")]

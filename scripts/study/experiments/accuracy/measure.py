@@ -1,0 +1,279 @@
+"""How far a phase's picture is from truth: ray by ray first (hits, shapes, distances, normals), then colours.
+
+Truth (truth.truth) is a picture with more planes: `ideal.*` with the ideal soft shadow, `none.*` without
+any, the `shadow` factor of the primary hit, `status` of the primary ray (2 proved, 1 converged only, 0
+undecided) and `status.all` of the pixel's whole chain. Metrics and units: results/README.md, accuracy.json.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import store
+from study.core.cli import StudyError
+from study.core.registry import Scene
+from study.pictures import images
+from study.pictures.images import Picture
+
+FILE = "accuracy.json"
+FACTOR = 4  # of the averaged pictures of fractals, each way, as scripts/verify.py has it
+PROVED, CONVERGED = 2, 1  # of the status plane
+# Key in the metrics → prefix of truth's planes: the paper's estimator, the ideal shadow, no shadow.
+TRUTHS = {"": "", "_ideal": "ideal.", "_none": "none."}
+PLANES = (*(p + c for p in ("ideal.", "none.") for c in "RGB"), "shadow", "status", "status.all")
+GEOMETRY = "dt_p99", "dt_max", "normal_p99_degrees"
+
+
+def check(truth: Picture, image: Picture) -> None:
+    """Raises StudyError for pictures of unlike size or without their planes."""
+    for picture, names in ((truth, (*images.AOVS, *PLANES)), (image, images.AOVS)):
+        if missing := [name for name in names if name not in picture]:
+            whose = "truth's picture" if picture is truth else "a picture"
+            raise StudyError(f"{whose} lacks the channels {' '.join(missing)}: render it with --aov")
+    if (a := truth["R"].shape) != (b := image["R"].shape):
+        raise StudyError(f"pictures of different size: {a[1]}x{a[0]} and {b[1]}x{b[0]}")
+
+
+def colour(picture: Picture, prefix: str = "") -> np.ndarray:
+    """Linear colour of the planes `prefix`R, G and B, height × width × 3."""
+    return np.stack([picture[prefix + name] for name in "RGB"], axis=-1)
+
+
+def wrong_hits(truth: Picture, image: Picture, least: int = PROVED) -> dict[str, np.ndarray]:
+    """Where the picture hits what is not there, misses what is, or hits another shape. Masks.
+
+    Judged where truth is proved, or of status `least` and more. A pixel that is neither hit nor miss (NaN, a
+    depth without a shape) is wrong whatever truth says.
+    """
+    known = truth["status"] >= least
+    hit, is_hit = ((p["id"] >= 0) & np.isfinite(p["Z"]) for p in (truth, image))
+    miss, is_miss = ((p["id"] == -1) & (p["Z"] == np.inf) for p in (truth, image))
+    return {
+        "false_hits": known & miss & ~is_miss,
+        "false_misses": known & hit & ~is_hit,
+        "wrong_shape": known & hit & is_hit & (truth["id"] != image["id"]),
+    }
+
+
+def beyond_outlines(truth: Picture, image: Picture, pixels: int) -> dict[str, float]:
+    """false_hits_ppm and wrong_shape_ppm of the proved pixels that have no pixel within so many, along rows
+    and columns, where truth sees the shape that the picture has, or that are farther than truth's hit of the
+    pixel itself (a miss is infinitely far): a fatter outline lies in front of what is there, and explains
+    neither. Both depths are rounded to the planes' floats, so the next float behind truth's is not farther.
+    """
+    near = np.zeros(truth["id"].shape, bool)
+    padded = np.pad(truth["id"], pixels, mode="edge")
+    for y, x in np.ndindex(2 * pixels + 1, 2 * pixels + 1):
+        near |= padded[y : y + near.shape[0], x : x + near.shape[1]] == image["id"]
+    near &= image["Z"] <= np.nextafter(truth["Z"].astype(np.float32), np.float32(np.inf))
+    count, masks = int((truth["status"] == PROVED).sum()), wrong_hits(truth, image)
+    return {
+        f"{name}_ppm": 1e6 * float((masks[name] & ~near).sum()) / count if count else math.nan
+        for name in ("false_hits", "wrong_shape")
+    }
+
+
+def _hits(truth: Picture, image: Picture) -> dict[str, float]:
+    """The errors below the picture, of the proved pixels; NaN where there is none."""
+    known = truth["status"] == PROVED
+    count = int(known.sum())
+    neither = (
+        known
+        & ~((truth["id"] >= 0) & np.isfinite(truth["Z"]))
+        & ~((truth["id"] == -1) & (truth["Z"] == np.inf))
+    )
+    if neither.any():
+        raise StudyError(
+            f"truth's picture has {neither.sum()} proved pixels that neither hit nor miss: render it anew"
+        )
+    masks = wrong_hits(truth, image)
+    found = {f"{name}_ppm": 1e6 * float(m.sum()) / count if count else math.nan for name, m in masks.items()}
+    if not count:
+        return found | dict.fromkeys(GEOMETRY, math.nan)
+    measured = _geometry(truth, image, known)
+    # A hit that was decided after the phase had guessed another has no normal in truth (truth.truth.decide).
+    turned = known & np.isfinite([truth[f"N.{axis}"] for axis in "xyz"]).all(axis=0)
+    name = "normal_p99_degrees"
+    measured[name] = _geometry(truth, image, turned)[name] if turned.any() else math.nan
+    return found | {name: measured[name] for name in GEOMETRY}
+
+
+def right_distances(truth: Picture, image: Picture, least: int = PROVED) -> np.ndarray:
+    """|Δt| where both hit the same shape, in scene units, ascending; of the pixels of wrong_hits."""
+    masks = wrong_hits(truth, image, least)
+    right = (truth["status"] >= least) & (truth["id"] >= 0)
+    right &= ~(masks["false_misses"] | masks["wrong_shape"])
+    return np.sort(np.abs(truth["Z"][right].astype(np.float64) - image["Z"][right]))
+
+
+def dt_p99_of(others: np.ndarray, truth: Picture, image: Picture) -> float:
+    """dt_p99 over as many of the picture's right hits as another picture has, or all of fewer; NaN for none.
+
+    What a gate may compare; `others`: the other one's right_distances. A picture that hits more of the true
+    hits is not further from truth for the grazing ones that it won, so its worst are left out; but none that
+    is further off than every hit of the other's, for those it would hide.
+    """
+    mine = right_distances(truth, image)
+    spare = max(len(mine) - len(others), 0)
+    alike = int(np.searchsorted(mine, others[-1], "right")) if len(others) else 0
+    kept = np.delete(mine, slice(max(alike - spare, 0), alike))
+    return float(np.percentile(kept, 99)) if kept.size else math.nan
+
+
+def _geometry(truth: Picture, image: Picture, where: np.ndarray) -> dict[str, float]:
+    return images.geometry(*({name: p[name][where] for name in images.AOVS} for p in (truth, image)))
+
+
+def _judged(truth: Picture) -> np.ndarray:
+    """Pixels whose colours truth knows. Raises StudyError if one that it claims to know is not finite."""
+    finite = np.all([np.isfinite(colour(truth, prefix)).all(axis=-1) for prefix in TRUTHS.values()], axis=0)
+    if bad := int((~finite & (truth["status.all"] >= CONVERGED)).sum()):
+        raise StudyError(
+            f"truth's picture is not finite in {bad} pixels that it calls decided: render it anew"
+        )
+    return finite
+
+
+def _colours(
+    pictures: list[tuple[np.ndarray, np.ndarray]], judged: np.ndarray, factor: int = 1
+) -> dict[str, float]:
+    """Picture metrics to the three truths, of the pixels judged. The first one's are complete.
+
+    factor > 1: averaged first, and of the blocks of which all is judged.
+    """
+    found: dict[str, float] = {}
+    if factor > 1:
+        whole = np.repeat(judged[..., None], 3, axis=-1).astype(np.float32)
+        judged = images.box_average(whole, factor)[..., 0] == 1
+    for which, (exact, made) in zip(TRUTHS, pictures, strict=False):
+        if factor > 1:
+            exact, made = (images.box_average(x, factor) for x in (exact, made))
+        one = images.colour_errors(exact, made, not which and factor == 1, judged)
+        if not which:
+            found |= one
+        else:
+            found[f"psnr{which}_db"], found[f"psnr{which}_display_db"] = (
+                one["psnr_db"],
+                one["psnr_display_db"],
+            )
+            found[f"rmse{which}"] = one["rmse"]
+    return found
+
+
+def shadow_rmse(exact: tuple[np.ndarray, np.ndarray], made: tuple[np.ndarray, np.ndarray]) -> float:
+    """RMSE between what the shadow takes away in both: colours (with, without) it, linear and clamped."""
+    if not exact[0].size or not all(np.isfinite(x).all() for x in (*exact, *made)):
+        return math.nan
+    taken = [np.subtract(*(images.clamped(x).astype(np.float64) for x in pair)) for pair in (exact, made)]
+    return float(np.sqrt(np.mean((taken[0] - taken[1]) ** 2)))
+
+
+def metrics(
+    truth: Picture, image: Picture, unshadowed: Picture | None = None, fractal: bool = False
+) -> dict[str, Any]:
+    """Every error of a picture to truth. `unshadowed`: the phase's picture of the scene without shadows.
+
+    Without it there are no metrics of what shadows do. PSNR of identical pictures is math.inf; NaN is a
+    metric that has no value. `fractal`: truth is converged only, so the 4 × 4 averaged pictures and the depth
+    are judged as well. Raises StudyError for pictures that do not belong together.
+    """
+    check(truth, image)
+    if unshadowed is not None:
+        check(truth, unshadowed)
+    status, judged = truth["status"], _judged(truth)
+
+    def known(linear: np.ndarray) -> np.ndarray:
+        return np.where(judged[..., None], linear, 0)
+
+    exact = [known(colour(truth, prefix)) for prefix in TRUTHS.values()]
+    made = [known(images.rgb(image))] * 2
+    if unshadowed is not None:
+        made.append(known(images.rgb(unshadowed)))
+    pairs = list(zip(exact, made, strict=False))
+    found = {
+        "converged_only": fractal,
+        "non_finite": images.non_finite(image) + (images.non_finite(unshadowed) if unshadowed else 0),
+        "proved_fraction": float((status == PROVED).mean()),
+        "proved_chain_fraction": float((truth["status.all"] == PROVED).mean()),
+        "converged_pixels": int((status == CONVERGED).sum()),
+        "undecided_pixels": int((~(status >= CONVERGED)).sum()),
+        "unjudged_colours": int((~judged).sum()),
+        **_hits(truth, image),
+        **_colours(pairs, judged),
+    }
+    if unshadowed is not None:
+        both = made[0][judged], made[2][judged]
+        for name, which in (("shadow_rmse", 0), ("shadow_ideal_rmse", 1)):
+            found[name] = shadow_rmse((exact[which][judged], exact[2][judged]), both)
+    if fractal:
+        decided = status >= CONVERGED
+        parts = [{name: p[name][decided] for name in images.AOVS} for p in (truth, image)]
+        found["depth_agree_fraction"] = (
+            images.geometry(*parts)["depth_agree_fraction"] if decided.any() else math.nan
+        )
+        found["antialiased"] = _colours(pairs, judged, FACTOR)
+    return found
+
+
+def estimator(truth: Picture, fractal: bool = False) -> dict[str, Any]:
+    """Errors of the paper's estimator in exact arithmetic: none but those to the ideal shadow."""
+    plain = truth | {name: truth["none." + name] for name in "RGB"}
+    return metrics(truth, truth, plain, fractal)
+
+
+def without_shadows(scene: Scene, folder: Path) -> Scene:
+    """The same scene with light.shadows "none": itself if it is, else a file NAME-unshadowed.json there."""
+    if scene.data["light"]["shadows"] == "none":
+        return scene
+    data = {**scene.data, "light": {**scene.data["light"], "shadows": "none"}}
+    path = folder / f"{scene.name}-unshadowed.json"
+    if not path.exists() or store.read_json(path) != data:
+        store.write_json(path, data)
+    return Scene(path.stem, path, data, scene.fractal)
+
+
+def mirrors(scene: Scene) -> frozenset[int]:
+    """Ids of the shapes whose material is a mirror, none where nothing may bounce."""
+    materials = scene.data["materials"]
+    reflective = {name for name, one in materials.items() if one["reflectivity"] > 0}
+    if scene.data["march"]["max_bounces"] == 0:
+        return frozenset()
+    return frozenset(i for i, s in enumerate(scene.data["shapes"]) if s["material"] in reflective)
+
+
+def read(run: Path) -> dict[str, Any]:
+    """A run's accuracy.json, PSNR of identical pictures as math.inf again; without that file no row.
+
+    Raises StudyError for another thing's JSON.
+    """
+    path = Path(run) / FILE
+    if not path.exists():
+        return {"rows": [], "skipped": [], "convergence": None}
+    result = store.read_rows(path, "accuracy.py", {"false_hits_ppm"}, empty=True)
+    converged = result.get("convergence") or {}
+    if not isinstance(converged, dict):
+        raise StudyError(f"{path}: convergence is not what accuracy.py writes; make it again")
+    for row in (*result["rows"], *(converged.get("rows") or ())):
+        _restore(row)
+    return result
+
+
+def _restore(row: dict[str, Any]) -> None:
+    """JSON has null for infinite and for no value; the RMSE says which of the two it was."""
+    for name, value in list(row.items()):
+        if isinstance(value, dict):
+            _restore(value)
+        elif value is None and name.startswith("psnr"):
+            rmse = row.get("rmse" + name.removeprefix("psnr").removesuffix("_db").removesuffix("_display"))
+            row[name] = math.nan if rmse is None else math.inf
+        elif value is None:
+            row[name] = math.nan
+
+
+def rows(run: Path) -> list[dict[str, Any]]:
+    """Rows of a run's accuracy.json, one per phase and scene."""
+    return read(run)["rows"]

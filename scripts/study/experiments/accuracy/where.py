@@ -1,0 +1,215 @@
+"""Where the bad pixels lie: classes of pixels by truth's planes, and the picture that shows them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from study.core import show
+from study.experiments.accuracy import measure as accuracy
+from study.pictures import images, panels
+from study.pictures.images import Picture
+
+# In the order in which they are asked: the first that applies has the pixel.
+CLASSES = ("silhouette", "edge", "shadow_boundary", "reflection", "interior")
+MEANING = {
+    "silhouette": "silhouette: a neighbour shows another shape, or depth jumps",
+    "edge": "edge: normals of neighbours on one shape differ",
+    "shadow_boundary": "shadow boundary: the shadow differs from a neighbour's",
+    "reflection": "reflection: a mirror is seen",
+    "interior": "interior: none of these",
+}
+# Okabe & Ito's palette, which the colour-blind can tell apart, on a dimmed grey picture.
+COLOURS = {
+    "silhouette": "#E69F00",
+    "edge": "#56B4E9",
+    "shadow_boundary": "#CC79A7",
+    "reflection": "#009E73",
+    "interior": "#F0E442",
+}
+DIM = 0.3  # of the picture under the map
+# Faces of boxes, cones and octahedra meet at 70° and more; from pixel to pixel a curved shape turns by less.
+CREASE_DEGREES = 30.0
+JUMP = 0.05  # of 1/t, off the straight line through its neighbours: a plane's 1/t is one
+FEW = 0.01  # share of the map
+NONE = -1  # no class: the pixel is not bad
+NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))  # and their opposites: eight
+
+
+def _differs(test, *planes: np.ndarray) -> np.ndarray:
+    """Pixels for which `test` holds with any of their eight neighbours: both of the two are marked."""
+    found = np.zeros(planes[0].shape[:2], bool)
+    height, width = found.shape
+    for down, right in NEIGHBOURS:
+        here = np.s_[: height - down, max(0, -right) : width - max(0, right)]
+        there = np.s_[down:, max(0, right) : width + min(0, right)]
+        off = test(*((plane[here], plane[there]) for plane in planes))
+        found[here] |= off
+        found[there] |= off
+    return found
+
+
+def _jumps(truth: Picture) -> np.ndarray:
+    """Where depth leaps from one part of a shape to another: a torus over itself, repeated cells."""
+    with np.errstate(divide="ignore"):
+        inverse = 1 / truth["Z"].astype(np.float64)  # 0 on a miss
+    found = np.zeros(inverse.shape, bool)
+    # Transposed views: what is written to the second is seen in the first.
+    for depth, ids, marks in ((inverse, truth["id"], found), (inverse.T, truth["id"].T, found.T)):
+        before, here, after = depth[:, :-2], depth[:, 1:-1], depth[:, 2:]
+        same = (ids[:, :-2] == ids[:, 1:-1]) & (ids[:, 1:-1] == ids[:, 2:]) & (ids[:, 1:-1] >= 0)
+        most = np.maximum(np.maximum(before, here), after)
+        marks[:, 1:-1] |= same & (np.abs(before - 2 * here + after) > JUMP * most)
+    return found
+
+
+def classes(truth: Picture, mirrors: Iterable[int] = ()) -> np.ndarray:
+    """Index into CLASSES of every pixel, by truth alone. `mirrors`: ids of the shapes that reflect."""
+    ids = truth["id"]
+    normals = np.stack([truth[n] for n in ("N.x", "N.y", "N.z")], axis=-1).astype(np.float64)
+    shadow = np.nan_to_num(truth["shadow"], nan=1.0)
+    least = math.cos(math.radians(CREASE_DEGREES))
+    is_silhouette = _differs(lambda pair: pair[0] != pair[1], ids) | _jumps(truth)
+
+    def crease(shapes, facing):
+        return (shapes[0] == shapes[1]) & (shapes[0] >= 0) & ((facing[0] * facing[1]).sum(-1) < least)
+
+    def step(shapes, factor):
+        return (shapes[0] == shapes[1]) & (np.abs(factor[0] - factor[1]) > images.ONE_STEP)
+
+    tests = (
+        is_silhouette,
+        _differs(crease, ids, normals),
+        _differs(step, ids, shadow),
+        np.isin(ids, list(mirrors)) & (ids >= 0),
+    )
+    return np.select(tests, range(len(tests)), default=len(tests)).astype(np.int8)
+
+
+def bad(truth: Picture, image: Picture) -> np.ndarray:
+    """Pixels off by more than 1/255 (linear, clamped; any channel), not finite, or with a wrong hit."""
+    a, b = images.clamped(images.rgb(truth)), images.clamped(images.rgb(image))
+    judged = np.isfinite(a).all(axis=-1)
+    finite = np.isfinite(images.rgb(image)).all(axis=-1)
+    off = judged & ~(np.abs(a - b).max(axis=-1) <= images.ONE_STEP)
+    return off | ~finite | np.any(list(accuracy.wrong_hits(truth, image).values()), axis=0)
+
+
+def shares(where: np.ndarray, wrong: np.ndarray) -> dict[str, float]:
+    """Bad pixels in all, and the share of them that each class has: 0 where there is none."""
+    total = int(wrong.sum())
+    counts = np.bincount(where[wrong], minlength=len(CLASSES))
+    return {"bad_pixels": total} | {
+        f"bad_{name}": float(count) / total if total else 0.0
+        for name, count in zip(CLASSES, counts, strict=True)
+    }
+
+
+def painted(truth: Picture, where: np.ndarray, wrong: np.ndarray, factor: int = 1) -> np.ndarray:
+    """The map: dimmed truth, bad pixels in their class's colour; a block shows its commonest class if any."""
+    height, width = (-(-size // factor) * factor for size in where.shape)
+    pad = (0, height - where.shape[0]), (0, width - where.shape[1])
+    grey = images.to_display(np.nan_to_num(images.rgb(truth))).mean(axis=-1) / 255 * DIM
+
+    def blocks(plane: np.ndarray, mode: str) -> np.ndarray:
+        padded = np.pad(plane, pad, mode=mode)
+        return padded.reshape(height // factor, factor, width // factor, factor).swapaxes(1, 2)
+
+    counts = np.stack(
+        [blocks(wrong & (where == i), "constant").sum(axis=(2, 3)) for i in range(len(CLASSES))], axis=-1
+    )
+    seen = np.where(counts.any(axis=-1), counts.argmax(axis=-1), NONE)
+    if few(seen != NONE):
+        seen = _grown(seen)
+    base = np.repeat(blocks(grey, "edge").mean(axis=(2, 3))[..., None], 3, axis=-1)
+    palette = np.array([to_rgb(COLOURS[name]) for name in CLASSES])
+    return np.where((seen == NONE)[..., None], base, palette[seen])
+
+
+def few(marks: np.ndarray) -> bool:
+    """Whether so few are marked that each is drawn larger: single pixels of a large picture get lost."""
+    return bool(0 < marks.mean() < FEW and marks.shape[1] > 300)
+
+
+def _grown(seen: np.ndarray) -> np.ndarray:
+    """Every mark over its eight neighbours too, where these have none of their own."""
+    padded = np.pad(seen, 1, constant_values=NONE)
+    height, width = seen.shape
+    around = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3)]
+    return np.where(seen != NONE, seen, np.max(around, axis=0))
+
+
+def _decibels(value: float) -> str:
+    return "identical" if value == math.inf else f"{value:.1f} dB"
+
+
+def _notes(metrics: dict) -> tuple[str, str]:
+    """What stands under the phase's picture and under truth's."""
+    if metrics["converged_only"]:
+        mean, agree = metrics["antialiased"], 100 * metrics["depth_agree_fraction"]
+        mine = (
+            f"4×4 averaged: PSNR to truth {_decibels(mean['psnr_db'])}; with the ideal shadow "
+            f"{_decibels(mean['psnr_ideal_db'])}\n"
+            f"depth agrees within 0.1 % in {agree:.6g} % of the pixels"
+        )
+        status = f"{metrics['converged_pixels']:,} pixels converged only: double-double, 104 bits; no proof"
+        share = f"{100 * metrics['proved_fraction']:.6g} % of the camera rays proved"
+        return mine, f"{status}\n{share}: hits are judged on these alone"
+    text = {name: show.number(value) for name, value in metrics.items() if isinstance(value, float)}
+    mine = (
+        f"PSNR to truth {_decibels(metrics['psnr_db'])}; with the ideal shadow "
+        f"{_decibels(metrics['psnr_ideal_db'])}\n"
+        f"ppm: false hits {text['false_hits_ppm']}, false misses {text['false_misses_ppm']}, "
+        f"wrong shape {text['wrong_shape_ppm']}\n"
+        f"|Δt| p99 {text['dt_p99']}, max {text['dt_max']}; normal p99 {text['normal_p99_degrees']}°"
+    )
+    status = f"{100 * metrics['proved_fraction']:.6g} % of the camera rays proved"
+    return mine, status + f"\n{metrics['undecided_pixels']:,} undecided, left out of the hits"
+
+
+def figure(
+    truth: Picture, image: Picture, title: str, name: str, metrics: dict, where: np.ndarray, wrong: np.ndarray
+) -> Figure:
+    """The phase's picture, truth's, and the map of the bad pixels with its legend."""
+    height, width = truth["R"].shape
+    above, tall, below = 0.9, 5.9 * height / width, 1.9
+    total = above + tall + below
+    made = Figure(figsize=(18.5, total), dpi=100, facecolor="white")
+    made.suptitle(title, x=0.01, y=1 - 0.15 / total, ha="left", va="top", fontsize=16)
+    spots = made.add_gridspec(
+        1, 3, wspace=0.04, top=1 - above / total, bottom=below / total, left=0.01, right=0.99
+    )
+    axes = [made.add_subplot(spot) for spot in spots]
+    for panel, picture, text in zip(axes, (image, truth), (name, "truth"), strict=False):
+        panels.show(panel, images.to_display(images.rgb(picture)))
+        panel.set_title(text, fontsize=14, loc="left")
+    factor = math.ceil(width / axes[2].get_window_extent().width)
+    panels.show(axes[2], painted(truth, where, wrong, factor))
+    count = int(wrong.sum())
+    share = 100 * count / wrong.size
+    axes[2].set_title(
+        f"bad pixels: {count:,} ({share:.3g} %), off by > 1/255 or a wrong hit", fontsize=14, loc="left"
+    )
+    for panel, note in zip(axes, _notes(metrics), strict=False):
+        panel.set_xlabel(note, fontsize=12, loc="left", linespacing=1.4)
+    counts = np.bincount(where[wrong], minlength=len(CLASSES))
+    handles = [
+        Patch(facecolor=COLOURS[c], edgecolor="black", label=f"{n:,} {MEANING[c]}")
+        for c, n in zip(CLASSES, counts, strict=True)
+    ]
+    spot = axes[2].get_position()
+    made.legend(
+        handles=handles,
+        loc="upper left",
+        bbox_to_anchor=(spot.x0 - 0.005, spot.y0),
+        frameon=False,
+        fontsize=11,
+        title="few bad pixels of a large picture are drawn larger" if few(wrong) else None,
+        alignment="left",
+    )
+    return made

@@ -1,0 +1,117 @@
+"""Kernels generated for a scene against the general code, as tables made from breakeven.json alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from study.core import machine, show
+from study.core.show import Column
+from study.experiments.breakeven.measure import FILE, SMALL, Row, read
+from study.report.sections import Section, part, reading
+
+
+def _interval(name: str, unit: str = "") -> Callable[[Row], str]:
+    def text(row: Row) -> str:
+        if name not in row:
+            return show.NOTHING
+        flat = {"v": row[name]["value"], "v_low": row[name]["low"], "v_high": row[name]["high"]}
+        return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", 4, unit)
+
+    return text
+
+
+def frames_needed(row: Row) -> str:
+    """With its interval, whose end may be “never”."""
+    found = row.get("break_even_frames")
+    if not found:
+        return show.NOTHING
+    if found["value"] is None:
+        return "never"
+    if found["low"] is None:
+        return f"{found['value']:,} (insufficient)"
+    high = "never" if found["high"] is None else f"{found['high']:,}"
+    return f"{found['value']:,} [{found['low']:,}, {high}]"
+
+
+def _psnr(row: Row) -> str:
+    error = row.get("error")
+    if not error:
+        return show.NOTHING
+    if error["rmse"] is None:
+        return "not finite"
+    value = "identical" if error["psnr_db"] is None else show.number(error["psnr_db"])
+    return value + (" (4×4 means)" if error["averaged"] else "")
+
+
+def sentence(row: Row, against: str) -> str:
+    """For a terminal."""
+    head = f"{row['scene']}, {row['width']}×{row['n']}"
+    if not row["generated"]:
+        return f"{head}: no kernel: {row['reason']}"
+    return (
+        f"{head}: {against} {_interval('general_ms')(row)} ms, kernel {_interval('generated_ms')(row)} ms "
+        f"({_interval('gain', '×')(row)}; {_psnr(row)} dB apart); compiling takes {row['compile_s']:.2f} s, "
+        f"set-up with the kernel found {row['setup_found_ms']:.2f} ms; breaks even after "
+        f"{frames_needed(row)} frames"
+    )
+
+
+def columns(against: str) -> list[Column]:
+    return [
+        Column("", "scene", lambda r: f"{r['scene']}, {r['width']}×{r['n']}"),
+        Column("ms a frame, set-up not in it [95 %]", against, _interval("general_ms")),
+        Column("ms a frame, set-up not in it [95 %]", "kernel", _interval("generated_ms")),
+        Column("", "gain [95 %]", _interval("gain", "×")),
+        Column("", "PSNR of the two pictures, dB", _psnr),
+        Column("set-up, once a scene", "compiling, s", show.plain("compile_s")),
+        Column("set-up, once a scene", "of all, s", show.plain("setup_s")),
+        Column("set-up, once a scene", "kernel in the cache, ms", show.plain("setup_found_ms", 2)),
+        Column("", "breaks even after, frames", frames_needed),
+    ]
+
+
+NONE = [
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "why", lambda r: r["reason"]),
+    Column("", "breaks even after, frames", lambda r: "–" if "n" not in r else "never: no kernel"),
+]
+
+
+def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column], bool]]:
+    """Name, caption, rows, columns, and whether it is folded."""
+    made = [row for row in result["rows"] if row["generated"]]
+    without = [row for row in result["rows"] if not row["generated"]]
+    caption = "When a kernel generated for a scene has paid for its compilation"
+    return [
+        ("breakeven", caption, made, columns(result.get("against", "general code")), False),
+        ("breakeven-none", "No kernel: the general code runs", without, NONE, False),
+        ("breakeven-left-out", "Not measured", result["left_out"], NONE, True),
+    ]
+
+
+def note(result: Row) -> str:
+    cpu = machine.name(result.get("context"))
+    compilers = dict.fromkeys(row["compiler"] for row in result["rows"] if row["generated"])
+    by = f"; kernels by {', '.join(compilers)}" if compilers else ""
+    return (
+        f"{cpu}; one thread, {result['launches']} interleaved launches{by}. {result['phase']} compiles its "
+        "code anew for a scene, once, while it sets up, and keeps that in a cache: no frame's time, in any "
+        "table, has this in it. Frames to break even: all of the first set-up over what a frame gains; in "
+        "brackets by both intervals' ends. Later launches find the kernel in the cache and gain from their "
+        f"first frame on. Pictures of both at n = {SMALL} are compared in linear RGB."
+    )
+
+
+def section(path: Path) -> Section:
+    """Kernels for scenes: what they gain, what compiling costs, after how many frames it has paid."""
+    file = path / FILE
+    parts, remarks = [], []
+    with reading(file, f"scripts/breakeven.py --run {path}"):
+        result = read(file)
+        for name, caption, rows, shown, folded in tables(result):
+            parts += part(name, caption, rows, shown, folded)
+        remarks = [note(result)] if parts else []
+    about = {"file": file, "script": "scripts/breakeven.py"}
+    return Section("breakeven", "Code generated for a scene", "make breakeven", parts, remarks, **about)

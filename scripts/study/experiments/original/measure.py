@@ -1,0 +1,191 @@
+"""The paper's own program, fetched, built and timed beside this project's phases.
+
+The paper's public repository has a branch for each step. Each branch is built by its own makefile. Only its
+configuration is set: one picture of one size. The program times itself by the TSC, in its benchmark mode.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import run, store
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.registry import ROOT, Scene, Spec
+from study.numbers import stats
+from study.pictures import images
+
+REPOSITORY = "https://github.com/devnio/Optimized-CPU-Ray-Marcher.git"
+# Phase of this project -> the commit of the paper's step: heads of master, master_opt1 … master_opt4.
+COMMITS = {
+    "baseline": "9dc4100",
+    "opt1": "cda547c",
+    "opt2": "d9bb75b",
+    "opt3": "2e0b85c",
+    "opt4": "e049ba6",
+}
+SCENES = ("scene0", "mandelbulb")  # the paper's own two; both projects hold the same numbers
+FILE = "original.json"
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Settings:
+    height: int
+    launches: int
+    seed: int
+
+
+def fetch(repository: str, folder: Path) -> None:
+    """A clone of the public repository in `folder`, which is kept. StudyError where it cannot be had."""
+    if (folder / ".git").is_dir():
+        return
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    part = folder.with_suffix(".part")
+    shutil.rmtree(part, ignore_errors=True)
+    command = ["git", "clone", "--quiet", "--no-checkout", repository, str(part)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True)
+    except FileNotFoundError:
+        raise StudyError("git is missing; install it by `apt-get install git`", CANNOT_RUN) from None
+    if done.returncode:
+        said = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise StudyError(f"{repository}: not fetched ({said}); --repository names a copy", CANNOT_RUN)
+    part.rename(folder)
+
+
+def configured(text: str, height: int) -> str:
+    """config.h for one picture `height` rows high. StudyError where a setting is missing."""
+    wanted = {"START_H_RESOLUTION": height, "END_H_RESOLUTION": height, "REPETITIONS": 1}
+    wanted |= {"WARM_UP_REPETITIONS": 0}
+    for name, value in wanted.items():
+        text, found = re.subn(rf"(?m)^(#define {name}) +\S+", rf"\1 {value}", text)
+        if found != 1:
+            raise StudyError(f"the paper's config.h has {found} lines `#define {name}`; one was expected")
+    return text
+
+
+def build(repository: Path, phase: str, height: int) -> Path:
+    """The step's program, built by its own makefile. StudyError with the compiler's last line."""
+    folder = repository.parent / f"{phase}-{height}"
+    program = folder / "build" / "raymarcher"
+    if program.exists():
+        return program
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    packed = subprocess.run(
+        ["git", "-C", str(repository), "archive", COMMITS[phase]], capture_output=True, check=False
+    )
+    if packed.returncode:
+        raise StudyError(f"{repository}: lacks commit {COMMITS[phase]}, the paper's {phase}")
+    subprocess.run(["tar", "x", "-C", str(folder)], input=packed.stdout, check=True)
+    config = folder / "include" / "config.h"
+    config.write_text(configured(config.read_text(), height))
+    (folder / "build" / "obj" / "geometry").mkdir(parents=True, exist_ok=True)
+    made = subprocess.run(
+        ["make", "-s", "-C", str(folder / "build"), "raymarcher"], capture_output=True, text=True
+    )
+    if made.returncode:
+        raise StudyError(f"the paper's {phase} does not compile: {made.stderr.strip().splitlines()[-1]}")
+    return program
+
+
+def launch(program: Path, scene: str, cpu: int, env_bytes: int = 0) -> tuple[int, np.ndarray]:
+    """TSC cycles of one picture, and the picture as displayed: height × width × 3 bytes."""
+    output = program.parents[1] / "output"
+    shutil.rmtree(output, ignore_errors=True)
+    done = subprocess.run(
+        [program, "benchmark", scene],
+        cwd=program.parent,
+        env=os.environ | {"STEPWISE_PADDING": "x" * env_bytes},
+        capture_output=True,
+        preexec_fn=functools.partial(os.sched_setaffinity, 0, {cpu}),
+    )
+    times, pictures = (sorted(output.rglob(name)) for name in ("measurements.csv", "out_*.png"))
+    numbers = re.findall(r"\d+", times[0].read_text()) if times else []
+    if done.returncode or len(numbers) < 2 or not pictures:
+        raise StudyError(f"{program} benchmark {scene}: status {done.returncode}, {len(pictures)} pictures")
+    return int(numbers[-2]), images.read_png(pictures[0])
+
+
+def difference(theirs: np.ndarray, ours: np.ndarray) -> dict[str, float]:
+    """Of two pictures as displayed: PSNR in dB (peak 255; null: identical), share of pixels more than one
+    step of 1/255 apart, and the largest step. StudyError where the sizes differ."""
+    if theirs.shape != ours.shape:
+        raise StudyError(f"pictures of {theirs.shape[:2]} and {ours.shape[:2]} pixels cannot be compared")
+    psnr, _, over = images.metrics(theirs, ours, 1, 255)
+    largest = int(np.abs(theirs.astype(int) - ours.astype(int)).max())
+    return {"psnr_display_db": psnr if largest else None, "fraction_over_1_255": over, "largest": largest}
+
+
+def measure(programs: Mapping[str, Path], scene: Scene, phase: str, settings: Settings) -> Row:
+    """One phase and scene, both programs interleaved on one CPU: ms with intervals, and ours over theirs."""
+    cpu, spec = run.USABLE[-1], Spec.parse(phase)
+    wide, high = scene.size(settings.height)
+    seen: dict[str, Any] = {}
+
+    def once(who: str, padding: int) -> float:
+        if who == "theirs":
+            cycles, seen["picture"] = launch(programs[phase], scene.name, cpu, padding)
+            return float(cycles)
+        (frame,) = run.frames(spec, scene.path, high, wide, cpu=cpu, env_bytes=padding, reps=1)
+        seen["tsc_hz"] = frame["tsc_hz"]
+        return float(frame["tsc_cycles"])
+
+    cycles = run.interleaved(
+        ("theirs", "ours"), settings.launches, settings.seed, cpu, once, f"{phase} {scene.name}"
+    )
+    with tempfile.TemporaryDirectory(prefix="stepwise-") as folder:
+        out = Path(folder) / "ours.ppm"
+        run.render(spec, scene.path, high, wide, out=out, timed=False, display=True)
+        apart = difference(seen["picture"], images.read_ppm(out))
+    ms = {who: [1e3 * one / seen["tsc_hz"] for one in values] for who, values in cycles.items()}
+    return {
+        "phase": phase,
+        "scene": scene.name,
+        "commit": COMMITS[phase],
+        "n": high,
+        "width": wide,
+        **{f"{who}_launches_ms": values for who, values in ms.items()},
+        **{f"{who}_ms": stats.median_interval(values) for who, values in ms.items()},
+        "ours_over_theirs": stats.ratio_interval(ms["ours"], ms["theirs"], settings.seed),
+        **apart,
+    }
+
+
+def sentence(row: Row) -> str:
+    """A row for people."""
+    ratio, theirs, ours = (row[name] for name in ("ours_over_theirs", "theirs_ms", "ours_ms"))
+    ends = " (too few launches for an interval)"
+    if ratio["sufficient"]:
+        ends = f" [{ratio['low']:.3f}, {ratio['high']:.3f}]"
+    psnr = "identical" if row["psnr_display_db"] is None else f"PSNR {row['psnr_display_db']:.1f} dB"
+    return (
+        f"{row['phase']} on {row['scene']}, {row['width']}×{row['n']}: {ours['value']:,.0f} ms, the paper's "
+        f"program {theirs['value']:,.0f} ms, ratio {ratio['value']:.3f}{ends}; displayed pictures: "
+        f"{psnr}, {100 * row['fraction_over_1_255']:.3g} % of the pixels off by more than 1/255"
+    )
+
+
+def held_beside(folder: Path) -> bool:
+    """Whether the run's baseline was timed beside the paper's program and was no slower (3 %)."""
+    if not (folder / FILE).exists():
+        return False
+    rows = [row for row in store.read_json(folder / FILE)["rows"] if row["phase"] == "baseline"]
+    return bool(rows) and all(row["ours_over_theirs"]["value"] <= 1.03 for row in rows)
+
+
+def folder_of(repository: str) -> Path:
+    """Where the clone of that repository is kept."""
+    return ROOT / "build" / "original" / ("repository" if repository == REPOSITORY else "copy")

@@ -1,0 +1,180 @@
+"""Rays for build/packets/hits: of the camera, to the light, mirrored, scattered; and the scenes they are of.
+
+The scenes are not in common/scenes: what is there goes through every suite with every phase.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import json
+import math
+import os
+import re
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import generated_scenes as scaling_scenes
+from study.core import run, store
+from study.core.build import build
+from study.core.registry import Scene, find_scene
+
+KINDS = ("primary", "shadow", "mirror", "scattered")
+SETTINGS = "STEPWISE_PACKETS"  # phases/packets/settings.h
+TILE, BLOCK = 16, 4  # pixels on a side: phases/packets/trace.h
+MANY = 4096
+Rays = np.ndarray  # float32, (count, 7): origin, unit direction, far
+
+
+def balls(name: str = "trio") -> dict[str, Any]:
+    """A scene's spheres and planes, unturned, under hard shadows."""
+    data = copy.deepcopy(find_scene(name).data)
+    data["shapes"] = [s for s in data["shapes"] if s["type"] in ("sphere", "plane")]
+    data["light"]["shadows"] = "hard"
+    return data
+
+
+def many(count: int = MANY, seed: int = 1) -> dict[str, Any]:
+    """`count` equal spheres, even over the picture and in depth; they cover scaling_scenes.COVERAGE of it."""
+    places = [(*place[:3], 1.0, "sphere") for place in scaling_scenes.placed("scattered", count, seed)]
+    rays = scaling_scenes.rays(*scaling_scenes.RAYS)
+    radius = scaling_scenes.quantile(scaling_scenes.least_gauge(places, rays), scaling_scenes.COVERAGE)
+    data = scaling_scenes.data("scattered", 1, seed)
+    names = list(data["materials"])
+    data["materials"][names[0]]["reflectivity"] = 0.5
+    data["light"]["shadows"] = "hard"
+    data["shapes"] = [
+        {"type": "sphere", "radius": radius, "position": list(p[:3]), "material": names[i % len(names)]}
+        for i, p in enumerate(places)
+    ]
+    return data
+
+
+def scenes(folder: Path) -> list[Scene]:
+    """spheres40 and, as files in `folder`, the two that are made here."""
+    found = [find_scene("spheres40")]
+    for name, data in (("trio_balls", balls()), (f"spheres{MANY}", many())):
+        path = folder / f"{name}.json"
+        store.write_json(path, data)
+        found.append(Scene(name, path, data, False))
+    return found
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def camera(data: dict[str, Any], width: int, height: int) -> Rays:
+    """In the order in which the phase has them: tiles, in them blocks, in those rows."""
+    c = data["camera"]
+    ahead = _unit(np.subtract(c["look_at"], c["position"]).astype(float))
+    right = _unit(np.cross(c["up"], ahead))
+    up, half = np.cross(ahead, right), math.tan(math.radians(c["vertical_fov_degrees"]) / 2)
+    row, column = (a.ravel() for a in np.mgrid[:height, :width])
+    place = np.lexsort((column, row, column // BLOCK, row // BLOCK, column // TILE, row // TILE))
+    row, column = row[place], column[place]
+    x, y = (2 * column + 1 - width) * half / height, (height - 2 * row - 1) * half / height
+    d = _unit(ahead + x[:, None] * right + y[:, None] * up)
+    return _packed(np.broadcast_to(c["position"], d.shape), d)
+
+
+def _packed(origin: np.ndarray, direction: np.ndarray, far: np.ndarray | float = math.inf) -> Rays:
+    far = np.broadcast_to(far, len(direction))[:, None]
+    return np.ascontiguousarray(np.hstack([origin, direction, far]), "<f4")
+
+
+def normals(data: dict[str, Any], points: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    """Of spheres and unturned planes."""
+    centre = np.array([s.get("position", [0, 0, 0]) for s in data["shapes"]], float)
+    plane = np.array([s.get("normal", [0, 0, 0]) for s in data["shapes"]], float)
+    n = np.where(plane[shape].any(1)[:, None], plane[shape], points - centre[shape])
+    return _unit(n)
+
+
+def secondary(
+    data: dict[str, Any], rays: Rays, t: np.ndarray, shape: np.ndarray, seed: int
+) -> dict[str, Rays]:
+    """From the hits of camera rays, in their order: from the light up to each that faces it, mirrored by
+    every shape, and in any direction off the surface, in no order.
+    """
+    met = shape >= 0
+    o, d = rays[met, :3].astype(float), rays[met, 3:6].astype(float)
+    p = o + t[met, None] * d
+    n = normals(data, p, shape[met].astype(int))
+    n = np.where((n * d).sum(1, keepdims=True) > 0, -n, n)
+    offset = data["march"]["surface_offset"]
+    light = np.array(data["light"]["position"], float)
+    to = p - light
+    length = np.linalg.norm(to, axis=1)
+    lit = (to * n).sum(1) < 0
+    dice = np.random.default_rng(seed)
+    any_way = _unit(dice.normal(size=n.shape))
+    any_way *= np.sign((any_way * n).sum(1, keepdims=True))
+    order = dice.permutation(len(n))
+    return {
+        "shadow": _packed(np.broadcast_to(light, to[lit].shape), _unit(to[lit]), length[lit] - 10 * offset),
+        "mirror": _packed(p + offset * n, _unit(d - 2 * (d * n).sum(1, keepdims=True) * n)),
+        "scattered": _packed((p + offset * n)[order], any_way[order]),
+    }
+
+
+@functools.cache
+def asserts(program: Path) -> bool:
+    """Whether the program's Embree was built with assertions, as Debian's 3.13.5 is: it could be faster."""
+    linked = subprocess.run(["ldd", program], capture_output=True, text=True, check=False).stdout
+    library = re.search(r"libembree\S* => (/\S+)", linked)
+    return bool(library) and b"__assert_fail" in Path(library[1]).read_bytes()
+
+
+def hits(
+    scene: Path,
+    rays: Rays,
+    kind: str,
+    words: str = "",
+    limit: str = "",
+    reps: int = 1,
+    beside: bool = False,
+    *,
+    cpu: int | None = None,
+    env_bytes: int = 0,
+) -> tuple[dict[str, Any], np.ndarray]:
+    """The program's record and hits, shape (1 or 2, count, 2): t and shape, of the phase and of Embree.
+
+    `cpu`, `env_bytes`: as run.frames has them, of one thread. Raises DriverError.
+    """
+    program = build("packets", "hits")
+    told = {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": limit} if limit else {})
+    environment, cpus = run.environment(env_bytes, more=told), run.cpu_set(cpu, 1) or set(run.USABLE)
+    options = (
+        ["--embree"] * beside
+        + ["--any"] * (kind == "shadow")
+        + ["--coherent"] * (kind in ("primary", "shadow"))
+    )
+    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+        out = Path(scratch) / "hits"
+        command = [program, scene, *options, "--reps", str(reps), "-o", out]
+        done = subprocess.run(
+            [str(w) for w in command],
+            input=rays.tobytes(),
+            capture_output=True,
+            env=environment,
+            preexec_fn=lambda: os.sched_setaffinity(0, cpus),
+        )
+        if done.returncode != 0:
+            raise run.DriverError(done.returncode, done.stderr.decode(errors="replace").strip())
+        pairs = np.fromfile(out, "<f4").reshape(-1, len(rays), 2)
+    record = json.loads(done.stdout)
+    if beside and asserts(Path(program)):
+        record["embree"] += ", a build with assertions"
+    return record, pairs
+
+
+def all_kinds(scene: Scene, height: int, seed: int) -> dict[str, Rays]:
+    """Rays of each of KINDS."""
+    rays = camera(scene.data, *scene.size(height))
+    _, found = hits(scene.path, rays, "primary")
+    return {"primary": rays, **secondary(scene.data, rays, *found[0].T, seed)}

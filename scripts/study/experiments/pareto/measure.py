@@ -1,0 +1,282 @@
+"""The points of speed against error: their grid, their pictures' errors, and which are timed how often.
+
+A point is (scene, program, hit distance, step cap). Pictures do not hang on the clock, so they are rendered
+and judged on every core. Then every point is launched once, and what that shows to be far from every front
+(`beaten`) is left at this one launch; the others are timed anew, `launches` times, interleaved.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from study.core import run
+from study.core.registry import Scene, Spec
+from study.core.run import DriverError
+from study.experiments.accuracy import measure as accuracy
+from study.experiments.pareto.fronts import BASE, FACTOR, MEASURES, TRUTHS, WITHIN, Row, badness
+from study.experiments.sweep import rungs
+from study.numbers import stats
+from study.pictures import images
+from study.truth import truth
+
+LONG = 0.25  # s; a frame longer than that warms itself up (scripts/sweep.py --long)
+
+HIT_DISTANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+STEPS = (64, 256, 3000)
+# Precision is the phase's own; these ablations switch an approximation of the root.
+SWITCHES = (
+    "opt2+fast_root_1",
+    "opt2+fast_root_2",
+    "opt2+fast_root_3",
+    "opt4+rsqrt",
+    "opt4+rsqrt_newton",
+)
+HEIGHTS = (90, 80, 72, 64, 56, 48, 40, 32)  # of which the first that fits the time is taken
+TRIAL = 24  # height of the frames that say how long all takes
+START = 0.06  # s of a launch besides its frame
+TRUTH = 12  # core seconds of a fractal's truth per second of the slowest phase
+JUDGE = 0.1  # s of holding a picture of HEIGHTS[0] against truth's
+
+
+@dataclass(frozen=True)
+class Point:
+    """A program and the two march parameters it is given."""
+
+    scene: str
+    spec: Spec
+    hit_distance: float
+    max_steps: int
+
+    @property
+    def march(self) -> dict[str, Any]:
+        return {"hit_distance": self.hit_distance, "max_steps": self.max_steps}
+
+    def __str__(self) -> str:
+        return f"{self.spec} at {self.hit_distance:g}, {self.max_steps} steps"
+
+
+def own(scene: Scene) -> tuple[float, int]:
+    """The scene's own hit distance and step cap."""
+    march = scene.data["march"]
+    return float(march["hit_distance"]), int(march["max_steps"])
+
+
+def grid(
+    scene: Scene, specs: Sequence[Spec], distances: Iterable[float], steps: Iterable[int]
+) -> list[Point]:
+    """All points of a scene, switches like phases; the scene's own parameters are always among them."""
+    mine = own(scene)
+    pairs = {(d, s) for d in {mine[0], *distances} for s in {mine[1], *steps}}
+    return [Point(scene.name, spec, *pair) for spec in specs for pair in sorted(pairs, reverse=True)]
+
+
+def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folder: Path) -> Row:
+    """Errors of the point's picture against truth's, and the evaluations of its camera rays.
+
+    Fractals: `exact` is converged only, so PSNR is that of 4 × 4 averaged pictures of `height`, and hits are
+    not judged. Raises DriverError.
+    """
+    factor = FACTOR if scene.fractal else 1
+    out = folder / f"{scene.name}-{point.spec}-{point.hit_distance:g}-{point.max_steps}.exr"
+    width, _ = scene.size(height)
+    said = run.render(
+        point.spec, scene.path, height * factor, width * factor, aov=True, out=out, **point.march
+    )
+    made = images.read(out)
+    out.unlink()
+    found: Row = {
+        "threads": said["threads"],
+        "evals_per_ray": float(np.mean(made["evals"], dtype=np.float64)),
+        "non_finite": images.non_finite(made),
+    }
+    metrics = accuracy.metrics(exact, made, fractal=scene.fractal)
+    if scene.fractal:
+        found |= {name: metrics["antialiased"][name] for name in TRUTHS}
+        return found | {"depth_agree_fraction": metrics["depth_agree_fraction"]}
+    names = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", *TRUTHS)
+    found |= {name: metrics[name] for name in names}
+    return found | {"false_ppm": found["false_hits_ppm"] + found["false_misses_ppm"]}
+
+
+def evaluations(point: Point, scene: Scene, height: int) -> float | None:
+    """Evaluations of the scene's distance per pixel, of all rays and normals, by the counting build.
+
+    Of lanes at work only. None for a phase that counts no `sdf`, or that cannot be counted here. A Mandelbulb
+    that is marched without `sdf` counts by its own estimates, of which each `sdf` of such a scene has one.
+    """
+    size = height, scene.size(height)[0]
+    try:
+        said = run.render(point.spec, scene.path, *size, target="render-count", timed=False, **point.march)
+    except DriverError:
+        return None
+    counted = said["by_function"]
+    lanes = [counted[name]["lanes"] for name in ("sdf", *rungs.ESTIMATES) if name in counted]
+    return max(lanes) / (size[0] * size[1]) if lanes else None
+
+
+def judge(
+    points: Sequence[Point], scene: Scene, height: int, folder: Path
+) -> tuple[dict[Point, Row], list[Row]]:
+    """Errors of every point, on every core; and what was refused, with its reason."""
+    factor = FACTOR if scene.fractal else 1
+    width, _ = scene.size(height)
+    exact = truth.picture(scene, (width * factor, height * factor))
+
+    def one(point: Point) -> Row | DriverError:
+        try:
+            return errors(point, scene, height, exact, folder)
+        except DriverError as error:
+            return error
+
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        about = tqdm(pool.map(one, points), f"errors {scene.name}", len(points), leave=False, disable=None)
+        made = dict(zip(points, about, strict=True))
+    skipped = [
+        {"phase": str(point.spec), "scene": scene.name, "reason": error.message}
+        for point, error in made.items()
+        if isinstance(error, DriverError)
+    ]
+    return {point: row for point, row in made.items() if not isinstance(row, DriverError)}, skipped
+
+
+def count(points: Sequence[Point], scene: Scene, height: int) -> dict[Point, float | None]:
+    """`evaluations` of every point, on every core."""
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        made = pool.map(lambda point: evaluations(point, scene, height), points)
+        about = tqdm(made, f"count {scene.name}", len(points), leave=False, disable=None)
+        return dict(zip(points, about, strict=True))
+
+
+def measure(
+    points: Sequence[Point],
+    scene: Scene,
+    height: int,
+    launches: int,
+    seed: int,
+    cpu: int,
+    warm: Collection[Point] = (),
+) -> dict[Point, list[float]]:
+    """Nanoseconds of one frame per process launch, every point once a round in random order; one thread.
+
+    Points of `warm` draw a frame before it.
+    """
+    width, _ = scene.size(height)
+
+    def once(point: Point, padding: int) -> float:
+        how = {"cpu": cpu, "env_bytes": padding, "warmup": int(point in warm)}
+        made = run.frames(point.spec, scene.path, height, width, **how, **point.march)
+        with contextlib.closing(made):
+            (frame,) = (one for one in made if not one["warmup"])
+        return float(frame["ns"])
+
+    return run.interleaved(points, launches, seed, cpu, once, f"time {scene.name}")
+
+
+def beaten(found: Mapping[Point, Row], once: Mapping[Point, float]) -> dict[Point, dict[str, Point]]:
+    """Points that can be on no front, each with who beats it by measure.
+
+    Beaten by a measure is what another point, of at most its error, undercuts WITHIN times in one launch. It
+    must be so by every measure that has a figure; a picture that is not finite, or without any figure, is on
+    no front and needs nobody.
+    """
+    bad = {m: {p: badness(row, m) for p, row in found.items()} for m in MEASURES}
+    out = {}
+    for point in found:
+        by: dict[str, Point] = {}
+        for measure, values in bad.items():
+            if math.isnan(values[point]):
+                continue
+            faster = (p for p in found if values[p] <= values[point] and WITHIN * once[p] < once[point])
+            if (rival := min(faster, key=once.__getitem__, default=None)) is None:
+                break
+            by[measure] = rival
+        else:
+            out[point] = by
+    return out
+
+
+def study_scene(
+    scene: Scene,
+    points: Sequence[Point],
+    heights: tuple[int, int],
+    launches: int,
+    seed: int,
+    cpu: int,
+    folder: Path,
+) -> tuple[list[Row], list[Row]]:
+    """Rows of a scene, and what could not be had with its reason. `heights`: timed; of averaged fractals."""
+    height = heights[0]
+    found, skipped = judge(points, scene, heights[1] if scene.fractal else height, folder)
+    once = measure(list(found), scene, height, 1, seed, cpu)
+    out = beaten(found, {point: times[0] for point, times in once.items()})
+    # The scene's own parameters are what every phase is compared at: always timed in full.
+    chosen = [p for p in found if p not in out or (p.hit_distance, p.max_steps) == own(scene)]
+    # A first frame is up to 1.6 times a steady one, where that is short.
+    warm = {point for point in chosen if once[point][0] < LONG * 1e9}
+    times = once | measure(chosen, scene, height, launches, seed + 1, cpu, warm)
+    counted = count(chosen, scene, height)
+    base = times.get(Point(scene.name, Spec.parse(BASE), *own(scene)))
+    width, _ = scene.size(height)
+    pixels = width * height
+    return [
+        {
+            **{"scene": scene.name, "phase": str(point.spec), "n": height, **point.march},
+            "own_parameters": (point.hit_distance, point.max_steps) == own(scene),
+            "converged_only": scene.fractal,
+            "beaten_by": None if point in chosen else {m: str(by) for m, by in out[point].items()},
+            "ns_per_pixel": (pace := stats.median_interval([ns / pixels for ns in times[point]])),
+            "speedup": stats.ratio_interval(base, times[point]) if base else None,
+            **metrics,
+            "evals_per_pixel": (evals := counted.get(point)),
+            "ns_per_eval": pace.value / evals if evals else None,
+        }
+        for point, metrics in found.items()
+    ], skipped
+
+
+def trial(specs: Sequence[Spec], scenes: Sequence[Scene]) -> dict[tuple[Spec, str], float]:
+    """Seconds of one small frame of each program, by its scene; what is refused has none."""
+    found = {}
+    for scene in tqdm(scenes, "trial", leave=False, disable=None):
+        for spec in specs:
+            with contextlib.suppress(DriverError):
+                said = run.render(spec, scene.path, TRIAL, scene.size(TRIAL)[0])
+                found[spec, scene.name] = said["frames"][0]["ns"] * 1e-9
+    return found
+
+
+def estimate(
+    frames: Mapping[tuple[Spec, str], float],
+    scenes: Sequence[Scene],
+    counts: Mapping[str, int],
+    heights: tuple[int, int],
+    launches: int,
+) -> float:
+    """Seconds that `study_scene` will take of all scenes. `counts`: points of one program by scene.
+
+    Its points march less than the scene's own, so that this is rather too long; rounds of what stays in the
+    running are taken for those of one point in five, launched at the price of the average frame's half.
+    """
+    total = 0.0
+    cores = len(os.sched_getaffinity(0))
+    for scene in scenes:
+        mine = [s * (heights[0] / TRIAL) ** 2 for (_, name), s in frames.items() if name == scene.name]
+        points, mean = counts[scene.name] * len(mine), sum(mine) / max(len(mine), 1)
+        bigger = (FACTOR * heights[1] / heights[0]) ** 2 if scene.fractal else 1
+        size = scene.size(heights[1] * FACTOR if scene.fractal else heights[0])
+        if mine and scene.fractal and not truth.path_of(scene, size).exists():
+            total += TRUTH * max(mine) * bigger / cores
+        judged = JUDGE * bigger * (heights[0] / HEIGHTS[0]) ** 2
+        total += points * (mean * bigger + START + judged) / cores
+        total += points * (mean + START) + launches * points / 5 * (mean / 2 + START)
+    return total

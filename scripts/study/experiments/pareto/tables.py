@@ -1,0 +1,277 @@
+"""The figures and the tables of speed against error, made from pareto.json alone."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator
+
+from study.core import machine, registry, show
+from study.core.show import Column
+from study.experiments.pareto import fronts as pareto
+from study.experiments.pareto.fronts import Row
+from study.numbers import paper
+from study.pictures import labels
+from study.pictures.draw import legend, look, panels, plain_log
+
+TOP = 120  # dB: what is nearer is drawn here; floats of a colour near 1 hold no more than 150
+PAPER = {"marker": "*", "s": 170, "color": "#d62728", "edgecolor": "black", "zorder": 6}
+# Names of the files; the first is the headline.
+FIGURES = {
+    "psnr_db": "pareto",
+    "psnr_ideal_db": "pareto-ideal",
+    "false_ppm": "pareto-hits",
+    "dt_p99": "pareto-distance",
+}
+FIRST = next(iter(FIGURES))
+
+
+def paper_point(scene: str, rows: Sequence[Row]) -> tuple[float, float] | None:
+    """(ns/pixel, dB) of the paper's opt4: baseline's time here over its program's speed-up, run again.
+
+    Its error is against its own baseline at n = 720, of linear values as the axis.
+    """
+    base = [r for r in rows if r["phase"] == pareto.BASE and r["own_parameters"]]
+    theirs = paper.ladder().set_index(["scene", "phase"])
+    if not base or (scene, "opt4") not in theirs.index:
+        return None
+    row = theirs.loc[(scene, "opt4")]
+    return pareto.pace_of(base[0]) / row["rerun"], row["rerun_psnr_db"]
+
+
+def _height(row: Row, measure: str) -> float:
+    """Where a row is drawn: decibels no higher than TOP, other errors as they are."""
+    bad = pareto.badness(row, measure)
+    return min(-bad, TOP) if measure in pareto.TRUTHS else bad
+
+
+def _scatter(axes: Axes, rows: Sequence[Row], measure: str, **style: Any) -> None:
+    axes.scatter([pareto.pace_of(r) for r in rows], [_height(r, measure) for r in rows], **style)
+
+
+def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
+    """One program's: its mark with the scene's own parameters, dots of its colour with others.
+
+    Dots are faint where launched once. A mark that is hollow has a word beside it: which root.
+    """
+    hollow = "+" in name
+    once = [r for r in rows if not pareto.timed(r)]
+    full = [r for r in rows if pareto.timed(r) and not r["own_parameters"]]
+    mine = [r for r in rows if pareto.timed(r) and r["own_parameters"]]
+    dot = {"marker": "o", "s": 12, "linewidth": 0.0, "color": style["color"]}
+    _scatter(axes, once, measure, alpha=0.25, zorder=2, **dot)
+    _scatter(axes, full, measure, alpha=0.9, zorder=4, **dot)
+    mark = {"marker": style["marker"], "facecolor": "white" if hollow else style["color"]}
+    mark["edgecolor"] = style["color"] if hollow else "black"
+    base, _, word = name.partition("+")
+    # Two switches of a phase have one mark, and one line of the legend: a word beside each.
+    label = f"{base} with an approximated root" if hollow else name
+    _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
+    for row in mine if hollow and measure == FIRST else ():
+        labels.name(axes, pareto.pace_of(row), _height(row, measure), word, style["color"], 7)
+
+
+def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
+    """Up is nearer: an error that is better when smaller goes down the axis; zeros have a place."""
+    if measure in pareto.TRUTHS:
+        axes.yaxis.set_major_locator(FixedLocator(range(0, TOP + 1, 20)))
+        axes.set_ylim(0, TOP + 6)
+        return
+    least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
+    decade = 10.0 ** math.floor(math.log10(least))  # from here down to 0 the axis is linear
+    axes.set_yscale("symlog", linthresh=decade)
+    axes.set_ylim(2 * max([decade, *(_height(r, measure) for r in rows)]), -decade / 2)
+
+
+def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dict) -> None:
+    names = list(dict.fromkeys(r["phase"] for r in rows))
+    for name in names:
+        points = [r for r in rows if r["phase"] == name]
+        _points(axes, points, measure, name, looks[name.partition("+")[0], 1])
+    line = pareto.front(rows, measure)
+    axes.plot(
+        [pareto.pace_of(r) for r in line],
+        [_height(r, measure) for r in line],
+        color="#555555",
+        linewidth=1.2,
+        drawstyle="steps-post",
+        zorder=3,
+        label="front: nothing is both faster and nearer",
+    )
+    if measure == FIRST and (there := paper_point(scene, rows)):
+        axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
+    fractal = any(r["converged_only"] for r in rows)
+    axes.set_title(f"{scene} (4×4 means)" if fractal else scene)
+    axes.set(xscale="log", xlabel="time, ns per pixel", ylabel=pareto.MEASURES[measure])
+    plain_log(axes.xaxis)
+    _vertical(axes, measure, rows)
+
+
+def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
+    """A panel per scene, all of one scale: ns per pixel against an error to truth.
+
+    Marks: the scene's own parameters; dots: others.
+    """
+    frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
+    # A switch looks like its phase, drawn hollow: the shape says which rung it stands on.
+    looks = look(frame.assign(phase=frame["phase"].str.partition("+")[0]))
+    made, grid = panels(frame, 4.2, 5.4)
+    title = "Speed against error: left is faster, up is nearer to the exact picture (truth)"
+    # over one panel it would go on into the legend beside it
+    lines = textwrap.wrap(title, 60) if len(grid) == 1 else [title]
+    made.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12)
+    paces = [pareto.pace_of(r) for r in rows if pareto.pace_of(r) > 0]
+    for scene, axes in grid.items():
+        mine = [r for r in rows if r["scene"] == scene and not math.isnan(pareto.badness(r, measure))]
+        if measure in pareto.TRUTHS:
+            mine = [r for r in mine if _height(r, measure) > 0]
+        _panel(axes, scene, mine, measure, looks)
+        axes.set_xlim(min(paces) / 1.5, max(paces) * 1.5)
+    dots = {"marker": "o", "markersize": 4, "color": "#555555", "linestyle": "none"}
+    kinds = {"a rung by other hit distances, step caps": 0.9, "the same, timed by one launch only": 0.25}
+    legend(
+        made, grid, tuple(Line2D([], [], label=text, alpha=alpha, **dots) for text, alpha in kinds.items())
+    )
+    return made
+
+
+ABOUT = {  # of one figure alone
+    "psnr_db": "Levels over 50 dB hang on single pixels at edges, and so on n (scene0, opt4: 105 dB at "
+    "n = 90, 54.5 at n = 180, where two pixels of the cone's rim have a normal differenced across it). The "
+    "star is the paper's program run again: baseline's time here over its speed-up, its error against its "
+    "own baseline at n = 720 (linear).",
+    "dt_p99": "|Δt| is over the pixels that both pictures hit: a small step cap, which loses the hardest of "
+    "them as false misses, looks near by it.",
+}
+
+
+def _unfinished(result: dict[str, Any]) -> str:
+    left = ", ".join(result.get("unfinished") or ())
+    return f"The run ended before {left}. " if left else ""
+
+
+def note(result: dict[str, Any], measure: str = FIRST) -> str:
+    cpu = machine.name(result.get("context"))
+    averaged = result.get("antialias_n", result["n"])
+    return (
+        f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches on one thread, also "
+        "of phases that could use more: equal resources. Marks: a rung by the scene's parameters; dots: by "
+        "other hit distances and step caps, in its colour; hollow: an approximated root"
+        f"{', named beside it' if measure == FIRST else ''}. "
+        f"{pareto.left_out(result.get('rows', ()))} {_unfinished(result)}"
+        "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the "
+        "Mandelbulb's, in double-double (104 bits, about 31 digits), is converged only, by the scene's own "
+        f"hit distance and steps, and pictures of it are judged as 4 × 4 averages at n = {averaged}. "
+        f"{ABOUT.get(measure, '')}"
+    ).strip()
+
+
+def _decibels(name: str):
+    def text(row: Row) -> str:
+        if name not in row:
+            return show.NOTHING
+        level = pareto.level_of(row, name)
+        if row["non_finite"] and not math.isfinite(level):
+            return "not finite"
+        return "∞" if level == math.inf else show.number(level)
+
+    return text
+
+
+def _ns(row: Row) -> str:
+    pace = row["ns_per_pixel"]
+    flat = {"p": pace["value"], "p_low": pace["low"], "p_high": pace["high"]}
+    return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "p")
+
+
+def _timed(row: Row) -> str:
+    """How often a point was launched, and where once only, what beats it by the first of its measures."""
+    launches = row["ns_per_pixel"].get("launches")
+    if pareto.timed(row):
+        return show.NOTHING if launches is None else f"{launches} launches"
+    by = next(iter(row["beaten_by"].values()), None)
+    return f"once: beaten by {by}" if by else "once: no figure to stand on a front with"
+
+
+def _level(level: int) -> Column:
+    def text(row: Row) -> str:
+        winner = row[level]
+        if not winner["best"]:
+            return "none"
+        near = [name for name in winner["not_told_apart_from"] if "by other parameters" not in name]
+        others = f"; or {', '.join(near)}" if near else ""
+        return f"{winner['best']['phase']} {_ns(winner['best'])}{others}"
+
+    return Column("fastest of at least this PSNR, ns/pixel", f"{level} dB [95 %]", text)
+
+
+def by_level(winners: Sequence[Row]) -> list[Row]:
+    """Winners as a row per scene and truth, with the winner of each level."""
+    found: dict[tuple[str, str], Row] = {}
+    for winner in winners:
+        place = winner["scene"], winner["truth"]
+        row = found.setdefault(place, {"scene": place[0], "truth": place[1]})
+        row[winner["level_db"]] = winner
+    return list(found.values())
+
+
+LEVELS = [
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "against", lambda r: r["truth"]),
+    *map(_level, pareto.LEVELS),
+]
+
+
+def _of_camera_rays(row: Row) -> str:
+    """None of a program with closed forms: the 1 for each of its camera rays is no count."""
+    return show.NOTHING if registry.is_exact(row["phase"]) else show.number(row["evals_per_ray"])
+
+
+def _counted(key: str) -> Callable[[Row], str]:
+    """An older file has none of a Mandelbulb's own estimates: 0.1 a pixel beside 85 steps of a camera ray."""
+    return lambda r: show.number(
+        r.get(key) if 10 * (r.get("evals_per_pixel") or 0) >= (r["evals_per_ray"] or 0) else None
+    )
+
+
+def _of_evaluations(row: Row) -> str:
+    """Time per evaluation; none of a program with closed forms: evaluations are not all of its work."""
+    return show.NOTHING if registry.is_exact(row["phase"]) else _counted("ns_per_eval")(row)
+
+
+POINTS = [
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "program", lambda r: r["phase"]),
+    Column("", "hit distance", lambda r: f"{r['hit_distance']:g}"),
+    Column("", "step cap", lambda r: str(r["max_steps"])),
+    Column("", "ns/pixel [95 %]", _ns),
+    Column("work", "evaluations per camera ray", _of_camera_rays),
+    Column("work", "per pixel, all rays and normals", _counted("evals_per_pixel")),
+    Column("work", "ns per evaluation", _of_evaluations),
+    Column("error to truth", "false hits, ppm", lambda r: show.number(r.get("false_hits_ppm"))),
+    Column("error to truth", "false misses, ppm", lambda r: show.number(r.get("false_misses_ppm"))),
+    Column("error to truth", "|Δt| p99", lambda r: show.number(r.get("dt_p99"))),
+    Column("error to truth", "PSNR dB, estimator", _decibels("psnr_db")),
+    Column("error to truth", "PSNR dB, ideal", _decibels("psnr_ideal_db")),
+    Column("", "timed", _timed),
+]
+WINNERS = [
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "truth", lambda r: r["truth"]),
+    Column("", "at least, dB", lambda r: str(r["level_db"])),
+    Column("", "fastest", lambda r: r["best"]["phase"] if r["best"] else "none reaches it"),
+    Column("", "ns/pixel [95 %]", lambda r: _ns(r["best"]) if r["best"] else show.NOTHING),
+    Column(
+        "", "not told apart from", lambda r: ", ".join(r.get("not_told_apart_from") or ()) or show.NOTHING
+    ),
+    Column("", "hit distance", lambda r: f"{r['best']['hit_distance']:g}" if r["best"] else show.NOTHING),
+    Column("", "step cap", lambda r: str(r["best"]["max_steps"]) if r["best"] else show.NOTHING),
+    Column("", "its PSNR, dB", lambda r: _decibels(r["metric"])(r["best"]) if r["best"] else show.NOTHING),
+]

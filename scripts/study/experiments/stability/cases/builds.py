@@ -1,0 +1,48 @@
+"""The same phase, built otherwise: other compilers, other rounding. Each in a folder of its own.
+
+Kept apart from the phases' own flags: they are for asking what a phase's arithmetic stands.
+"""
+
+from __future__ import annotations
+
+import shutil
+
+from study.core import registry
+from study.experiments.stability.cases.phase import Phase
+
+
+def _made(phase: Phase, make: tuple[str, ...], folder: str) -> Phase | None:
+    if make[0] == "CC=gcc" and registry.find_phase(phase.name).embedded:
+        return None  # what it compiles where it runs has flags of its own; the rest is its parent's code
+    if not shutil.which(make[0].removeprefix("CC=")):
+        return None
+    return Phase(phase.name, make, folder, phase.time_limit)
+
+
+def flushing(phase: Phase) -> Phase | None:
+    """gcc, denormals flushed to zero. This and the others: None where the compiler is not installed.
+
+    The phase's own objects, linked so that gcc's start-up code has the CPU do so (FTZ, DAZ).
+    """
+    if not shutil.which("gcc"):
+        return None
+    return Phase(phase.name, phase.make, phase.folder, phase.time_limit, "render-ftz")
+
+
+def fast_math(phase: Phase) -> Phase | None:
+    """gcc -ffast-math: no NaN, no infinity, no denormal, any order of operations; the phase's other flags.
+    None, as of contracted(), also of a phase that compiles itself: its parent is asked.
+    """
+    return _made(phase, ("CC=gcc", "SANITIZERS=-ffast-math"), "build/hard-fast")
+
+
+def contracted(phase: Phase) -> Phase | None:
+    """gcc, which may fuse every multiplication with the addition after it; None also on a CPU without FMA."""
+    if "fma" not in registry.cpu_flags():
+        return None
+    return _made(phase, ("CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"), "build/hard-fma")
+
+
+def clang(phase: Phase) -> Phase | None:
+    """clang with the phase's own flags."""
+    return _made(phase, ("CC=clang",), "build/clang")

@@ -1,0 +1,172 @@
+"""What a hard case sees of a phase: pictures and distances of scenes that are given as dicts.
+
+Each program run has a time limit; running out of it, being killed by a signal and refusing the scene are told
+apart, since a phase may do the last and neither of the others.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import build, registry
+from study.core.cli import StudyError
+from study.core.run import NO_ISA, UNSUPPORTED, UNTIMED
+from study.pictures import images
+from study.pictures.images import Picture
+
+# No case takes a second where nothing goes wrong; the rest is for sanitized programs on busy machines.
+TIME_LIMIT = 30.0  # s
+
+
+class Hung(Exception):
+    """The program was still running at the time limit, and was killed."""
+
+
+class Crashed(Exception):
+    """The program was killed by a signal, a sanitizer or its own complaint of a scene that is sound."""
+
+
+class Refused(Exception):
+    """The phase says that it does not render such a scene, or not on this CPU."""
+
+
+@dataclass
+class Phase:
+    """A phase, as built by make (`make`: its settings, with another folder: CC=clang BUILD=build/clang).
+
+    `non_finite` counts over all pictures rendered through this object, so a measurement takes a new one.
+    """
+
+    name: str  # opt4, or opt2@opt4
+    make: tuple[str, ...] = ()
+    folder: str = "build"
+    time_limit: float = TIME_LIMIT  # s
+    renderer: str = "render"  # the target that draws
+    non_finite: int = field(default=0, compare=False)
+    renders: int = field(default=0, compare=False)
+
+    @property
+    def precision(self) -> str:
+        """float or double, as phase.json declares it: for texts, never to widen a limit."""
+        return registry.find_phase(self.name.partition("@")[0]).precision
+
+    def program(self, target: str = "render") -> Path:
+        """A copy of FOLDER/NAME/TARGET, brought up to date and copied once per process.
+
+        A copy, since another make that comes in between would take the program from under the measurement.
+        """
+        with _one_at_a_time:  # two makes of one folder would write the same files
+            return _copy(self.name, target, self.folder, self.make)
+
+    def execute(
+        self, arguments: Sequence[str | Path], stdin: bytes = b"", env: dict[str, str] | None = None
+    ) -> subprocess.CompletedProcess[bytes]:
+        """Run a program to its end, whatever its exit status. Raises Hung, or Crashed for a signal."""
+        command = [str(word) for word in arguments]
+        try:
+            done = subprocess.run(
+                command,
+                input=stdin,
+                capture_output=True,
+                timeout=self.time_limit,
+                env=os.environ | {UNTIMED: "1"} | (env or {}),
+            )
+        except subprocess.TimeoutExpired:
+            raise Hung(f"not done after {self.time_limit:g} s") from None
+        if done.returncode < 0:
+            raise Crashed(f"killed by {signal.Signals(-done.returncode).name}")
+        return done
+
+    def render(self, scene: dict, size: tuple[int, int], aov: bool = True, **overrides: float) -> Picture:
+        """The picture of `size` (width, height), float32 planes of (height, width) by channel name.
+
+        Overrides: hit_distance and max_steps, the driver's options; everything else is the scene's.
+        Samples that are not finite are counted, not refused.
+        """
+        with tempfile.TemporaryDirectory(prefix="stepwise-hard-") as folder:
+            path, out = Path(folder, "scene.json"), Path(folder, "picture.exr")
+            path.write_text(json.dumps(scene), encoding="utf-8")
+            command = [self.program(self.renderer), path, "-n", str(size[1]), "-w", str(size[0]), "-o", out]
+            for name, value in overrides.items():
+                command += ["--" + name.replace("_", "-"), repr(value)]
+            self._checked(self.execute([*command, "--aov"] if aov else command))
+            picture = images.read(out)
+        self.renders += 1
+        self.non_finite += images.non_finite(picture)
+        return picture
+
+    def probe(self, scene: dict, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distance (scene units) and index of the nearest shape at each point of (count, 3).
+
+        In the arithmetic of the phase's march. The probe does not ask whether the phase supports the scene.
+        """
+        raw = np.ascontiguousarray(points, "<f8").tobytes()
+        with tempfile.TemporaryDirectory(prefix="stepwise-hard-") as folder:
+            path = Path(folder, "scene.json")
+            path.write_text(json.dumps(scene), encoding="utf-8")
+            done = self.execute([self.program("probe"), path], stdin=raw)
+            self._checked(done)
+        pairs = np.frombuffer(done.stdout, "<f8").reshape(-1, 2)
+        if len(pairs) != len(points):
+            raise Crashed(f"{len(pairs)} distances for {len(points)} points")
+        self.non_finite += int((~np.isfinite(pairs[:, 0])).sum())
+        return pairs[:, 0].copy(), pairs[:, 1].astype(int)
+
+    def distances(self, scene: dict, points: np.ndarray) -> np.ndarray:
+        """`probe` without the shapes."""
+        return self.probe(scene, points)[0]
+
+    @staticmethod
+    def _checked(done: subprocess.CompletedProcess[Any]) -> None:
+        if done.returncode == 0:
+            return
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        said = lines[-1] if lines else f"exit status {done.returncode}, without a word"
+        if done.returncode in (NO_ISA, UNSUPPORTED):
+            raise Refused(said)
+        # Status 2 is the loader's: then the case is wrong, not the phase.
+        raise StudyError(f"the scene of a hard case: {said}") if done.returncode == 2 else Crashed(said)
+
+
+_one_at_a_time = threading.RLock()
+
+
+@functools.cache
+def _copies() -> tempfile.TemporaryDirectory[str]:
+    """Where the copies are until this process ends."""
+    return tempfile.TemporaryDirectory(prefix="stepwise-hard-")
+
+
+@functools.cache
+def _copy(name: str, target: str, folder: str, make: tuple[str, ...]) -> Path:
+    made = build.build(name, target) if not make and folder == "build" else _made(name, target, folder, make)
+    copy = Path(_copies().name, folder, name, target)
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        shutil.copy2(made, copy)
+    except OSError as error:
+        raise StudyError(f"{made}: {error.strerror}") from None
+    return copy
+
+
+def _made(name: str, target: str, folder: str, make: tuple[str, ...]) -> Path:
+    path = f"{folder}/{name}/{target}"
+    command = ["make", "-s", "-C", str(registry.ROOT), f"BUILD={folder}", *make, path]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        said = [line for line in done.stderr.splitlines() if "error" in line] or ["make failed"]
+        raise StudyError(f"{path} does not build: {said[0].strip()}")
+    return registry.ROOT / path

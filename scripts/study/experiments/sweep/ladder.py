@@ -1,0 +1,193 @@
+"""The ladder as rows: one per configuration, each speed with its interval, its bases and its error."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from study.core.registry import arithmetic_flags
+from study.experiments.accuracy import measure as accuracy
+from study.numbers import paper, stats
+from study.numbers.analysis import Cell, Data, described
+from study.numbers.stats import Interval
+
+BASE, SAME_FLAGS = "baseline", "opt2"  # what speed-ups are over
+ERRORS = (
+    "identical",
+    "non_finite",
+    "psnr_db",
+    "psnr_display_db",
+    "rmse",
+    "fraction_over_1_255",
+    "fraction_over_1_255_display",
+    "mask_mismatch_ppm",
+    "id_mismatch_ppm",
+    "dt_p99",
+    "dt_max",
+    "depth_agree_fraction",
+    "flip_mean",
+    "antialiased_psnr_db",
+    "antialiased_fraction_over_1_255",
+)
+
+
+def error_of(data: Data, cell: Cell) -> dict[str, Any]:
+    """The pair of verify.json that judges the cell's phase against baseline: same size, else the largest.
+
+    Columns: ERRORS, failed, error_width and error_height (pixels), within_tolerance (True, False or None),
+    left_to (the script that judges it instead), is_reference. None where nothing was verified.
+    """
+    subject = (cell.spec, BASE, cell.scene)
+    pairs = [p for p in data.pairs if (p.get("phase"), p.get("reference"), p.get("scene")) == subject]
+    size = (cell.width, cell.height)
+    pair = max(pairs, key=lambda p: ((p["width"], p["height"]) == size, p["height"]), default={})
+    left = bool(pair.get("left_to")) and pair.get("within_tolerance") is None
+    return {
+        **{name: pair.get(name) for name in (*ERRORS, "failed")},
+        "error_width": pair.get("width"),
+        "error_height": pair.get("height"),
+        "within_tolerance": None if not pair or left else bool(pair.get("within_tolerance")),
+        "left_to": pair.get("left_to") if left else None,
+        "is_reference": cell.spec == BASE,
+    }
+
+
+TRUTH = ("psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99")  # of accuracy.json, to truth
+
+
+def truth_errors(data: Data) -> pd.DataFrame:
+    """What accuracy.json has of each (scene, phase), columns truth_…; PSNR of a fractal is the averaged one.
+
+    `truth_wrong_ppm`: false hits, false misses and wrong shapes together, NaN where none could be proved.
+    """
+    made = []
+    for row in accuracy.read(data.path)["rows"]:
+        colours = row["antialiased"] if row["converged_only"] else row
+        wrong = sum(row[name] for name in ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm"))
+        made.append(
+            {
+                "scene": row["scene"],
+                "phase": row["phase"],
+                **{f"truth_{name}": colours.get(name, row.get(name)) for name in TRUTH},
+                "truth_wrong_ppm": wrong,
+                "truth_converged_only": row["converged_only"],
+                "truth_height": row["height"],
+            }
+        )
+    names = [f"truth_{name}" for name in (*TRUTH, "wrong_ppm", "converged_only", "height")]
+    return pd.DataFrame(made, columns=["scene", "phase", *names])
+
+
+def _spread(name: str, interval: Interval | None, scale: float = 1) -> dict[str, float]:
+    """Value and interval as three columns in a unit of `scale`; no interval: NaN ends."""
+    if interval is None:
+        return {name: math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
+    return {
+        name: interval.value / scale,
+        f"{name}_low": interval.low / scale,
+        f"{name}_high": interval.high / scale,
+    }
+
+
+def _flags(data: Data, cell: Cell) -> str:
+    """What the compiler was told that changes arithmetic; of a phase with variants what all of them share."""
+    about = described(data.plan).get(cell.spec.partition("@")[0], {})
+    return arithmetic_flags(cell.facts["flags"] or "", about.get("variants") or ())
+
+
+def _compiling(cell: Cell) -> float:
+    """ms of the launch that compiled longest, 0: the kernel was found; NaN: nothing is generated."""
+    return cell.values.get("kernel_compile_ns", pd.Series([math.nan], dtype=float)).max() / 1e6
+
+
+def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
+    alike = (cell.scene, cell.height, cell.width)
+    base = data.cell(alike[0], BASE, *alike[1:])
+    same = next(
+        (
+            c
+            for c in data.cells
+            if (c.scene, c.height, c.width) == alike
+            and c.threads == 1
+            and c.spec.partition("@")[0] == SAME_FLAGS
+            and _flags(data, c) == _flags(data, cell)
+        ),
+        None,
+    )
+    one = data.cell(cell.scene, cell.spec, cell.height, cell.width) if cell.threads > 1 else None
+    ns = cell.median("ns")
+    return {
+        "scene": cell.scene,
+        "width": cell.width,
+        "height": cell.height,
+        "headline": headline,
+        "phase": cell.spec,
+        "threads": cell.threads,
+        **cell.facts,
+        "launches": ns.launches,
+        "frames_a_launch": int(cell.values["frames"].median()),
+        "interval": "95 %" if ns.sufficient else "insufficient",
+        **_spread("ms", ns, 1e6),
+        "ms_least": cell.values["ns"].min() / 1e6,
+        **_spread("ns_per_pixel", ns, cell.pixels),
+        "tsc_cycles": cell.median("tsc_cycles").value,
+        **_spread("core_cycles_per_pixel", cell.median("core_cycles"), cell.pixels),
+        "tsc_hz": cell.median("tsc_hz").value,
+        "core_hz": cell.median("core_hz").value,
+        "core_hz_load": cell.median("core_hz_load").value if "core_hz_load" in cell.values else math.nan,
+        "speedup_base": base.spec if base else None,
+        **_spread("speedup", base and cell.over(base)),
+        **_spread("over_one_thread", one and cell.over(one)),
+        "same_flags_base": same.spec if same else None,
+        **_spread("speedup_same_flags", same and cell.over(same)),
+        "setup_ms": cell.median("prepare_ns").value / 1e6,
+        "compile_ms": _compiling(cell),
+        **_spread("setup_first_ms", cell.median("setup_first_ns"), 1e6),
+        "present_ms": cell.median("present_ns").value / 1e6,
+        "frames_per_s": 1e9 / cell.median("presented_ns").value,
+        **error_of(data, cell),
+    }
+
+
+def headline_size(data: Data, scene: str, height: int | None = None) -> tuple[int, int] | None:
+    """Width and height of a scene's ladder: of the given height, else of all, the size with the most
+
+    phases of enough launches, then with the most phases, then with the most pixels.
+    """
+    cells = [c for c in data.cells if c.scene == scene and height in (None, c.height)]
+    sizes = {(c.width, c.height) for c in cells}
+
+    def worth(size: tuple[int, int]) -> tuple[int, int, int]:
+        here = [c for c in cells if (c.width, c.height) == size]
+        return sum(len(c.values) >= stats.ENOUGH for c in here), len(here), size[0] * size[1]
+
+    return max(sizes, key=worth, default=None)
+
+
+def rows(data: Data, height: int | None = None) -> pd.DataFrame:
+    """One row per configuration, ordered by scene, size and rung. Units are in the names of the columns.
+
+    `headline` marks the rows of each scene's ladder. `implied`, `stated` and `rerun` are the paper's
+    speed-ups over its own baseline (study.numbers.paper.ladder), for its phases on one thread.
+    """
+    sizes = {
+        scene: headline_size(data, scene, height) for scene in dict.fromkeys(c.scene for c in data.cells)
+    }
+    made = pd.DataFrame(_row(data, c, sizes[c.scene] == (c.width, c.height)) for c in data.cells)
+    if made.empty:
+        return made
+    theirs = paper.ladder().rename(columns={"cycles_per_pixel": "paper_cycles_per_pixel"})
+    made = made.merge(theirs, how="left", on=["scene", "phase"])
+    made = made.merge(truth_errors(data), how="left", on=["scene", "phase"])
+    made.loc[made["threads"] > 1, [c for c in theirs if c not in ("scene", "phase")]] = np.nan
+    return made
+
+
+def ladders(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Scene → its headline rows, in order of rungs."""
+    if table.empty:
+        return {}
+    return {scene: group for scene, group in table[table["headline"]].groupby("scene", sort=False)}

@@ -1,0 +1,138 @@
+"""One row per configuration of a run: times with intervals, and speed-ups against both bases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from study.core.cli import StudyError
+from study.core.registry import arithmetic_flags, phases
+from study.numbers import stats
+
+BASE, SECOND_BASE = "baseline", "opt2"
+SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
+SPEED += [("launches", "launches"), ("ms", "median ms [95 %]"), ("ns_per_pixel", "ns/pixel [95 %]")]
+SPEED += [("tsc_cycles", "TSC cycles"), ("core_cycles_per_pixel", "core cycles/pixel")]
+SPEED += [("speedup", f"× {BASE} [95 %]"), ("parent_speedup", "× parent [95 %]")]
+SPEED += [("second_speedup", "× second base [95 %]")]
+SPEED += [("second_base", "second base")]
+
+
+def cflags(phase: str) -> str:
+    """Flags of a phase that change its arithmetic, its name where it is no longer there (an old run)."""
+    return arithmetic_flags(phases()[phase].cflags) if phase in phases() else phase
+
+
+def second_base(row: pd.Series, specs: Sequence[str]) -> str | None:
+    """The spec of opt2 among `specs` that is built with the compiler flags of `row`, those of no variant."""
+    for spec in specs:
+        phase, _, flags_from = spec.partition("@")
+        if phase == SECOND_BASE and cflags(flags_from or phase) == cflags(row["flags_from"]):
+            return spec
+    return None
+
+
+def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows with Interval values: ms, ns_per_pixel, and the ratios base / this: speedup (baseline's time),
+    parent_speedup and second_speedup. None where the base was not timed.
+
+    A base has the same scene and size, and the same threads or else one thread.
+    """
+    values = {name: stats.launch_values(frames, name) for name in ("ns", "tsc_cycles", "core_cycles")}
+    table = values["ns"]
+    order = {name: number for number, name in enumerate(phases())}
+    found = []
+    for config, group in table.groupby("config", sort=False):
+        row = group.iloc[0]
+        pixels = row["width"] * row["height"]
+        ns = group.set_index("round")["value"]
+        same = table[(table["scene_hash"] == row["scene_hash"]) & (table["width"] == row["width"])]
+        same = same[same["height"] == row["height"]]
+
+        def speedup(base: str | None, row=row, same=same, ns=ns) -> stats.Interval | None:
+            for threads in (row["threads"], 1):
+                times = same[(same["spec"] == base) & (same["threads"] == threads)]
+                times = times.set_index("round")["value"]
+                if len(times) and base != row["spec"]:
+                    return stats.ratio_interval(times, ns)
+            return None
+
+        other, parent = second_base(row, list(same["spec"].unique())), phases().get(row["spec"])
+        tsc, core = (
+            values[name].loc[values[name]["config"] == config, "value"].median()
+            for name in ("tsc_cycles", "core_cycles")
+        )
+        found.append(
+            {
+                **{key: row[key] for key in stats.CONFIG},
+                "size": f"{row['width']}x{row['height']}",
+                "launches": len(ns),
+                "ms": stats.median_interval(ns / 1e6),
+                "ns_per_pixel": stats.median_interval(ns / pixels),
+                "tsc_cycles": tsc,
+                "core_cycles_per_pixel": core / pixels,
+                "speedup": speedup(BASE),
+                "parent_speedup": speedup(parent.parent if parent else None),
+                "second_base": other if other != row["spec"] else None,
+                "second_speedup": speedup(other),
+            }
+        )
+    return sorted(
+        found,
+        key=lambda r: (
+            r["scene"],
+            r["height"],
+            r["width"],
+            r["threads"],
+            order.get(r["phase"], 99),
+            r["spec"],
+        ),
+    )
+
+
+def indistinguishable(frames: pd.DataFrame) -> list[str]:
+    """A sentence for each pair of specs of one comparison that the launches cannot tell apart."""
+    sentences = []
+    for (scene, width, height, threads), group in stats.launch_values(frames, "ns").groupby(
+        ["scene", "width", "height", "threads"]
+    ):
+        where = f"{scene} {width}x{height}, threads {threads}"
+        times = {spec: rows.set_index("round")["value"] for spec, rows in group.groupby("spec")}
+        if min(map(len, times.values())) < stats.ENOUGH:
+            sentences.append(f"{where}: under {stats.ENOUGH} launches, so no two phases can be told apart")
+            continue
+        for a, b in stats.too_noisy(times):
+            ratio = stats.ratio_interval(times[a], times[b]).text()
+            sentences.append(f"{where}: noise hides the difference of {a} and {b} (ratio {ratio})")
+    return sentences
+
+
+def number(value: float) -> str:
+    """Four digits, without an exponent: 0.4663, 12.35, 1234, 578.8M."""
+    if abs(value) >= 1e6:
+        return f"{value / 1e6:.4g}M"
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def cell(value: Any) -> str:
+    """A table cell: intervals with their ends, numbers with four digits, nothing for None."""
+    if value is None:
+        return ""
+    if isinstance(value, stats.Interval):
+        ends = f"[{number(value.low)}, {number(value.high)}]" if value.sufficient else "insufficient"
+        return f"{number(value.value)} {ends}"
+    return number(value) if isinstance(value, (float, np.floating)) else str(value)
+
+
+def table(rows: Sequence[dict[str, Any]], columns: Sequence[tuple[str, str]]) -> str:
+    """Aligned text. `columns`: pairs of key and heading; a column that is empty everywhere is left out."""
+    if not rows:
+        raise StudyError("nothing was measured; see the notes above")
+    lists = [[heading, *(cell(row[key]) for row in rows)] for key, heading in columns]
+    lists = [cells for cells in lists if any(cells[1:])]
+    widths = [max(map(len, cells)) for cells in lists]
+    lines = (zip(line, widths, strict=True) for line in zip(*lists, strict=True))
+    return "\n".join("  ".join(text.ljust(width) for text, width in line).rstrip() for line in lines)

@@ -1,0 +1,97 @@
+"""The figures of further views, made from views.json and the thumbnails beside it alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from study.core import machine
+from study.experiments.views.gains import ends
+from study.experiments.views.measure import BASE, Row
+from study.experiments.views.views import CLEAR
+from study.numbers.stats import Interval
+
+SHEET, RATIOS = "views-sheet", "views-ratios"
+
+
+def ratios(result: Row) -> Figure:
+    """A column a rung: a mark for each view, the median of the others as a bar."""
+    found = result["rungs"]
+    figure = Figure(figsize=(max(8, 1.5 * len(found) + 2.6), 4.4), layout="constrained")
+    title = "Gain of each rung over its parent, view by view; by name: the view of least gain (scene, place)"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    axes = figure.subplots()
+    axes.axhline(1, color="#888888", linewidth=1)
+    for place, rung in enumerate(found):
+        mine = [r for r in result["rows"] if r["phase"] == rung["phase"] and r["ratio"]]
+        others, tuned = ([r for r in mine if r["tuned"] is flag] for flag in (False, True))
+        aside = place + 0.5 * (np.arange(len(others)) / max(1, len(others) - 1) - 0.5)
+        dots = {"s": 16, "color": "#56B4E9", "linewidth": 0, "zorder": 2}
+        axes.scatter(aside, [ends(r)[0] for r in others], **dots, label="" if place else "another view")
+        marks = {"s": 46, "marker": "D", "color": "#D55E00", "zorder": 3}
+        where = [place - 0.36 + 0.08 * i for i in range(len(tuned))]
+        axes.scatter(where, [ends(r)[0] for r in tuned], **marks, label="" if place else "a tuned view")
+        middle = rung["median"]
+        value = middle.value if isinstance(middle, Interval) else middle["value"]
+        axes.plot([place - 0.3, place + 0.3], [value] * 2, color="black", linewidth=2, zorder=4,
+                  label="" if place else "median of the other views")  # fmt: skip
+        if rung["worst"]:
+            text = f"{rung['worst_scene']}\n{rung['worst_view']}"
+            low = min(ends(r)[0] for r in others)
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.85}
+            under = {"textcoords": "offset points", "ha": "center", "va": "top", "bbox": box}
+            axes.annotate(text, (place, low), (0, -5), fontsize=7.5, **under)
+    axes.set_xticks(range(len(found)), [f"{r['phase']}\nover {r['parent']}" for r in found], fontsize=8.5)
+    axes.set(yscale="log", ylabel="times as fast as its parent", xlim=(-0.6, len(found) - 0.4))
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, 0.9) / (high / low) ** 0.12, max(high, 1.12))  # room for the worst one's name
+    few = high / low < 6
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 1.25, 1.5, 2, 3, 5, 7) if few else (1, 2, 5)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}×"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    return figure
+
+
+def sheet(result: Row, folder: Path) -> Figure | None:
+    """The views as they were rendered: a row per scene."""
+    shown = [one for one in result.get("thumbnails", ()) if (folder / one["picture"]).is_file()]
+    if not shown:
+        return None
+    scenes = list(dict.fromkeys(one["scene"] for one in shown))
+    across = max(sum(one["scene"] == scene for one in shown) for scene in scenes)
+    figure = Figure(figsize=(2.7 * across + 0.4, 1.75 * len(scenes) + 0.8), layout="constrained")
+    figure.suptitle("Every scene from four places", x=0.01, ha="left", fontsize=12)
+    grid = figure.subplots(len(scenes), across, squeeze=False)
+    for axes in grid.flat:
+        axes.set_axis_off()
+    for scene, line in zip(scenes, grid, strict=True):
+        for one, axes in zip((o for o in shown if o["scene"] == scene), line, strict=False):
+            axes.imshow(matplotlib.image.imread(folder / one["picture"]))
+            title = f"{scene}, {one['view']}: {one['change']}" + (" (tuned)" if one["tuned"] else "")
+            axes.set_title(title, fontsize=8)
+    return figure
+
+
+def figures(result: Row, folder: Path) -> dict[str, Figure]:
+    """Every figure that there is something for. `folder`: of the run, where the thumbnails are."""
+    made = {RATIOS: ratios(result) if result["rungs"] else None, SHEET: sheet(result, folder)}
+    return {name: figure for name, figure in made.items() if figure is not None}
+
+
+def note(result: Row) -> str:
+    cpu = machine.name(result.get("context"))
+    return (
+        f"{cpu}; one thread, n = {result['n']}, median of {result['launches']} interleaved launches. "
+        "Constants may be tuned on the own views of scene0 and mandelbulb; the others are only measured. "
+        "Each scene is also seen after 40° round the mean distance of its shapes to either side, and from "
+        f"0.6 of that distance (less where a shape would be within {CLEAR:g} of the way: stated); "
+        f"shapes and light are the same. Errors: pictures at n = {result['error_n']}, linear RGB, to truth "
+        f"while a share of the time lasts, else to {BASE}; fractals to {BASE}, both rendered four times as "
+        "large and averaged. A rung that generates kernels runs its parent's code where it has none: what is "
+        "measured there is noise, counted as no gain and in no median."
+    )

@@ -1,0 +1,122 @@
+"""Further views of a scene: the same shapes and light, seen from three other places by one rule for all.
+
+The camera goes round a pivot by 40° to either side, about its own up, and to 0.6 of its distance from it. The
+pivot lies ahead, as far away as the shapes are in the mean: in most scenes look_at is a direction and no
+more. A camera that would be in a shape, or within a fiftieth of the way of one, takes the next lesser change.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import store
+from study.core.build import build
+from study.core.cli import StudyError
+from study.core.registry import Scene
+
+OWN = "own"  # the view that the scene comes with
+TUNED = frozenset({"scene0", "mandelbulb"})  # scenes whose own view constants may be tuned on
+TURNS, NEARER = (40.0, 30.0, 20.0, 10.0), (0.6, 0.7, 0.8, 0.9)
+CLEAR = 0.02  # of the way to the pivot
+DIGITS = 9  # of a camera's numbers: libraries differ in a sine's last digit, and the file should not
+JUDGE = "baseline"  # whose distances say where shapes are
+Distance = Callable[[Path, np.ndarray], float]
+
+
+@dataclass(frozen=True)
+class View:
+    """A scene from one place. `change`: what was done to its own camera, in words."""
+
+    base: str
+    name: str
+    change: str
+    scene: Scene = field(compare=False)
+
+    @property
+    def tuned(self) -> bool:
+        return self.base in TUNED and self.name == OWN
+
+    def size(self, height: int) -> tuple[int, int]:
+        """(width, height) in pixels, in the shape of the scene's own picture."""
+        return dataclasses.replace(self.scene, name=self.base).size(height)
+
+    def __str__(self) -> str:
+        return f"{self.base} {self.name}"
+
+
+def _forward(camera: dict[str, Any]) -> np.ndarray:
+    way = np.subtract(camera["look_at"], camera["position"])
+    return way / np.linalg.norm(way)
+
+
+def pivot(data: dict[str, Any]) -> np.ndarray:
+    """A point on the view axis: at the mean distance of the shapes with a place, or look_at without any.
+
+    A plane has no place, and what lies behind the camera does not count. Scene units, shape (3,).
+    """
+    start, forward = np.array(data["camera"]["position"], float), _forward(data["camera"])
+    placed = [s.get("position", (0, 0, 0)) for s in data["shapes"] if s["type"] != "plane"]
+    ahead = [a for a in ((np.array(place) - start) @ forward for place in placed) if a > 0]
+    return start + np.mean(ahead) * forward if ahead else np.array(data["camera"]["look_at"], float)
+
+
+def turned(data: dict[str, Any], degrees: float, nearer: float = 1.0) -> dict[str, Any]:
+    """The scene with its camera moved round the pivot about camera.up, and to `nearer` of its distance.
+
+    Rodrigues's rotation; the camera looks at the pivot then.
+    """
+    camera, centre = data["camera"], pivot(data)
+    axis = np.array(camera["up"], float)
+    axis /= np.linalg.norm(axis)
+    arm, angle = (np.array(camera["position"], float) - centre) * nearer, np.radians(degrees)
+    arm = (
+        arm * np.cos(angle) + np.cross(axis, arm) * np.sin(angle) + axis * (axis @ arm) * (1 - np.cos(angle))
+    )
+    place = {"position": np.round(centre + arm, DIGITS), "look_at": np.round(centre, DIGITS)}
+    return {**data, "camera": {**camera, **{key: (value + 0.0).tolist() for key, value in place.items()}}}
+
+
+def probed(path: Path, point: np.ndarray) -> float:
+    """The signed distance from a point to the scene, by the judge. Raises StudyError."""
+    done = subprocess.run(
+        [build(JUDGE, "probe"), path], input=np.asarray(point, float).tobytes(), capture_output=True
+    )
+    if done.returncode or len(done.stdout) != 16:
+        raise StudyError(f"{path}: no distance at the camera: {done.stderr.decode(errors='replace').strip()}")
+    return float(np.frombuffer(done.stdout)[0])
+
+
+def _written(data: dict[str, Any], path: Path) -> Path:
+    if not path.exists() or store.read_json(path) != data:
+        store.write_json(path, data)
+    return path
+
+
+def of(scene: Scene, folder: Path, distance: Distance = probed) -> list[View]:
+    """The scene's own view and three further ones, whose files are made in `folder`. Raises StudyError."""
+    tries = {
+        "left": [(f"{turn:g}° to the left", (turn, 1.0)) for turn in TURNS],
+        "right": [(f"{turn:g}° to the right", (-turn, 1.0)) for turn in TURNS],
+        "near": [(f"at {share:g} of the distance", (0.0, share)) for share in NEARER],
+    }
+    views = [View(scene.name, OWN, "as it is", scene)]
+    for name, some in tries.items():
+        path = folder / f"{scene.name}-{name}.json"
+        for change, how in some:
+            data = turned(scene.data, *how)
+            camera = data["camera"]
+            way = np.linalg.norm(np.subtract(camera["look_at"], camera["position"]))
+            if distance(_written(data, path), np.array(camera["position"])) >= CLEAR * way:
+                views.append(View(scene.name, name, change, Scene(path.stem, path, data, scene.fractal)))
+                break
+        else:
+            path.unlink(missing_ok=True)
+            raise StudyError(f"{scene.name}: every camera to the {name} would be in a shape or close to one")
+    return views

@@ -1,0 +1,1 @@
+"""Statistics, verdicts, and what is read from a run or from the paper."""

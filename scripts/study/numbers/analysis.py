@@ -1,0 +1,247 @@
+"""A run's files, read for analysis: the timed frames by configuration and launch, and the verified pairs."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from study.core import provenance, store
+from study.core.cli import StudyError
+from study.numbers import stats
+from study.numbers.stats import Interval
+
+SHARE_BESIDE = {
+    "psnr_db": "fraction_over_1_255",
+    "psnr_display_db": "fraction_over_1_255_display",
+    "antialiased_psnr_db": "antialiased_fraction_over_1_255",
+}
+FACTS = ("isa", "precision", "lanes", "flags", "compiler", "libc", "hit_distance", "max_steps", "kernel")
+# What reading another thing's JSON can raise, from here down to a cell's text.
+BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
+GENERATED = "generated"  # a frame's `kernel` where code generated for its scene ran
+NEEDED = {
+    *("config", "launch", "frame", "warmup", "spec", "phase", "flags_from", "scene", "scene_hash"),
+    *("width", "height", "threads", "isa", "precision", "flags", "compiler", "libc", "ns", "tsc_cycles"),
+    *("core_cycles", "tsc_hz", "core_hz_before", "core_hz_after", "prepare_ns", "present_ns"),
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One configuration. `values`: a row per launch (medians of its timed frames, whose number is `frames`),
+    its index the rounds that they were of (stats.rounds_of); times in ns."""
+
+    scene: str
+    spec: str
+    width: int
+    height: int
+    threads: int
+    facts: dict[str, Any]
+    values: pd.DataFrame
+
+    @property
+    def pixels(self) -> int:
+        return self.width * self.height
+
+    def median(self, column: str) -> Interval:
+        return stats.median_interval(self.values[column])
+
+    def over(self, base: Cell) -> Interval:
+        """Speed-up over `base`: ratio of the two medians."""
+        return stats.ratio_interval(base.values["ns"], self.values["ns"])
+
+
+@dataclass(frozen=True)
+class Data:
+    """A run as far as its files are there; `notes` has a sentence for each thing that is not."""
+
+    path: Path
+    context: dict[str, Any]
+    plan: dict[str, Any]
+    frames: pd.DataFrame
+    cells: list[Cell]
+    pairs: list[dict[str, Any]]
+    notes: list[str]
+    kept: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)  # worked out once, by name
+
+    def cell(self, scene: str, spec: str, height: int, width: int, threads: int = 1) -> Cell | None:
+        wanted = (scene, spec, height, width, threads)
+        return next(
+            (c for c in self.cells if (c.scene, c.spec, c.height, c.width, c.threads) == wanted), None
+        )
+
+
+def load(path: Path | str | None, strict: bool = True) -> Data:
+    """The run in `path`, by default the newest one.
+
+    Raises StudyError for a broken file or, when strict, if there is no timed frame: otherwise what is
+    missing is left empty and named in `notes`.
+    """
+    run = store.Run(Path(path)) if path else store.latest()
+    if not run.path.is_dir():
+        raise StudyError(f"{run.path}: no such run; a run is a folder like results/MACHINE/RUN")
+    notes: list[str] = []
+
+    def optional(name: str, without: str) -> dict[str, Any]:
+        file = run.path / name
+        if not file.exists():
+            notes.append(f"{name} is missing: {without}.")
+            return {}
+        found = store.read_json(file)
+        if not isinstance(found, dict):
+            raise StudyError(f"{file}: should be a JSON object")
+        return found
+
+    context = optional("context.json", "the machine and the commit are unknown")
+    provenance.check(context, run.path / "context.json")
+    plan = optional("plan.json", "what was to be measured is unknown")
+    verify = optional("verify.json", "no error stands beside the speeds; run scripts/verify.py")
+    with _content_of(run.frames_path):
+        frames = _usable(run, notes)
+    if frames.empty:
+        notes.append("frames.jsonl has no timed frame: there are no speeds; run scripts/sweep.py.")
+        if strict:
+            raise StudyError(f"{run.path}: no timed frame in frames.jsonl; run scripts/sweep.py first")
+    with _content_of(run.path / "verify.json"):
+        pairs = [_flat(pair) for pair in verify.get("pairs") or []]
+    with _content_of(f"{run.path / 'plan.json'} or {run.frames_path}"):
+        cells = _cells(frames, plan)
+    return Data(run.path, context, plan, frames, cells, pairs, notes)
+
+
+@contextlib.contextmanager
+def _content_of(files: Path | str) -> Iterator[None]:
+    """Whatever the content of `files` makes fail becomes a StudyError that names them."""
+    try:
+        yield
+    except BROKEN as error:
+        why = " ".join(repr(error).split())
+        raise StudyError(f"{files}: not what results/README.md says ({why})") from error
+
+
+def _usable(run: store.Run, notes: list[str]) -> pd.DataFrame:
+    """Frames that belong in a ladder: with the scene's own parameters, and of its latest version."""
+    frames = run.frames()
+    if frames.empty:
+        return frames
+    if missing := sorted(NEEDED - set(frames)):
+        raise StudyError(f"{run.frames_path}: no column {', '.join(missing)}; see results/README.md")
+    if "overridden" in frames and (changed := frames["overridden"].fillna(False).astype(bool)).any():
+        notes.append(f"{int(changed.sum())} frames with changed scene parameters are left out.")
+        frames = frames[~changed]
+    last = frames.groupby("scene")["scene_hash"].transform("last")
+    if (stale := frames["scene_hash"] != last).any():
+        notes.append(f"{int(stale.sum())} frames of an older version of their scene are left out.")
+        frames = frames[~stale]
+    return frames if (~frames["warmup"].astype(bool)).any() else frames.iloc[:0]
+
+
+def described(plan: Mapping) -> dict[str, dict[str, Any]]:
+    """Phase → its phase.json as the plan recorded it, by rung. Empty if it did not."""
+    phases = plan.get("phases") or []
+    phases = phases.values() if isinstance(phases, Mapping) else phases
+    found = [phase for phase in phases if isinstance(phase, Mapping) and "name" in phase]
+    found.sort(key=lambda phase: (str(phase.get("family")), phase.get("order") or 0))
+    return {phase["name"]: dict(phase) for phase in found}
+
+
+def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
+    """By scene and phase in the order of the plan (phases it does not have: from slow to fast), then size."""
+    if frames.empty:
+        return []
+    about, configurations = described(plan), plan.get("configurations") or []
+    pace = (frames["ns"] / (frames["width"] * frames["height"])).groupby(frames["phase"]).median()
+    phases = [*about, *(c["phase"] for c in configurations), *pace.sort_values(ascending=False).index]
+    scenes = [*(c["scene"] for c in configurations), *sorted(frames["scene"].unique())]
+    frames = frames.assign(
+        core_hz=(frames["core_hz_before"] + frames["core_hz_after"]) / 2,
+        presented_ns=frames["ns"] + frames["present_ns"],
+        round=stats.rounds_of(frames),
+    )
+    optional = tuple(name for name in ("core_hz_load", "kernel_compile_ns") if name in frames)
+    columns = (
+        *optional,
+        "ns",
+        "tsc_cycles",
+        "core_cycles",
+        "core_hz",
+        "tsc_hz",
+        "present_ns",
+        "presented_ns",
+        "prepare_ns",
+    )
+    keys = ["scene", "spec", "width", "height", "threads"]
+    cells = []
+    for key, group in frames.groupby(keys, sort=False):
+        launch = group[~group["warmup"].astype(bool)].groupby("launch")
+        if not len(launch):
+            continue
+        values = pd.DataFrame({column: launch[column].median() for column in columns})
+        first = group.sort_values("frame").groupby("launch").first()  # right after set-up, warm-up or not
+        values["setup_first_ns"] = first["prepare_ns"] + first["ns"]
+        values["frames"] = launch.size()
+        values.index = pd.Index(launch["round"].first(), name="round")
+        facts = {name: group[name].iloc[-1] if name in group else None for name in FACTS}
+        facts["kernel"] = kernel_said(group)
+        facts["algorithm"] = about.get(group["phase"].iloc[-1], {}).get("algorithm")
+        facts["unwarmed"] = not group["warmup"].any()
+        cells.append(Cell(*key, facts, values))
+    return sorted(
+        cells,
+        key=lambda c: (
+            scenes.index(c.scene),
+            c.pixels,
+            phases.index(c.spec.partition("@")[0]),
+            c.spec,
+            c.threads,
+        ),
+    )
+
+
+def kernel_said(group: pd.DataFrame) -> str | None:
+    """Which code a program's launches ran; where some had no kernel for their scene, how many and why."""
+    if "kernel" not in group or group["kernel"].isna().all():
+        return None
+    said = group.groupby("launch")["kernel"].first()
+    others = said[said != GENERATED]
+    if others.empty or len(others) == len(said):
+        return str(said.iloc[-1])
+    return f"{others.iloc[0]}, in {len(others)} of {len(said)} launches"
+
+
+def _flat(pair: dict[str, Any]) -> dict[str, Any]:
+    """A pair of verify.json with `antialiased` drawn in; a null PSNR beside a share is infinite, else NaN."""
+    inner = pair.get("antialiased") or {}
+    flat = {k: v for k, v in pair.items() if k != "antialiased"}
+    flat |= {f"antialiased_{key}": value for key, value in inner.items()}
+    for psnr, share in SHARE_BESIDE.items():
+        if psnr in flat and flat[psnr] is None:
+            flat[psnr] = math.nan if flat.get(share) is None else math.inf
+    flat["failed"] = " ".join(flat.get("failed") or [])
+    flat["why"] = "; ".join(flat.get("why") or [])
+    return flat
+
+
+def noise(data: Data) -> dict[str, Any]:
+    """What disturbed the timed frames: counts over all of them, and the sentences of stats."""
+    if data.frames.empty:
+        return {"frames": 0, "launches": 0, "remarks": []}
+    timed = data.frames[~data.frames["warmup"].astype(bool)]
+    counts = {
+        name: int(timed[name].sum())
+        for name in ("steal_ticks", "ctx_voluntary", "ctx_involuntary", "faults_minor", "faults_major")
+        if name in timed
+    }
+    return {
+        "frames": len(timed),
+        "launches": int(timed.groupby(["config", "launch"]).ngroups),
+        "seconds": float(timed["ns"].sum() / 1e9),
+        **counts,
+        "remarks": stats.noise_warnings(data.frames),
+    }

@@ -1,0 +1,134 @@
+"""Power laws y = a·x^b through a series: exponents with intervals, and where the law does not hold.
+
+Least squares in log y over log x through the medians of the launches; the 95 % interval is that of a
+percentile bootstrap (Efron and Tibshirani 1993, chapter 13) which draws the launches of each point anew. It
+holds the noise of the launches and nothing else: whether the points lie on a power law at all is for the
+residuals to say, as no interval of an exponent can.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from study.core.cli import StudyError
+from study.numbers.stats import ENOUGH, RESAMPLES
+
+OFF = 1.10  # a point that far from the law, beyond its launches' noise, is not on it
+LEAST = 3  # points: two are always on one law
+
+
+@dataclass(frozen=True)
+class Exponent:
+    """b, and its 95 % interval; NaN ends where a point has too few launches."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The law factor·x^exponent over `points` points, from `first_x` to `last_x`.
+
+    `first`, `last`: exponents of the first two and the last two points alone. `worst`: the largest residual
+    as a factor of the law, under 1 where the point lies below; `worst_x`: whose. `off`: the x that are not on
+    the law; `holds`: None where there are too few points to tell.
+    """
+
+    exponent: Exponent
+    factor: float
+    points: int
+    first_x: float
+    last_x: float
+    first: Exponent
+    last: Exponent
+    worst: float
+    worst_x: float
+    off: list[float]
+    holds: bool | None
+
+
+def _medians(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Logarithms of the medians of RESAMPLES draws, shape (RESAMPLES,)."""
+    return np.log(np.median(values[random.integers(len(values), size=(RESAMPLES, len(values)))], axis=1))
+
+
+def _exponent(value: float, resampled: np.ndarray | None) -> Exponent:
+    if resampled is None:
+        return Exponent(float(value), math.nan, math.nan)
+    low, high = np.percentile(resampled, [2.5, 97.5])
+    return Exponent(float(value), float(low), float(high))
+
+
+def _checked(xs: Sequence[float], samples: Sequence[Sequence[float]]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """log x and the launches of each point, in the order of x."""
+    if len(xs) != len(samples) or len(set(xs)) < 2 or len(set(xs)) != len(xs):
+        raise StudyError(f"a power law is fitted through at least two different x, each once; not {list(xs)}")
+    order = np.argsort(xs)
+    points = [np.asarray(samples[i], float) for i in order]
+    positive = [len(p) > 0 and bool((np.isfinite(p) & (p > 0)).all()) for p in points]
+    if not (np.isfinite(xs).all() and min(xs) > 0 and all(positive)):
+        raise StudyError("a power law is fitted through finite numbers above 0")
+    return np.log(np.asarray(xs, float)[order]), points
+
+
+def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = False, seed: int = 1) -> Fit:
+    """The law through x and the values of each point's launches, any unit. `exact`: counts, without noise.
+
+    Raises StudyError for fewer than two points and for what has no logarithm.
+    """
+    x, points = _checked(xs, samples)
+    y = np.log([np.median(point) for point in points])
+    slope_of = (x - x.mean()) / ((x - x.mean()) ** 2).sum()  # slope = slope_of · y
+    drawn: np.ndarray | None = None
+    if exact:
+        drawn = np.tile(y, (2, 1))
+    elif min(len(point) for point in points) >= ENOUGH:
+        random = np.random.default_rng(seed)
+        drawn = np.stack([_medians(point, random) for point in points], axis=1)
+
+    def between(i: int, j: int) -> Exponent:
+        step = x[j] - x[i]
+        return _exponent((y[j] - y[i]) / step, None if drawn is None else (drawn[:, j] - drawn[:, i]) / step)
+
+    def residuals(values: np.ndarray) -> np.ndarray:
+        about = values - values.mean(axis=-1, keepdims=True)
+        return about - np.multiply.outer(about @ slope_of, x - x.mean())
+
+    left = residuals(y)
+    farthest = int(np.abs(left).argmax())
+    sure = np.abs(left) > math.log(OFF)
+    if drawn is not None:
+        low, high = np.percentile(residuals(drawn), [2.5, 97.5], axis=0)
+        sure &= ~((low <= 0) & (high >= 0))
+    off = [round(float(v), 9) for v in np.exp(x[sure])]
+    slope = float(slope_of @ y)
+    return Fit(
+        exponent=_exponent(slope, None if drawn is None else drawn @ slope_of),
+        factor=float(np.exp(y.mean() - slope * x.mean())),
+        points=len(x),
+        first_x=float(min(xs)),
+        last_x=float(max(xs)),
+        first=between(0, 1),
+        last=between(len(x) - 2, len(x) - 1),
+        worst=float(np.exp(left[farthest])),
+        worst_x=round(float(np.exp(x[farthest])), 9),
+        off=off,
+        holds=None if len(x) < LEAST else not off,
+    )
+
+
+def text(exponent: dict[str, Any] | Exponent) -> str:
+    """`0.98 [0.97, 0.99]`; `0.98 (insufficient launches)`."""
+    found = exponent if isinstance(exponent, dict) else vars(exponent)
+    value, low, high = (math.nan if found[k] is None else found[k] for k in ("value", "low", "high"))
+    if not math.isfinite(low):
+        return f"{value:.2f} (insufficient launches)"
+    if low == high:
+        return f"{value:.2f}"  # a count
+    return f"{value:.2f} [{low:.2f},\u00a0{high:.2f}]"

@@ -1,0 +1,1 @@
+"""Pictures of phases and their metrics, and what draws figures."""

@@ -1,0 +1,189 @@
+"""What the plots share: looks that colour-blind readers and printers can tell apart, panels, axes, files."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from PIL import Image
+
+from study.core.cli import StudyError
+from study.pictures import contents, labels
+
+# Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
+# than any of it: no two rungs share one. Markers and hatches say the same in print.
+COLOURS = ("#000000", "#E69F00", "#56B4E9", "#009E73", "#D55E00", "#0072B2", "#CC79A7")
+COLOURS += ("#8C8C8C", "#882255", "#332288", "#A6A000", "#6F4518")
+BAD = "#b3261e"
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", (4, 1, 0), "H")
+HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
+RING = {"marker": "o", "mfc": "none", "mec": BAD, "markersize": 16, "mew": 2, "linestyle": "none"}
+STYLE = {
+    "svg.hashsalt": "stepwise",
+    "font.size": 10,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "hatch.linewidth": 0.6,
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown."""
+
+    caption: str
+    note: str  # stands under it
+    make: Callable[[], Figure]
+
+
+def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
+    """(spec, threads) → colour, marker, hatch, line style and label. opt2@opt3 has opt2's, drawn hollow."""
+    names = list(dict.fromkeys(zip(rows["phase"], rows["threads"], strict=True)))
+    places = _places(list(dict.fromkeys(spec.partition("@")[0] for spec, _ in names)))
+    found = {}
+    for spec, threads in names:
+        place = places[spec.partition("@")[0]]
+        found[spec, threads] = {
+            "color": COLOURS[place % len(COLOURS)],
+            "marker": MARKERS[place % len(MARKERS)],
+            "hatch": HATCHES[place % len(HATCHES)],
+            "linestyle": "--" if "@" in spec else ":" if threads > 1 else "-",
+            "hollow": "@" in spec or threads > 1,
+            "label": spec + (f", {threads} threads" if threads > 1 else ""),
+        }
+    return found
+
+
+def _places(phases: list[str]) -> dict[str, int]:
+    """Phase → place in the palettes: a rung's is its number, so that it looks alike in every figure.
+
+    Others, and a second one of a number, get what is free, from the last on.
+    """
+    found: dict[str, int] = {}
+    for name in phases:
+        wanted = 0 if name == "baseline" else _number(name)
+        if wanted is not None and wanted not in found.values():
+            found[name] = wanted
+    free = [place for place in reversed(range(len(COLOURS) + len(phases))) if place not in found.values()]
+    free.sort(key=lambda place: place >= len(COLOURS))
+    return found | dict(zip((name for name in phases if name not in found), free, strict=False))
+
+
+def _number(phase: str) -> int | None:
+    """4 of opt4 and of opt4_other."""
+    found = re.fullmatch(r"opt(\d+)(_.*)?", phase)
+    return int(found[1]) if found else None
+
+
+PASSES, MOST_DOTS = 8, 3000  # of a layout; across a figure
+
+
+def panels(
+    rows: pd.DataFrame, height: float, width: float = 4.6, columns: int = 3
+) -> tuple[Figure, dict[str, Axes]]:
+    """A figure with one panel of that size (inches) per scene."""
+    scenes = list(dict.fromkeys(rows["scene"]))
+    columns = min(columns, len(scenes))
+    lines = math.ceil(len(scenes) / columns)
+    figure = Figure(figsize=(max(width * columns, 8), height * lines + 1.0), layout="constrained")
+    grid = figure.subplots(lines, columns, squeeze=False)
+    for axes in grid.flat[len(scenes) :]:
+        axes.set_axis_off()
+    return figure, dict(zip(scenes, grid.flat, strict=False))
+
+
+def _lay_out(figure: Figure) -> None:
+    """Once for both forms, which took half of the time each: till nothing moves by a dot, or PASSES are made.
+    What stands beside its axes comes home after some only."""
+    engine, before = figure.get_layout_engine(), None
+    for _ in range(PASSES if engine else 0):
+        engine.execute(figure)
+        now = np.array([axes.get_position().bounds for axes in figure.axes])
+        if before is not None and np.abs(now - before).max(initial=0) < 1 / MOST_DOTS:
+            break
+        before = now
+    figure.set_layout_engine("none")
+
+
+def save(figure: Figure, stem: Path, note: str) -> list[Path]:
+    """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure.
+
+    The PNG of lines and text has a palette of 256 colours: half the bytes and less. It keeps the figure's
+    numbers and words (study.pictures.contents).
+    """
+    across = int(figure.get_figwidth() * 17)  # characters of this size
+    note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
+    figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
+    said = contents.chunk(figure)  # before names are moved about
+    FigureCanvasAgg(figure)
+    labels.settle(figure)
+    _lay_out(figure)
+    try:
+        stem.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="png", dpi=130)
+        made = _few_colours(Image.open(drawn).convert("RGB"))
+        made.save(stem.with_suffix(".png"), optimize=True, pnginfo=said)
+    except OSError as error:
+        raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
+    return [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+
+
+def _few_colours(picture: Image.Image) -> Image.Image:
+    """With those of the rungs and its commonest, 256 in all, others as the nearest of these; as it is if
+    that are under 97 % of the pixels."""
+    pixels = np.asarray(picture).reshape(-1, 3).astype(np.uint32) @ np.uint32([1 << 16, 1 << 8, 1])
+    packed = np.unique(pixels)  # numbers: rows of three take seconds
+    place = np.searchsorted(packed, pixels)
+    count = np.bincount(place)
+    common = np.argsort(-count, kind="stable")[: 256 - len(COLOURS)]
+    if count[common].sum() < 0.97 * len(pixels):
+        return picture
+    colours = packed[:, None] >> np.uint32([16, 8, 0]) & 255
+    own = [[round(255 * part) for part in to_rgb(colour)] for colour in COLOURS]
+    kept = np.concatenate([colours[common].astype(int), own])
+    nearest = np.array([((kept - colour) ** 2).sum(axis=1).argmin() for colour in colours.astype(int)])
+    made = Image.fromarray(nearest[place].astype(np.uint8).reshape(picture.height, picture.width))
+    made.putpalette(kept.astype(np.uint8).tobytes())
+    return made
+
+
+def bars_of(group: pd.DataFrame, name: str) -> np.ndarray:
+    """Lengths below and above the value for errorbar, shape (2, rows); 0 without an interval."""
+    value = group[name]
+    return np.nan_to_num(np.array([value - group[f"{name}_low"], group[f"{name}_high"] - value]))
+
+
+def plain_log(axis) -> None:
+    """A logarithmic axis labelled 1,000 and not 10³; at 1, 2 and 5 if it spans little."""
+    low, high = axis.get_view_interval()
+    few = high / low < 60
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def legend(figure: Figure, grid: dict[str, Axes], extra: tuple[Line2D, ...] = ()) -> None:
+    """One legend for all panels, right of them, in the order of the rungs."""
+    handles = {}
+    for axes in grid.values():
+        handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    handles |= {line.get_label(): line for line in extra}
+    figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=9)

@@ -1,0 +1,187 @@
+"""The equivalence gate: which tolerance holds for a phase on a scene, and which metrics break it.
+
+Tolerances stand in phases/NAME/phase.json, per scene class or scene. results/README.md has the metrics.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from study.core.cli import StudyError
+from study.core.registry import SYSTEMS, Phase, Scene, scenes
+
+# In the order in which they are judged: what explains the rest comes first.
+METRICS = (
+    "non_finite",
+    "identical",
+    "mask_mismatch_ppm",
+    "id_mismatch_ppm",
+    "dt_p99",
+    "dt_max",
+    "normal_p99_degrees",
+    "depth_agree_fraction",
+    "psnr_db",
+    "rmse",
+    "fraction_over_1_255",
+    "max_abs",
+    "psnr_display_db",
+    "fraction_over_1_255_display",
+    "flip_mean",
+    "flip_max",
+    "antialiased.non_finite",
+    "antialiased.psnr_db",
+    "antialiased.rmse",
+    "antialiased.fraction_over_1_255",
+)
+AT_LEAST = {"psnr_db", "psnr_display_db", "antialiased.psnr_db", "depth_agree_fraction"}
+ALWAYS = {"non_finite": 0, "antialiased.non_finite": 0}  # no phase may allow any
+
+# Against truth (scripts/accuracy.py) a phase may be no worse than baseline is, on any of these.
+_COLOURS = tuple(f"psnr{which}{space}_db" for which in ("_none", "", "_ideal") for space in ("", "_display"))
+HITS = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99")
+TRUTH_METRICS = (*HITS, *_COLOURS)
+CONVERGED_METRICS = (*HITS, "depth_agree_fraction", *(f"antialiased.{name}" for name in _COLOURS))
+TRUTH = "truth"  # key of a phase's tolerance: by how much it may be worse than baseline
+LAST_AGAINST_BASELINE = 4  # rung of the ladder up to which the reference is baseline (scripts/verify.py)
+# dB: what is nearer counts as this near, an identical picture too. A float near 1 holds no more; a phase may
+# declare less with its margins, as ENOUGH, where it is beyond what anybody can see.
+NEAREST = 150.0
+ENOUGH = "enough_db"
+# Pixels: hits in front of truth's, of a shape that truth sees so near by, are granted to a phase that says
+# how far its rays' footprint goes (accuracy.beyond_outlines), whatever their share: that falls with its size.
+OUTLINE = "outline_pixels"
+SHOWN = {"db": 0.05, "share": 0.005}  # what three digits can show: less is not called worse where no gate is
+
+
+def flatten(nested: Mapping, prefix: str = "") -> dict:
+    """{"antialiased": {"psnr_db": 30}} as {"antialiased.psnr_db": 30}."""
+    flat = {}
+    for key, value in nested.items():
+        flat |= flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {prefix + key: value}
+    return flat
+
+
+def check(phase: Phase) -> None:
+    """Raises StudyError for a tolerance that is of no scene or class, bounds no metric, or has no reason."""
+    for name, declared in phase.tolerance.items():
+        where = f"{phase.name}: phase.json: tolerance.{name}"
+        if name not in ("smooth", "fractal", TRUTH, *scenes()):
+            raise StudyError(
+                f"{where}: no such scene or class; there are smooth, fractal, {TRUTH}, {', '.join(scenes())}"
+            )
+        margin_of = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH, OUTLINE))
+        known = margin_of if name == TRUTH else METRICS
+        if not isinstance(declared, Mapping):
+            raise StudyError(f"{where}: should be an object of metric: bound")
+        if not isinstance(declared.get("reason"), str) or not declared["reason"].strip():
+            raise StudyError(f"{where}: lacks its reason")
+        bounds = {key: bound for key, bound in flatten(declared).items() if key != "reason"}
+        if not bounds:
+            raise StudyError(f"{where}: bounds no metric")
+        for key, bound in bounds.items():
+            if key not in known:
+                raise StudyError(f"{where}.{key}: no such metric; there are {', '.join(known)}")
+            number = isinstance(bound, int | float) and not isinstance(bound, bool) and math.isfinite(bound)
+            if not (bound is True if key == "identical" else number):
+                wanted = "true" if key == "identical" else "a finite number"
+                raise StudyError(f"{where}.{key}: {bound!r} should be {wanted}")
+            if key == OUTLINE and not (isinstance(bound, int) and 1 <= bound <= 8):
+                raise StudyError(f"{where}.{key}: {bound!r} should be a whole number of pixels from 1 to 8")
+            if name == TRUTH and bound < 0:
+                raise StudyError(f"{where}.{key}: {bound!r} should be 0 or more: by how much it may be worse")
+
+
+def tolerance(phase: Phase, scene: Scene) -> dict | None:
+    """What the phase declares for the scene: by its name, else by its class. None: nothing."""
+    return phase.tolerance.get(scene.name) or phase.tolerance.get("fractal" if scene.fractal else "smooth")
+
+
+def failures(metrics: Mapping, declared: Mapping | None) -> dict[str, str]:
+    """Metric outside its bound → why, in the order of the gate. No value, or NaN, is outside any bound."""
+    if declared is None:
+        return {"tolerance": "the phase declares none for this scene or its class"}
+    values, bounds = flatten(metrics), ALWAYS | flatten(declared)
+    found = {}
+    for name in METRICS:
+        if name not in bounds or (name == "antialiased.non_finite" and name not in values):
+            continue
+        value, bound = values.get(name, math.nan), bounds[name]
+        if name == "identical":
+            if value is not True:
+                found[name] = "not equal bit for bit, should be"
+        elif name in AT_LEAST:
+            if not (value >= bound):
+                found[name] = f"{value:.6g}, should be at least {bound:g}"
+        elif not (value <= bound):
+            found[name] = f"{value:.6g}, should be at most {bound:g}"
+    return found
+
+
+def by_truth(phase: Phase) -> bool:
+    """Whether the phase is held against truth: rungs behind opt4, for baseline has errors of its own; and
+    systems.
+    """
+    return phase.family == SYSTEMS or (phase.family == "ladder" and phase.order > LAST_AGAINST_BASELINE)
+
+
+def left_to_truth(phase: Phase) -> bool:
+    """Whether a rung behind opt4 declares what truth grants and nothing else: no tolerance to baseline."""
+    return by_truth(phase) and set(phase.tolerance) == {TRUTH}
+
+
+def margins(phase: Phase) -> dict[str, float]:
+    """Metric → by how much the phase may be worse than baseline; what is not named here, by nothing.
+
+    ENOUGH → the PSNR from which on a picture is near enough, in dB. OUTLINE → pixels.
+    """
+    declared = flatten(phase.tolerance.get(TRUTH) or {})
+    return {name: bound for name, bound in declared.items() if name != "reason"}
+
+
+def visible(baseline: Mapping) -> dict[str, float]:
+    """Margins for phases that are shown and not gated: differences that a table of three digits has."""
+    values = flatten(baseline)
+    names = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS))
+    return {
+        name: SHOWN["db"] if name.endswith("_db") else SHOWN["share"] * abs(values.get(name, math.nan))
+        for name in names
+        if name in values
+    }
+
+
+def inferior(
+    metrics: Mapping, references: Mapping[str, Mapping], allowed: Mapping[str, float]
+) -> dict[str, str]:
+    """Metric on which the picture is further from truth than every reference, by more than is allowed → why.
+
+    `references`: name → metrics, baseline's first; per metric the worst of them is the bound. Where rounding
+    has brought baseline nearer to the ideal shadow than what it computes is (scene0: 45.254 to 45.252 dB), a
+    phase need not repeat that luck. A reference that lacks a metric does not judge it. A scene whose truth
+    is converged only has the hits of its proved pixels, if there are any.
+    """
+    mine, others = flatten(metrics), {who: flatten(values) for who, values in references.items()}
+    found, enough = {}, allowed.get(ENOUGH, NEAREST)
+    if not (mine["non_finite"] <= 0):
+        found["non_finite"] = f"{mine['non_finite']} samples, should be none"
+    for name in CONVERGED_METRICS if mine["converged_only"] else TRUTH_METRICS:
+        if mine["converged_only"] and name in HITS and mine["proved_fraction"] == 0:
+            continue
+        db = name.endswith("_db")
+        at_least = db or name in AT_LEAST
+        value, *bounds = (
+            enough if db and x >= enough else x
+            for x in (mine.get(name, math.nan), *(other.get(name, math.nan) for other in others.values()))
+        )
+        margin = allowed.get(name, 0)
+        bound, who = bounds[0], next(iter(others))
+        for other, whose in zip(bounds, others, strict=True):
+            if other < bound if at_least else other > bound:
+                bound, who = other, whose
+        grant = f" and {margin:g} are granted" if margin else ""
+        if at_least:
+            if not (value >= bound - margin):
+                found[name] = f"{value:.6g}, {who} has {bound:.6g}{grant}: should be at least that"
+        elif not (value <= bound + margin):
+            found[name] = f"{value:.6g}, {who} has {bound:.6g}{grant}: should be at most that"
+    return found

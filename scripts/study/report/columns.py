@@ -1,0 +1,316 @@
+"""Which columns each table for people has, in which unit and how many digits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import pandas as pd
+
+from study.core.show import (
+    NOTHING,
+    Column,
+    Row,
+    gate,
+    gate_mark,
+    interval,
+    number,
+    percent,
+    plain,
+    psnr,
+    rerun,
+    share,
+    speedup,
+    times,
+    whole,
+    word,
+    yes,
+)
+from study.numbers.analysis import GENERATED
+
+TO_TRUTH = "to truth"  # in a head: this column is of accuracy.json
+
+
+def _phase(row: Row) -> str:
+    """Of a phase that generates code for scenes: whether general code ran or was counted in its place."""
+    kernel = row.get("kernel")
+    general = isinstance(kernel, str) and kernel != GENERATED
+    return word("phase")(row) + (" (general code)" if general else "")
+
+
+def _code(row: Row) -> str:
+    kernel = row.get("kernel")
+    return NOTHING if not isinstance(kernel, str) else "for the scene" if kernel == GENERATED else kernel
+
+
+def _load(row: Row) -> str:
+    """Of a scalar phase there is none (0)."""
+    return number(row["core_hz_load"] / 1e9, 4) if row.get("core_hz_load") else NOTHING
+
+
+def _fractal_depth(row: Row) -> str:
+    """Only where single samples are chaotic, so that depth is what can be judged."""
+    averaged = row.get("antialiased_fraction_over_1_255")
+    return NOTHING if averaged is None or pd.isna(averaged) else share(row.get("depth_agree_fraction"))
+
+
+def _pictures() -> list[Column]:
+    group = "error against baseline"
+    return [
+        Column(group, "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),
+        Column(group, "PSNR display, dB", lambda r: psnr(r, "psnr_display_db")),
+        Column(group, "pixels off > 1/255, linear", lambda r: percent(r.get("fraction_over_1_255"))),
+        Column(group, "display", lambda r: percent(r.get("fraction_over_1_255_display"))),
+        Column(group, "4×4 averaged PSNR, dB", lambda r: psnr(r, "antialiased_psnr_db")),
+    ]
+
+
+def _truth_psnr(name: str) -> Callable[[Row], str]:
+    """In dB; averaged pictures, and truth converged only, are said so."""
+
+    def text(row: Row) -> str:
+        found = number(row.get(name))
+        return found if found == NOTHING or not row.get("truth_converged_only") else f"{found} (4×4)"
+
+    return text
+
+
+def truth_height(rows: Sequence[Row]) -> str:
+    """“ at n = 180”: how high the pictures held against truth were; "" where none was."""
+    found = {row.get("truth_height") for row in rows}
+    heights = sorted(int(height) for height in found if height is not None and not pd.isna(height))
+    return f" at n = {' and '.join(map(str, heights))}" if heights else ""
+
+
+def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
+    """The columns, with the height of the pictures in the heads of those to truth (their own or the group's).
+
+    They may be of another size than the time beside them.
+    """
+    at = truth_height(rows)
+    made = []
+    for column in shown:
+        if TO_TRUTH in column.group:
+            column = replace(column, group=column.group + at)
+        elif TO_TRUTH in column.name:
+            column = replace(column, name=column.name.replace(TO_TRUTH, TO_TRUTH + at))
+        made.append(column)
+    return made
+
+
+def _frames(row: Row) -> str:
+    """Timed ones; a long frame is timed alone and unwarmed, so that it is the process's first."""
+    return whole("frames_a_launch")(row) + (" (no warm-up)" if row.get("unwarmed") else "")
+
+
+def _over_one_thread(row: Row) -> str:
+    return NOTHING if row["threads"] == 1 else interval(row, "over_one_thread", 3, "×")
+
+
+LADDER = [
+    Column("", "phase", _phase),
+    Column("", "precision", word("precision")),
+    Column("", "threads", whole("threads")),
+    Column("time of a steady frame", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("time of a steady frame", "frames a launch", _frames),
+    Column("time of a steady frame", "ns/pixel", plain("ns_per_pixel", 4)),
+    Column("speed-up over", "baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("speed-up over", "opt2, same flags [95\u00a0%]", speedup("speedup_same_flags", "same_flags_base")),
+    Column("error against baseline", "tolerance", gate, gate_mark),
+    *_pictures(),
+    Column("error to truth", "PSNR linear, dB", _truth_psnr("truth_psnr_db")),
+    Column("error to truth", "ideal shadow, dB", _truth_psnr("truth_psnr_ideal_db")),
+    Column("error to truth", "wrong hits, ppm", plain("truth_wrong_ppm")),
+    Column("error to truth", "|Δt| 99\u00a0%", plain("truth_dt_p99", 2)),
+    Column("error below the picture", "hit mask, ppm", plain("mask_mismatch_ppm")),
+    Column("error below the picture", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
+    Column("error below the picture", "depth agrees", _fractal_depth),
+]
+BESIDE = [
+    Column("", "phase", _phase),
+    Column("here, over baseline", "speed-up [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("here, over baseline", "PSNR display, dB", lambda r: psnr(r, "psnr_display_db")),
+    Column("the paper, over its baseline", "by its tables", lambda r: times(r.get("implied"))),
+    Column("the paper, over its baseline", "by its text", lambda r: times(r.get("stated"))),
+    Column("the paper, over its baseline", "its program, run again (PSNR display)", rerun),
+]
+WHOLE = [
+    Column("", "phase", _phase),
+    Column("", "threads", whole("threads")),
+    Column("", "launches", whole("launches")),
+    Column("first frame, ms", "set-up", plain("setup_ms")),
+    Column("first frame, ms", "compiling, once (0: found in the cache)", plain("compile_ms")),
+    Column("first frame, ms", "set-up + first frame [95\u00a0%]", lambda r: interval(r, "setup_first_ms")),
+    Column("steady frame, ms", "render [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("steady frame, ms", "present", plain("present_ms")),
+    Column("", "frames/s with present", plain("frames_per_s")),
+    Column("cycles of a steady frame", "core cycles/pixel", plain("core_cycles_per_pixel", 4)),
+    Column("cycles of a steady frame", "10⁶ TSC cycles", plain("tsc_cycles", 4, 1e6)),
+    Column("clocks, GHz", "TSC", plain("tsc_hz", 4, 1e9)),
+    Column("clocks, GHz", "core", plain("core_hz", 4, 1e9)),
+    Column("clocks, GHz", "core under its vector load", _load),
+]
+BUILT = [
+    Column("", "phase", _phase),
+    Column("", "precision", word("precision")),
+    Column("", "lanes", whole("lanes")),
+    Column("", "ISA", word("isa")),
+    Column("", "threads", whole("threads")),
+    Column("", "algorithm", word("algorithm")),
+    Column("", "code", _code),
+    Column("", "flags", word("flags")),
+    Column("", "compiler", word("compiler")),
+    Column("", "libc", word("libc")),
+]
+# What a scene's ladder consists of: columns and title of each table.
+PARTS = (
+    (LADDER, "Speed and error. “insufficient”: fewer than 6 launches, so no interval"),
+    (BESIDE, "Beside the paper"),
+    (WHOLE, "First frame, presenting, cycles"),
+    (BUILT, "As built"),
+)
+RUNTIME = [
+    Column("", "scene", word("scene")),
+    Column("", "n", whole("height")),
+    Column("", "width", whole("width")),
+    Column("", "phase", _phase),
+    Column("", "threads", whole("threads")),
+    Column("", "launches", whole("launches")),
+    Column("", "frames a launch", _frames),
+    Column("", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("", "least launch, ms", plain("ms_least", 4)),
+    Column("", "ns/pixel [95\u00a0%]", lambda r: interval(r, "ns_per_pixel")),
+    Column("", "core cycles/pixel", plain("core_cycles_per_pixel", 4)),
+    Column("", "speed-up over baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("", "over its one thread [95\u00a0%]", _over_one_thread),
+    Column("", "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),
+    Column("", "tolerance", gate, gate_mark),
+]
+VERIFICATION = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", _phase),
+    Column("", "tolerance", gate, gate_mark),
+    Column("", "reference", lambda r: NOTHING if r["reference"] == "baseline" else r["reference"]),
+    Column("", "size", lambda r: f"{r.get('width')}×{r.get('height')}"),
+    Column("", "not finite", whole("non_finite")),
+    Column("", "bits", lambda r: "identical" if yes(r.get("identical")) else "differ"),
+    *[Column("picture", c.name, c.text) for c in _pictures()],
+    Column("picture", "FLIP mean", plain("flip_mean", 2)),
+    Column("geometry", "hit mask, ppm", plain("mask_mismatch_ppm")),
+    Column("geometry", "shape id, ppm", plain("id_mismatch_ppm")),
+    Column("geometry", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
+    Column("geometry", "|Δt| max, scene units", plain("dt_max", 2)),
+    Column("geometry", "normal 99\u00a0%, degrees", plain("normal_p99_degrees", 2)),
+    Column("geometry", "depth agrees", lambda r: share(r.get("depth_agree_fraction"))),
+]
+PAPER = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", _phase),
+    Column("the paper, i7-7700 at 3.6 GHz", "cycles/pixel by its tables", plain("cycles_per_pixel", 4)),
+    Column("the paper, i7-7700 at 3.6 GHz", "speed-up by its tables", lambda r: times(r["implied"])),
+    Column("the paper, i7-7700 at 3.6 GHz", "speed-up by its text", lambda r: times(r["stated"])),
+    Column("its program, run again on Zen 5", "TSC cycles/pixel", plain("rerun_tsc_cycles_per_pixel", 3)),
+    Column("its program, run again on Zen 5", "speed-up (PSNR display)", rerun),
+    Column(
+        "its program, run again on Zen 5",
+        "pixels off > 1/255 (display)",
+        lambda r: percent(r["rerun_over_display"]),
+    ),
+]
+
+
+def _difference(name: str) -> Callable[[Row], str]:
+    return lambda row: NOTHING if pd.isna(row[name]) else f"{100 * row[name]:+.3f}\u00a0%"
+
+
+def _residue(row: Row) -> str:
+    """FLOPs that the compiler is known to add, as shares of what was measured."""
+    low, high = (100 * row[name] / (row["measured"] or math.nan) for name in ("residue_low", "residue_high"))
+    if not (low or high):
+        return NOTHING
+    return f"{low:+.2f}\u00a0%" if low == high else f"{low:+.2f} … {high:+.2f}\u00a0%"
+
+
+def _within(row: Row) -> str:
+    """A residue that is only known as a range proves no more than its width; one that agrees needs none."""
+    if not row["judged"]:
+        return "not judged: libm's inside is in it" if row["scope"] == "total" else "not judged: small"
+    if not row["within"]:
+        return "✗ OUTSIDE 1\u00a0%"
+    if row["explained_to"] > 0.01 and not abs(row["relative_difference"]) <= 0.01:
+        return f"✓ explained to within {100 * row['explained_to']:.1f}\u00a0%"
+    return "✓ within 1\u00a0%"
+
+
+def _within_mark(row: Row) -> str:
+    return "" if not row["judged"] else "good" if row["within"] else "bad"
+
+
+def _backend(row: Row) -> str:
+    state = {True: "", False: " (not calibrated here)", None: " (not yet validated)"}
+    return f"{row['backend']}{state[row['calibrated']]}"
+
+
+def _signed(share: float | None) -> str:
+    """A difference in percent with its sign."""
+    return NOTHING if share is None or pd.isna(share) else f"{100 * share:+.1f}\u00a0%"
+
+
+# FLOPs: all lanes are counted; the useful share is that of the active ones.
+TABLE1 = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", _phase),
+    Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
+    Column("GFLOP of a picture", "by the paper's rule", plain("paper_rule_gflop", 4)),
+    Column("GFLOP of a picture", "the paper's own", plain("paper_gflop", 4)),
+    Column("GFLOP of a picture", "difference", lambda r: _signed(r.get("difference"))),
+    Column("GFLOP of a picture", "iterations as entered", plain("paper_convention_gflop", 4)),
+    Column("GFLOP of a picture", "machine's convention", plain("machine_convention_gflop", 4)),
+    Column("saved of baseline's", "by the paper's rule", lambda r: percent(r.get("rule_cut"))),
+    Column("saved of baseline's", "the paper's own", lambda r: percent(r.get("paper_cut"))),
+    Column("saved of baseline's", "of useful lanes, as entered", lambda r: percent(r.get("cut"))),
+    Column("", "lanes at useful work", lambda r: percent(r.get("useful_share"))),
+    Column("", "useful FLOP/evaluation, as entered", plain("flop_per_evaluation", 4)),
+    Column("", "10⁶ evaluations", plain("evaluations_million", 4)),
+    Column("", "10⁹ comparisons of the source (not in the FLOPs)", plain("compare_gop", 3)),
+]
+TERMS = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", _phase),
+    Column("", "term", word("term")),
+    Column("", "GFLOP, paper's convention", plain("gflop", 4)),
+    Column("", "share", lambda r: percent(r.get("share"))),
+    Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
+]
+READINGS = [
+    Column("", "scene", word("scene")),
+    Column("", "baseline's FLOPs under the rule", word("rule")),
+    Column("", "GFLOP", plain("gflop", 4)),
+    Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
+    Column("", "the paper's GFLOP", plain("paper_gflop", 4)),
+    Column("", "difference", lambda r: _signed(r["difference"])),
+]
+MEASURED = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", _phase),
+    Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
+    Column("", "by", _backend),
+    Column("measured, shipped build", "GFLOP, machine's convention", plain("machine_gflop", 4)),
+    Column("measured, shipped build", "10⁹ instructions", plain("instructions_g", 4)),
+    Column("measured, shipped build", "GB loaded", plain("load_gb", 4)),
+    Column("measured, shipped build", "GB stored", plain("store_gb", 4)),
+]
+VALIDATION = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", _phase),
+    Column("", "build", lambda r: {"shipped": "shipped", "calls": "without inlining"}[r["variant"]]),
+    Column("", "what", word("scope")),
+    Column("FLOP, machine's convention", "declared × counted", lambda r: f"{r['counted']:,}"),
+    Column("FLOP, machine's convention", "measured", lambda r: f"{r['measured']:,}"),
+    Column("", "by", _backend),
+    Column("", "difference", _difference("relative_difference")),
+    Column("", "the compiler's doing, known", _residue),
+    Column("", "left", _difference("unexplained")),
+    Column("", "verdict", _within, _within_mark),
+]

@@ -1,0 +1,133 @@
+"""The README's table of the ladder, and the published 1280×720 runs machine by machine, as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from study.bounds import roof
+from study.core import provenance, registry, show, store
+from study.experiments.original import measure as original
+from study.experiments.sweep import ladder
+from study.numbers import stats
+from study.numbers.analysis import Data
+from study.report import goals_page
+from study.report.columns import truth_height
+
+SCENES = ("scene0", "mandelbulb")  # the paper's own two
+Row = Mapping[str, Any]
+
+
+def by_phase(rows: pd.DataFrame) -> dict[str, dict[str, Row]]:
+    """Phase -> scene -> the ladder's row on one thread, of SCENES; specs with other flags are left out."""
+    found: dict[str, dict[str, Row]] = {}
+    for scene, group in ladder.ladders(rows).items():
+        for row in group.to_dict("records"):
+            if scene in SCENES and row["threads"] == 1 and "@" not in row["phase"]:
+                found.setdefault(row["phase"], {})[scene] = row
+    return found
+
+
+def limits(data: Data) -> dict[str, str]:
+    """Phase -> what bounds it on scene0 by the roofline; empty where the run has no counts or ceilings."""
+    counted, ceilings, _ = roof.read(data.path, strict=False)
+    table = roof.headline(roof.rows(data, counted, ceilings))
+    if table.empty:
+        return {}
+    rows = table[table["scene"] == SCENES[0]].to_dict("records")
+    return {row["phase"]: row["least_bound"] for row in rows if isinstance(row.get("least_bound"), str)}
+
+
+def _cells(row: Row | None, ratios: bool = True) -> list[str]:
+    """ms, × baseline (empty without ratios) and dB to ground truth of one row; – where there is none."""
+    if row is None:
+        return [show.NOTHING] * (2 + ratios)
+    psnr = show.number(row.get("truth_psnr_db"))
+    speedup = [show.speedup("speedup", "speedup_base")(row)] if ratios else []
+    return [show.interval(row, "ms"), *speedup, psnr]
+
+
+def originals(folder: Path) -> list[list[str]]:
+    """Rows of the paper's own program, from original.json: times, and ratios to our baseline of that run."""
+    file = folder / original.FILE
+    if not file.exists():
+        return []
+    rows = {(row["phase"], row["scene"]): row for row in store.read_json(file)["rows"]}
+    made = []
+    for phase in dict.fromkeys(name for name, _ in rows):
+        cells = [f"the paper's {phase}", "its own program", ""]
+        for scene in SCENES:
+            one, base = rows.get((phase, scene)), rows.get((ladder.BASE, scene))
+            if not one or not base or one["n"] != base["n"]:
+                cells += [show.NOTHING] * 3
+                continue
+            ours, theirs = base["ours_launches_ms"], one["theirs_launches_ms"]
+            time = stats.median_interval(theirs)
+            ratio = stats.ratio_interval(ours, theirs, rounds=phase == ladder.BASE)
+            psnr = one["psnr_display_db"]
+            error = "identical to ours" if psnr is None else f"{psnr:.1f} to ours, displayed"
+            cells += [time.text(",.4g"), ratio.text(".3g").replace(" ", "× ", 1), error]
+        made.append(cells)
+    return made
+
+
+def ladder_block(data: Data, rows: pd.DataFrame) -> str:
+    """The README's one table: a row a phase, then the paper's own program where the run has it.
+
+    The ratio to baseline is shown where baseline was held beside the paper's program.
+    """
+    found, bound, known = by_phase(rows), limits(data), registry.ladder()
+    ratios = original.held_beside(data.path)
+    size = next(iter(next(iter(found.values())).values()))
+    head = ["phase", "idea", "bound by"]
+    for scene in SCENES:
+        head += [f"{scene}, ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]
+    lines = []
+    for phase in sorted(found, key=lambda name: known[name].order if name in known else 99):
+        title = known[phase].title if phase in known else ""
+        cells = [f"[`{phase}`](phases/{phase}/NOTES.md)", title, bound.get(phase, show.NOTHING)]
+        for scene in SCENES:
+            cells += _cells(found[phase].get(scene), ratios)
+        lines.append(cells)
+    table = markdown(head, lines + (originals(data.path) if ratios else []))
+    at = truth_height([row for several in found.values() for row in several.values()])
+    note = (
+        f"{size['width']}×{size['height']}, one thread, {provenance.place(data.context)}. Times are medians "
+        "over process launches.\nIntervals hold 95 %. dB: PSNR to the ground truth "
+        f"(linear RGB, pictures{at or ' not measured'};\nmandelbulb: 4×4 means). "
+        "Bound by: the lowest roof of the roofline on scene0.\n"
+    )
+    return f"{table}\n{note}"
+
+
+def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A table of texts."""
+    rows = [head, ["---"] * len(head), *lines]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+
+
+def machines_block(runs: Sequence[Data]) -> str:
+    """A table a machine, of its newest run: ms and error at 1280×720.
+
+    The ratio to baseline is shown where baseline was held beside the paper's program.
+    """
+    parts = []
+    newest = {goals_page.name(data): data for data in sorted(runs, key=lambda data: data.context["time"])}
+    for here, data in sorted(newest.items()):
+        found = by_phase(ladder.rows(data, 720))
+        if not found:
+            continue
+        ratios = original.held_beside(data.path)
+        head = ["phase"]
+        for scene in SCENES:
+            head += [f"{scene}, ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]
+        lines = [
+            [phase, *(text for scene in SCENES for text in _cells(of.get(scene), ratios))]
+            for phase, of in found.items()
+        ]
+        title = f"## {here}\n\n{provenance.place(data.context)}: run `{data.path.name}`.\n"
+        parts += [title, markdown(head, lines)]
+    return "\n".join(parts)

@@ -1,0 +1,1 @@
+"""The exact picture of a scene, and the exact arithmetic behind it."""
