@@ -20,8 +20,8 @@ from study.core.run import NO_ISA, UNSUPPORTED, DriverError
 from study.counting import flops, libm
 from study.counting.counts import Measured
 from study.counting.flops import BACKENDS, Row
+from study.experiments.flops import columns as flops_columns
 from study.experiments.flops import table1
-from study.report import columns
 
 HEIGHT = 720  # of the paper's pictures
 QEMU_HEIGHT = 24  # it is about a hundred times slower than the machine
@@ -151,18 +151,18 @@ def run() -> int:
     elif args.validate:
         apart = ("calls of", libm.MATH)
         listed = [row for row in rows if row["judged"] and not row["scope"].startswith(apart)]
-        print(show.markdown(show.table(listed, columns.VALIDATION)))
+        print(show.markdown(show.table(listed, flops_columns.VALIDATION)))
         for title, said in (("calls of", "calls by name: {} of {} functions equal"), (libm.MATH, MATH_SAID)):
             of = [row["within"] for row in rows if row["scope"].startswith(title)]
             if of:
                 print(said.format(sum(of), len(of)))
     else:
-        print(show.markdown(show.table(table, columns.TABLE1)))
-        print(show.markdown(show.table(table1.terms(counted), columns.TERMS)))
+        print(show.markdown(show.table(table, flops_columns.TABLE1)))
+        print(show.markdown(show.table(table1.terms(counted), flops_columns.TERMS)))
         if readings := table1.readings(counted):
-            print(show.markdown(show.table(readings, columns.READINGS)))
+            print(show.markdown(show.table(readings, flops_columns.READINGS)))
         if made:
-            print(show.markdown(show.table([flops.summary(one) for one in made], columns.MEASURED)))
+            print(show.markdown(show.table([flops.summary(one) for one in made], flops_columns.MEASURED)))
     for row in bad:
         cli.say(
             f"{row['phase']} {row['scene']} {row['scope']} ({row['variant']}): declared {row['counted']:,}, "

@@ -18,8 +18,8 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.counting import perf, symbols
 from study.experiments.hotspots import bounds_tables as bounds_page
+from study.experiments.hotspots import chapter as hotspots_chapter
 from study.experiments.hotspots import tables as hotspots
-from study.report import sections
 
 VARIANTS = ("shipped", "calls")
 ENOUGH = 1000  # samples: under them intervals are wider than what they are to tell apart
@@ -153,7 +153,9 @@ def main() -> int:
         raise StudyError(f"--samples: 100 to 1000000 are required, not {args.samples}")
     target = store.Run.open(args.run) if args.run else None
     if target:
-        sections.hot(target.path)  # what is there must be sound before minutes of sampling are added to it
+        hotspots_chapter.hot(
+            target.path
+        )  # what is there must be sound before minutes of sampling are added to it
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
     scenes = [registry.find_scene(name) for name in args.scene]
     pairs = [(Spec.parse(name), scene) for scene in scenes for name in args.phase or ladder]

@@ -23,12 +23,14 @@ import tables
 from study.bounds import roof
 from study.core import registry, show, store
 from study.core.cli import StudyError
+from study.experiments.section import Section, reading
+from study.experiments.sweep import columns as sweep_columns
 from study.experiments.sweep import ladder
+from study.experiments.verify import columns as verify_columns
 from study.numbers import analysis, paper, stats
 from study.numbers.analysis import Data
 from study.pictures import draw
-from study.report import chapters, columns, facts, lessons
-from study.report.sections import Section, reading
+from study.report import chapters, facts, lessons
 
 TEMPLATES = registry.ROOT / "report" / "templates"
 OUT = registry.ROOT / "report" / "out" / "index.html"
@@ -200,7 +202,8 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
             "scene": scene,
             "size": f"{group['width'].iloc[0]}×{group['height'].iloc[0]}",
             "parts": [
-                (title, show.table(records, columns.sized(part, records))) for part, title in columns.PARTS
+                (title, show.table(records, sweep_columns.sized(part, records)))
+                for part, title in sweep_columns.PARTS
             ],
         }
         for scene, group in ladder.ladders(rows).items()
@@ -225,18 +228,18 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         headlines=headlines(rows),
         ladders=ladders,
         closed=[] if rows.empty else [name for name in rows["phase"].unique() if registry.is_exact(name)],
-        runtime=show.table(rows.to_dict("records"), columns.RUNTIME),
+        runtime=show.table(rows.to_dict("records"), sweep_columns.RUNTIME),
         figures={figure["name"]: figure for figure in figures(data, rows, figures_folder)},
         sections=found,
         images={one.id: drawn(one, figures_folder) + copied(one.images, figures_folder) for one in found},
         absent={one.id: absent(one) for one in found},
         inline=counted_figures(data, figures_folder),
-        verification=show.table(data.pairs, columns.VERIFICATION),
+        verification=show.table(data.pairs, verify_columns.VERIFICATION),
         failing=[pair for pair in data.pairs if pair.get("within_tolerance") is False],
         pictures=copied(pictures(data), figures_folder),
         heatmaps=copied(heatmaps(data), figures_folder),
         claims=made["claims"][0].astype(object).to_dict("records"),
-        paper=show.table(paper.ladder().to_dict("records"), columns.PAPER),
+        paper=show.table(paper.ladder().to_dict("records"), sweep_columns.PAPER),
         phases=phases(data),
         methods={"median": stats.MEDIAN.text(), "ratio": stats.RATIO.text()},
     )

@@ -16,11 +16,13 @@ from study.core import provenance, show, store
 from study.core.cli import StudyError
 from study.core.marked_blocks import between
 from study.core.registry import ROOT
+from study.experiments.sweep import columns as sweep_columns
 from study.experiments.sweep import ladder
 from study.experiments.systems import tables as systems
+from study.experiments.verify import columns as verify_columns
 from study.numbers import analysis, paper
 from study.numbers.analysis import Data
-from study.report import chapters, columns, front_page
+from study.report import chapters, front_page
 
 REFERENCE = ROOT / "results" / "reference"
 README, SYSTEMS, MACHINES = ROOT / "README.md", REFERENCE / "systems.md", REFERENCE / "machines.md"
@@ -38,21 +40,23 @@ def ladder_text(rows: pd.DataFrame) -> str:
     for scene, group in ladder.ladders(rows).items():
         records = group.to_dict("records")
         lines.append(f"### {scene}, {records[0]['width']}×{records[0]['height']}\n")
-        for part, title in columns.PARTS:
-            lines += [f"{title}\n", show.markdown(show.table(records, columns.sized(part, records)))]
+        for part, title in sweep_columns.PARTS:
+            lines += [f"{title}\n", show.markdown(show.table(records, sweep_columns.sized(part, records)))]
     return "\n".join(lines)
 
 
 def make(data: Data, rows: pd.DataFrame) -> Made:
     """Every table that the run has data for."""
     theirs = paper.ladder()
-    made: Made = {"paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), columns.PAPER)))}
+    made: Made = {
+        "paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), sweep_columns.PAPER)))
+    }
     if not rows.empty:
         made["ladder"] = rows[rows["headline"]], ladder_text(rows)
-        made["runtime"] = rows, show.markdown(show.table(rows.to_dict("records"), columns.RUNTIME))
+        made["runtime"] = rows, show.markdown(show.table(rows.to_dict("records"), sweep_columns.RUNTIME))
     if data.pairs:
         pairs = pd.DataFrame(data.pairs).drop(columns=["tolerance"], errors="ignore")
-        made["verification"] = pairs, show.markdown(show.table(data.pairs, columns.VERIFICATION))
+        made["verification"] = pairs, show.markdown(show.table(data.pairs, verify_columns.VERIFICATION))
     for section in chapters.all_of(data):
         made |= {part.name: (part.frame, part.markdown) for part in section.parts}
     found = claims.check(data, rows)

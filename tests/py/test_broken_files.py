@@ -15,8 +15,16 @@ import started
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.ablations import negative
-from study.report import truth_sections
-from study.report.sections import Section
+from study.experiments.accuracy import chapter as accuracy_chapter
+from study.experiments.drjit import chapter as drjit_chapter
+from study.experiments.frames import chapter as frames_chapter
+from study.experiments.functions import chapter as functions_chapter
+from study.experiments.pareto import chapter as pareto_chapter
+from study.experiments.scaling import chapter as scaling_chapter
+from study.experiments.section import Section
+from study.experiments.stability import chapter as stability_chapter
+from study.experiments.toolchains import chapter as toolchains_chapter
+from study.experiments.views import chapter as views_chapter
 
 PUBLISHED = max(ROOT.glob("results/reference/*/stability.json")).parent
 INTERVAL = {"value": 1.0, "low": 0.9, "high": 1.1, "launches": 6, "sufficient": True}
@@ -82,15 +90,15 @@ MEASURED = {
 }
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "ablations": lambda path: negative.section(path),
-    "accuracy": truth_sections.errors,
-    "drjit": truth_sections.rival,
-    "frames": truth_sections.rates,
-    "functions": truth_sections.approximations,
-    "pareto": truth_sections.headline,
-    "scaling": truth_sections.growth,
-    "stability": truth_sections.hard,
-    "toolchains": truth_sections.compilers,
-    "views": truth_sections.elsewhere,
+    "accuracy": accuracy_chapter.errors,
+    "drjit": drjit_chapter.rival,
+    "frames": frames_chapter.rates,
+    "functions": functions_chapter.approximations,
+    "pareto": pareto_chapter.headline,
+    "scaling": scaling_chapter.growth,
+    "stability": stability_chapter.hard,
+    "toolchains": toolchains_chapter.compilers,
+    "views": views_chapter.elsewhere,
 }
 
 

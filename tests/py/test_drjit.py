@@ -16,12 +16,12 @@ import started
 from study.core import cli, registry, run
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
+from study.experiments.drjit import chapter as drjit_chapter
 from study.experiments.drjit import measure as drjit_measure
 from study.experiments.drjit import tables as drjit_page
 from study.experiments.drjit.measure import DRJIT, OWN, SAME, Measuring, Point, Rival
 from study.numbers import verdicts
 from study.numbers.stats import Interval
-from study.report import truth_sections
 
 SCRIPT = ROOT / "scripts" / "drjit.py"
 OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")
@@ -143,13 +143,13 @@ def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
     }
     errors |= {"reference": "opt3", "to_own": errors | {"psnr_db": 16.0}, "non_finite": 0}
     result = {"schema": 1, "n": 720, "launches": 6, "drjit": "1.5.0", "llvm": "libLLVM.so.19.1 (19)"}
-    assert truth_sections.rival(tmp_path).parts == []
+    assert drjit_chapter.rival(tmp_path).parts == []
     made = cli.plain(result | {"rows": row(8, errors)})
     (tmp_path / drjit_measure.FILE).write_text(json.dumps(made))
-    chapter = truth_sections.rival(tmp_path)
+    chapter = drjit_chapter.rival(tmp_path)
     text = chapter.parts[0].markdown
     assert "10.0× [10.0" in text and "≥ 8×: met" in text and "| 40.0 |" in text and "16.0" in text
     assert "drjit 1.5.0" in drjit_page.note(made)
     (tmp_path / drjit_measure.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"drjit\.json: not what scripts/drjit\.py writes"):
-        truth_sections.rival(tmp_path)
+        drjit_chapter.rival(tmp_path)

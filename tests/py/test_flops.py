@@ -20,8 +20,8 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.counting import blocks, costs, decode, flops, libm
 from study.counting.counts import Counts, Measured
+from study.experiments.flops import columns as flops_columns
 from study.experiments.flops import table1
-from study.report import columns
 
 
 def counts(calls: int, adds: int, load: int = 0) -> Counts:
@@ -175,7 +175,7 @@ def test_a_raw_pass_needs_no_explanation(monkeypatch):
     monkeypatch.setattr(flops, "explained", lambda stated, variant: {"a": {"add": (-200, 0)}})
     as_additions(monkeypatch)
     (row,) = flops.compare(stated(10064, a=10064), measured({"a": counts(1, 10000)}, variant="shipped"))
-    (*_, verdict), *_ = show.table([row], columns.VALIDATION).cells
+    (*_, verdict), *_ = show.table([row], flops_columns.VALIDATION).cells
     assert row["explained_to"] > 0.01 and verdict == ("✓ within 1\u00a0%", "good")
 
 
@@ -332,7 +332,7 @@ def test_a_wide_range_says_how_wide(monkeypatch):
     monkeypatch.setattr(flops, "explained", lambda stated, variant: {"a": {"add": (-800, 0)}})
     as_additions(monkeypatch)
     (row,) = flops.compare(stated(10600, a=10600), measured({"a": counts(1, 10000)}, variant="shipped"))
-    (*_, verdict), *_ = show.table([row], columns.VALIDATION).cells
+    (*_, verdict), *_ = show.table([row], flops_columns.VALIDATION).cells
     assert verdict == ("✓ explained to within 8.0\u00a0%", "good")
 
 

@@ -17,6 +17,7 @@ from study.core import cli, registry
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
+from study.experiments.frames import chapter as frames_chapter
 from study.experiments.frames import measure as frames
 from study.experiments.frames import tables as frames_page
 from study.experiments.frames.measure import Case, Settings
@@ -24,7 +25,6 @@ from study.numbers import stats
 from study.numbers.stats import Interval
 from study.pictures import images
 from study.pictures.draw import STYLE
-from study.report import truth_sections
 
 OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")
 CASE = Case("scene0", 1080, 60, frames.OWN, 1e-6, Path("scene0.json"))
@@ -148,9 +148,9 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
         "marched": {"phase": "opt8_streams", "bulb_psnr_db": 62.0, **errors, "psnr_db": 58.0},
     }
     result = cli.plain({"schema": 1, "launches": 6, "threads": 2, "rows": rows, "left_out": []})
-    assert truth_sections.rates(tmp_path).parts == []
+    assert frames_chapter.rates(tmp_path).parts == []
     (tmp_path / frames.FILE).write_text(json.dumps(result))
-    chapter = truth_sections.rates(tmp_path)
+    chapter = frames_chapter.rates(tmp_path)
     text = chapter.parts[0].markdown
     assert "| 61.0 |" in text and "opt8_streams: 58.0, on the bulb 62.0; 99.9" in text
     assert any("closed forms put them where they are" in d.note for d in chapter.drawn.values())
@@ -162,7 +162,7 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
         assert chapter.drawn[frames_page.FIGURE].make().axes
     (tmp_path / frames.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"frames\.json: not what scripts/frames\.py writes"):
-        truth_sections.rates(tmp_path)
+        frames_chapter.rates(tmp_path)
 
 
 def run_command(monkeypatch, *arguments: str) -> int:
@@ -224,5 +224,5 @@ def test_what_is_displayed_otherwise_fails(tmp_path: Path, monkeypatch, capsys) 
     assert "FAIL opt10_scene on scene0: 0 samples not finite, 1 bytes displayed otherwise" in said.err
     row = json.loads(said.out)["rows"][0]
     assert (row["presented_by"], row["displayed_otherwise"], row["present_ms"]) == ("phase", 1, 0)
-    text = truth_sections.rates(tmp_path).parts[0].markdown
+    text = frames_chapter.rates(tmp_path).parts[0].markdown
     assert "| in the phase's tiles |" in text

@@ -14,13 +14,13 @@ import started
 from study.core import cli, registry, run
 from study.core.registry import ROOT, Spec
 from study.experiments.ablations import measure as ablations
+from study.experiments.pareto import chapter as pareto_chapter
 from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto import tables as pareto_page
 from study.experiments.toolchains import measure as toolchains
 from study.pictures import images
 from study.pictures.draw import STYLE, save
-from study.report import truth_sections
 
 SCRIPT = ROOT / "scripts" / "pareto.py"
 
@@ -438,7 +438,7 @@ def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
     (tmp_path / "pareto.json").write_text(json.dumps(result))
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "pareto.png").write_bytes(b"")
-    found = truth_sections.headline(tmp_path)
+    found = pareto_chapter.headline(tmp_path)
     text = " ".join(cell for one in found.parts for line in one.table.cells for cell, _ in line)
     assert "opt4 500.0 [450.0,\u00a0550.0]; or opt5" in text and "none" in text
     assert "once: beaten by opt4 at 0.5, 9 steps" in text

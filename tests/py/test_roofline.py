@@ -27,11 +27,11 @@ from study.bounds import ceilings, roof, roof_shares
 from study.core import store
 from study.core.cli import StudyError
 from study.counting.counts import Counts, Measured
+from study.experiments.roofline import chapter as roofline_chapter
 from study.experiments.roofline import tables as roof_tables
 from study.numbers import analysis
 from study.pictures import labels
 from study.pictures.draw import RING, STYLE, save
-from study.report import sections
 
 ROOT = Path(__file__).parents[2]
 PIXELS = {90: 160 * 90, 180: 320 * 180}
@@ -362,7 +362,7 @@ def test_shares_by_the_clock_under_vector_load_stand_beside(run: Path) -> None:
     assert "up to 1.250 times" in said[0]
     text = roof_tables.tables(rows_of(run), roof.read(run)[1])["roofline"][1]
     assert said[0] in text and "| 6.25\u00a0% | 7.14\u00a0% |" in text
-    assert said[0] in sections.roofline(analysis.load(run)).remarks
+    assert said[0] in roofline_chapter.roofline(analysis.load(run)).remarks
 
 
 def test_disturbed_ceilings_are_told_under_the_tables(run: Path) -> None:
@@ -375,7 +375,7 @@ def test_disturbed_ceilings_are_told_under_the_tables(run: Path) -> None:
     made = roof_tables.tables(rows_of(run), limits)
     said = "(measured 6 times), single over double precision: 256 bits 2.37 instead of 2."
     assert all(said in made[name][1] for name in ("ceilings", "roofline"))
-    assert any(said in line for line in sections.roofline(analysis.load(run)).remarks)
+    assert any(said in line for line in roofline_chapter.roofline(analysis.load(run)).remarks)
     done = script(run)
     assert said in done.stderr and "2.37 instead of 2" in (run / "figures" / "roofline.svg").read_text()
 
@@ -450,7 +450,7 @@ def test_ceilings_of_another_machine_are_marked_everywhere(run: Path) -> None:
         assert done.returncode == 0 and "Ceilings of another machine: " in done.stderr
         for name in ("tables/roofline.md", "tables/table6.md", "figures/roofline.svg"):
             assert "another machine" in (run / name).read_text(), name
-        section = sections.roofline(analysis.load(run))
+        section = roofline_chapter.roofline(analysis.load(run))
         assert section.remarks[0].startswith("Ceilings of another machine: ")
         part = next(part for part in section.parts if part.name == "roofline")
         assert "(another machine's roof!)" in part.markdown

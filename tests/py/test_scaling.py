@@ -33,10 +33,10 @@ from study.experiments.scaling import series
 from study.experiments.scaling import tables as scaling_tables
 from study.experiments.scaling.measure import First
 from study.experiments.scaling.series import Picture, Point
+from study.experiments.section import part
 from study.numbers import power_laws as scaling_fit
 from study.numbers.stats import Interval
 from study.pictures.draw import STYLE, save
-from study.report.sections import part
 
 SCRIPT = ROOT / "scripts" / "scaling.py"
 OPT4, BASE = Spec("opt4", "opt4"), Spec("baseline", "baseline")
@@ -676,7 +676,7 @@ def test_closed_forms_have_no_exponent_of_evaluations(evals) -> None:
 
 
 def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> None:
-    from study.report import truth_sections
+    from study.experiments.scaling import chapter as scaling_chapter
 
     made = result([row("opt4", x, 1e6 * x**0.5) for x in (1, 16, 64)] + [row("opt3", 1, 5e5)])
     with matplotlib.rc_context(STYLE):
@@ -685,15 +685,15 @@ def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> Non
     assert set(drawn) == {"scaling-time", "scaling-evals", "scaling-error"}
     text = time[0].read_text()
     assert "x^0.50" in text and "number of shapes, scattered" in text
-    assert truth_sections.growth(tmp_path).parts == []
+    assert scaling_chapter.growth(tmp_path).parts == []
     (tmp_path / scaling.FILE).write_text(json.dumps(made))
-    chapter = truth_sections.growth(tmp_path)
+    chapter = scaling_chapter.growth(tmp_path)
     assert [part.name for part in chapter.parts] == ["scaling", "scaling-goals", "scaling-points"]
     cells = [text for text, _ in chapter.parts[0].table.cells[0]]
     assert "0.50" in cells[3] and "grows slower than the paper's bound" in cells
     (tmp_path / scaling.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"scaling\.json: not what scripts/scaling\.py writes"):
-        truth_sections.growth(tmp_path)
+        scaling_chapter.growth(tmp_path)
 
 
 def test_labels_keep_apart_and_inside() -> None:

@@ -16,10 +16,14 @@ import started
 
 from study.core.cli import StudyError
 from study.core.registry import ROOT
+from study.experiments import section
+from study.experiments.ablations import chapter as ablations_chapter
 from study.experiments.ablations import measure as ablations
+from study.experiments.flops import chapter as flops_chapter
+from study.experiments.hotspots import chapter as hotspots_chapter
 from study.experiments.hotspots import tables as hotspots
 from study.numbers import analysis
-from study.report import chapters, sections
+from study.report import chapters
 
 PICTURE = {"phase": "baseline", "flags_from": "baseline", "scene": "scene0", "width": 16, "height": 9}
 
@@ -110,7 +114,7 @@ def loaded() -> analysis.Data:
     return analysis.load(ROOT / "tests" / "fixtures" / "run")
 
 
-def parts_of(section: sections.Section) -> dict[str, sections.Part]:
+def parts_of(section: section.Section) -> dict[str, section.Part]:
     return {part.name: part for part in section.parts}
 
 
@@ -234,7 +238,7 @@ def test_each_scene_and_phase_has_its_picture(run: Path) -> None:
     pictures += [("trio", "baseline", 90), ("trio", "baseline", 45), ("scene0", "opt1", 180)]
     rows = [declared(phase, height, scene) for scene, phase, height in pictures]
     put(run, "counts.json", {"schema": 1, "declared": rows, "measured": []})
-    shown = parts_of(sections.counted(run))["table1"].rows
+    shown = parts_of(flops_chapter.counted(run))["table1"].rows
     found = {(row["scene"], row["phase"], row["height"]) for row in shown}
     assert len(shown) == 3
     assert found == {("scene0", "baseline", 720), ("trio", "baseline", 90), ("scene0", "opt1", 180)}
@@ -243,14 +247,14 @@ def test_each_scene_and_phase_has_its_picture(run: Path) -> None:
 def test_other_flags_are_the_same_flops(run: Path) -> None:
     rows = [declared("opt1", 720), declared("opt1", 90) | {"flags_from": "opt2"}]
     put(run, "counts.json", {"schema": 1, "declared": rows, "measured": []})
-    assert [row["height"] for row in parts_of(sections.counted(run))["table1"].rows] == [720]
+    assert [row["height"] for row in parts_of(flops_chapter.counted(run))["table1"].rows] == [720]
 
 
 def test_back_ends_are_named_and_summed_apart(run: Path) -> None:
     rows = [checked("calls of sdf"), checked("calls of root"), checked("calls of sdf", "qemu")]
     rows += [checked("calls of root", "qemu", within=False), checked("total", "pmu")]
     put(run, "validation.json", {"schema": 1, "rows": rows})
-    said = sections.counted(run).remarks
+    said = flops_chapter.counted(run).remarks
     about = next(line for line in said if "Measured: by" in line)
     assert all(name in about for name in ("blocks (every basic block", "qemu (", "pmu ("))
     assert [line for line in said if line.startswith("Calls by name")] == [
@@ -258,7 +262,7 @@ def test_back_ends_are_named_and_summed_apart(run: Path) -> None:
         "Calls by name, counting build against qemu: 1 of 2 equal.",
     ]
     put(run, "validation.json", {"schema": 1, "rows": [checked("total", "pmu")]})
-    assert not any("block" in line for line in sections.counted(run).remarks)
+    assert not any("block" in line for line in flops_chapter.counted(run).remarks)
 
 
 @pytest.mark.parametrize(
@@ -275,7 +279,7 @@ def test_no_core_runs_more_than_its_width(
     run: Path, per_cycle: float, name: str | None, shown: float | None
 ) -> None:
     put(run, "hotspots.json", sampled(per_cycle))
-    row = parts_of(sections.hot(run, name))["hotspots-baseline"].rows[0]
+    row = parts_of(hotspots_chapter.hot(run, name))["hotspots-baseline"].rows[0]
     assert (row["function"], row["per_cycle"]) == ("sdf", shown)
 
 
@@ -289,6 +293,11 @@ def test_the_width_is_of_the_runs_cpu(run: Path) -> None:
 
 
 def test_prose_has_no_stray_quotes() -> None:
-    texts = [sections.CONVENTIONS, sections.VALIDATION, sections.STEPS_ABOUT, hotspots.ABOUT]
-    for text in [*texts, sections.__doc__, sections.Section.__doc__]:
+    texts = [
+        flops_chapter.CONVENTIONS,
+        flops_chapter.VALIDATION,
+        ablations_chapter.STEPS_ABOUT,
+        hotspots.ABOUT,
+    ]
+    for text in [*texts, section.Section.__doc__]:
         assert text and '"' not in text

@@ -18,10 +18,11 @@ import tables
 from study.claims import claims
 from study.core import show
 from study.core.cli import StudyError
+from study.experiments.sweep import columns as sweep_columns
 from study.experiments.sweep import ladder, summary
 from study.numbers import analysis, paper, stats
 from study.numbers.verdicts import OPEN, PART
-from study.report import columns, front_page
+from study.report import front_page
 
 ROOT = Path(__file__).parents[2]
 
@@ -77,7 +78,7 @@ def test_times_are_medians_over_launches_in_the_unit_of_their_name(run: Path) ->
     assert opt4["setup_first_ms"] == pytest.approx(0.02 + 2 * 28.8)  # the warm-up frame is the first one
     assert opt4["present_ms"] == 1
     assert opt4["frames_per_s"] == pytest.approx(1000 / (28.8 + 1))
-    shown = show.table([opt4], columns.WHOLE)
+    shown = show.table([opt4], sweep_columns.WHOLE)
     texts = {column.name: text for column, (text, _) in zip(shown.columns, shown.cells[0], strict=True)}
     clocks = [texts[name] for name in ("TSC", "core", "core under its vector load")]
     assert (texts["10⁶ TSC cycles"], clocks) == ("72.00", ["2.500", "4.000", "3.500"])

@@ -16,10 +16,10 @@ import started
 from study.core import cli, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
+from study.experiments.toolchains import chapter as toolchains_chapter
 from study.experiments.toolchains import measure as toolchains
 from study.experiments.toolchains.measure import BASE, SETS, Program
 from study.pictures import images
-from study.report import truth_sections
 
 
 def picture(height: int = 4, width: int = 5) -> images.Picture:
@@ -119,9 +119,9 @@ def test_a_spec_with_flags_of_its_own_is_refused(tmp_path: Path) -> None:
 
 def test_a_null_psnr_of_a_broken_picture_is_not_identical() -> None:
     row = {"psnr_to_shipped_db": None, "rmse_to_shipped": 0.0}
-    assert truth_sections._psnr(row) == "identical"
-    assert truth_sections._psnr(row | {"rmse_to_shipped": None}) == "not finite"
-    assert truth_sections._psnr(row | {"psnr_to_shipped_db": 42.0}) == "42.0"
+    assert toolchains_chapter._psnr(row) == "identical"
+    assert toolchains_chapter._psnr(row | {"rmse_to_shipped": None}) == "not finite"
+    assert toolchains_chapter._psnr(row | {"psnr_to_shipped_db": 42.0}) == "42.0"
 
 
 def measured(truth: images.Picture, mine: images.Picture, theirs: images.Picture, scene: str) -> dict:
@@ -165,5 +165,5 @@ def test_non_finite_is_of_the_picture_itself() -> None:
     row = measured(exact(), sound, broken, "two_spheres")
     assert row["ms"].value == 1 and row["speedup"].value == 2  # it takes 1 ms where gcc as shipped takes 2
     assert row["non_finite"] == 0 and row["truth_psnr_db"] == np.inf
-    assert truth_sections._psnr(cli.plain(row)) == "not finite"
+    assert toolchains_chapter._psnr(cli.plain(row)) == "not finite"
     assert measured(exact(), broken, sound, "two_spheres")["non_finite"] == 1

@@ -16,14 +16,15 @@ import plots
 import report
 from study.core import registry, run, show
 from study.core.registry import ROOT, Spec
+from study.experiments.accuracy import chapter as accuracy_chapter
+from study.experiments.functions import chapter as functions_chapter
 from study.experiments.functions import edge_tables as functions_edges_page
 from study.experiments.functions import figures as functions_figures
 from study.experiments.functions import tables as functions_page
 from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto import measure as measuring
+from study.experiments.section import Section
 from study.numbers import analysis
-from study.report import truth_sections
-from study.report.sections import Section
 
 Row = dict[str, Any]
 PUBLISHED = max((ROOT / "results" / "reference").glob("*/pareto.json")).parent
@@ -119,7 +120,7 @@ def test_the_page_has_its_figures_from_the_files_alone(
 
 
 def test_what_only_rendering_makes_is_said_in_one_line(folder: Path) -> None:
-    section = truth_sections.errors(folder)
+    section = accuracy_chapter.errors(folder)
     assert report.absent(section) == [
         "trio by baseline: where it is wrong",
         "trio by opt4: where it is wrong",
@@ -153,7 +154,7 @@ def test_fronts_of_throughput_and_of_latency_are_told_apart() -> None:
 
 
 def test_edges_show_only_who_differs_and_where(folder: Path) -> None:
-    table = part_of(truth_sections.approximations(folder), "functions-edges")
+    table = part_of(functions_chapter.approximations(folder), "functions-edges")
     assert [column.name for column in table.columns] == [
         "function",
         "implementations",
@@ -169,7 +170,7 @@ def test_edges_show_only_who_differs_and_where(folder: Path) -> None:
     assert marks == [[False, False], [True, False], [True, True]]
     made = approximated(LIBM, NEAR, NARROW, TRICK)
     assert "The other 1 of 4 entries agree" in functions_edges_page.caption(made, ["rsqrt", "log"])
-    said = truth_sections.approximations(folder).remarks[0]
+    said = functions_chapter.approximations(folder).remarks[0]
     assert "1 of 4 entries agree with it at every input tried, every one of libm among them" in said
 
 
@@ -193,7 +194,7 @@ def test_values_at_edges_have_three_digits(text: str, shown: str) -> None:
 
 
 def test_the_tables_of_reciprocal_roots_name_their_cpu(folder: Path) -> None:
-    table = part_of(truth_sections.approximations(folder), "rsqrt")
+    table = part_of(functions_chapter.approximations(folder), "rsqrt")
     assert table.cells[0][1][0] == "Example CPU; Example Inc, family 6, model 7, stepping 2"
     unknown = copy.deepcopy(approximated(LIBM)) | {"context": None}
     assert functions_page.tables(unknown)[0]["cpu"] == "unknown CPU"

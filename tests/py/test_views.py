@@ -17,6 +17,7 @@ from study.core import cli, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import UNSUPPORTED, DriverError
+from study.experiments.views import chapter as views_chapter
 from study.experiments.views import figures as views_page
 from study.experiments.views import gains as views_gains
 from study.experiments.views import measure as views_measure
@@ -24,7 +25,6 @@ from study.experiments.views import views
 from study.experiments.views.views import View
 from study.numbers import stats
 from study.pictures.draw import STYLE
-from study.report import truth_sections
 
 SCRIPT = ROOT / "scripts" / "views.py"
 OPT1, OPT2, OPT3 = (Spec(name, name) for name in ("opt1", "opt2", "opt3"))
@@ -319,9 +319,9 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     result = json.loads(
         json.dumps(cli.plain({**result, "rungs": views_gains.rungs(every), "thumbnails": []}))
     )
-    assert truth_sections.elsewhere(tmp_path).parts == []
+    assert views_chapter.elsewhere(tmp_path).parts == []
     (tmp_path / views_measure.FILE).write_text(json.dumps(result))
-    chapter = truth_sections.elsewhere(tmp_path)
+    chapter = views_chapter.elsewhere(tmp_path)
     assert [part.name for part in chapter.parts] == ["views", "views-scenes", "views-points"]
     text = chapter.parts[0].markdown
     assert "wins on the tuned views alone" in text and "2 of 3" in text and "60.0 (parent 70.0)" in text
@@ -329,7 +329,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
         assert list(views_page.figures(result, tmp_path)) == [views_page.RATIOS]
     (tmp_path / views_measure.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"views\.json: not what scripts/views\.py writes"):
-        truth_sections.elsewhere(tmp_path)
+        views_chapter.elsewhere(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ from study.bounds import roof
 from study.core import provenance, registry, show, store
 from study.experiments.original import measure as original
 from study.experiments.sweep import ladder
+from study.experiments.sweep.columns import truth_height
 from study.numbers import stats
 from study.numbers.analysis import Data
 from study.report import goals_page
-from study.report.columns import truth_height
 
 SCENES = ("scene0", "mandelbulb")  # the paper's own two
 Row = Mapping[str, Any]

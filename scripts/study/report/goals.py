@@ -20,11 +20,11 @@ from study.experiments.packets import tables as packets_page
 from study.experiments.scaling import goals as scaling_goals
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling import series as scaling_series
+from study.experiments.section import reading
 from study.experiments.sweep import ladder
 from study.numbers import verdicts
 from study.numbers.analysis import Data
 from study.numbers.stats import Interval
-from study.report.sections import reading
 
 HEIGHT = 720  # of the goals' pictures
 WIDE = 16  # lanes from which the whole goal is asked

@@ -9,10 +9,10 @@ from typing import Any
 from study.core import machine, registry, show
 from study.core.show import Column
 from study.experiments.original import measure as original
+from study.experiments.section import Section, part
 from study.numbers.analysis import Data
 from study.report import goals
 from study.report.goals import Goal
-from study.report.sections import Section, part
 
 NOTE = (
     "Each goal was set before the work. Met: the whole 95 % interval reaches the goal. Missed: none of it "

@@ -17,9 +17,9 @@ from study.core.cli import StudyError
 from study.core.show import Column
 from study.experiments.ablations import ideas
 from study.experiments.ablations import measure as ablations
+from study.experiments.section import Section, part, reading
 from study.numbers import verdicts
 from study.pictures.draw import BAD, Drawing
-from study.report.sections import Section, part, reading
 
 DOCUMENT = registry.ROOT / "docs" / "what-did-not-pay.md"
 COLUMNS = ("idea", "phase", "expected", "measured", "machine", "why")  # of its one table

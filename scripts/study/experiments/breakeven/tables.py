@@ -9,7 +9,7 @@ from pathlib import Path
 from study.core import machine, show
 from study.core.show import Column
 from study.experiments.breakeven.measure import FILE, SMALL, Row, read
-from study.report.sections import Section, part, reading
+from study.experiments.section import Section, part, reading
 
 
 def _interval(name: str, unit: str = "") -> Callable[[Row], str]:

@@ -12,8 +12,8 @@ from study.core.show import Column
 from study.experiments.fixed import measure as fixed
 from study.experiments.fixed.measure import Row
 from study.experiments.moving import measure as moving
+from study.experiments.section import Part, part
 from study.pictures.draw import COLOURS, Drawing, plain_log
-from study.report.sections import Part, part
 
 FIGURE, FRAMES = "fixed-bits", "fixed-frames"
 

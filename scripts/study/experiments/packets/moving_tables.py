@@ -11,7 +11,7 @@ from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import tables as fixed_page
 from study.experiments.moving import measure as moving
 from study.experiments.packets import rays as packets_rays
-from study.report.sections import Part, part
+from study.experiments.section import Part, part
 
 Row = dict[str, Any]
 TREES = {"BVH": "tree=bvh", "kd-tree": "tree=kd"}

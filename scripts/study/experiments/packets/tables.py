@@ -8,9 +8,9 @@ from study.core import show
 from study.core.show import Column
 from study.experiments.moving import measure as moving
 from study.experiments.packets.measure import EMBREE, Row, reached, target_of
+from study.experiments.section import Part, part
 from study.numbers import verdicts
 from study.numbers.stats import Interval
-from study.report.sections import Part, part
 
 OF_KIND = {
     "primary": "camera",

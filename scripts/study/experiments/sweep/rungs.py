@@ -18,9 +18,9 @@ from study.bounds import roof
 from study.core import registry, show
 from study.core.show import Column
 from study.counting import flops
+from study.experiments.section import Part, Section, part, reading
 from study.experiments.sweep import ladder
 from study.numbers.analysis import Data
-from study.report.sections import Part, Section, part, reading
 
 DISTANCES = "sdf_"  # functions: one solid's distance
 PLANE = "sdf_plane"

@@ -22,8 +22,8 @@ from study.experiments.packets import tables as packets_page
 from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures as rods_pictures
 from study.experiments.rods import tables as rods_page
+from study.experiments.section import Section, part, reading
 from study.experiments.systems import pictures as systems_pictures
-from study.report.sections import Section, part, reading
 
 ROWS = [
     Column("", "system", lambda r: r["system"]),

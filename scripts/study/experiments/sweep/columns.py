@@ -1,8 +1,7 @@
-"""Which columns each table for people has, in which unit and how many digits."""
+"""Columns of the ladder: speed and error, the paper beside, the first frame, how each phase was built."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -25,7 +24,6 @@ from study.core.show import (
     times,
     whole,
     word,
-    yes,
 )
 from study.numbers.analysis import GENERATED
 
@@ -127,6 +125,8 @@ LADDER = [
     Column("error below the picture", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
     Column("error below the picture", "depth agrees", _fractal_depth),
 ]
+
+
 BESIDE = [
     Column("", "phase", _phase),
     Column("here, over baseline", "speed-up [95\u00a0%]", speedup("speedup", "speedup_base")),
@@ -135,6 +135,8 @@ BESIDE = [
     Column("the paper, over its baseline", "by its text", lambda r: times(r.get("stated"))),
     Column("the paper, over its baseline", "its program, run again (PSNR display)", rerun),
 ]
+
+
 WHOLE = [
     Column("", "phase", _phase),
     Column("", "threads", whole("threads")),
@@ -151,6 +153,8 @@ WHOLE = [
     Column("clocks, GHz", "core", plain("core_hz", 4, 1e9)),
     Column("clocks, GHz", "core under its vector load", _load),
 ]
+
+
 BUILT = [
     Column("", "phase", _phase),
     Column("", "precision", word("precision")),
@@ -163,6 +167,8 @@ BUILT = [
     Column("", "compiler", word("compiler")),
     Column("", "libc", word("libc")),
 ]
+
+
 # What a scene's ladder consists of: columns and title of each table.
 PARTS = (
     (LADDER, "Speed and error. “insufficient”: fewer than 6 launches, so no interval"),
@@ -170,6 +176,8 @@ PARTS = (
     (WHOLE, "First frame, presenting, cycles"),
     (BUILT, "As built"),
 )
+
+
 RUNTIME = [
     Column("", "scene", word("scene")),
     Column("", "n", whole("height")),
@@ -187,23 +195,8 @@ RUNTIME = [
     Column("", "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),
     Column("", "tolerance", gate, gate_mark),
 ]
-VERIFICATION = [
-    Column("", "scene", word("scene")),
-    Column("", "phase", _phase),
-    Column("", "tolerance", gate, gate_mark),
-    Column("", "reference", lambda r: NOTHING if r["reference"] == "baseline" else r["reference"]),
-    Column("", "size", lambda r: f"{r.get('width')}×{r.get('height')}"),
-    Column("", "not finite", whole("non_finite")),
-    Column("", "bits", lambda r: "identical" if yes(r.get("identical")) else "differ"),
-    *[Column("picture", c.name, c.text) for c in _pictures()],
-    Column("picture", "FLIP mean", plain("flip_mean", 2)),
-    Column("geometry", "hit mask, ppm", plain("mask_mismatch_ppm")),
-    Column("geometry", "shape id, ppm", plain("id_mismatch_ppm")),
-    Column("geometry", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
-    Column("geometry", "|Δt| max, scene units", plain("dt_max", 2)),
-    Column("geometry", "normal 99\u00a0%, degrees", plain("normal_p99_degrees", 2)),
-    Column("geometry", "depth agrees", lambda r: share(r.get("depth_agree_fraction"))),
-]
+
+
 PAPER = [
     Column("", "scene", word("scene")),
     Column("", "phase", _phase),
@@ -217,100 +210,4 @@ PAPER = [
         "pixels off > 1/255 (display)",
         lambda r: percent(r["rerun_over_display"]),
     ),
-]
-
-
-def _difference(name: str) -> Callable[[Row], str]:
-    return lambda row: NOTHING if pd.isna(row[name]) else f"{100 * row[name]:+.3f}\u00a0%"
-
-
-def _residue(row: Row) -> str:
-    """FLOPs that the compiler is known to add, as shares of what was measured."""
-    low, high = (100 * row[name] / (row["measured"] or math.nan) for name in ("residue_low", "residue_high"))
-    if not (low or high):
-        return NOTHING
-    return f"{low:+.2f}\u00a0%" if low == high else f"{low:+.2f} … {high:+.2f}\u00a0%"
-
-
-def _within(row: Row) -> str:
-    """A residue that is only known as a range proves no more than its width; one that agrees needs none."""
-    if not row["judged"]:
-        return "not judged: libm's inside is in it" if row["scope"] == "total" else "not judged: small"
-    if not row["within"]:
-        return "✗ OUTSIDE 1\u00a0%"
-    if row["explained_to"] > 0.01 and not abs(row["relative_difference"]) <= 0.01:
-        return f"✓ explained to within {100 * row['explained_to']:.1f}\u00a0%"
-    return "✓ within 1\u00a0%"
-
-
-def _within_mark(row: Row) -> str:
-    return "" if not row["judged"] else "good" if row["within"] else "bad"
-
-
-def _backend(row: Row) -> str:
-    state = {True: "", False: " (not calibrated here)", None: " (not yet validated)"}
-    return f"{row['backend']}{state[row['calibrated']]}"
-
-
-def _signed(share: float | None) -> str:
-    """A difference in percent with its sign."""
-    return NOTHING if share is None or pd.isna(share) else f"{100 * share:+.1f}\u00a0%"
-
-
-# FLOPs: all lanes are counted; the useful share is that of the active ones.
-TABLE1 = [
-    Column("", "scene", word("scene")),
-    Column("", "phase", _phase),
-    Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
-    Column("GFLOP of a picture", "by the paper's rule", plain("paper_rule_gflop", 4)),
-    Column("GFLOP of a picture", "the paper's own", plain("paper_gflop", 4)),
-    Column("GFLOP of a picture", "difference", lambda r: _signed(r.get("difference"))),
-    Column("GFLOP of a picture", "iterations as entered", plain("paper_convention_gflop", 4)),
-    Column("GFLOP of a picture", "machine's convention", plain("machine_convention_gflop", 4)),
-    Column("saved of baseline's", "by the paper's rule", lambda r: percent(r.get("rule_cut"))),
-    Column("saved of baseline's", "the paper's own", lambda r: percent(r.get("paper_cut"))),
-    Column("saved of baseline's", "of useful lanes, as entered", lambda r: percent(r.get("cut"))),
-    Column("", "lanes at useful work", lambda r: percent(r.get("useful_share"))),
-    Column("", "useful FLOP/evaluation, as entered", plain("flop_per_evaluation", 4)),
-    Column("", "10⁶ evaluations", plain("evaluations_million", 4)),
-    Column("", "10⁹ comparisons of the source (not in the FLOPs)", plain("compare_gop", 3)),
-]
-TERMS = [
-    Column("", "scene", word("scene")),
-    Column("", "phase", _phase),
-    Column("", "term", word("term")),
-    Column("", "GFLOP, paper's convention", plain("gflop", 4)),
-    Column("", "share", lambda r: percent(r.get("share"))),
-    Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
-]
-READINGS = [
-    Column("", "scene", word("scene")),
-    Column("", "baseline's FLOPs under the rule", word("rule")),
-    Column("", "GFLOP", plain("gflop", 4)),
-    Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
-    Column("", "the paper's GFLOP", plain("paper_gflop", 4)),
-    Column("", "difference", lambda r: _signed(r["difference"])),
-]
-MEASURED = [
-    Column("", "scene", word("scene")),
-    Column("", "phase", _phase),
-    Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
-    Column("", "by", _backend),
-    Column("measured, shipped build", "GFLOP, machine's convention", plain("machine_gflop", 4)),
-    Column("measured, shipped build", "10⁹ instructions", plain("instructions_g", 4)),
-    Column("measured, shipped build", "GB loaded", plain("load_gb", 4)),
-    Column("measured, shipped build", "GB stored", plain("store_gb", 4)),
-]
-VALIDATION = [
-    Column("", "scene", word("scene")),
-    Column("", "phase", _phase),
-    Column("", "build", lambda r: {"shipped": "shipped", "calls": "without inlining"}[r["variant"]]),
-    Column("", "what", word("scope")),
-    Column("FLOP, machine's convention", "declared × counted", lambda r: f"{r['counted']:,}"),
-    Column("FLOP, machine's convention", "measured", lambda r: f"{r['measured']:,}"),
-    Column("", "by", _backend),
-    Column("", "difference", _difference("relative_difference")),
-    Column("", "the compiler's doing, known", _residue),
-    Column("", "left", _difference("unexplained")),
-    Column("", "verdict", _within, _within_mark),
 ]

@@ -1,0 +1,22 @@
+"""The chapter of Dr.Jit beside our phases."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from study.experiments.drjit import measure as drjit_measure
+from study.experiments.drjit import tables as drjit_page
+from study.experiments.section import Section, part, reading
+
+
+def rival(path: Path) -> Section:
+    """Our phases beside Dr.Jit on the same machine."""
+    file = path / drjit_measure.FILE
+    parts, remarks = [], []
+    with reading(file, f"scripts/drjit.py --run {path}"):
+        result = drjit_measure.read(file)
+        if result["rows"]:
+            caption = "Our phases and Dr.Jit on the same scenes"
+            parts = part("drjit", caption, result["rows"], drjit_page.COLUMNS)
+            remarks = [drjit_page.note(result)]
+    return Section("drjit", "Beside Dr.Jit", "make drjit", parts, remarks)

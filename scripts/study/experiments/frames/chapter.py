@@ -1,0 +1,23 @@
+"""The chapter of frame rates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from study.experiments.frames import measure as frames
+from study.experiments.frames import tables as frames_page
+from study.experiments.section import Section, part, reading
+
+
+def rates(path: Path) -> Section:
+    """Frames a second, presenting included, against the two goals."""
+    file = path / frames.FILE
+    parts, remarks, drawn = [], [], {}
+    with reading(file, f"scripts/frames.py --run {path}"):
+        result = frames.read(file)
+        if result["rows"]:
+            for name, caption, rows, columns, folded in frames_page.tables(result):
+                parts += part(name, caption, rows, columns, folded=folded)
+            remarks, drawn = [frames_page.note(result)], frames_page.drawings(result)
+    about = {"file": file, "script": "scripts/frames.py", "drawn": drawn}
+    return Section("frames", "Frame rates", "make frames", parts, remarks, **about)

@@ -1,0 +1,42 @@
+"""The chapter of function approximations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from study.experiments.functions import edge_tables as functions_edges_page
+from study.experiments.functions import figures as functions_figures
+from study.experiments.functions import measure as functions
+from study.experiments.functions import tables as functions_page
+from study.experiments.section import Section, part, reading
+
+
+def approximations(path: Path) -> Section:
+    """Functions: ns against ulp, the normalisation of 20 million vectors, the reciprocal root's tables."""
+    file = path / functions.FILE
+    parts, remarks, drawn = [], [], {}
+    with reading(file, f"scripts/functions.py --run {path}"):
+        if file.exists():
+            result = functions.read(path)
+            caption = "The fronts of each function: nothing is nearer and faster, by throughput or by latency"
+            parts += part("functions", caption, functions_page.fronts(result), functions_page.ON_FRONTS)
+            for name, of in functions_edges_page.TABLES.items():
+                rows = functions_edges_page.rows(result, of)
+                caption = functions_edges_page.caption(result, of)
+                parts += part(name, caption, rows, functions_edges_page.columns(rows))
+            vectors = result["normalise"]
+            parts += part("normalise", "Vectors normalised", vectors, functions_page.NORMALISE)
+            caption = "Approximate reciprocal roots, by CPU: IEEE does not say what they are"
+            parts += part("rsqrt", caption, functions_page.tables(result), functions_page.TABLES, folded=True)
+            caption = "What each function is tried and timed on"
+            parts += part(
+                "functions-targets", caption, result["targets"], functions_page.TARGETS, folded=True
+            )
+            caption = "Every implementation"
+            parts += part("functions-all", caption, result["entries"], functions_page.ENTRIES, folded=True)
+            remarks = [functions_edges_page.remark(result), functions_figures.note(result)]
+            remarks += [functions_figures.normalise_note(result)] if vectors else []
+            drawn = functions_figures.drawings(result)
+    about = {"file": file, "script": "scripts/functions.py", "drawn": drawn}
+    remarks = [remark for remark in remarks if remark]
+    return Section("functions", "Functions: speed against ulp", "make functions", parts, remarks, **about)
