@@ -5,7 +5,7 @@ Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. U
 because it runs before anything is installed.
 
 NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and instruction
-set. CFLAGS_MORE in the environment is appended to the flags (scripts/toolchains.py). For a phase with
+set. CFLAGS_MORE in the environment is appended to the flags (scripts/stepwise toolchains). For a phase with
 variants, the files of "each_variant" are built once per variant, with the variant's flags last. The widest
 variant that the CPU supports runs (driver/variant.h). SHIM is the folder of an <immintrin.h> that emulates
 AVX-512. Flags in COPY_FLAGS are dropped for compilers other than gcc 12 or newer; clang copies that way by

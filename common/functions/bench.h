@@ -1,4 +1,4 @@
-// What the files of the function bench share (run by scripts/functions.py). An entry is one
+// What the files of the function bench share (run by scripts/stepwise functions). An entry is one
 // implementation of a function, in one precision at one vector width. scalar_kernels.c and
 // vector_kernels.c define the entries; each object of them is compiled for one instruction set.
 #ifndef STEPWISE_FUNCTIONS_BENCH_H

@@ -1,4 +1,4 @@
-// Made by `scripts/functions.py --derive` (experiments/functions/coefficients.py says how).
+// Made by `scripts/stepwise functions --derive` (experiments/functions/coefficients.py says how).
 // Lowest power first.
 // clang-format off
 #include "simd.h"

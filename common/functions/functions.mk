@@ -1,4 +1,4 @@
-# build/functions/bench (scripts/functions.py). scalar_kernels.c is compiled for float and for double,
+# build/functions/bench (scripts/stepwise functions). scalar_kernels.c is compiled for float and for double,
 # vector_kernels.c for both at each vector width. The bench calls an object's functions only if the
 # CPU has its instruction set. libmvec and SLEEF are loaded at run time. MPFR, if its header is
 # installed, gives the exact values of the double functions.

@@ -1,4 +1,4 @@
-// The function bench (scripts/functions.py): lists its entries, measures their errors and times, and
+// The function bench (scripts/stepwise functions): lists its entries, measures their errors and times, and
 // evaluates an entry. Output is JSON, except for `evaluate`, which writes binary numbers.
 #include <dlfcn.h>
 #include <errno.h>

@@ -1,7 +1,7 @@
 // Elementary functions by range reduction and a polynomial. log, exp and pow are copies of those in
 // phases/opt3 and phases/opt4; tests/c/functions/test_functions_double.c and test_functions_float.c check that
 // they agree bit for bit. sin, cos, atan2 and acos follow the same scheme: W. J. Cody and W. Waite,
-// "Software manual for the elementary functions" (1980). scripts/polynomials.py and
+// "Software manual for the elementary functions" (1980). scripts/stepwise polynomials and
 // scripts/study/experiments/functions/coefficients.py compute the coefficients.
 //
 // The functions serve a renderer: outside the stated ranges, and for infinities and NaN, the result

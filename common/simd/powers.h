@@ -3,7 +3,7 @@
 #define SIMD_POWERS_H
 
 // log and exp: range reduction after Cody and Waite, "Software manual for the elementary functions"
-// (1980); polynomials by Chebyshev interpolation, derived by scripts/polynomials.py. Errors
+// (1980); polynomials by Chebyshev interpolation, derived by scripts/stepwise polynomials. Errors
 // measured over all floats of their ranges by tests/c/phases/test_math_opt4.c.
 
 // log a for normal a > 0. 0 and denormals read as 2^-127·(1 + fraction): finite, not −∞.

@@ -163,7 +163,7 @@ static inline struct vec vec_reflect(struct vec d, struct vec n) {
 }
 
 // log and exp: range reduction after W. J. Cody and W. Waite, "Software manual for the elementary
-// functions" (1980). The polynomials are Chebyshev interpolants made by scripts/polynomials.py.
+// functions" (1980). The polynomials are Chebyshev interpolants made by scripts/stepwise polynomials.
 // tests/c/phases/test_math_opt3.c measures the errors: below 2 ulp over the ranges given here.
 
 // Returns log a for normal a > 0. 0 and denormals are read as 2^-1023·(1 + fraction), so that the

@@ -273,7 +273,7 @@ static inline vfloat v_double_to_float(vdouble a) {
 }
 
 // log and exp: range reduction after W. J. Cody and W. Waite, "Software manual for the elementary
-// functions" (1980). The polynomials are Chebyshev interpolants made by scripts/polynomials.py.
+// functions" (1980). The polynomials are Chebyshev interpolants made by scripts/stepwise polynomials.
 // tests/c/phases/test_math_opt4.c measures the errors: at most 1.5 ulp.
 
 // Returns log a for normal a > 0. 0 and denormals are read as 2^-127·(1 + fraction), so that the

@@ -1,7 +1,7 @@
 """One suite for every phase there is: sizes, scenes, every feature of the format, options, refusals.
 
 What a phase must agree on with the reference is bounded loosely here, to catch a feature that is wrong or
-left out; the tolerances that a phase declares are held by scripts/verify.py.
+left out; the tolerances that a phase declares are held by scripts/stepwise verify.
 """
 
 from __future__ import annotations

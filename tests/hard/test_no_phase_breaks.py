@@ -1,4 +1,4 @@
-"""No phase may write NaN, hang or crash on any hard case. How wrong it is: scripts/stability.py."""
+"""No phase may write NaN, hang or crash on any hard case. How wrong it is: scripts/stepwise stability."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_no_phase_breaks(phase: str, case: hard.Case) -> None:
     if lacking := registry.missing_isa(registry.phases()[phase]):
         pytest.skip(f"this CPU lacks {', '.join(lacking)}, which {phase} needs")
     (row,) = measure.sweep([phase], [case], few=True, jobs=len(os.sched_getaffinity(0)))
-    again = f"scripts/stability.py --phase {phase} --case {case.number}"
+    again = f"scripts/stepwise stability --phase {phase} --case {case.number}"
     assert not measure.breaks([row]), "\n".join([*measure.breaks([row]), again])
     assert row["non_finite"] == 0 and not row["hung"] and not row["crashed"], again
     assert len(row["errors"]) == len(case.few())

@@ -85,12 +85,12 @@ def test_write(written: dict, tmp_path: Path) -> None:
 )
 def test_not_a_stability_json(tmp_path: Path, broken: dict) -> None:
     store.write_json(tmp_path / "stability.json", data(**broken))
-    with pytest.raises(StudyError, match=r"stability.json: not what scripts/stability.py writes"):
+    with pytest.raises(StudyError, match=r"stability.json: not what scripts/stepwise stability writes"):
         hard_page.read(tmp_path / "stability.json")
 
 
 def stability(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, registry.ROOT / "scripts" / "stability.py", *map(str, arguments)]
+    command = [sys.executable, registry.ROOT / "scripts" / "stepwise", "stability", *map(str, arguments)]
     return started.run(command)
 
 

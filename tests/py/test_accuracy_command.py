@@ -1,4 +1,4 @@
-"""scripts/accuracy.py as a command: rows, verdicts, what cannot be, and one chain against a quadratic."""
+"""stepwise accuracy as a command: rows, verdicts, what cannot be, and one chain against a quadratic."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from discs import HEIGHT, WIDTH, made_truth
 
-import accuracy as command_module
 from study.core import registry, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import DriverError
+from study.experiments.accuracy import command as command_module
 from study.experiments.accuracy import measure as accuracy
 from study.experiments.accuracy import tables as accuracy_page
 from study.experiments.accuracy import where
@@ -63,8 +63,8 @@ def house(tmp_path, monkeypatch, write_exr, disc):
 def command(house, monkeypatch, capsys):
     def call(*words: str) -> tuple[int, str, str]:
         size = ("-n", str(HEIGHT), "-w", str(WIDTH), "--jobs", "1", "--run", str(house.run))
-        monkeypatch.setattr(sys, "argv", ["accuracy.py", *size, *words])
-        return command_module.run(), *capsys.readouterr()
+        monkeypatch.setattr(sys, "argv", ["stepwise accuracy", *size, *words])
+        return command_module.main(), *capsys.readouterr()
 
     return call
 
@@ -211,7 +211,7 @@ def test_another_things_json_is_one_clear_line(tmp_path):
     assert accuracy.rows(tmp_path) == []
     for wrong in ({"rows": [{}]}, {"rows": 5}, []):
         store.write_json(tmp_path / "accuracy.json", wrong)
-        with pytest.raises(StudyError, match=r"not what scripts/accuracy\.py writes"):
+        with pytest.raises(StudyError, match=r"not what scripts/stepwise accuracy writes"):
             accuracy.rows(tmp_path)
 
 
@@ -236,8 +236,8 @@ def test_twenty_steps_lose_the_spheres_rims(tmp_path, monkeypatch, capsys):
     """two_spheres has a cap of 20 steps: baseline's misses and |Δt| by the discriminant of a quadratic."""
     n = 48
     words = ("--phase", "baseline", "--scene", "two_spheres", "-n", str(n), "--json", "--jobs", "1")
-    monkeypatch.setattr(sys, "argv", ["accuracy.py", *words, "--run", str(tmp_path)])
-    assert command_module.run() == 0
+    monkeypatch.setattr(sys, "argv", ["stepwise accuracy", *words, "--run", str(tmp_path)])
+    assert command_module.main() == 0
     found = json.loads(capsys.readouterr().out)
 
     scene = registry.find_scene("two_spheres")

@@ -1,4 +1,4 @@
-"""scripts/breakeven.py: frames to break even by arithmetic, its table, its budget, a run end to end."""
+"""scripts/stepwise breakeven: frames to break even by arithmetic, its table, its budget, a run end to end."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-import breakeven as command
 from study.core import cli, registry, run, show
 from study.core.cli import StudyError
 from study.core.registry import Spec
+from study.experiments.breakeven import command
 from study.experiments.breakeven import measure as breakeven
 from study.experiments.breakeven import tables as breakeven_page
 from study.experiments.breakeven.measure import Settings
@@ -73,7 +73,7 @@ def test_the_page(tmp_path: Path) -> None:
     assert texts == ["never", "5 (insufficient)", show.NOTHING]
     for broken in ('{"rows": [1]}', json.dumps({"rows": [{"scene": "x", "n": 1, "generated": True}]})):
         (tmp_path / breakeven.FILE).write_text(broken)
-        with pytest.raises(StudyError, match=r"breakeven\.json.*scripts/breakeven\.py"):
+        with pytest.raises(StudyError, match=r"breakeven\.json.*scripts/stepwise breakeven"):
             breakeven_page.section(tmp_path)
 
 
@@ -98,7 +98,7 @@ def test_the_seconds_are_kept_to(monkeypatch) -> None:
 
 
 def run_command(monkeypatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["breakeven.py", *arguments])
+    monkeypatch.setattr(sys, "argv", ["stepwise breakeven", *arguments])
     with pytest.raises(SystemExit) as ended:
         cli.main(command.main)
     return ended.value.code
@@ -117,7 +117,7 @@ def run_command(monkeypatch, *arguments: str) -> int:
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
-    refused(command.main, "breakeven.py", ["--run", "{tmp}/out", *words], said)
+    refused(command.main, "stepwise breakeven", ["--run", "{tmp}/out", *words], said)
 
 
 lacking = pytest.mark.skipif(

@@ -140,7 +140,7 @@ def refused(folder: Path, name: str, text: str) -> None:
     with pytest.raises(StudyError) as caught:
         SECTIONS[name](folder)
     said = str(caught.value)
-    assert said.startswith(str(file)) and f"scripts/{name}.py" in said and "again" in said
+    assert said.startswith(str(file)) and f"scripts/stepwise {name}" in said and "again" in said
     assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
 
 
@@ -207,11 +207,11 @@ def test_incomplete(tmp_path: Path, name: str, where: tuple, value: Any) -> None
 
 
 @pytest.mark.parametrize("name", ["pareto", "stability"])
-@pytest.mark.parametrize("script", ["tables.py", "report.py"])
+@pytest.mark.parametrize("script", ["tables", "report"])
 def test_the_scripts_end_in_status_2(tmp_path: Path, script: str, name: str) -> None:
     run = shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run")
     (run / f"{name}.json").write_text(whole(name)[:3000])
-    command = [sys.executable, ROOT / "scripts" / script, run, "-o", tmp_path / "out" / "made"]
+    command = [sys.executable, ROOT / "scripts" / "stepwise", script, run, "-o", tmp_path / "out" / "made"]
     done = started.run(command)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert f"{name}.json:1:" in done.stderr and f"scripts/{name}.py" in done.stderr

@@ -248,7 +248,7 @@ def test_ceilings_are_read_back(tmp_path: Path) -> None:
 
 
 def test_missing_and_truncated_ceilings_say_what_makes_them(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=r"ceilings.json is missing.*run scripts/ceilings.py --run"):
+    with pytest.raises(StudyError, match=r"ceilings.json is missing.*run scripts/stepwise ceilings --run"):
         ceilings.read(tmp_path)
     ceilings.write(tmp_path, ceilings.check(small(), "test"))
     path = tmp_path / "ceilings.json"
@@ -406,7 +406,15 @@ def test_issue_is_the_best_of_any_mix() -> None:
 
 
 def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
-    command = [sys.executable, str(ROOT / "scripts" / "ceilings.py"), "--samples", "5", "--json", "--run"]
+    command = [
+        sys.executable,
+        str(ROOT / "scripts" / "stepwise"),
+        "ceilings",
+        "--samples",
+        "5",
+        "--json",
+        "--run",
+    ]
     done = started.run([*command, tmp_path])
     assert done.returncode == 2 and "not a run" in done.stderr
     store.write_json(tmp_path / "plan.json", {})

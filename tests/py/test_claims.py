@@ -12,9 +12,9 @@ import pandas as pd
 import pytest
 import started
 
-import tables
 from study.bounds import roof
 from study.claims import claims, register
+from study.commands import tables
 from study.core import cli
 from study.core.registry import ROOT
 from study.experiments.sweep import ladder
@@ -232,7 +232,7 @@ def test_the_register_is_written_with_the_tables(tmp_path: Path) -> None:
     one = found[found["quote"].str.startswith("up to 32.1")].iloc[0]
     assert (one["stated"], one["line"], one["value"], one["n"]) == (32.1, 321, pytest.approx(32.0), 180)
     assert one["low"] < 32 < one["high"] and one["verdict"] == UNSURE
-    assert one["command"] == "scripts/sweep.py --scene scene0"
+    assert one["command"] == "scripts/stepwise sweep --scene scene0"
     text = (tmp_path / "claims.md").read_text(encoding="utf-8")
     assert "up to 32.1× speed-up" in text and "| 321 |" in text and UNSURE in text
     stored = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import started
 
-import compare
+from study.commands import compare
 from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
@@ -48,7 +48,7 @@ def two(tmp_path):
 
 
 def run(*arguments) -> subprocess.CompletedProcess:
-    command = [sys.executable, ROOT / "scripts" / "compare.py", *arguments]
+    command = [sys.executable, ROOT / "scripts" / "stepwise", "compare", *arguments]
     return started.run(command)
 
 
@@ -129,7 +129,7 @@ def test_nothing_to_compare_is_an_error(two, tmp_path):
     empty = make_run(tmp_path / "empty", {})
     done = run(two[0].path, empty.path)
     assert done.returncode == 2
-    assert f"no timed frame; measure with scripts/sweep.py --run {empty.path}" in done.stderr
+    assert f"no timed frame; measure with scripts/stepwise sweep --run {empty.path}" in done.stderr
     assert "not a run" in run(two[0].path, tmp_path).stderr
 
 
@@ -164,8 +164,8 @@ def test_a_damaged_context_is_told_in_one_line(two, content):
 
 
 def test_a_full_disk_behind_the_output_is_told_in_one_line(two):
-    command = [sys.executable, ROOT / "scripts" / "compare.py", two[0].path, two[1].path]
+    command = [sys.executable, ROOT / "scripts" / "stepwise", "compare", two[0].path, two[1].path]
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
     assert done.returncode == 2
-    assert done.stderr.strip() == "compare.py: standard output: No space left on device"
+    assert done.stderr.strip() == "stepwise compare: standard output: No space left on device"

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import accuracy as command
 from conformance.feature_scenes import FLOOR, scene, shape
 from study.core import registry
 from study.core.build import build
 from study.core.registry import Scene, Spec
+from study.experiments.accuracy import command
 from study.experiments.accuracy import measure as accuracy
 from study.pictures import gate, images
 from study.pictures.gallery import Gallery

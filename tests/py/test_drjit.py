@@ -23,7 +23,7 @@ from study.experiments.drjit.measure import DRJIT, OWN, SAME, Measuring, Point, 
 from study.numbers import verdicts
 from study.numbers.stats import Interval
 
-SCRIPT = ROOT / "scripts" / "drjit.py"
+SCRIPT = (ROOT / "scripts" / "stepwise", "drjit")
 OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")
 # Prints and writes what Dr.Jit's program does: a flat grey wall at t = 5, in 7 ms.
 STAND_IN = """#!{python}
@@ -62,7 +62,7 @@ def test_the_newest_llvm_is_taken(tmp_path: Path, monkeypatch) -> None:
 
 def test_without_drjit_it_is_said() -> None:
     environment = os.environ | {"DRJIT_LIBLLVM_PATH": "/nowhere/libLLVM.so"}
-    words = [sys.executable, SCRIPT, "--phase", "opt1", "--python", "/nowhere/python"]
+    words = [sys.executable, *SCRIPT, "--phase", "opt1", "--python", "/nowhere/python"]
     done = started.run(words, env=environment)
     assert done.returncode == cli.CANNOT_RUN and "libLLVM 17 or newer is missing" in done.stderr
     with pytest.raises(StudyError, match="is no Python with drjit and numpy; it would add"):
@@ -79,7 +79,7 @@ def test_without_drjit_it_is_said() -> None:
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str, tmp_path: Path) -> None:
-    done = started.run([sys.executable, SCRIPT, *words, "--run", tmp_path])
+    done = started.run([sys.executable, *SCRIPT, *words, "--run", tmp_path])
     assert done.returncode == cli.BAD_INPUT and said in done.stderr and "Traceback" not in done.stderr
 
 
@@ -151,5 +151,5 @@ def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
     assert "10.0× [10.0" in text and "≥ 8×: met" in text and "| 40.0 |" in text and "16.0" in text
     assert "drjit 1.5.0" in drjit_page.note(made)
     (tmp_path / drjit_measure.FILE).write_text('{"rows": [1]}')
-    with pytest.raises(StudyError, match=r"drjit\.json: not what scripts/drjit\.py writes"):
+    with pytest.raises(StudyError, match=r"drjit\.json: not what scripts/stepwise drjit writes"):
         drjit_chapter.rival(tmp_path)

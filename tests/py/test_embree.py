@@ -1,11 +1,10 @@
-"""The program hits, beside Embree and without it, and scripts/packets.py from rays to packets.json."""
+"""The program hits, beside Embree and without it, and scripts/stepwise packets from rays to packets.json."""
 
 from __future__ import annotations
 
 import json
 import os
 import re
-import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +16,7 @@ from conformance.feature_scenes import FLOOR, scene, shape
 from study.core import store
 from study.core.build import build
 from study.core.registry import ROOT, Scene, find_scene
+from study.experiments.packets import command
 from study.experiments.packets import figures as packets_figures
 from study.experiments.packets import measure as packets
 from study.experiments.packets import rays as packets_rays
@@ -245,9 +245,8 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(packets, "MARCHED", ("opt8_streams",))
     words = ["--ray-n", "32", "-n", "16", "--launches", "2", "--reps", "1", "--seed", "1"]
     words += ["--frames", "3", "--frame-n", "16", "--vectors", "4096"]
-    monkeypatch.setattr(sys, "argv", ["packets.py", *words, "--run", str(tmp_path)])
-    main = runpy.run_path(str(ROOT / "scripts" / "packets.py"))["main"]
-    assert main() == 0
+    monkeypatch.setattr(sys, "argv", ["stepwise packets", *words, "--run", str(tmp_path)])
+    assert command.main() == 0
     result = store.read_json(tmp_path / packets.FILE)
     assert [row["kind"] for row in result["rays"]] == list(packets_rays.KINDS)
     keys = {

@@ -1,4 +1,4 @@
-"""scripts/fixed.py: its whole way at a small size, its tables of a made-up result, which blocks are wrong."""
+"""stepwise fixed: its whole way at a small size, its tables of a made-up result, which blocks are wrong."""
 
 from __future__ import annotations
 
@@ -249,7 +249,7 @@ def test_large_pictures_are_held_against_themselves_without_clearing(monkeypatch
 
 def test_a_broken_file_is_named(tmp_path):
     (tmp_path / fixed.FILE).write_text('{"rows": [1]}')
-    with pytest.raises(StudyError, match=r"fixed\.json: not what scripts/fixed\.py writes"):
+    with pytest.raises(StudyError, match=r"fixed\.json: not what scripts/stepwise fixed writes"):
         systems.section(tmp_path)
 
 
@@ -327,7 +327,9 @@ def test_all_of_it_small(tmp_path):
         "2",
         "--json",
     ]
-    done = started.run([sys.executable, str(ROOT / "scripts" / "fixed.py"), *words, "--run", str(tmp_path)])
+    done = started.run(
+        [sys.executable, str(ROOT / "scripts" / "stepwise"), "fixed", *words, "--run", str(tmp_path)]
+    )
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / fixed.FILE).read_text())
     assert result == json.loads(done.stdout)

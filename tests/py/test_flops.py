@@ -537,7 +537,7 @@ def test_a_line_that_is_no_cost_is_named(tmp_path):
 
 
 def command(*arguments: object, **environment: str) -> subprocess.CompletedProcess:
-    words = [sys.executable, str(ROOT / "scripts" / "flops.py"), *map(str, arguments)]
+    words = [sys.executable, str(ROOT / "scripts" / "stepwise"), "flops", *map(str, arguments)]
     return started.run(words, env=os.environ | environment, timeout=300)
 
 
@@ -650,7 +650,7 @@ def test_a_wrong_cost_is_found(tmp_path):
             "COST(sdf_sphere, call,               1,  1,", "COST(sdf_sphere, call,               1,  2,"
         )
     )
-    words = [sys.executable, str(copy / "scripts" / "flops.py"), "--validate", "--phase", "baseline"]
+    words = [sys.executable, str(copy / "scripts" / "stepwise"), "flops", "--validate", "--phase", "baseline"]
     done = started.run([*words, "--scene", "spheres40", "-n", "8"], timeout=300)
     assert done.returncode == 1 and "baseline spheres40 sdf_sphere (calls): declared" in done.stderr, (
         done.stderr

@@ -12,12 +12,12 @@ import matplotlib
 import numpy as np
 import pytest
 
-import frames as command
 from study.core import cli, registry
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments.frames import chapter as frames_chapter
+from study.experiments.frames import command
 from study.experiments.frames import measure as frames
 from study.experiments.frames import tables as frames_page
 from study.experiments.frames.measure import Case, Settings
@@ -161,12 +161,12 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
     with matplotlib.rc_context(STYLE):
         assert chapter.drawn[frames_page.FIGURE].make().axes
     (tmp_path / frames.FILE).write_text('{"rows": [1]}')
-    with pytest.raises(StudyError, match=r"frames\.json: not what scripts/frames\.py writes"):
+    with pytest.raises(StudyError, match=r"frames\.json: not what scripts/stepwise frames writes"):
         frames_chapter.rates(tmp_path)
 
 
 def run_command(monkeypatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["frames.py", *arguments])
+    monkeypatch.setattr(sys, "argv", ["stepwise frames", *arguments])
     with pytest.raises(SystemExit) as ended:
         cli.main(command.main)
     return ended.value.code
@@ -184,7 +184,7 @@ def run_command(monkeypatch, *arguments: str) -> int:
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
-    refused(command.main, "frames.py", ["--run", "{tmp}/out", *words], said)
+    refused(command.main, "stepwise frames", ["--run", "{tmp}/out", *words], said)
 
 
 def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:

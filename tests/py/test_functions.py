@@ -1,4 +1,4 @@
-"""scripts/functions.py, build/functions/bench: bounds are published figures or theory, no time is judged."""
+"""stepwise functions, build/functions/bench: bounds are published figures or theory, no time is judged."""
 
 from __future__ import annotations
 

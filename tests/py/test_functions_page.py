@@ -1,4 +1,4 @@
-"""scripts/functions.py: the front, what is missing, the script, its tables and figures, bad input."""
+"""scripts/stepwise functions: the front, what is missing, the script, its tables and figures, bad input."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from study.experiments.functions import measure as functions
 from study.experiments.functions import tables as functions_page
 
 ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / "scripts" / "functions.py"
+SCRIPT = (ROOT / "scripts" / "stepwise", "functions")
 
 
 def made(name: str, ns: float, ulp: float | None, **more: object) -> dict:
@@ -55,7 +55,7 @@ def test_the_legend_has_what_is_drawn() -> None:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A quick run by the script."""
     path = tmp_path_factory.mktemp("functions")
-    command = [sys.executable, SCRIPT, "--quick", "--rounds", "6", "--vectors", "1024", "--seed", "1"]
+    command = [sys.executable, *SCRIPT, "--quick", "--rounds", "6", "--vectors", "1024", "--seed", "1"]
     done = started.run([*command, "--json", "--run", path])
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == json.loads((path / functions.FILE).read_text())
@@ -94,7 +94,7 @@ def test_script_and_page(folder: Path) -> None:
     ],
 )
 def test_bad_arguments(arguments: list[str], said: str) -> None:
-    done = started.run([sys.executable, SCRIPT, *arguments])
+    done = started.run([sys.executable, *SCRIPT, *arguments])
     assert done.returncode == 2 and said in done.stderr and not done.stdout
 
 

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 import started
 
-import goals as script
+from study.commands import goals as script
 from study.core import show
 from study.core.cli import StudyError
 from study.core.registry import ROOT
@@ -207,7 +207,7 @@ def test_a_run_without_any_figure_is_told_in_one_line(tmp_path: Path) -> None:
     shutil.copytree(next((ROOT / "results" / "reference").glob("*-720p")), empty)
     for name in ("frames.jsonl.gz", "accuracy.json", "verify.json"):
         (empty / name).unlink()
-    found = started.run([sys.executable, ROOT / "scripts" / "goals.py", empty])
+    found = started.run([sys.executable, ROOT / "scripts" / "stepwise", "goals", empty])
     assert found.returncode != 0 and len(found.stderr.strip().splitlines()) == 1
 
 

@@ -26,7 +26,7 @@ from study.counting.symbols import Program
 from study.experiments.hotspots import tables as hotspots
 
 FIXTURES = Path(__file__).parents[1] / "fixtures" / "hotspots"
-SCRIPT = ROOT / "scripts" / "hotspots.py"
+SCRIPT = (ROOT / "scripts" / "stepwise", "hotspots")
 RECORDED = (FIXTURES / "perf-script.txt").read_text()
 needs_perf = pytest.mark.skipif(perf.missing() is not None, reason=str(perf.missing()))
 
@@ -337,7 +337,7 @@ def test_our_names_are_perfs():
 @needs_perf
 def test_the_script_for_real(tmp_path):
     (tmp_path / "plan.json").write_text("{}")
-    command = [sys.executable, SCRIPT, "--phase", "opt3", "-n", "40", "--samples", "200", "--no-bounds"]
+    command = [sys.executable, *SCRIPT, "--phase", "opt3", "-n", "40", "--samples", "200", "--no-bounds"]
     done = subprocess.run(
         [*command, "--json", "--run", tmp_path], capture_output=True, text=True, timeout=600
     )
@@ -355,7 +355,7 @@ def test_the_script_for_real(tmp_path):
 
 def run_script(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return started.run(
-        [sys.executable, SCRIPT, *arguments],
+        [sys.executable, *SCRIPT, *arguments],
         env=os.environ | environment,
         timeout=600,
     )
@@ -369,7 +369,7 @@ def test_without_perf_one_line_says_what_it_would_add(tmp_path, monkeypatch):
     if not list(Path("/usr/lib").glob("linux-tools*")):
         done = run_script("--phase", "opt2", PATH=str(tmp_path))
         assert done.returncode == CANNOT_RUN
-        assert done.stdout == "" and done.stderr == f"hotspots.py: {line}\n"
+        assert done.stdout == "" and done.stderr == f"stepwise hotspots: {line}\n"
 
 
 def test_a_kernel_that_forbids_it_names_the_setting(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""scripts/lattice.py: figures by hand, the table of a made-up result, a small run, bad arguments."""
+"""scripts/stepwise lattice: figures by hand, the table of a made-up result, a small run, bad arguments."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_the_table_of_systems(tmp_path):
     assert [part.name for part in section.parts] == ["systems", "lattice"]
     assert "not measured on this machine" in section.remarks[0] and "1\u00a0%" in section.remarks[0]
     (tmp_path / lattice.FILE).write_text('{"rows": [1]}')
-    with pytest.raises(StudyError, match=r"lattice\.json: not what scripts/lattice\.py writes"):
+    with pytest.raises(StudyError, match=r"lattice\.json: not what scripts/stepwise lattice writes"):
         systems.section(tmp_path)
 
 
@@ -187,7 +187,7 @@ def test_a_small_run(tmp_path):
     for name in ("opt9_convex", "opt4"):  # they may take longer than what is asked here
         build(name, "render")
         build(name, "render-count")
-    command = [sys.executable, str(ROOT / "scripts" / "lattice.py"), *words, "--run", str(tmp_path)]
+    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "lattice", *words, "--run", str(tmp_path)]
     done = started.run(command, timeout=120)
     assert done.returncode == 0, done.stderr
     result = lattice.read(tmp_path / lattice.FILE)
@@ -207,5 +207,5 @@ def test_a_small_run(tmp_path):
     ],
 )
 def test_bad_arguments_are_named(arguments, message):
-    done = started.run([sys.executable, str(ROOT / "scripts" / "lattice.py"), *arguments])
+    done = started.run([sys.executable, str(ROOT / "scripts" / "stepwise"), "lattice", *arguments])
     assert done.returncode == 2 and message in done.stderr.strip().splitlines()[-1]

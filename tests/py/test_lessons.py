@@ -102,7 +102,7 @@ def test_its_figure_is_what_the_published_run_says(name: str) -> None:
     path = registry.find_phase(name).path / lessons.NAME
     assert f"]({lessons.NAME})" in notes(name), "NOTES.md does not show its figure"
     assert path.stat().st_size < 20_000
-    assert lessons.embedded(path) == lessons.figure(name), "scripts/lessons.py draws it again"
+    assert lessons.embedded(path) == lessons.figure(name), "scripts/stepwise lessons draws it again"
 
 
 WITH_IDEAS = [name for name in PHASES if ideas.of(name)]
@@ -112,7 +112,7 @@ WITH_IDEAS = [name for name in PHASES if ideas.of(name)]
 def test_its_table_of_ideas_is_what_the_published_run_says(name: str) -> None:
     text = notes(name)
     made = ideas.filled(text, name, ideas.published(name))
-    assert made == text, "scripts/lessons.py makes the table again"
+    assert made == text, "scripts/stepwise lessons makes the table again"
     told = [line.split(" | ")[0] for line in parts(text)["Result"].splitlines() if line.startswith("| ")]
     assert {f"| {patch.head['idea']}" for patch in ideas.of(name)} <= set(told)
 
@@ -196,7 +196,7 @@ def test_a_figure_holds_its_data(tmp_path: Path) -> None:
     path.write_text(lessons_svg.svg(data), encoding="utf-8")
     assert lessons.embedded(path) == data and "2.00×" in path.read_text(encoding="utf-8")
     path.write_text("<svg xmlns='http://www.w3.org/2000/svg'/>", encoding="utf-8")
-    with pytest.raises(StudyError, match=r"lesson\.svg: no figure of scripts/lessons\.py"):
+    with pytest.raises(StudyError, match=r"lesson\.svg: no figure of scripts/stepwise lessons"):
         lessons.embedded(path)
 
 

@@ -119,7 +119,7 @@ def test_the_chapter_is_made_from_the_runs_file(tmp_path: Path) -> None:
     shown = [text.get_text() for text in axes.texts]
     assert shown == ["as before: identical", "94.2 → 41.5 dB"]
     (tmp_path / "ablations.json").write_text('{"rows": [{"ablation": 1}], "skipped": [], "failures": []}')
-    with pytest.raises(StudyError, match=r"ablations\.json: not what scripts/ablations\.py writes"):
+    with pytest.raises(StudyError, match=r"ablations\.json: not what scripts/stepwise ablations writes"):
         negative.section(tmp_path, document)
 
 

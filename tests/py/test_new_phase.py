@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import started
 
-import new_phase
+from study.commands import new_phase
 from study.core import patches, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT
@@ -125,15 +125,15 @@ def test_the_new_phase_builds_and_renders_as_its_parent(root):
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess:
-    command = [sys.executable, ROOT / "scripts" / "new_phase.py", *arguments]
+    command = [sys.executable, ROOT / "scripts" / "stepwise", "new-phase", *arguments]
     return started.run(command)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--name", "opt1", "--from", "opt2"], "new_phase.py: phases/opt1 exists already"),
-        (["--name", "x", "--from", "op2"], "new_phase.py: no phase 'op2'; did you mean opt2"),
+        (["--name", "opt1", "--from", "opt2"], "stepwise new-phase: phases/opt1 exists already"),
+        (["--name", "x", "--from", "op2"], "stepwise new-phase: no phase 'op2'; did you mean opt2"),
         (["--name", "x", "--from", "opt3+sleef"], "'opt3+sleef' is an ablation"),
         (["--from", "opt2"], "the following arguments are required: --name"),
     ],
@@ -149,7 +149,7 @@ def test_command_refuses(arguments, words):
 @pytest.mark.parametrize("as_json", [False, True])
 def test_command_says_what_is_next(root, monkeypatch, capsys, as_json):
     monkeypatch.setattr(new_phase, "create", lambda name, parent, whole: registry.ROOT / "phases" / name)
-    monkeypatch.setattr("sys.argv", ["new_phase.py", "--name", "x", "--from", "opt2", *["--json"] * as_json])
+    monkeypatch.setattr("sys.argv", ["new-phase", "--name", "x", "--from", "opt2", *["--json"] * as_json])
     assert new_phase.main() == 0
     said = capsys.readouterr().out
     if as_json:

@@ -346,8 +346,8 @@ def test_cones_thousands_of_times_wider_than_high(draw, name, limit, words):
 
 
 def test_the_gate_of_accuracy_holds(written):
-    """scripts/accuracy.py on a scene that both render: no further from truth than phase.json grants."""
-    words = [sys.executable, str(ROOT / "scripts" / "accuracy.py"), "--phase", "packets"]
+    """scripts/stepwise accuracy on a scene that both render: no further from truth than phase.json grants."""
+    words = [sys.executable, str(ROOT / "scripts" / "stepwise"), "accuracy", "--phase", "packets"]
     done = started.run([*words, "--scene", "spheres40", "-n", "36", "--json"], timeout=300)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
 

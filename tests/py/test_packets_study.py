@@ -1,4 +1,4 @@
-"""What scripts/packets.py measures with and says: its rays by hand, its comparison with Embree, its page."""
+"""What stepwise packets measures with and says: its rays by hand, its comparison with Embree, its page."""
 
 from __future__ import annotations
 
@@ -386,7 +386,7 @@ def test_what_must_not_be_is_a_fault():
 
 def test_a_broken_file_is_named(tmp_path):
     (tmp_path / packets.FILE).write_text('{"rays": [1], "drawn": []}')
-    with pytest.raises(StudyError, match=r"packets\.json: not what scripts/packets\.py writes"):
+    with pytest.raises(StudyError, match=r"packets\.json: not what scripts/stepwise packets writes"):
         systems.section(tmp_path)
 
 

@@ -22,7 +22,7 @@ from study.experiments.toolchains import measure as toolchains
 from study.pictures import images
 from study.pictures.draw import STYLE, save
 
-SCRIPT = ROOT / "scripts" / "pareto.py"
+SCRIPT = (ROOT / "scripts" / "stepwise", "pareto")
 
 
 def row(phase: str, pace: float, psnr: float | None, **more: object) -> dict:
@@ -94,9 +94,9 @@ def test_the_grid_is_full_for_switches_too_and_has_the_scenes_own_parameters() -
 
 
 def test_every_scene_and_the_whole_ladder_are_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
-    import pareto as command
+    from study.experiments.pareto import command
 
-    monkeypatch.setattr(sys, "argv", ["pareto.py"])
+    monkeypatch.setattr(sys, "argv", ["stepwise pareto"])
     args = command.arguments()
     assert args.scene == sorted(path.stem for path in (ROOT / "common" / "scenes").glob("*.json"))
     rungs = [p.parent.name for p in ROOT.glob("phases/*/phase.json") if '"ladder"' in p.read_text()]
@@ -249,7 +249,7 @@ def test_a_short_frame_is_timed_behind_a_warm_one(monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    import pareto as command
+    from study.experiments.pareto import command
 
     asked = []
 
@@ -265,7 +265,7 @@ def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch, c
         (["--budget", "1"], (32, 16)),
         (["-n", "77", "--antialias-n", "9"], (77, 9)),
     ):
-        monkeypatch.setattr(sys, "argv", ["pareto.py", *more])
+        monkeypatch.setattr(sys, "argv", ["stepwise pareto", *more])
         args = command.arguments()
         assert command.heights(args, [Spec.parse("opt4")], [registry.find_scene("scene0")]) == wanted
 
@@ -378,25 +378,25 @@ def test_too_few_launches_are_said(nothing: float | None) -> None:
 
 @pytest.mark.parametrize("value", ["inf", "nan", "0", "-1", "9e-10", "1.1e9", "near"])
 def test_a_hit_distance_that_no_loader_takes_is_an_argument_error(value: str) -> None:
-    done = started.run([sys.executable, SCRIPT, f"--hit-distance={value}"])
+    done = started.run([sys.executable, *SCRIPT, f"--hit-distance={value}"])
     assert done.returncode == cli.BAD_INPUT and "must be a length of 1e-9 to 1e9" in done.stderr
 
 
 def test_a_folder_that_cannot_be_written_to_is_said_at_once(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for name in ("pareto", "toolchains", "stability", "functions"):
-        command = [sys.executable, SCRIPT.with_name(f"{name}.py"), "--run", tmp_path / "file" / "run"]
+        command = [sys.executable, SCRIPT[0], name, "--run", tmp_path / "file" / "run"]
         # Measuring all of these takes minutes: only a check before it ends in time.
         done = started.run(command, timeout=20)
         assert done.returncode == cli.BAD_INPUT and "cannot be written to" in done.stderr, name
 
 
 def test_no_row_at_all_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import pareto as command
+    from study.experiments.pareto import command
 
     refused = [{"phase": "opt1", "scene": "scene0", "reason": "refused"}]
     monkeypatch.setattr(measuring, "study_scene", lambda *_: ([], refused))
-    argv = ["pareto.py", "--phase", "opt1", "--scene", "scene0", "-n", "16", "--run", str(tmp_path)]
+    argv = ["stepwise pareto", "--phase", "opt1", "--scene", "scene0", "-n", "16", "--run", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", argv)
     with pytest.raises(cli.StudyError, match="nothing was measured") as caught:
         command.main()
@@ -406,7 +406,7 @@ def test_no_row_at_all_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_a_killed_run_leaves_the_scenes_that_were_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import pareto as command
+    from study.experiments.pareto import command
 
     def study_scene(scene, *_):
         if scene.name == "trio":
@@ -415,7 +415,7 @@ def test_a_killed_run_leaves_the_scenes_that_were_done(
         return [row("opt4", 5, 61, n=16, scene=scene.name, ns_per_pixel=pace)], []
 
     monkeypatch.setattr(measuring, "study_scene", study_scene)
-    words = ["pareto.py", "--scene", "scene0", "trio", "cubes", "-n", "16", "--phase", "baseline"]
+    words = ["stepwise pareto", "--scene", "scene0", "trio", "cubes", "-n", "16", "--phase", "baseline"]
     monkeypatch.setattr(sys, "argv", [*words, "--run", str(tmp_path)])
     with pytest.raises(KeyboardInterrupt):
         command.main()

@@ -1,4 +1,4 @@
-"""plots.py on tests/fixtures/run: every figure is there, is the same each time, and shows what it should."""
+"""Plots of tests/fixtures/run: every figure is there, is the same each time, and shows what it should."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
-import plots
+from study.commands import plots
 from study.core.cli import StudyError
 from study.experiments.sweep import ladder
 from study.numbers import analysis
@@ -48,7 +48,7 @@ def rows(data: Data) -> pd.DataFrame:
 
 
 def script(*arguments: object) -> subprocess.CompletedProcess:
-    command = [sys.executable, str(ROOT / "scripts" / "plots.py"), *map(str, arguments)]
+    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "plots", *map(str, arguments)]
     return started.run(command)
 
 
@@ -91,7 +91,7 @@ def test_redraw_draws_what_plots_does_and_says_what_a_run_lacks(
     made: dict, run: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    command = [sys.executable, str(ROOT / "scripts" / "redraw.py"), str(run), "-o", str(out)]
+    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "redraw", str(run), "-o", str(out)]
     done = started.run([*command, "--only", "speeds", "pareto"])
     assert done.returncode == 0 and "pareto: left out" in done.stderr, done.stderr
     assert sorted(path.name for path in (out / "figures").iterdir()) == sorted(
@@ -113,7 +113,7 @@ def redrawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = re.search(r"are the figures of `([\w.-]+)`", text)
     assert folder, text
     out = tmp_path_factory.mktemp("redrawn")
-    command = [sys.executable, str(ROOT / "scripts" / "redraw.py"), str(REFERENCE / folder[1])]
+    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "redraw", str(REFERENCE / folder[1])]
     done = started.run([*command, "-o", str(out), "--only", *READMES.values()])
     assert done.returncode == 0 and not done.stderr, done.stderr
     return out / "figures"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import functools
 import json
 import re
-import runpy
 import types
 from pathlib import Path
 
 import made_up
 import pytest
 
+from study.commands import tables as tables_command
 from study.core import provenance
 from study.core.cli import StudyError
 from study.core.registry import ROOT
@@ -63,7 +63,7 @@ def test_each_file_s_own_commit_and_hour_are_said(mixed):
 
 
 def test_the_page_s_block_has_them_and_not_the_run_s_own(mixed):
-    tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
+    tables = vars(tables_command)
     begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
     data = types.SimpleNamespace(path=mixed, context=json.loads((mixed / "context.json").read_text()))
     text = tables["systems_page"](f"{begin}\n{end}\n", data)
@@ -93,7 +93,7 @@ def test_how_quiet_the_machine_was_by_hand(mixed):
 def test_the_page_s_block_is_what_the_run_that_it_names_makes():
     """And not what an older script made, or a hand."""
     text = (ROOT / "results" / "reference" / "systems.md").read_text(encoding="utf-8")
-    tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
+    tables = vars(tables_command)
     block = text.partition(tables["SYSTEMS_BEGIN"])[2].partition(tables["SYSTEMS_END"])[0]
     path = ROOT / "results" / "reference" / re.search(r"all rows: `([\w.-]+)/tables/`", block)[1]
     data = types.SimpleNamespace(path=path, context=json.loads((path / "context.json").read_text()))

@@ -1,4 +1,4 @@
-"""scripts/publish.py: a small folder from which the report makes every chapter that it makes of the run."""
+"""stepwise publish: a small folder from which the report makes every chapter that it makes of the run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import started
 
-import publish as publishing
+from study.commands import publish as publishing
 from study.core import store
 from study.core.registry import ROOT
 from study.experiments.fixed import measure as fixed
@@ -67,7 +67,9 @@ def made(tmp_path) -> Path:
 
 
 def publish(run: Path, folder: Path, *more: str):
-    return started.run([sys.executable, str(ROOT / "scripts" / "publish.py"), str(run), str(folder), *more])
+    return started.run(
+        [sys.executable, str(ROOT / "scripts" / "stepwise"), "publish", str(run), str(folder), *more]
+    )
 
 
 def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
@@ -113,7 +115,9 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     assert said["commands"] == ["make study", "make systems"] and said["caveat"] == 'a "busy" machine'
     assert said["commit"].endswith("ffffffffff")
     page = tmp_path / "page" / "index.html"
-    done = started.run([sys.executable, str(ROOT / "scripts" / "report.py"), str(folder), "-o", str(page)])
+    done = started.run(
+        [sys.executable, str(ROOT / "scripts" / "stepwise"), "report", str(folder), "-o", str(page)]
+    )
     assert done.returncode == 0, done.stderr
     text = html.unescape(page.read_text())
     assert "the throttle's choice" in text and all(module.CAPTION in text for module in modules)
@@ -138,7 +142,7 @@ def test_what_is_there_is_not_written_over(made, tmp_path):
 
 def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    import publish as script
+    from study.commands import publish as script
 
     folder = tmp_path / "new" / "published"
     for step in ("copy_files", "copy_pictures", "about", "check"):
@@ -161,7 +165,7 @@ def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkey
 def test_one_that_is_ended_leaves_nothing(made, tmp_path):
     """A process of its own: started.run does not hand on signals."""
     folder = tmp_path / "new" / "published"
-    command = [sys.executable, ROOT / "scripts" / "publish.py", made, folder]
+    command = [sys.executable, ROOT / "scripts" / "stepwise", "publish", made, folder]
     script = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         latest = time.monotonic() + 60
@@ -169,7 +173,7 @@ def test_one_that_is_ended_leaves_nothing(made, tmp_path):
             assert script.poll() is None and time.monotonic() < latest
             time.sleep(0.01)
         script.send_signal(signal.SIGTERM)
-        assert script.communicate(timeout=60)[1] == "publish.py: ended by SIGTERM\n"
+        assert script.communicate(timeout=60)[1] == "stepwise publish: ended by SIGTERM\n"
     finally:
         script.kill()
         script.wait()
@@ -202,7 +206,7 @@ def test_a_run_that_is_measured_is_refused_and_a_torn_line_dropped(tmp_path):
 
 def test_a_chapter_that_is_lost_is_an_error(made, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    import publish as script
+    from study.commands import publish as script
 
     folder = tmp_path / "published"
     folder.mkdir()

@@ -1,4 +1,4 @@
-"""report.py on tests/fixtures/run: one page that parses, needs nothing else, and says what is missing."""
+"""The report of tests/fixtures/run: one page that parses, needs nothing else, and says what is missing."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ import pytest
 import started
 from PIL import Image
 
-import plots
-import report
+from study.commands import plots, report
 from study.core import registry
 from study.numbers import analysis, stats
 from study.report import facts
@@ -33,7 +32,7 @@ def run(tmp_path: Path) -> Path:
 
 
 def script(*arguments: object) -> subprocess.CompletedProcess:
-    command = [sys.executable, str(ROOT / "scripts" / "report.py"), *map(str, arguments)]
+    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "report", *map(str, arguments)]
     return started.run(command)
 
 
@@ -185,7 +184,7 @@ def test_the_command_repeats_the_plan(run: Path) -> None:
         **{"launches": 10, "reps": 3, "warmup": 1, "seed": 7, "cpu": 1, "budget_s": None},
     }
     assert facts.command(plan) == (
-        "scripts/sweep.py --phase baseline opt2@opt3 --scene scene0 trio -n 320x180 --threads 1 "
+        "scripts/stepwise sweep --phase baseline opt2@opt3 --scene scene0 trio -n 320x180 --threads 1 "
         "--launches 10 --reps 3 --warmup 1 --seed 7 --cpu 1"
     )
     assert facts.command({}) == ""

@@ -290,8 +290,8 @@ def test_caps_are_kept(draw, name):
 
 
 def test_declared_costs_hold():
-    """Of rods. By hand, for its builds take a minute: scripts/flops.py --validate --phase rods_simd."""
-    words = [sys.executable, str(ROOT / "scripts" / "flops.py"), "--validate", "--phase", "rods"]
+    """Of rods. By hand, for its builds take a minute: scripts/stepwise flops --validate --phase rods_simd."""
+    words = [sys.executable, str(ROOT / "scripts" / "stepwise"), "flops", "--validate", "--phase", "rods"]
     done = started.run([*words, "--scene", "trio", "-n", "24", "--json"], timeout=300)
     rows = json.loads(done.stdout)["rows"]
     assert done.returncode == 0, done.stderr
@@ -304,8 +304,16 @@ def test_declared_costs_hold():
 
 @pytest.mark.parametrize("name", ["lattice", "spheres40"])
 def test_their_hits_are_what_is_seen_within_the_footprint(name, tmp_path):
-    """The gate of scripts/accuracy.py as declared: kept by rods down to the pixel, broken by coarse ones."""
-    words = [sys.executable, str(ROOT / "scripts" / "accuracy.py"), "--phase", "rods", "--scene", name]
+    """The gate of stepwise accuracy as declared: kept by rods down to the pixel, broken by coarse ones."""
+    words = [
+        sys.executable,
+        str(ROOT / "scripts" / "stepwise"),
+        "accuracy",
+        "--phase",
+        "rods",
+        "--scene",
+        name,
+    ]
     words += ["-n", "64", "--json", "--jobs", "1", "--run"]
     done = started.run([*words, str(tmp_path / "own")], timeout=300)
     row = json.loads(done.stdout)

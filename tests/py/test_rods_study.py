@@ -1,12 +1,12 @@
-"""scripts/rods.py, scripts/throttle.py: errors by hand, tables of a made-up result, the throttle's choice."""
+"""stepwise rods, stepwise throttle: errors by hand, tables of a made-up result, the throttle's choice."""
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import json
 import math
 import os
-import runpy
 import sys
 import types
 
@@ -276,7 +276,7 @@ def test_the_readme_s_table_of_systems(monkeypatch, tmp_path):
     assert systems.few([*other, *rays]) == rays[2:], "the one below 1 among them"
     alone = [row | {"ratio": "– over none"} for row in rays]
     assert systems.few([*other, *alone]) == alone, "without Embree none is the best"
-    tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
+    tables = vars(importlib.import_module("study.commands.tables"))
     begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
     data = types.SimpleNamespace(path=tmp_path, context={})
     monkeypatch.setitem(tables["systems_page"].__globals__, "machine_line", lambda _: "a CPU")
@@ -328,7 +328,7 @@ def test_a_run_without_systems_says_what_makes_them(tmp_path):
 
 def test_a_broken_file_is_named(tmp_path):
     (tmp_path / rods.FILE).write_text('{"rows": [1]}')
-    with pytest.raises(StudyError, match=r"rods\.json: not what scripts/rods\.py writes"):
+    with pytest.raises(StudyError, match=r"rods\.json: not what scripts/stepwise rods writes"):
         systems.section(tmp_path)
 
 
@@ -356,7 +356,7 @@ def test_greys_by_hand():
 
 def main_of(monkeypatch, script: str, *words: str) -> int:
     monkeypatch.setattr(sys, "argv", [f"{script}.py", *words])
-    return runpy.run_path(str(ROOT / "scripts" / f"{script}.py"))["main"]()
+    return importlib.import_module(f"study.experiments.{script}.command").main()
 
 
 def test_rods_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
@@ -418,5 +418,5 @@ def test_throttle_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
     ],
 )
 def test_bad_arguments_are_named(script, arguments, message):
-    done = started.run([sys.executable, str(ROOT / "scripts" / f"{script}.py"), *arguments])
+    done = started.run([sys.executable, str(ROOT / "scripts" / "stepwise"), script, *arguments])
     assert done.returncode == 2 and message in done.stderr.strip().splitlines()[-1]

@@ -22,12 +22,12 @@ import started
 from hypothesis import given
 from hypothesis import strategies as st
 
-import roofline
 from study.bounds import ceilings, roof, roof_shares
 from study.core import store
 from study.core.cli import StudyError
 from study.counting.counts import Counts, Measured
 from study.experiments.roofline import chapter as roofline_chapter
+from study.experiments.roofline import command as roofline
 from study.experiments.roofline import tables as roof_tables
 from study.numbers import analysis
 from study.pictures import labels
@@ -128,8 +128,8 @@ def row(run: Path, phase: str, n: int) -> dict:
     return found.iloc[0].to_dict()
 
 
-def script(*arguments: object, name: str = "roofline.py") -> subprocess.CompletedProcess:
-    command = [sys.executable, str(ROOT / "scripts" / name), *map(str, arguments)]
+def script(*arguments: object, name: str = "roofline") -> subprocess.CompletedProcess:
+    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), name, *map(str, arguments)]
     return started.run(command)
 
 
@@ -270,7 +270,7 @@ def test_a_broken_ceilings_file_is_not_a_missing_one(run: Path) -> None:
     with pytest.raises(StudyError, match=r"ceilings\.json:1"):
         roof.read(run, strict=False)
     (run / "counts.json").unlink()  # which is a note, and does not hide the other
-    for name in ("tables.py", "report.py"):
+    for name in ("tables", "report"):
         done = script(run, name=name)
         assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
         assert "ceilings.json:1" in done.stderr
@@ -530,8 +530,8 @@ def test_few_launches_have_no_interval(run: Path) -> None:
 
 def test_each_missing_file_names_the_command_that_makes_it(run: Path) -> None:
     for name, command in (
-        ("counts.json", "scripts/flops.py --measure"),
-        ("ceilings.json", "scripts/ceilings.py"),
+        ("counts.json", "scripts/stepwise flops --measure"),
+        ("ceilings.json", "scripts/stepwise ceilings"),
     ):
         kept = (run / name).rename(run / "kept")
         done = script(run)

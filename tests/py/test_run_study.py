@@ -8,8 +8,8 @@ from unittest.mock import create_autospec
 
 import pytest
 
-import run_study
-from study.core import cli
+from study.commands import study as run_study
+from study.core import cli, commands
 
 FIXTURE = Path(__file__).resolve().parents[1] / "fixtures" / "run"
 
@@ -33,7 +33,7 @@ def test_every_part_calls_its_scripts_rightly(name, status, options, monkeypatch
 
     monkeypatch.setattr(run_study, "script", create_autospec(run_study.script, side_effect=fake))
     good = run_study.PARTS[name][1](FIXTURE, options, 90)
-    assert called and all((run_study.SCRIPTS / f"{script}.py").is_file() for script in called)
+    assert called and set(called) <= set(commands.find_all())
     judging = name not in ("roofline", "hotspots")
     assert good is (status == cli.OK or not judging)
 
@@ -46,7 +46,7 @@ def ends(monkeypatch, status):
 
 def test_a_failed_check_is_an_end_only_where_a_script_judges(monkeypatch):
     done = ends(monkeypatch, cli.FAILED)
-    with pytest.raises(cli.StudyError, match=r"tables\.py ended with status 1"):
+    with pytest.raises(cli.StudyError, match=r"stepwise tables ended with status 1"):
         run_study.script("tables")
     assert run_study.script("verify", accepted=run_study.CHECKED) is done
 
@@ -54,8 +54,8 @@ def test_a_failed_check_is_an_end_only_where_a_script_judges(monkeypatch):
 @pytest.mark.parametrize(
     ("status", "sentence"),
     [
-        (cli.CRASHED, "verify.py crashed; its traceback is above"),
-        (-9, "verify.py was killed by SIGKILL"),
+        (cli.CRASHED, "stepwise verify crashed; its traceback is above"),
+        (-9, "stepwise verify was killed by SIGKILL"),
         (cli.FAILED, "a phase is outside its tolerance"),
     ],
 )
@@ -80,7 +80,7 @@ def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsy
     def fake(script, *arguments, capture=False, accepted=(cli.OK,)):
         called.append(script)
         if script == "functions":
-            raise run_study.Crashed("functions.py crashed; its traceback is above", cli.CRASHED)
+            raise run_study.Crashed("stepwise functions crashed; its traceback is above", cli.CRASHED)
         return subprocess.CompletedProcess([], cli.OK, stdout="{}")
 
     options.part, options.json = ["functions", "views"], True
@@ -91,8 +91,8 @@ def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsy
     assert run_study.main() == cli.CRASHED
     assert called[:3] == ["functions", "views", "tables"] and called[-1] == "report"
     said = capsys.readouterr()
-    assert json.loads(said.out)["crashed"] == ["functions.py crashed; its traceback is above"]
-    assert said.err.splitlines()[-1] == "study: functions.py crashed; its traceback is above"
+    assert json.loads(said.out)["crashed"] == ["stepwise functions crashed; its traceback is above"]
+    assert said.err.splitlines()[-1] == "study: stepwise functions crashed; its traceback is above"
 
 
 def test_the_newest_run_is_taken_and_none_is_none(options, tmp_path):

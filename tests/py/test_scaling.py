@@ -18,18 +18,17 @@ import numpy as np
 import pytest
 import started
 
-import scaling as command
-from run_study import SCALING_SECONDS
+from study.commands.study import SCALING_SECONDS
 from study.core import cli, registry, run
 from study.core import generated_scenes as scaling_scenes
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.core.run import DriverError
+from study.experiments.scaling import command, series
 from study.experiments.scaling import errors as scaling_errors
 from study.experiments.scaling import figures as scaling_page
 from study.experiments.scaling import goals as scaling_goals
 from study.experiments.scaling import measure as scaling
-from study.experiments.scaling import series
 from study.experiments.scaling import tables as scaling_tables
 from study.experiments.scaling.measure import First
 from study.experiments.scaling.series import Picture, Point
@@ -38,7 +37,7 @@ from study.numbers import power_laws as scaling_fit
 from study.numbers.stats import Interval
 from study.pictures.draw import STYLE, save
 
-SCRIPT = ROOT / "scripts" / "scaling.py"
+SCRIPT = (ROOT / "scripts" / "stepwise", "scaling")
 OPT4, BASE = Spec("opt4", "opt4"), Spec("baseline", "baseline")
 
 
@@ -405,7 +404,7 @@ def named_by_path(arrangement: str, count: int, seed: int, folder: Path) -> Scen
 
 
 def studied(monkeypatch, tmp_path: Path, seconds: float, names: list[str]) -> tuple[dict, Pretended]:
-    """What `scripts/scaling.py` would measure on the pretended machine, nothing being run."""
+    """What `scripts/stepwise scaling` would measure on the pretended machine, nothing being run."""
     machine = Pretended()
     monkeypatch.setattr(scaling, "render", machine.first)
     monkeypatch.setattr(scaling, "measure", machine.measure)
@@ -692,7 +691,7 @@ def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> Non
     cells = [text for text, _ in chapter.parts[0].table.cells[0]]
     assert "0.50" in cells[3] and "grows slower than the paper's bound" in cells
     (tmp_path / scaling.FILE).write_text('{"rows": [1]}')
-    with pytest.raises(StudyError, match=r"scaling\.json: not what scripts/scaling\.py writes"):
+    with pytest.raises(StudyError, match=r"scaling\.json: not what scripts/stepwise scaling writes"):
         scaling_chapter.growth(tmp_path)
 
 
@@ -722,7 +721,7 @@ def test_labels_keep_apart_and_inside() -> None:
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
-    refused(command.main, "scaling.py", ["--run", "{tmp}/out", *words], said)
+    refused(command.main, "stepwise scaling", ["--run", "{tmp}/out", *words], said)
 
 
 def test_from_end_to_end(tmp_path: Path) -> None:
@@ -741,7 +740,7 @@ def test_from_end_to_end(tmp_path: Path) -> None:
     ]
     # Far more time than it takes: what is measured must not hang on how fast this machine is now.
     words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
-    done = started.run([sys.executable, SCRIPT, *words])
+    done = started.run([sys.executable, *SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
     made = json.loads(done.stdout)
     assert made == json.loads((tmp_path / scaling.FILE).read_text())

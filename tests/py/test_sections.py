@@ -196,13 +196,13 @@ def test_a_broken_file_is_one_line_with_its_name(
     assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
 
 
-@pytest.mark.parametrize("script", ["tables.py", "report.py"])
+@pytest.mark.parametrize("script", ["tables", "report"])
 @pytest.mark.parametrize("name, where, value", [BROKEN[0], ("counts.json", ("declared", 0), {})])
 def test_the_scripts_end_in_status_2(
     run: Path, tmp_path: Path, script: str, name: str, where: tuple, value: Any
 ) -> None:
     put(run, name, broken(name, where, value))
-    command = [sys.executable, ROOT / "scripts" / script, run, "-o", tmp_path / "out" / "made"]
+    command = [sys.executable, ROOT / "scripts" / "stepwise", script, run, "-o", tmp_path / "out" / "made"]
     done = started.run(command)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert name in done.stderr
@@ -213,13 +213,13 @@ def test_the_scripts_end_in_status_2(
 def test_hotspots_refuses_a_broken_file_before_it_samples(
     run: Path, monkeypatch: pytest.MonkeyPatch, where: tuple, value: Any
 ) -> None:
-    import hotspots as script
+    from study.experiments.hotspots import command as script
 
     put(run, "hotspots.json", broken("hotspots.json", where, value))
     before = (run / "hotspots.json").read_text()
     monkeypatch.setattr(script, "measure", lambda pairs, args: pytest.fail("it sampled"))
     monkeypatch.setattr(script.perf, "missing", lambda: None)
-    monkeypatch.setattr(sys, "argv", ["hotspots.py", "--run", str(run)])
+    monkeypatch.setattr(sys, "argv", ["stepwise hotspots", "--run", str(run)])
     with pytest.raises(StudyError, match=r"hotspots\.json"):
         script.main()
     assert (run / "hotspots.json").read_text() == before

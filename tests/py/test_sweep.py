@@ -14,11 +14,11 @@ import started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import sweep as module
 from study.core import registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.core.run import DriverError
+from study.experiments.sweep import command as module
 from study.experiments.sweep import plan as planning
 from study.experiments.sweep.plan import Config
 
@@ -27,7 +27,7 @@ SMALL += ["--launches", "3", "--reps", "2", "--warmup", "1"]
 
 
 def command(*arguments: object) -> list[str]:
-    return [sys.executable, str(ROOT / "scripts" / "sweep.py"), *map(str, arguments)]
+    return [sys.executable, str(ROOT / "scripts" / "stepwise"), "sweep", *map(str, arguments)]
 
 
 def sweep(*arguments: object, **environment: str) -> subprocess.CompletedProcess:
@@ -460,7 +460,9 @@ def test_a_full_disk_is_one_line_and_keeps_the_frames(tmp_path):
         done = sweep(*SMALL, "--launches", "20", "--results", tmp_path)
         target = only_run(tmp_path)
         assert done.returncode == 2
-        assert done.stderr.splitlines()[-1] == f"sweep.py: {target.frames_path}: No space left on device"
+        assert (
+            done.stderr.splitlines()[-1] == f"stepwise sweep: {target.frames_path}: No space left on device"
+        )
         frames = target.frames()
         assert 20 < len(frames) < 200
         assert len(set(keys(frames))) == len(frames)
@@ -560,7 +562,10 @@ def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
 
     done = sweep("--phase", "opt3", *small, STEPWISE_ISA_LIMIT="none")
     assert done.returncode == 3
-    assert done.stderr.splitlines()[-1] == "sweep.py: nothing to measure: every phase and scene was skipped"
+    assert (
+        done.stderr.splitlines()[-1]
+        == "stepwise sweep: nothing to measure: every phase and scene was skipped"
+    )
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ import pandas as pd
 import pytest
 import started
 
-import tables
 from study.claims import claims
+from study.commands import tables
 from study.core import show
 from study.core.cli import StudyError
 from study.experiments.sweep import columns as sweep_columns
@@ -59,7 +59,7 @@ def edit_pairs(run: Path, change) -> None:
 
 
 def script(*arguments: object) -> subprocess.CompletedProcess:
-    command = [sys.executable, str(ROOT / "scripts" / "tables.py"), *map(str, arguments)]
+    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "tables", *map(str, arguments)]
     return started.run(command)
 
 
@@ -247,7 +247,7 @@ def test_a_pair_left_to_truth_is_neither_within_nor_failing(run: Path) -> None:
         if pair["phase"] == "opt4":
             pair |= {
                 "within_tolerance": None,
-                "left_to": "scripts/accuracy.py",
+                "left_to": "scripts/stepwise accuracy",
                 "failed": [],
                 "tolerance": {},
             }

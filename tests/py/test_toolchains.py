@@ -82,7 +82,8 @@ def test_native_is_recorded_as_what_it_stands_for() -> None:
 def test_the_command_writes_its_rows(tmp_path: Path) -> None:
     command = [
         sys.executable,
-        ROOT / "scripts" / "toolchains.py",
+        ROOT / "scripts" / "stepwise",
+        "toolchains",
         "--phase",
         "opt1",
         "--scene",
@@ -111,7 +112,7 @@ def test_the_command_writes_its_rows(tmp_path: Path) -> None:
 
 
 def test_a_spec_with_flags_of_its_own_is_refused(tmp_path: Path) -> None:
-    command = [sys.executable, ROOT / "scripts" / "toolchains.py", "--phase", "opt2@opt4", "--scene"]
+    command = [sys.executable, ROOT / "scripts" / "stepwise", "toolchains", "--phase", "opt2@opt4", "--scene"]
     command += ["two_spheres", "--compiler", "gcc", "--flags", "as shipped", "-n", "8", "--launches", "1"]
     done = started.run([*command, "--no-truth", "--run", tmp_path])
     assert done.returncode == cli.BAD_INPUT and "opt2@opt4: flags are what is compared" in done.stderr

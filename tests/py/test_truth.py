@@ -132,7 +132,7 @@ def test_a_scene_is_its_values(scene):
 
 def test_the_script(tmp_path):
     def script(*arguments):
-        command = [sys.executable, ROOT / "scripts" / "truth.py", *arguments]
+        command = [sys.executable, ROOT / "scripts" / "stepwise", "truth", *arguments]
         return started.run(command)
 
     done = script("two_spheres", "-n", "12", "-w", "16", "--json")

@@ -12,8 +12,7 @@ from typing import Any
 import documented
 import pytest
 
-import plots
-import report
+from study.commands import plots, report
 from study.core import registry, run, show
 from study.core.registry import ROOT, Spec
 from study.experiments.accuracy import chapter as accuracy_chapter
@@ -125,7 +124,7 @@ def test_what_only_rendering_makes_is_said_in_one_line(folder: Path) -> None:
         "trio by baseline: where it is wrong",
         "trio by opt4: where it is wrong",
     ]
-    assert section.script == "scripts/accuracy.py --scene trio -n 180"
+    assert section.script == "scripts/stepwise accuracy --scene trio -n 180"
     for path in section.images:
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(b"picture")

@@ -1,4 +1,4 @@
-"""The pictures that the gate looks at (study.pictures.gallery) and scripts/verify.py."""
+"""The pictures that the gate looks at (study.pictures.gallery) and scripts/stepwise verify."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ import pytest
 import started
 from tolerances import SMOOTH, bound, phase
 
-import verify
 from study.core import build, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import DriverError
+from study.experiments.verify import command as verify
 from study.pictures import gallery, images
 from study.pictures.gallery import Gallery
 
@@ -126,8 +126,8 @@ def command(tmp_path, monkeypatch, capsys):
 
     def call(*words: str) -> tuple[int, str, str]:
         words = ("--run", str(tmp_path / "run"), "-n", "9", "--antialias-n", "4", "--jobs", "2", *words)
-        monkeypatch.setattr(sys, "argv", ["verify.py", *words])
-        status = verify.run()
+        monkeypatch.setattr(sys, "argv", ["stepwise verify", *words])
+        status = verify.main()
         return status, *capsys.readouterr()
 
     return call
@@ -237,9 +237,11 @@ def test_a_rung_held_against_truth_alone_is_left_to_accuracy(rung, driver, comma
     status, out, err = command("--phase", "opt9", "--scene", "trio", "mandelbulb", "--json")
     pairs = json.loads(out)["pairs"]
     assert status == 0 and [pair["within_tolerance"] for pair in pairs] == [None, None]
-    assert pairs[0]["left_to"] == "scripts/accuracy.py" and pairs[0]["failed"] == []
+    assert pairs[0]["left_to"] == "scripts/stepwise accuracy" and pairs[0]["failed"] == []
     assert pairs[0]["psnr_db"] == pytest.approx(40 + 10 * math.log10(3), abs=1e-3)  # for the report
-    assert err.count("opt9 on trio is left to scripts/accuracy.py: it declares tolerance.truth alone") == 1
+    assert (
+        err.count("opt9 on trio is left to scripts/stepwise accuracy: it declares tolerance.truth alone") == 1
+    )
     assert "FAIL" not in err and "heatmap" not in pairs[0]
     assert " by truth " in command("--phase", "opt9", "--scene", "trio")[1]
 
@@ -289,7 +291,7 @@ def test_the_reference_is_identical_to_itself(driver, command):
     ],
 )
 def test_bad_arguments_end_with_status_2_and_what_would_be_right(words, message):
-    done = started.run([sys.executable, ROOT / "scripts/verify.py", *words])
+    done = started.run([sys.executable, ROOT / "scripts/stepwise verify", *words])
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
@@ -311,7 +313,7 @@ def test_end_to_end_with_the_real_driver(tmp_path):
         "--antialias-n",
         "5",
     ]
-    command = [sys.executable, ROOT / "scripts/verify.py", *words, "--run", tmp_path, "--json"]
+    command = [sys.executable, ROOT / "scripts/stepwise verify", *words, "--run", tmp_path, "--json"]
     done = started.run(command)
     assert done.returncode == 0, done.stderr
     pairs = json.loads(done.stdout)["pairs"]

@@ -12,21 +12,20 @@ import numpy as np
 import pytest
 import started
 
-import views as command
 from study.core import cli, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import UNSUPPORTED, DriverError
 from study.experiments.views import chapter as views_chapter
+from study.experiments.views import command, views
 from study.experiments.views import figures as views_page
 from study.experiments.views import gains as views_gains
 from study.experiments.views import measure as views_measure
-from study.experiments.views import views
 from study.experiments.views.views import View
 from study.numbers import stats
 from study.pictures.draw import STYLE
 
-SCRIPT = ROOT / "scripts" / "views.py"
+SCRIPT = (ROOT / "scripts" / "stepwise", "views")
 OPT1, OPT2, OPT3 = (Spec(name, name) for name in ("opt1", "opt2", "opt3"))
 
 
@@ -328,7 +327,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     with matplotlib.rc_context(STYLE):
         assert list(views_page.figures(result, tmp_path)) == [views_page.RATIOS]
     (tmp_path / views_measure.FILE).write_text('{"rows": [1]}')
-    with pytest.raises(StudyError, match=r"views\.json: not what scripts/views\.py writes"):
+    with pytest.raises(StudyError, match=r"views\.json: not what scripts/stepwise views writes"):
         views_chapter.elsewhere(tmp_path)
 
 
@@ -345,13 +344,13 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
-    refused(command.main, "views.py", ["--run", "{tmp}/out", *words], said)
+    refused(command.main, "stepwise views", ["--run", "{tmp}/out", *words], said)
 
 
 def test_from_end_to_end(tmp_path: Path) -> None:
     words = ["--phase", "opt1", "--scene", "two_spheres", "-n", "8", "--error-n", "8", "--launches", "1"]
     words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
-    done = started.run([sys.executable, SCRIPT, *words])
+    done = started.run([sys.executable, *SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
     made = json.loads(done.stdout)
     assert made == json.loads((tmp_path / views_measure.FILE).read_text())

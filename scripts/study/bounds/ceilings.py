@@ -201,7 +201,7 @@ def check(data: Any, where: str) -> Ceilings:
     """`data` as ceilings. Raises StudyError that names what is wrong in it."""
 
     def wrong(what: str) -> StudyError:
-        return StudyError(f"{where}: {what}; make it again with scripts/ceilings.py --run RUN")
+        return StudyError(f"{where}: {what}; make it again with scripts/stepwise ceilings --run RUN")
 
     if not isinstance(data, dict) or data.get("schema") != 1:
         raise wrong("no ceilings of schema 1")
@@ -276,7 +276,7 @@ def read(folder: Path) -> Ceilings:
     """A run's ceilings. Raises StudyError, also where there are none."""
     path = folder / FILE
     if not path.exists():
-        raise StudyError(f"{path} is missing: no ceilings; run scripts/ceilings.py --run {folder}")
+        raise StudyError(f"{path} is missing: no ceilings; run scripts/stepwise ceilings --run {folder}")
     return check(store.read_json(path), str(path))
 
 

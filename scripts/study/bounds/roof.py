@@ -51,7 +51,7 @@ def read_counts(folder: Path) -> Counted:
     """Raises StudyError, also where there are none."""
     path = store.stored(folder / COUNTS)
     if not path.exists():
-        raise StudyError(f"{path} is missing: no counts; run scripts/flops.py --measure --run {folder}")
+        raise StudyError(f"{path} is missing: no counts; run scripts/stepwise flops --measure --run {folder}")
     data = store.read_json(path)
     try:
         return Counted(
@@ -59,7 +59,9 @@ def read_counts(folder: Path) -> Counted:
             [dict(one) for one in data.get("declared") or []],
         )
     except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise StudyError(f"{path}: no counts ({error}); make them again with scripts/flops.py") from None
+        raise StudyError(
+            f"{path}: no counts ({error}); make them again with scripts/stepwise flops"
+        ) from None
 
 
 def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, list[str]]:

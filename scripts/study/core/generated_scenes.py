@@ -1,4 +1,4 @@
-"""Scenes made to order for scripts/scaling.py: any number of shapes, the same share of the picture covered.
+"""Scenes made to order for stepwise scaling: any number of shapes, the same share of the picture covered.
 
 Spheres, octahedra and cubes by turns, none turned. Where they are is drawn from a seed; how large they are
 is worked out: every shape grows about its own centre by one common factor s, a ray hits shape i from the s on

@@ -32,9 +32,7 @@ NO_ARITHMETIC = {"-pthread"}  # flags
 # Of structs, gcc's alone; which compiler is told them: common/build/phase_info.py.
 COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
-SYSTEMS = (
-    "systems"  # family of what other articles did: alternatives to the ladder, shown apart (scripts/rods.py)
-)
+SYSTEMS = "systems"  # family of what other articles did: alternatives to the ladder, shown apart
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
 
 
@@ -68,7 +66,7 @@ class Phase:
     # It makes the picture as it is displayed itself, where that alone is asked for (render --display).
     display: bool = False
     # Its picture is meant to be near, not the same: conformance asks of its form alone, and `tolerance` says
-    # how much further from truth than baseline it may be (scripts/accuracy.py).
+    # how much further from truth than baseline it may be (scripts/stepwise accuracy).
     approximate: bool = False
     # Files of a source that the program has in it and compiles at run time (common/build/phase_info.py).
     embedded: list[str] = dataclasses.field(default_factory=list)

@@ -68,14 +68,15 @@ def write_json(path: Path, value: Any) -> None:
     write_text(path, json.dumps(cli.plain(value), indent=2, allow_nan=False) + "\n")
 
 
-def read_rows(path: Path, script: str, keys: set[str], empty: bool = False) -> dict[str, Any]:
-    """What scripts/`script` has written: an object whose `rows` are objects with these keys, at least one of
+def read_rows(path: Path, experiment: str, keys: set[str], empty: bool = False) -> dict[str, Any]:
+    """What `stepwise experiment` has written: an object whose `rows` are objects with these keys, at least one of
     them unless it may be `empty`. Raises StudyError for anything else."""
     result = read_json(path)
     rows = result.get("rows") if isinstance(result, dict) else None
     whole = isinstance(rows, list) and all(isinstance(row, dict) and keys <= row.keys() for row in rows)
     if not whole or not (rows or empty):
-        raise StudyError(f"{path}: not what scripts/{script} writes; make it again with scripts/{script}")
+        command = f"scripts/stepwise {experiment}"
+        raise StudyError(f"{path}: not what {command} writes; make it again with {command}")
     return result
 
 
@@ -156,7 +157,7 @@ class Run:
             if path.parent.parent.name not in NOT_MACHINES
         ]
         if not found:
-            raise StudyError(f"{results_root}: no run yet; make one with scripts/sweep.py")
+            raise StudyError(f"{results_root}: no run yet; make one with scripts/stepwise sweep")
         return Run(max(found, key=lambda path: path.name))
 
     def __str__(self) -> str:

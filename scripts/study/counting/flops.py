@@ -289,7 +289,9 @@ def read(path: Path) -> tuple[list[Row], list[Measured]]:
     try:
         return list(data["declared"]), [Measured.from_json(one) for one in data["measured"]]
     except (KeyError, TypeError) as error:
-        raise StudyError(f"{path}: no counts ({error}); make them with scripts/flops.py --run") from None
+        raise StudyError(
+            f"{path}: no counts ({error}); make them with scripts/stepwise flops --run"
+        ) from None
 
 
 def _key(one: Row) -> tuple:
@@ -326,4 +328,4 @@ def read_validation(path: Path) -> list[Row]:
         rows = list(store.read_json(path)["rows"])
         return [row | {"backend": OLD_NAMES.get(row["backend"], row["backend"])} for row in rows]
     except (KeyError, TypeError):
-        raise StudyError(f"{path}: no rows; make them with scripts/flops.py --validate --run") from None
+        raise StudyError(f"{path}: no rows; make them with scripts/stepwise flops --validate --run") from None

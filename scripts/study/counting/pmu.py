@@ -28,12 +28,12 @@ from typing import Any
 
 from study.core import machine, store
 from study.core.cli import CANNOT_RUN, StudyError
-from study.core.registry import ROOT, Spec, cpu_flags
+from study.core.registry import Spec, cpu_flags
 from study.core.run import GENERAL, _arguments, cpu_set, environment, render
 from study.counting import backend, perf
 from study.counting.counts import Counts, Measured
 
-FOLDER = ROOT / "scripts" / "study" / "events"
+FOLDER = Path(__file__).with_name("events")
 PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
 FEW, MANY = 1, 3  # frames, whose difference is measured
 ADDS = "FLOPs, cycles and a top-down split by hardware"

@@ -101,13 +101,13 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
     context = optional("context.json", "the machine and the commit are unknown")
     provenance.check(context, run.path / "context.json")
     plan = optional("plan.json", "what was to be measured is unknown")
-    verify = optional("verify.json", "no error stands beside the speeds; run scripts/verify.py")
+    verify = optional("verify.json", "no error stands beside the speeds; run scripts/stepwise verify")
     with _content_of(run.frames_path):
         frames = _usable(run, notes)
     if frames.empty:
-        notes.append("frames.jsonl has no timed frame: there are no speeds; run scripts/sweep.py.")
+        notes.append("frames.jsonl has no timed frame: there are no speeds; run scripts/stepwise sweep.")
         if strict:
-            raise StudyError(f"{run.path}: no timed frame in frames.jsonl; run scripts/sweep.py first")
+            raise StudyError(f"{run.path}: no timed frame in frames.jsonl; run scripts/stepwise sweep first")
     with _content_of(run.path / "verify.json"):
         pairs = [_flat(pair) for pair in verify.get("pairs") or []]
     with _content_of(f"{run.path / 'plan.json'} or {run.frames_path}"):

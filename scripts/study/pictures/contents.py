@@ -46,7 +46,7 @@ def read(path: Path) -> dict[str, Any]:
         picture.load()
         text = getattr(picture, "text", {}).get(KEY)
     if text is None:
-        raise StudyError(f"{path}: keeps no contents of a figure; draw it again with scripts/redraw.py")
+        raise StudyError(f"{path}: keeps no contents of a figure; draw it again with scripts/stepwise redraw")
     return json.loads(text)
 
 

@@ -37,13 +37,15 @@ METRICS = (
 AT_LEAST = {"psnr_db", "psnr_display_db", "antialiased.psnr_db", "depth_agree_fraction"}
 ALWAYS = {"non_finite": 0, "antialiased.non_finite": 0}  # no phase may allow any
 
-# Against truth (scripts/accuracy.py) a phase may be no worse than baseline is, on any of these.
+# Against truth (scripts/stepwise accuracy) a phase may be no worse than baseline is, on any of these.
 _COLOURS = tuple(f"psnr{which}{space}_db" for which in ("_none", "", "_ideal") for space in ("", "_display"))
 HITS = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99")
 TRUTH_METRICS = (*HITS, *_COLOURS)
 CONVERGED_METRICS = (*HITS, "depth_agree_fraction", *(f"antialiased.{name}" for name in _COLOURS))
 TRUTH = "truth"  # key of a phase's tolerance: by how much it may be worse than baseline
-LAST_AGAINST_BASELINE = 4  # rung of the ladder up to which the reference is baseline (scripts/verify.py)
+LAST_AGAINST_BASELINE = (
+    4  # rung of the ladder up to which the reference is baseline (scripts/stepwise verify)
+)
 # dB: what is nearer counts as this near, an identical picture too. A float near 1 holds no more; a phase may
 # declare less with its margins, as ENOUGH, where it is beyond what anybody can see.
 NEAREST = 150.0

@@ -82,16 +82,16 @@ def commands(data: Data) -> list[str]:
     heights = {pair.get("height") for pair in data.pairs}
     size = f" -n {heights.pop()}" if len(heights) == 1 else ""
     sweep, rest = (
-        command(data.plan) or "scripts/sweep.py",
-        ("scripts/pictures.py --run RUN", "scripts/report.py RUN"),
+        command(data.plan) or "scripts/stepwise sweep",
+        ("scripts/stepwise pictures --run RUN", "scripts/stepwise report RUN"),
     )
-    return [sweep, f"scripts/verify.py --run RUN{size}", *rest]
+    return [sweep, f"scripts/stepwise verify --run RUN{size}", *rest]
 
 
 def command(plan: Mapping) -> str:
     """The sweep that measures the same again, from what the plan recorded."""
     asked = plan.get("configurations") or []
-    parts = ["scripts/sweep.py"]
+    parts = ["scripts/stepwise sweep"]
     for option, values in (
         ("--phase", [c.get("spec") for c in asked]),
         ("--scene", [c.get("scene") for c in asked]),

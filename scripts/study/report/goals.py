@@ -326,14 +326,14 @@ def of_lattice(data: Data) -> Iterable[Goal]:
 
 
 SOURCES: tuple[tuple[str, str, Callable[[Data], Iterable[Goal]]], ...] = (
-    ("frames.jsonl", "scripts/sweep.py", of_ladder),
-    (accuracy.FILE, "scripts/accuracy.py", of_errors),
-    ("verify.json", "scripts/verify.py", of_pictures),
-    (frames.FILE, "scripts/frames.py", of_frames),
-    (drjit_measure.FILE, "scripts/drjit.py", of_drjit),
-    (scaling.FILE, "scripts/scaling.py", of_growth),
-    (packets.FILE, "scripts/packets.py", of_packets),
-    (lattice.FILE, "scripts/lattice.py", of_lattice),
+    ("frames.jsonl", "scripts/stepwise sweep", of_ladder),
+    (accuracy.FILE, "scripts/stepwise accuracy", of_errors),
+    ("verify.json", "scripts/stepwise verify", of_pictures),
+    (frames.FILE, "scripts/stepwise frames", of_frames),
+    (drjit_measure.FILE, "scripts/stepwise drjit", of_drjit),
+    (scaling.FILE, "scripts/stepwise scaling", of_growth),
+    (packets.FILE, "scripts/stepwise packets", of_packets),
+    (lattice.FILE, "scripts/stepwise lattice", of_lattice),
 )
 
 

@@ -341,4 +341,4 @@ def embedded(path: Path) -> Row:
         found = ElementTree.parse(path).getroot().find(METADATA)
         return json.loads((found.text or "") if found is not None else "")
     except (OSError, ElementTree.ParseError, json.JSONDecodeError) as error:
-        raise StudyError(f"{path}: no figure of scripts/lessons.py ({error})") from None
+        raise StudyError(f"{path}: no figure of scripts/stepwise lessons ({error})") from None

@@ -74,7 +74,7 @@ def program_hash(program: Path) -> str:
     """16 hexadecimal digits of the binary and of the modules that decide after it."""
     digest = hashlib.sha256(program.read_bytes())
     for name in DECIDERS:
-        digest.update((ROOT / "scripts" / "study" / f"{name}.py").read_bytes())
+        digest.update(Path(__file__).with_name(f"{name}.py").read_bytes())
     return digest.hexdigest()[:16]
 
 

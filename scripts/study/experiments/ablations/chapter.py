@@ -75,7 +75,7 @@ def _ideas(path: Path) -> tuple[list[Part], list[str]]:
     """Of a run's ideas.json: the table and how to read it."""
     file = path / ideas.FILE
     parts, remarks = [], []
-    with reading(file, f"scripts/ablations.py --ideas --run {path}"):
+    with reading(file, f"scripts/stepwise ablations --ideas --run {path}"):
         result = ablations.read(file)
         rows = result["rows"]
         if rows:
@@ -90,7 +90,7 @@ def steps(path: Path) -> Section:
     """The ablations: single steps put in or taken out."""
     file = path / "ablations.json"
     remarks, parts = [], []
-    with reading(file, f"scripts/ablations.py --run {path}"):
+    with reading(file, f"scripts/stepwise ablations --run {path}"):
         result = ablations.read(file)
         rows = result["rows"]
         if rows:

@@ -1,7 +1,7 @@
 """The ideas of a phase: what each gains, what it changes in the picture, and how many lines hold it.
 
 An idea is an ablation whose head says `idea` (core.patches): the patch takes that idea out of its phase. All
-ideas together are timed by `scripts/ablations.py --ideas`, which writes FILE into a run. The report shows all
+ideas together are timed by `stepwise ablations --ideas`, which writes FILE into a run. The report shows all
 rows, and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
 """
 
@@ -23,7 +23,7 @@ FILE = "ideas.json"
 REFERENCE = ROOT / "results" / "reference"
 MADE = re.compile(rf"({'|'.join(scaling_scenes.ARRANGEMENTS)})-(\d+)")  # scenes made to order
 SEED = 1
-BEGIN = "<!-- ideas: scripts/lessons.py -->"  # stands in a lesson before its table
+BEGIN = "<!-- ideas: scripts/stepwise lessons -->"  # stands in a lesson before its table
 WIDTH = 100  # columns of a lesson
 HEADER = ("idea", "scene", "gain [95 %]", "change of the picture", "lines")
 Row = Mapping[str, Any]

@@ -279,8 +279,8 @@ def read(path: Path) -> dict[str, Any]:
                 raise TypeError(f"{name}: no list of objects")
     except (KeyError, TypeError) as error:
         raise StudyError(
-            f"{path}: not what scripts/ablations.py writes ({error!r}); make it again with "
-            f"scripts/ablations.py --run {path.parent}"
+            f"{path}: not what scripts/stepwise ablations writes ({error!r}); make it again with "
+            f"scripts/stepwise ablations --run {path.parent}"
         ) from None
     return result
 

@@ -159,16 +159,21 @@ def section(path: Path, document: Path = DOCUMENT) -> Section:
     file = path / "ablations.json"
     rows: list[Row] = []
     drawn = {}
-    with reading(file, f"scripts/ablations.py --run {path}"):
+    with reading(file, f"scripts/stepwise ablations --run {path}"):
         rows = chosen(ablations.read(file)["rows"])
         if rows:
             caption = "Gain of steps that did not plainly pay, and what they do to the picture"
             drawn = {"negative": Drawing(caption, _note(ablations.read(file)), lambda: draw(rows))}
-    with reading(path / ideas.FILE, f"scripts/ablations.py --ideas --run {path}"):
+    with reading(path / ideas.FILE, f"scripts/stepwise ablations --ideas --run {path}"):
         both = [*rows, *chosen(ablations.read(path / ideas.FILE)["rows"])]
         parts = part("negative", "Steps that did not plainly pay", both, STEPS)
         remarks = [ABOUT] * bool(both)
-    about = {"file": file, "script": "scripts/ablations.py", "drawn": drawn, "html": as_html(tried(document))}
+    about = {
+        "file": file,
+        "script": "scripts/stepwise ablations",
+        "drawn": drawn,
+        "html": as_html(tried(document)),
+    }
     return Section("negative", "What did not pay", "make hotspots", parts, remarks, **about)
 
 

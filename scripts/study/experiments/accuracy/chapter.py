@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from study.core.show import Row
 from study.experiments.accuracy import measure as accuracy
 from study.experiments.accuracy import tables as accuracy_page
-from study.experiments.pareto.fronts import Row
 from study.experiments.section import Section, part, reading
 from study.pictures.draw import Drawing
 
@@ -16,14 +16,14 @@ def _again(result: Row) -> str:
     scenes = " ".join(dict.fromkeys(row["scene"] for row in result["rows"]))
     more = " --convergence" if result.get("convergence") else ""
     sizes = " ".join(dict.fromkeys(str(row["height"]) for row in result["rows"]))
-    return f"scripts/accuracy.py --scene {scenes} -n {sizes}{more}"
+    return f"scripts/stepwise accuracy --scene {scenes} -n {sizes}{more}"
 
 
 def errors(path: Path) -> Section:
     """Every phase against truth, where its bad pixels lie, the Mandelbulb's convergence."""
     file = path / accuracy.FILE
-    parts, remarks, images, drawn, script = [], [], {}, {}, "scripts/accuracy.py"
-    with reading(file, f"scripts/accuracy.py --run {path}"):
+    parts, remarks, images, drawn, script = [], [], {}, {}, "scripts/stepwise accuracy"
+    with reading(file, f"scripts/stepwise accuracy --run {path}"):
         result = accuracy.read(path)
         for name, caption, rows, columns in accuracy_page.tables(result):
             parts += part(name, caption, rows, columns, folded=name in ("accuracy-averaged",))

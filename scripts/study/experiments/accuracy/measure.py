@@ -20,7 +20,7 @@ from study.pictures import images
 from study.pictures.images import Picture
 
 FILE = "accuracy.json"
-FACTOR = 4  # of the averaged pictures of fractals, each way, as scripts/verify.py has it
+FACTOR = 4  # of the averaged pictures of fractals, each way, as scripts/stepwise verify has it
 PROVED, CONVERGED = 2, 1  # of the status plane
 # Key in the metrics → prefix of truth's planes: the paper's estimator, the ideal shadow, no shadow.
 TRUTHS = {"": "", "_ideal": "ideal.", "_none": "none."}
@@ -253,7 +253,7 @@ def read(run: Path) -> dict[str, Any]:
     path = Path(run) / FILE
     if not path.exists():
         return {"rows": [], "skipped": [], "convergence": None}
-    result = store.read_rows(path, "accuracy.py", {"false_hits_ppm"}, empty=True)
+    result = store.read_rows(path, "accuracy", {"false_hits_ppm"}, empty=True)
     converged = result.get("convergence") or {}
     if not isinstance(converged, dict):
         raise StudyError(f"{path}: convergence is not what accuracy.py writes; make it again")

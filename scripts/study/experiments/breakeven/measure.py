@@ -170,4 +170,4 @@ def read(path: Path) -> Row:
     """A run's breakeven.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": []}
-    return store.read_rows(path, "breakeven.py", {"scene", "n", "generated"})
+    return store.read_rows(path, "breakeven", {"scene", "n", "generated"})

@@ -108,10 +108,10 @@ def section(path: Path) -> Section:
     """Kernels for scenes: what they gain, what compiling costs, after how many frames it has paid."""
     file = path / FILE
     parts, remarks = [], []
-    with reading(file, f"scripts/breakeven.py --run {path}"):
+    with reading(file, f"scripts/stepwise breakeven --run {path}"):
         result = read(file)
         for name, caption, rows, shown, folded in tables(result):
             parts += part(name, caption, rows, shown, folded)
         remarks = [note(result)] if parts else []
-    about = {"file": file, "script": "scripts/breakeven.py"}
+    about = {"file": file, "script": "scripts/stepwise breakeven"}
     return Section("breakeven", "Code generated for a scene", "make breakeven", parts, remarks, **about)

@@ -13,7 +13,7 @@ def rival(path: Path) -> Section:
     """Our phases beside Dr.Jit on the same machine."""
     file = path / drjit_measure.FILE
     parts, remarks = [], []
-    with reading(file, f"scripts/drjit.py --run {path}"):
+    with reading(file, f"scripts/stepwise drjit --run {path}"):
         result = drjit_measure.read(file)
         if result["rows"]:
             caption = "Our phases and Dr.Jit on the same scenes"

@@ -247,7 +247,7 @@ def read(path: Path) -> Row:
     """A run's drjit.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": []}
-    return store.read_rows(path, "drjit.py", {"program", "published_ms", "ratio"})
+    return store.read_rows(path, "drjit", {"program", "published_ms", "ratio"})
 
 
 def say_versions(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Dr.Jit's side of scripts/drjit.py: a scene's shapes sphere traced in one fused kernel, float, on LLVM.
+"""Dr.Jit's side of stepwise drjit: a scene's shapes sphere traced in one fused kernel, float, on LLVM.
 
 Runs in the Python that has drjit (not the study's): SCENE.json WIDTH HEIGHT THREADS FRAMES [OUT.npz]. One
 JSON object: ns of each frame after the first, which compiles; with OUT the picture of the exact camera.
@@ -14,10 +14,9 @@ import math
 import sys
 import time
 
+import drjit as dr
 import numpy as np
 from drjit.llvm import Array3f, Bool, Float, UInt32
-
-import drjit as dr
 
 
 def triple(v):

@@ -90,7 +90,7 @@ def counted(path: Path) -> Section:
     """Table 1, what its difference from the paper's is made of, and the validation."""
     remarks, parts = [], []
     file = path / "counts.json"
-    with reading(file, f"scripts/flops.py --run {path}"):
+    with reading(file, f"scripts/stepwise flops --run {path}"):
         first = _pictures(flops.read(file)[0])
         remarks += [CONVENTIONS, RULE] if first else []
         general = dict.fromkeys(one["phase"] for one in first if one.get("kernel"))
@@ -107,7 +107,7 @@ def counted(path: Path) -> Section:
             "table1-terms", "Where the FLOPs are", table1.terms(first), flops_columns.TERMS, folded=True
         )
     file = path / "validation.json"
-    with reading(file, f"scripts/flops.py --validate --run {path}"):
+    with reading(file, f"scripts/stepwise flops --validate --run {path}"):
         rows = flops.read_validation(file)
         judged = table1.by_scene(r for r in rows if r["judged"])
         calls = [r for r in judged if r["scope"].startswith("calls of")]

@@ -13,11 +13,11 @@ def rates(path: Path) -> Section:
     """Frames a second, presenting included, against the two goals."""
     file = path / frames.FILE
     parts, remarks, drawn = [], [], {}
-    with reading(file, f"scripts/frames.py --run {path}"):
+    with reading(file, f"scripts/stepwise frames --run {path}"):
         result = frames.read(file)
         if result["rows"]:
             for name, caption, rows, columns, folded in frames_page.tables(result):
                 parts += part(name, caption, rows, columns, folded=folded)
             remarks, drawn = [frames_page.note(result)], frames_page.drawings(result)
-    about = {"file": file, "script": "scripts/frames.py", "drawn": drawn}
+    about = {"file": file, "script": "scripts/stepwise frames", "drawn": drawn}
     return Section("frames", "Frame rates", "make frames", parts, remarks, **about)

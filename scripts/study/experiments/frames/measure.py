@@ -337,4 +337,4 @@ def read(path: Path) -> Row:
     """A run's frames.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": []}
-    return store.read_rows(path, "frames.py", {"phase", "hit", "frames_per_s"})
+    return store.read_rows(path, "frames", {"phase", "hit", "frames_per_s"})

@@ -15,7 +15,7 @@ def approximations(path: Path) -> Section:
     """Functions: ns against ulp, the normalisation of 20 million vectors, the reciprocal root's tables."""
     file = path / functions.FILE
     parts, remarks, drawn = [], [], {}
-    with reading(file, f"scripts/functions.py --run {path}"):
+    with reading(file, f"scripts/stepwise functions --run {path}"):
         if file.exists():
             result = functions.read(path)
             caption = "The fronts of each function: nothing is nearer and faster, by throughput or by latency"
@@ -37,6 +37,6 @@ def approximations(path: Path) -> Section:
             remarks = [functions_edges_page.remark(result), functions_figures.note(result)]
             remarks += [functions_figures.normalise_note(result)] if vectors else []
             drawn = functions_figures.drawings(result)
-    about = {"file": file, "script": "scripts/functions.py", "drawn": drawn}
+    about = {"file": file, "script": "scripts/stepwise functions", "drawn": drawn}
     remarks = [remark for remark in remarks if remark]
     return Section("functions", "Functions: speed against ulp", "make functions", parts, remarks, **about)

@@ -1,6 +1,6 @@
 """Coefficients of the bench's own sin, cos, arctangent and arcsine: common/functions/coefficients.h.
 
-Chebyshev interpolation in 50 digits on the reduced ranges, as scripts/polynomials.py does for the phases' log
+Chebyshev interpolation in 50 digits on the reduced ranges, as stepwise polynomials does for the phases' log
 and exp, which the bench has copies of. Lowest power first, u = the reduced argument squared:
 
     sin r  = r + r·u·P(u)            |r| ≤ π/4
@@ -76,7 +76,7 @@ def split_half_pi(precision: int) -> list[str]:
 def header() -> str:
     """The text of coefficients.h."""
     lines = [
-        "// Made by `scripts/functions.py --derive` (experiments/functions/coefficients.py says how).",
+        "// Made by `scripts/stepwise functions --derive` (experiments/functions/coefficients.py says how).",
         "// Lowest power first.",
         "// clang-format off",
         '#include "simd.h"',

@@ -246,7 +246,7 @@ def read(folder: Path) -> Row:
     path = Path(folder) / FILE
     result = store.read_json(path)
     if not isinstance(result, dict) or result.get("schema") != 1 or not result.get("entries"):
-        raise StudyError(f"{path}: no functions of schema 1; make it again with scripts/functions.py")
+        raise StudyError(f"{path}: no functions of schema 1; make it again with scripts/stepwise functions")
     return result
 
 

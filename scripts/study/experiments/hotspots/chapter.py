@@ -20,7 +20,7 @@ def hot(path: Path, microarchitecture: str | None = None) -> Section:
     """Tables 2 and 4 (functions) and 3 (what bounds them). `microarchitecture`: of the run's CPU."""
     file = path / "hotspots.json"
     parts, remarks, details = [], [], []
-    with reading(file, f"scripts/hotspots.py --run {path}"):
+    with reading(file, f"scripts/stepwise hotspots --run {path}"):
         record = hotspots.read(file)
         rows = hotspots.table_rows(record, widest=hotspots.core_width(microarchitecture))
         for phase in dict.fromkeys(row["phase"] for row in rows):

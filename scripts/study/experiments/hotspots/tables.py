@@ -208,7 +208,7 @@ def read(path: Path) -> Row:
                 raise TypeError(f"{name}: {record[name]!r}")
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise StudyError(
-            f"{path}: no hotspots ({error}); remove it and make them with scripts/hotspots.py --run"
+            f"{path}: no hotspots ({error}); remove it and make them with scripts/stepwise hotspots --run"
         ) from None
     return record
 

@@ -183,7 +183,7 @@ def read(path: Path) -> Row:
     """A run's lattice.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": []}
-    return store.read_rows(path, "lattice.py", {"phase", "program_ms", "light"})
+    return store.read_rows(path, "lattice", {"phase", "program_ms", "light"})
 
 
 def best(result: Row, threads: int) -> Row | None:

@@ -23,7 +23,7 @@ def headline(path: Path) -> Section:
     """Speed against error to truth: the figure, the sentences, the fastest at each level."""
     file = path / pareto.FILE
     parts, remarks, drawn = [], [], {}
-    with reading(file, f"scripts/pareto.py --run {path}"):
+    with reading(file, f"scripts/stepwise pareto --run {path}"):
         result = pareto.read(file)
         if result["rows"]:
             winners, rows = result["winners"], result["rows"]
@@ -42,5 +42,5 @@ def headline(path: Path) -> Section:
                 if able:
                     draw = partial(pareto_page.figure, able, measure)
                     drawn[name] = Drawing(SPEED[measure], pareto_page.note(result, measure), draw)
-    about = {"file": file, "script": "scripts/pareto.py", "drawn": drawn}
+    about = {"file": file, "script": "scripts/stepwise pareto", "drawn": drawn}
     return Section("pareto", "Speed against error", "make pareto", parts, remarks, **about)

@@ -194,7 +194,7 @@ def read(path: Path) -> dict[str, Any]:
     """A run's pareto.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "skipped": []}
-    return store.read_rows(path, "pareto.py", {"ns_per_pixel"})
+    return store.read_rows(path, "pareto", {"ns_per_pixel"})
 
 
 def shown(rows: Sequence[Row]) -> list[Row]:

@@ -29,7 +29,7 @@ from study.numbers import stats
 from study.pictures import images
 from study.truth import truth
 
-LONG = 0.25  # s; a frame longer than that warms itself up (scripts/sweep.py --long)
+LONG = 0.25  # s; a frame longer than that warms itself up (scripts/stepwise sweep --long)
 
 HIT_DISTANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 STEPS = (64, 256, 3000)

@@ -12,7 +12,9 @@ def roofline(data: Data) -> Section:
     """Ceilings, Tables 5 and 6, the share of each roof."""
     parts: list[Part] = []
     both = f"{data.path / 'counts.json'} or ceilings.json"
-    with reading(both, f"scripts/flops.py --run {data.path} or scripts/ceilings.py --run {data.path}"):
+    with reading(
+        both, f"scripts/stepwise flops --run {data.path} or scripts/stepwise ceilings --run {data.path}"
+    ):
         found, limits, notes = roof.read(data.path, strict=False)
         table = roof.rows(data, found, limits)
         notes = [*roof.remarks(table), *roof_tables.of_roofs(roof.headline(table), limits), *notes]

@@ -14,7 +14,7 @@ def growth(path: Path) -> Section:
     """How cost grows: exponents beside the paper's law, the two goals, the generated scenes."""
     file = path / scaling.FILE
     parts, remarks, images = [], [], {}
-    with reading(file, f"scripts/scaling.py --run {path}"):
+    with reading(file, f"scripts/stepwise scaling --run {path}"):
         result = scaling.read(file)
         if result["rows"]:
             for name, caption, rows, columns, folded in scaling_tables.tables(result):

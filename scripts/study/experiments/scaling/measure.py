@@ -318,7 +318,7 @@ def read(path: Path) -> dict[str, Any]:
     """A run's scaling.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": [], "fits": [], "memory": [], "goals": []}
-    return store.read_rows(path, "scaling.py", {"series", "ns"})
+    return store.read_rows(path, "scaling", {"series", "ns"})
 
 
 def say_left_out(left_out: Sequence[Row]) -> None:

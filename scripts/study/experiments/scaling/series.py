@@ -1,4 +1,4 @@
-"""What cost is measured against in scripts/scaling.py: the series, their points, the paper's law for each.
+"""What cost is measured against in stepwise scaling: the series, their points, the paper's law for each.
 
 A point is one program on one picture; its x is what the series varies. All else of a series is fixed.
 """

@@ -12,7 +12,7 @@ def hard(path: Path) -> Section:
     """The table phase × case, and each case behind its title."""
     file = path / "stability.json"
     html = ""
-    with reading(file, f"scripts/stability.py --run {path}"):
+    with reading(file, f"scripts/stepwise stability --run {path}"):
         if file.exists():
             html = hard_page.section(hard_page.read(file), path / "figures")
     return Section("stability", "Hard cases", "make stability", [], html=html)

@@ -53,7 +53,7 @@ def _whole(data: dict[str, Any]) -> bool:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """stability.json; StudyError with the file if it is not what scripts/stability.py writes."""
+    """stability.json; StudyError with the file if it is not what scripts/stepwise stability writes."""
     data = store.read_json(path)
     try:
         sound = data["schema"] == 1 and all(c.keys() >= CASE_KEYS for c in data["cases"])
@@ -61,7 +61,7 @@ def read(path: Path) -> dict[str, Any]:
     except (KeyError, TypeError, AttributeError):
         sound = False
     if not sound:
-        raise StudyError(f"{path}: not what scripts/stability.py writes; make it again with it")
+        raise StudyError(f"{path}: not what scripts/stepwise stability writes; make it again with it")
     return data
 
 

@@ -106,7 +106,7 @@ def fail(plan: dict[str, Any], what: dict[str, Any], error: DriverError) -> None
 
 
 def make_plan(options: argparse.Namespace) -> dict[str, Any]:
-    """The plan of a new run (plan.json), from the options of sweep.py.
+    """The plan of a new run (plan.json), from the options of a sweep.
 
     Builds every spec and renders every scene once, tiny: what this CPU or a phase refuses is skipped
     with the reason, the rest gets an expected duration in proportion to its pixels; what would by that be

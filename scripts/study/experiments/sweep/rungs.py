@@ -149,7 +149,7 @@ def section(data: Data) -> Section:
     """From counts.json, ceilings.json and the frames."""
     parts: list[Part] = []
     path = data.path
-    with reading(f"{path / 'counts.json'} or ceilings.json", f"scripts/flops.py --run {path}"):
+    with reading(f"{path / 'counts.json'} or ceilings.json", f"scripts/stepwise flops --run {path}"):
         declared, _ = flops.read(path / "counts.json")
         if declared:
             found, limits, _ = roof.read(path, strict=False)

@@ -69,11 +69,11 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 def section(path: Path) -> Section:
     """One table with a row for each figure of each system, then what each system's own file has.
 
-    Another system adds its rows and parts here, and its script to SYSTEMS of scripts/run_study.py.
+    Another system adds its rows and parts here, and its script to SYSTEMS of scripts/stepwise study.
     """
     file = path / rods.FILE
     parts, remarks, pictures = [], [], {}
-    with reading(file, f"scripts/rods.py --run {path}"):
+    with reading(file, f"scripts/stepwise rods --run {path}"):
         result = rods.read(file)
         drawn = rods_page.drawings(result)
         if result["rows"]:
@@ -83,14 +83,14 @@ def section(path: Path) -> Section:
             parts += part("rods-trade", caption, result["trade"], rods_page.TRADES, folded=True)
             remarks.append(rods_page.NOTE)
             pictures[path / "images" / f"{rods_pictures.PICTURES}.png"] = rods_pictures.CAPTION
-    with reading(path / rods.THROTTLE, f"scripts/throttle.py --run {path}"):
+    with reading(path / rods.THROTTLE, f"scripts/stepwise throttle --run {path}"):
         throttled = rods.read(path / rods.THROTTLE)
         if throttled["rows"]:
             caption = "Rods, then packets: the throttle's choice of each scene"
             foot = rods_page.throttle_foot(throttled)
             parts += part("throttle", caption, throttled["rows"], rods_page.THROTTLE, foot=foot)
         rows = rods_page.system_rows(result, throttled)
-    with reading(path / lattice.FILE, f"scripts/lattice.py --run {path}"):
+    with reading(path / lattice.FILE, f"scripts/stepwise lattice --run {path}"):
         latticed = lattice.read(path / lattice.FILE)
         if latticed["rows"]:
             caption = "CPU-RTRM's scene by every phase of the ladder"
@@ -98,7 +98,7 @@ def section(path: Path) -> Section:
             parts += part("lattice", caption, latticed["rows"], lattice_page.COLUMNS, foot=foot)
             remarks.append(lattice_page.note(latticed))
             rows += lattice_page.system_rows(latticed)
-    with reading(path / fixed.FILE, f"scripts/fixed.py --run {path}"):
+    with reading(path / fixed.FILE, f"scripts/stepwise fixed --run {path}"):
         integers = fixed.read(path / fixed.FILE)
         parts += fixed_page.parts(integers)
         rows += fixed_page.system_rows(integers)
@@ -106,7 +106,7 @@ def section(path: Path) -> Section:
             drawn |= fixed_page.drawings(integers)
             remarks.append(fixed_page.NOTE)
             pictures[path / "images" / f"{fixed_pictures.PICTURES}.png"] = fixed_pictures.CAPTION
-    with reading(path / packets.FILE, f"scripts/packets.py --run {path}"):
+    with reading(path / packets.FILE, f"scripts/stepwise packets --run {path}"):
         traced = packets.read(path / packets.FILE)
         drawn = drawn | packets_figures.drawings(traced)
         parts += packets_page.parts(traced) + packets_moving.parts(traced)
@@ -121,7 +121,7 @@ def section(path: Path) -> Section:
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS, foot=foot) + parts
     about = {
         "file": file,
-        "script": "scripts/rods.py, fixed.py, packets.py",
+        "script": "scripts/stepwise rods, fixed.py, packets.py",
         "drawn": drawn,
         "images": pictures,
     }

@@ -57,7 +57,7 @@ def compilers(path: Path) -> Section:
     """Compilers and flags: time, pixels that change, error to truth."""
     file = path / "toolchains.json"
     parts, remarks = [], []
-    with reading(file, f"scripts/toolchains.py --run {path}"):
+    with reading(file, f"scripts/stepwise toolchains --run {path}"):
         if file.exists():
             result = toolchains.read(file)
             parts = part("toolchains", "Each phase by each compiler and set of flags", result["rows"], CHAINS)

@@ -190,7 +190,7 @@ def read(path: Path) -> dict[str, Any]:
     sound = sound and (rows or result.get("failures")) and all(_numbers(r) for r in rows)
     if not sound or result.get("schema") != 1:
         raise StudyError(
-            f"{path}: not what scripts/toolchains.py writes; make it again with scripts/toolchains.py"
+            f"{path}: not what stepwise toolchains writes; make it again with stepwise toolchains"
         )
     return result
 

@@ -14,7 +14,7 @@ def elsewhere(path: Path) -> Section:
     """Each rung against its parent on further views: where constants were tuned, and everywhere else."""
     file = path / views_measure.FILE
     parts, remarks, images = [], [], {}
-    with reading(file, f"scripts/views.py --run {path}"):
+    with reading(file, f"scripts/stepwise views --run {path}"):
         result = views_measure.read(file)
         if result["rows"]:
             for name, caption, rows, columns, folded in views_tables.tables(result):

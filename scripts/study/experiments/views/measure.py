@@ -312,4 +312,4 @@ def read(path: Path) -> Row:
     """A run's views.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": [], "failures": []}
-    return store.read_rows(path, "views.py", {"phase", "view", "ratio"})
+    return store.read_rows(path, "views", {"phase", "view", "ratio"})

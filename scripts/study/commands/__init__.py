@@ -1,0 +1,1 @@
+"""Commands of scripts/stepwise that are no experiments: what makes pages, tables and phases."""

@@ -1,0 +1,139 @@
+"""Starts a new phase from another one, with a phase.json and NOTES.md to be filled in.
+
+The new phase is derived: its folder holds only the files that differ from the parent's, none at first. With
+--whole it gets a copy of every source file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+from study.core import cli, patches, registry
+from study.core.cli import StudyError
+
+BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built too
+    *("accuracy", "asan", "asan-clang", "calibration", "ceilings", "clang", "common", "drjit", "emulated"),
+    *("frames", "functions", "hard-fast", "hard-fma", "scaling", "systems", "test-opinions", "test-results"),
+    *("test-scenes", "tests", "toolchains", "tsan", "views"),
+}
+
+NOTES = """\
+# {name}: FILL IN the idea in a few words
+
+## Bottleneck
+
+What bounds `{parent}`, and the measurement that shows it.
+
+## Idea
+
+About five sentences, and an excerpt of the code in a block of c, at most 15 lines: first the
+parent's, then this phase's own. `make tree-{name}` shows all of its files.
+
+## Prediction
+
+How much faster, on which scenes, and at what error. Written down before it is measured.
+
+## Result
+
+One table (median, 95 % interval, unit, machine, command), and why if it is not what was predicted.
+
+## Limits
+
+Where it loses, and what it cannot do. What was tried and lost is a row of docs/what-did-not-pay.md.
+
+## Read next
+
+Papers, with authors, title and year.
+"""
+
+
+def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = False) -> Path:
+    """Make phases/NAME, visible only when it is complete. Returns the new folder.
+
+    Derived from `parent`, or `whole`: with a copy of each of the parent's sources.
+
+    Raises StudyError for a bad or taken name, an unknown parent, and a disk that does not take it.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise StudyError(f"'{name}' is no phase name; use a-z, 0-9 and _, a letter first, like opt4b")
+    if name in BUILD_FOLDERS:
+        raise StudyError(f"'{name}' is no phase name: build/{name} is taken; choose another")
+    phases = registry.phases(root)
+    target = root / "phases" / name
+    if name in phases or target.exists():
+        raise StudyError(f"phases/{name} exists already; choose another name")
+    if "+" in parent:
+        raise StudyError(
+            f"'{parent}' is an ablation; a phase is made from a phase, and its patch applied then"
+        )
+    base = registry.find_phase(parent, root)
+    inherited = {k: v for k, v in patches.about(parent, root).items() if k not in ("derives", "without")}
+    described = inherited if whole else {"family": base.family}
+    described |= {
+        "name": name,
+        "title": f"FILL IN: what {name} is called in tables, in a few words",
+        "order": 1 + max(phase.order for phase in phases.values() if phase.family == base.family),
+        "parent": parent,
+        **({} if whole else {"derives": parent}),
+        "idea": f"FILL IN: what changes against {parent} and why that should be faster, in one sentence",
+        "paper": None,
+    }
+    temporary = None
+    try:
+        temporary = Path(tempfile.mkdtemp(dir=root / "phases", prefix=f".{name}."))
+        for file, path in patches.files(parent, root).items() if whole else ():
+            (temporary / file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, temporary / file)
+        text = json.dumps(described, indent=4, ensure_ascii=False)
+        (temporary / "phase.json").write_text(text + "\n", encoding="utf-8")
+        (temporary / "NOTES.md").write_text(NOTES.format(name=name, parent=parent), encoding="utf-8")
+        os.chmod(temporary, base.path.stat().st_mode)
+        temporary.rename(target)
+    except (OSError, shutil.Error) as error:
+        if temporary:
+            shutil.rmtree(temporary, ignore_errors=True)
+        raise StudyError(f"phases/{name}: {getattr(error, 'strerror', None) or error}") from None
+    registry.phases.cache_clear()
+    return target
+
+
+def arguments() -> argparse.Namespace:
+    parser = cli.parser(__doc__)
+    parser.add_argument("--name", required=True, help="of the new phase, like opt4b")
+    parser.add_argument("--from", required=True, dest="parent", metavar="PHASE", help="its parent, like opt4")
+    parser.add_argument("--whole", action="store_true", help="copy every source file of the parent")
+    return parser.parse_args()
+
+
+def main() -> int:
+    options = arguments()
+    folder = create(options.name, options.parent, whole=options.whole)
+    shown = folder.relative_to(registry.ROOT)
+    if options.json:
+        cli.emit({"phase": options.name, "parent": options.parent, "folder": shown})
+        return cli.OK
+    print(f"{shown} {'is a copy of' if options.whole else 'derives from'} phases/{options.parent}. Next:")
+    print(f"  1. fill in title and idea in {shown}/phase.json, bottleneck and prediction in {shown}/NOTES.md")
+    if options.whole:
+        print(f"  2. change the code; make phase-{options.name} builds it")
+    else:
+        tree = patches.files(options.parent)
+        name = next((one for one in ("march.c", "march/march.c") if one in tree), next(iter(tree)))
+        source, into = tree[name].relative_to(registry.ROOT), (shown / name).parent
+        made = "" if into == shown else f"mkdir -p {into} && "
+        print(f"  2. copy a file that you want to change: {made}cp {source} {into}/")
+        print(
+            f"     make tree-{options.name} says where all its files are; make phase-{options.name} builds it"
+        )
+    both = f'PHASE="{options.parent} {options.name}"'
+    print(f"  3. make verify PHASE={options.name} SCENE=scene0 N=90   (pictures against baseline's)")
+    print(f"  4. make accuracy {both} SCENE=scene0 N=90   (against ground truth)")
+    print(f"  5. make sweep {both} SCENE=scene0   (speed, in turn)")
+    print(f"  6. make flops PHASE={options.name}   (after a change of arithmetic: costs.def)")
+    return cli.OK

@@ -1,0 +1,49 @@
+"""Derives the polynomials of phases opt3 (double) and opt4 (float): log and exp on their reduced ranges.
+
+Chebyshev interpolation in 50 digits (mpmath.chebyfit), which is within a factor of about two of the minimax
+error; prints coefficients, highest power first, with the error of the polynomial itself (before rounding in
+the phase). log(m) for m in [√½, √2]: s = (m−1)/(m+1), log m = 2s + s·u·P(u), u = s². exp(r) for |r| ≤ ln2/2:
+1 + r + r²·Q(r). Range reduction after W. J. Cody and W. Waite, "Software manual for the elementary functions"
+(1980).
+"""
+
+from __future__ import annotations
+
+from study.core import cli
+
+# isort: split
+from mpmath import atanh, chebyfit, exp, log, mp, mpf, nstr, sqrt
+
+mp.dps = 50
+
+
+def log_tail(u: mpf) -> mpf:
+    """P(u) = (2·atanh(s) − 2s)/(s·u), u = s²; its limit at 0 is 2/3."""
+    s = sqrt(u)
+    return (2 * atanh(s) - 2 * s) / (s * u) if u > mpf(10) ** -20 else mpf(2) / 3
+
+
+def exp_tail(r: mpf) -> mpf:
+    """Q(r) = (exp(r) − 1 − r)/r²; its limit at 0 is 1/2."""
+    return (exp(r) - 1 - r) / (r * r) if abs(r) > mpf(10) ** -15 else mpf(1) / 2
+
+
+def main() -> int:
+    options = cli.parser(__doc__ or "").parse_args()
+    s = (sqrt(mpf(2)) - 1) / (sqrt(mpf(2)) + 1)
+    half = log(mpf(2)) / 2
+    found = {}
+    for name, log_terms, exp_terms, digits in (("double", 7, 10, 20), ("float", 3, 5, 11)):
+        for function, tail, terms, low, high in (
+            ("log", log_tail, log_terms, mpf(0), s * s),
+            ("exp", exp_tail, exp_terms, -half, half),
+        ):
+            coefficients, error = chebyfit(tail, [low, high], terms, error=True)
+            texts = [nstr(c, digits) for c in coefficients]
+            found[f"{function}, {name}"] = {"coefficients": texts, "largest_error": nstr(error, 3)}
+    if options.json:
+        cli.emit(found)
+        return cli.OK
+    for title, result in found.items():
+        print(f"{title}: largest error {result['largest_error']}", *result["coefficients"], sep="\n    ")
+    return cli.OK

@@ -1,0 +1,181 @@
+"""A run's folder made small enough to be published: whole for the report, which is tried at the end."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+
+from study.core import cli, machine, provenance, store
+from study.core.cli import StudyError
+from study.experiments.rods import measure as rods
+from study.numbers import analysis
+from study.pictures import images
+from study.report import chapters
+
+DESCRIPTION = """\
+Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
+without `all`, the thousands of settings that were tried and are in no table), counts.json, validation.json
+and frames.jsonl packed, the pictures that chapters show, scaled down until each is under 300 kB. run.toml
+says the machine, the commit, the commands and a caveat. Then every chapter is read from the copies and
+must have the parts, figures and pictures that it has in the run; only then is there a FOLDER. A run that is
+being measured is refused; of one that was interrupted, a last line of frames.jsonl that was cut off is
+dropped."""
+PICTURE_BYTES = 300_000
+PACKED = ("counts.json", "validation.json")  # megabytes; what reads them takes both forms (store.stored)
+SMALLER = 0.85  # each time a picture is still too large
+
+
+def without_all(throttled: Any) -> Any:
+    """throttle.json without what no table shows."""
+    rows = [{key: value for key, value in row.items() if key != "all"} for row in throttled["rows"]]
+    return throttled | {"rows": rows}
+
+
+def copy_files(run: Path, folder: Path) -> None:
+    """The JSON files and the frames. Raises StudyError."""
+    for file in sorted(run.glob("*.json")):
+        if file.name == rods.THROTTLE:
+            store.write_json(folder / file.name, without_all(store.read_json(file)))
+        elif file.name in PACKED:
+            text = json.dumps(store.read_json(file), separators=(",", ":"))
+            (folder / f"{file.name}.gz").write_bytes(gzip.compress(text.encode(), mtime=0))
+        else:
+            shutil.copyfile(file, folder / file.name)
+    for file in sorted(run.glob("*.json.gz")):
+        if not file.with_suffix("").exists():
+            shutil.copyfile(file, folder / file.name)
+    packed, plain = (run / name for name in ("frames.jsonl.gz", "frames.jsonl"))
+    if plain.exists():
+        data = plain.read_bytes()
+        whole = store.whole_lines(data)
+        if whole < len(data):
+            cli.say(f"{plain}: last line is cut off ({len(data) - whole} bytes dropped)")
+        (folder / packed.name).write_bytes(gzip.compress(data[:whole], mtime=0))
+    elif packed.exists():
+        shutil.copyfile(packed, folder / packed.name)
+
+
+def shrink(picture: Path, out: Path, most: int = PICTURE_BYTES) -> None:
+    """Writes the PNG `out`: the picture, as large as fits `most` bytes. Raises StudyError."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if picture.stat().st_size <= most:
+        shutil.copyfile(picture, out)
+        return
+    whole = oiio.ImageBuf(str(picture))
+    if whole.has_error or not whole.spec().width:
+        raise StudyError(f"{picture}: not a picture: {whole.geterror().strip()}")
+    whole = oiio.ImageBufAlgo.channels(whole, (0, 1, 2))
+    width, height = whole.spec().width, whole.spec().height
+    scale = 1.0
+    while not out.exists() or out.stat().st_size > most:
+        scale *= SMALLER
+        size = [max(1, round(side * scale)) for side in (width, height)]
+        made = oiio.ImageBufAlgo.resize(whole, roi=oiio.ROI(0, size[0], 0, size[1], 0, 1, 0, 3))
+        images.write_png(out, np.asarray(made.get_pixels(oiio.UINT8)))
+
+
+def sections(folder: Path) -> list[Any]:
+    return chapters.all_of(analysis.load(folder, strict=False))
+
+
+def copy_pictures(run: Path, folder: Path) -> list[str]:
+    """Those that the chapters show and the run has; their names below the run."""
+    names = []
+    for section in sections(run):
+        for picture in section.images:
+            if picture.is_file() and picture.is_relative_to(run):
+                names.append(str(picture.relative_to(run)))
+                shrink(picture, folder / names[-1])
+    return names
+
+
+def about(folder: Path, commands: list[str], caveat: str) -> str:
+    """run.toml: what a reader must know of the run before its numbers."""
+    context = store.read_json(folder / "context.json") if (folder / "context.json").exists() else {}
+    said = {"machine": machine.name(context), "compiler": context.get("compiler") or "unknown"}
+    said |= {"time": context.get("time") or "unknown", "commit": ", ".join(provenance.commits(folder))}
+    said |= {"commands": commands, "caveat": caveat}
+    return "".join(f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in said.items())
+
+
+def shown(folder: Path) -> dict[str, Any]:
+    """What the report shows of each chapter: its tables' text, its figures, its pictures."""
+    return {
+        one.id: (
+            [(part.name, part.markdown) for part in one.parts],
+            sorted(one.drawn),
+            sorted(path.name for path in one.images if path.is_file()),
+        )
+        for one in sections(folder)
+    }
+
+
+def check(run: Path, folder: Path) -> None:
+    """Raises StudyError for a chapter that the folder does not make as the run does."""
+    here, there = shown(run), shown(folder)
+    lost = sorted(name for name in here if here[name] != there.get(name))
+    if lost:
+        raise StudyError(f"{folder}: not as in the run: {', '.join(lost)}")
+
+
+def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[str]:
+    """Makes `folder` whole or not at all: names of its pictures. Raises StudyError."""
+    beside = store.writable(folder.parent)
+    try:
+        # Of the same name, in a folder of its own beside it: renaming is one step.
+        with tempfile.TemporaryDirectory(dir=beside, prefix=".publish.") as apart:
+            made = Path(apart) / folder.name
+            made.mkdir()
+            copy_files(run, made)
+            names = copy_pictures(run, made)
+            check(run, made)
+            store.write_text(made / "run.toml", about(made, commands, caveat))
+            os.rename(made, folder)
+    except OSError as error:
+        raise StudyError(f"{error.filename or folder}: {error.strerror or error}") from None
+    return names
+
+
+def commits_said(commits: dict[str, list[str]]) -> str:
+    """Of which commit what was measured, a line each; more than one is a run put together."""
+    if len(commits) < 2:
+        return f"commit: {next(iter(commits), 'unknown')}"
+    each = [f"  {commit}: {', '.join(files)}" for commit, files in commits.items()]
+    return "\n".join([f"of {len(commits)} commits, which the note on the folder must say:", *each])
+
+
+def main() -> int:
+    parser = cli.parser(DESCRIPTION)
+    parser.add_argument("run", type=Path, metavar="RUN", help="folder of the run")
+    parser.add_argument(
+        "folder", type=Path, metavar="FOLDER", help="new, e.g. results/reference/MACHINE-DATE"
+    )
+    parser.add_argument(
+        "--command", nargs="+", default=[], metavar="TEXT", help="what made the run, for run.toml"
+    )
+    parser.add_argument("--caveat", default="", metavar="TEXT", help="what limits its numbers, for run.toml")
+    args = parser.parse_args()
+    run = store.Run.open(args.run)
+    if args.folder.exists() and any(args.folder.iterdir()):
+        raise StudyError(f"{args.folder}: is there already and not empty")
+    folder = args.folder.absolute()
+    with run.still():
+        names = publish(run.path, folder, args.command, args.caveat)
+    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    commits = provenance.commits(folder)
+    said = {"folder": args.folder, "bytes": size, "pictures": names}
+    said |= {"commits": commits}
+    if args.json:
+        cli.emit(said)
+    else:
+        print(f"{args.folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}")
+        print(commits_said(commits))
+    return cli.OK

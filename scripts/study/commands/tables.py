@@ -1,0 +1,155 @@
+"""Tables of a run as CSV, Markdown and JSON: ladder, runtime, verification, what was counted, the paper's,
+and what became of the papers' claims."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from study.claims import claims
+from study.core import cli, provenance, show, store
+from study.core.cli import StudyError
+from study.core.marked_blocks import between
+from study.core.registry import ROOT
+from study.experiments.sweep import columns as sweep_columns
+from study.experiments.sweep import ladder
+from study.experiments.systems import tables as systems
+from study.experiments.verify import columns as verify_columns
+from study.numbers import analysis, paper
+from study.numbers.analysis import Data
+from study.report import chapters, front_page
+
+REFERENCE = ROOT / "results" / "reference"
+README, SYSTEMS, MACHINES = ROOT / "README.md", REFERENCE / "systems.md", REFERENCE / "machines.md"
+BEGIN, END = "<!-- ladder:begin -->", "<!-- ladder:end -->"
+MACHINES_BEGIN, MACHINES_END = "<!-- machines:begin -->", "<!-- machines:end -->"
+SYSTEMS_BEGIN, SYSTEMS_END = "<!-- systems:begin -->", "<!-- systems:end -->"
+
+# Name of a file → its data and, for people, the Markdown text.
+Made = dict[str, tuple[pd.DataFrame, str]]
+
+
+def ladder_text(rows: pd.DataFrame) -> str:
+    """Per scene: speed and error, the paper beside, the first frame, and how each phase was built."""
+    lines = []
+    for scene, group in ladder.ladders(rows).items():
+        records = group.to_dict("records")
+        lines.append(f"### {scene}, {records[0]['width']}×{records[0]['height']}\n")
+        for part, title in sweep_columns.PARTS:
+            lines += [f"{title}\n", show.markdown(show.table(records, sweep_columns.sized(part, records)))]
+    return "\n".join(lines)
+
+
+def make(data: Data, rows: pd.DataFrame) -> Made:
+    """Every table that the run has data for."""
+    theirs = paper.ladder()
+    made: Made = {
+        "paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), sweep_columns.PAPER)))
+    }
+    if not rows.empty:
+        made["ladder"] = rows[rows["headline"]], ladder_text(rows)
+        made["runtime"] = rows, show.markdown(show.table(rows.to_dict("records"), sweep_columns.RUNTIME))
+    if data.pairs:
+        pairs = pd.DataFrame(data.pairs).drop(columns=["tolerance"], errors="ignore")
+        made["verification"] = pairs, show.markdown(show.table(data.pairs, verify_columns.VERIFICATION))
+    for section in chapters.all_of(data):
+        made |= {part.name: (part.frame, part.markdown) for part in section.parts}
+    found = claims.check(data, rows)
+    made["claims"] = claims.frame(found), show.markdown(show.table(found, claims.COLUMNS))
+    return made
+
+
+def flat(rows: pd.DataFrame) -> pd.DataFrame:
+    """For CSV: an interval's entries as columns of their own, `ms.value`, `ms.low` …"""
+    if not any(isinstance(value, dict) for value in rows.to_numpy().ravel()):
+        return rows
+    made = pd.json_normalize(rows.to_dict("records"), sep=".")
+    split = {name for name in made if any(other.startswith(f"{name}.") for other in made)}
+    return made.drop(columns=sorted(split))  # what is left of them: rows that had none
+
+
+def write(made: Made, folder: Path) -> list[Path]:
+    """NAME.csv, NAME.json (a list of rows, no NaN) and NAME.md of each table."""
+    paths = []
+    for name, (rows, text) in made.items():
+        paths += [folder / f"{name}.{suffix}" for suffix in ("csv", "md", "json")]
+        store.write_text(paths[-3], flat(rows).to_csv(index=False))
+        store.write_text(paths[-2], text)
+        store.write_json(paths[-1], rows.to_dict("records"))
+    return paths
+
+
+def machine_line(data: Data) -> str:
+    """CPU, compiler, commit and date of a run in one sentence."""
+    context = data.context
+    return f"{provenance.place(context)}; {provenance.commit(context)}; {context.get('time') or ''}"
+
+
+def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
+    """README's text with the block between the markers made anew. Raises StudyError without markers."""
+    return between(text, BEGIN, END, front_page.ladder_block(data, rows))
+
+
+def machines(text: str) -> str:
+    """The page of machines with the block made anew from every published run of 1280×720, newest last."""
+    folders = sorted(file.parent for file in REFERENCE.glob("*-720p*/context.json"))
+    runs = [analysis.load(folder, strict=False) for folder in folders]
+    return between(text, MACHINES_BEGIN, MACHINES_END, front_page.machines_block(runs))
+
+
+def systems_page(text: str, data: Data) -> str:
+    """Its text with the table of systems made anew from a run that has them: of each figure that an
+    article states, and of the others one. Raises StudyError without markers or systems.
+    """
+    rows = systems.few(systems.rows_of(data.path))
+    if not rows:
+        raise StudyError(f"{data.path}: has no systems; make systems")
+    block = show.markdown(show.table(rows, systems.ROWS))
+    made_of = provenance.contexts(data.path, systems.FILES)
+    note = f"Measured on {provenance.line(made_of) or machine_line(data)}; all rows: "
+    note += f"`{data.path.name}/tables/` (systems.md and, of P2's rays, packets.md: here are the best and "
+    note += "the worst ratio of all scenes and kinds). "
+    note += f"{provenance.disturbed(data.path, systems.FILES)}".strip()
+    return between(text, SYSTEMS_BEGIN, SYSTEMS_END, f"{block}\n{note.strip()}\n")
+
+
+def main() -> int:
+    parser = cli.parser(__doc__)
+    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
+    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="where the tables go (RUN/tables)")
+    parser.add_argument(
+        "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
+    )
+    parser.add_argument(
+        "--readme", action="store_true", help="rewrite the ladder between the marks in README.md"
+    )
+    parser.add_argument(
+        "--systems", action="store_true", help="rewrite the table of results/reference/systems.md"
+    )
+    parser.add_argument(
+        "--machines", action="store_true", help="rewrite the tables of results/reference/machines.md"
+    )
+    args = parser.parse_args()
+    data = analysis.load(args.run)
+    rows = ladder.rows(data, args.n)
+    if not rows["headline"].any():
+        raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
+    made = make(data, rows)
+    paths = write(made, args.out or data.path / "tables")
+    rewritten = {README: lambda text: readme(text, data, rows)} if args.readme else {}
+    rewritten |= {SYSTEMS: lambda text: systems_page(text, data)} if args.systems else {}
+    rewritten |= {MACHINES: machines} if args.machines else {}
+    for page, made_anew in rewritten.items():
+        try:
+            store.write_text(page, made_anew(page.read_text(encoding="utf-8")))
+        except OSError as error:
+            raise StudyError(f"{page}: {error.strerror}") from None
+        paths.append(page)
+    for note in data.notes:
+        cli.say(note)
+    if args.json:
+        cli.emit({name: rows.to_dict("records") for name, (rows, _) in made.items()} | {"files": paths})
+    else:
+        print("\n".join(map(str, paths)))
+    return cli.OK

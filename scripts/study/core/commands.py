@@ -1,0 +1,80 @@
+"""The commands of scripts/stepwise, found by their files.
+
+They are study/experiments/NAME/command.py and study/commands/NAME.py. A command is a module with `main`,
+which reads sys.argv and returns an exit status. The first sentence of its text says what the command does.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import importlib
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from study.core import cli
+from study.core.cli import StudyError
+
+STUDY = Path(__file__).resolve().parents[1]
+USAGE = """\
+scripts/stepwise NAME [options]     runs a command; NAME -h explains it
+scripts/stepwise list               the commands"""
+
+
+@dataclass(frozen=True)
+class Command:
+    """`experiment`: it measures something into a run."""
+
+    name: str
+    path: Path
+    experiment: bool
+
+    @property
+    def what(self) -> str:
+        """The first sentence of its module. Raises StudyError without one."""
+        text = ast.get_docstring(ast.parse(self.path.read_text(encoding="utf-8")))
+        if not text:
+            raise StudyError(f"{self.path}: its first line must say what the command does")
+        return " ".join(text.split("\n\n")[0].split())
+
+    @property
+    def module(self) -> str:
+        return ".".join(["study", *self.path.relative_to(STUDY).with_suffix("").parts])
+
+
+def find_all() -> dict[str, Command]:
+    """Every command by its name, experiments first."""
+    experiments = sorted((STUDY / "experiments").glob("*/command.py"))
+    others = sorted(path for path in (STUDY / "commands").glob("*.py") if path.stem != "__init__")
+    found = [Command(path.parent.name.replace("_", "-"), path, True) for path in experiments]
+    found += [Command(path.stem.replace("_", "-"), path, False) for path in others]
+    return {command.name: command for command in found}
+
+
+def listing(found: dict[str, Command]) -> str:
+    """A line each, in two groups."""
+    width = max(map(len, found))
+    lines = [USAGE]
+    for title, kind in (("experiments, which measure into a run:", True), ("other commands:", False)):
+        lines += ["", title]
+        lines += [f"  {c.name:{width}}  {c.what}" for c in found.values() if c.experiment is kind]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Runs sys.argv[1] with what stands behind it. Raises StudyError for a command that there is not."""
+    found = find_all()
+    name, rest = (sys.argv[1] if len(sys.argv) > 1 else ""), sys.argv[2:]
+    if name in ("-h", "--help") or (name == "list" and not rest):
+        print(listing(found))
+        return cli.OK
+    if name == "list" and rest == ["--json"]:
+        cli.emit({c.name: {"what": c.what, "experiment": c.experiment} for c in found.values()})
+        return cli.OK
+    if name not in found:
+        near = difflib.get_close_matches(name, found, n=1)
+        hint = f"did you mean {near[0]}?" if near else "`scripts/stepwise list` names them all"
+        raise StudyError(f"no command {name!r}; {hint}" if name else f"which command? {hint}")
+    sys.argv[:] = [f"stepwise {name}", *rest]
+    return importlib.import_module(found[name].module).main()

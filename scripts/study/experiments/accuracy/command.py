@@ -1,0 +1,217 @@
+"""Error of every phase to truth, per scene: hits, shapes, distances, normals, shadows, colours, and where."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from itertools import product
+from pathlib import Path
+
+import matplotlib
+from tqdm import tqdm
+
+from study.core import cli, registry, store
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.core.run import NO_ISA, UNSUPPORTED
+from study.experiments.accuracy import converge, where
+from study.experiments.accuracy import measure as accuracy
+from study.experiments.accuracy import tables as accuracy_page
+from study.pictures import draw, gate, images, panels
+from study.pictures.gallery import Gallery, Size
+from study.truth import truth
+
+DESCRIPTION = """\
+Each phase's picture is held against truth's, below the picture first. Rungs behind opt4 are gated: on no
+metric may one be further from truth than baseline (from the ideal shadow: than baseline or the estimator in
+exact arithmetic; from a truth that is converged only: than baseline or opt4), but for what its phase.json
+grants (tolerance.truth, with a reason); in |Δt| over as many of the true hits as baseline has. baseline to
+opt4, and what is not on the ladder, are shown; scripts/stepwise verify has their gate."""
+BASE = Spec("baseline", "baseline")
+FLOAT = Spec("opt4", "opt4")  # where truth is converged only, rungs behind it may be as far as it is
+FAMILY = "truth"  # of the phases that are what the others are held against
+
+
+def arguments() -> argparse.Namespace:
+    cores = len(os.sched_getaffinity(0))
+    about = "a gated phase is further from truth than baseline, or a picture is not finite or not there"
+    parser = cli.parser(DESCRIPTION, {1: about, 3: "no phase could run on this CPU"})
+    add = parser.add_argument
+    add("--phase", nargs="+", metavar="SPEC", help="e.g. opt4, or opt2@opt4; default: all")
+    add("--scene", nargs="+", metavar="NAME", help="default: all")
+    add("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
+    add("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
+    add("--run", type=Path, metavar="DIR", help="for accuracy.json and images/; default: build/accuracy")
+    add("--jobs", type=cli.at_least(1), default=cores, help=f"pictures rendered at a time; default: {cores}")
+    add("--convergence", action="store_true", help="the Mandelbulb's table too: precision × hit distance")
+    add("--convergence-n", type=cli.at_least(1), default=90, metavar="N", help="its height; default: 90")
+    return parser.parse_args()
+
+
+class Subject:
+    """A scene at a size, with truth's picture of it and baseline's errors: read and worked out once."""
+
+    def __init__(self, gallery: Gallery, scene: Scene, plain: Scene, size: Size, beside: list[Spec]) -> None:
+        self.gallery, self.scene, self.plain, self.size = gallery, scene, plain, size
+        self.truth = truth.picture(scene, size)
+        self.mirrors = accuracy.mirrors(scene)
+        self.where = where.classes(self.truth, self.mirrors)
+        self.base, made = self.measure(BASE)
+        self.base_distances = accuracy.right_distances(self.truth, made)
+        self.pictures = {"baseline": made, "the exact estimator": self.truth}
+        self.references = {
+            "baseline": self.base,
+            "the exact estimator": accuracy.estimator(self.truth, scene.fractal),
+        }
+        for spec in beside:
+            self.references[str(spec)], self.pictures[str(spec)] = self.measure(spec)
+
+    def measure(self, spec: Spec) -> tuple[dict, images.Picture]:
+        """The metrics of a spec's picture, and the picture."""
+        made, plain = (images.read(self.gallery.path(spec, s, self.size)) for s in (self.scene, self.plain))
+        return accuracy.metrics(self.truth, made, plain, self.scene.fractal), made
+
+    def row(self, spec: Spec) -> dict:
+        """One row of accuracy.json, its picture written."""
+        found, made = self.measure(spec)
+        phase = registry.find_phase(spec.phase)
+        gated = gate.by_truth(phase)
+        granted = gate.margins(phase) if gated else gate.visible(self.base)
+        as_many = accuracy.dt_p99_of(self.base_distances, self.truth, made)
+        outlines = int(granted.get(gate.OUTLINE, 0))
+
+        def beyond(picture: images.Picture) -> dict:
+            return accuracy.beyond_outlines(self.truth, picture, outlines) if outlines else {}
+
+        # What is not asked of the phase is not allowed it as an error of the references' either.
+        others = {who: values | beyond(self.pictures[who]) for who, values in self.references.items()}
+        worse = gate.inferior(found | beyond(made) | {"dt_p99": as_many}, others, granted)
+        wrong = where.bad(self.truth, made)
+        gallery, size = self.gallery, self.size
+        stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
+        title = f"{self.scene.name}, {size[0]}×{size[1]} pixels: {spec} against truth"
+        figure = where.figure(self.truth, made, title, str(spec), found, self.where, wrong)
+        panels.save(figure, gallery.folder / stem)
+        return {
+            **about(spec, self.scene, size),
+            "precision": phase.precision,
+            **found,
+            "dt_p99_of_as_many": as_many,
+            "beyond_outlines": beyond(made) or None,
+            **where.shares(self.where, wrong),
+            "gated": gated,
+            "margins": granted,
+            "worse": list(worse),
+            "why": [f"{name}: {text}" for name, text in worse.items()],
+            "failed": bool(worse) if gated else "non_finite" in worse,
+            "binary_sha256": gallery.hashes[spec],
+            "truth_sha256": images.sha256(self.truth),
+            "picture": f"{gallery.folder.name}/{stem}",
+        }
+
+
+def about(spec: Spec, scene: Scene, size: Size) -> dict:
+    """What a row is about: its first keys."""
+    kind = "fractal" if scene.fractal else "smooth"
+    return {"phase": str(spec), "scene": scene.name, "class": kind, "width": size[0], "height": size[1]}
+
+
+def specs_of(names: list[str] | None) -> list[Spec]:
+    """The specs asked for, or every phase but truth itself. Raises StudyError."""
+    wanted = names or list(registry.ladder())
+    specs = [Spec.parse(name) for name in dict.fromkeys(wanted)]
+    for spec in specs:
+        phase = registry.find_phase(spec.phase)
+        gate.check(phase)
+        if phase.family == FAMILY:
+            raise StudyError(f"{spec}: is truth itself; name phases that are to be held against it")
+    return specs
+
+
+def judge(
+    gallery: Gallery, scene: Scene, plain: Scene, size: Size, specs: list[Spec], refused: dict
+) -> tuple:
+    """Rows of a scene, and what could not be had: with its reason, and whether that is a failure."""
+    rows, missing = [], []
+
+    def missed(spec: Spec, reason: str, failed: bool = False) -> None:
+        missing.append({"phase": str(spec), "scene": scene.name, "reason": reason, "failed": failed})
+
+    def trouble(spec: Spec):
+        return refused.get((spec, scene.name)) or refused.get((spec, plain.name))
+
+    if error := trouble(BASE):
+        for spec in specs:
+            missed(spec, f"baseline: {error.message}", error.status not in (NO_ISA, UNSUPPORTED))
+        return rows, missing
+    known = scene.fractal and FLOAT in gallery.hashes and not trouble(FLOAT)
+    subject = Subject(gallery, scene, plain, size, [FLOAT] if known else [])
+    for spec in tqdm(specs, f"compare {scene.name}", leave=False, disable=None):
+        if error := trouble(spec):
+            missed(spec, error.message, error.status not in (NO_ISA, UNSUPPORTED))
+        else:
+            rows.append(subject.row(spec))
+    return rows, missing
+
+
+def main() -> int:
+    args = arguments()
+    specs = specs_of(args.phase)
+    scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
+    lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
+    able = [spec for spec in specs if not lacking[spec]]
+    skipped = [
+        {"phase": str(s), "scene": None, "reason": f"this CPU lacks {lacking[s]}", "failed": False}
+        for s in specs
+        if lacking[s]
+    ]
+    folder = args.run or registry.ROOT / "build" / "accuracy"
+    gated = any(gate.by_truth(registry.find_phase(spec.phase)) for spec in able)
+    beside = [FLOAT] if gated and any(scene.fractal for scene in scenes) else []
+    using = list(dict.fromkeys([BASE, *beside, *able])) if able else []
+    gallery = Gallery(folder / "images", using)
+    plain = {scene.name: accuracy.without_shadows(scene, folder / "scenes") for scene in scenes}
+    sizes = {scene.name: scene.size(args.n, args.w) for scene in scenes}
+    tasks = [
+        (who, one, sizes[scene.name])
+        for scene, who in product(scenes, using)
+        if who in (BASE, *able) or scene.fractal
+        for one in (scene, plain[scene.name])
+    ]
+    refused = gallery.render_all(tasks, args.jobs)
+    rows: list[dict] = []
+    for scene in scenes if able else []:
+        found, missing = judge(gallery, scene, plain[scene.name], sizes[scene.name], able, refused)
+        rows, skipped = rows + found, skipped + missing
+    tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
+    result = {"schema": 1, **tools, "rows": rows, "skipped": skipped, "convergence": None}
+    if args.convergence:
+        result["convergence"] = converge.study(args.convergence_n, folder / "convergence")
+    store.write_json(folder / accuracy.FILE, result)
+    report(args, result, folder, alone=len(specs) == len(scenes) == len(rows) == 1)
+    if not rows:
+        return cli.CANNOT_RUN if not any(item["failed"] for item in skipped) else cli.FAILED
+    return cli.FAILED if any(item["failed"] for item in (*rows, *skipped)) else cli.OK
+
+
+def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) -> None:
+    """JSON (a flat object for a row asked for alone) or tables; then what was skipped and what failed."""
+    figures = []
+    if result["rows"]:
+        with matplotlib.rc_context(draw.STYLE):
+            for name, make in accuracy_page.drawings(result).items():
+                figures += draw.save(make(), folder / "figures" / name, accuracy_page.note(result))
+    if args.json:
+        tools = {key: value for key, value in result.items() if key.endswith("_tool")}
+        more = {"convergence": result["convergence"]} if args.convergence else {}
+        cli.emit({**result["rows"][0], **tools, **more} if alone else result)
+    elif result["rows"]:
+        print(accuracy_page.text(result))
+        print(f"FLIP: {images.FLIP_TOOL}.\nPictures: {folder}/images, figures: {folder}/figures")
+    for item in result["skipped"]:
+        word = "FAIL" if item["failed"] else "skipped"
+        cli.say(f"{word} {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}")
+    for row in result["rows"]:
+        if row["failed"]:
+            picture = folder / row["picture"]
+            cli.say(f"FAIL {row['phase']} on {row['scene']}: {'; '.join(row['why'])} (picture: {picture})")

@@ -1,0 +1,36 @@
+"""Measures what one core can do at best (arithmetic, bandwidth) and keeps it with a run: five seconds, half
+a minute where it is disturbed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from study.bounds import ceilings
+from study.core import cli, show, store
+from study.experiments.roofline import tables as roof_tables
+
+
+def main() -> int:
+    parser = cli.parser(__doc__ or "")
+    parser.add_argument("--run", type=Path, metavar="RUN", help="folder of the run (the newest one)")
+    parser.add_argument("--cpu", type=int, metavar="C", help="CPU to pin to; default: the last one")
+    parser.add_argument("--samples", type=int, metavar="N", help="of each ceiling, 5 to 1000; default: 30")
+    args = parser.parse_args()
+    target = store.Run.open(args.run) if args.run else store.latest()
+    context = target.path / "context.json"
+    known = store.read_json(context) if context.exists() else {}
+    ceilings.refuse(target.path, known)
+    measured = ceilings.measure(args.cpu, args.samples)
+    path = ceilings.write(target.path, measured)
+    if args.json:
+        cli.emit(measured.data | {"file": path})
+    else:
+        for by, title, columns in (
+            ("precision", "flop per core cycle", roof_tables.COMPUTE),
+            ("level", "bytes per core cycle", roof_tables.BANDWIDTH),
+        ):
+            print(f"{title}\n\n{show.markdown(show.table(roof_tables.grid(measured, by), columns))}")
+        print(path)
+    for remark in measured.remarks():
+        cli.say(remark)
+    return cli.OK

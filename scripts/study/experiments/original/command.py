@@ -1,0 +1,62 @@
+"""The paper's own program beside this project's phases: fetched, built and timed on this machine."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import sys
+from pathlib import Path
+
+from study.core import cli, machine, registry, store
+from study.core.build import build
+from study.core.cli import StudyError
+from study.experiments.original import measure as original
+
+DESCRIPTION = """\
+Fetches the paper's program from its public repository, builds each of its steps as its own makefile does,
+and times it and this project's phase of the same step in turn, on one core. Prints the ratio of the times
+(ours over theirs) and how far apart the two pictures are. At the paper's size a pair of baselines takes
+40 s."""
+
+
+def arguments() -> argparse.Namespace:
+    parser = cli.parser(DESCRIPTION)
+    add = parser.add_argument
+    phases, scenes = list(original.COMMITS), list(original.SCENES)
+    add("--phase", nargs="+", choices=phases, default=phases, metavar="NAME", help="default: all five")
+    add("--scene", nargs="+", choices=scenes, default=scenes, metavar="NAME", help="default: both")
+    add("-n", type=cli.at_least(2), default=720, help="height of the pictures; default: 720, the paper's")
+    add("--launches", type=cli.at_least(1), default=6, help="of each program; default: 6")
+    add("--seed", type=int, help="of order and padding; default: random")
+    add("--repository", default=original.REPOSITORY, metavar="URL", help="default: %(default)s")
+    add("--run", type=Path, metavar="DIR", help=f"for {original.FILE}; default: build/original")
+    args = parser.parse_args()
+    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
+    return args
+
+
+def main() -> int:
+    args = arguments()
+    for phase in args.phase:
+        if lacking := registry.missing_isa(registry.Spec.parse(phase)):
+            raise StudyError(f"{phase} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
+    folder = store.writable(args.run or registry.ROOT / "build" / "original")
+    kept = original.folder_of(args.repository)
+    original.fetch(args.repository, kept)
+    programs = {phase: original.build(kept, phase, args.n) for phase in args.phase}
+    for phase in args.phase:
+        build(phase)
+    settings = original.Settings(args.n, args.launches, args.seed)
+    rows = []
+    for phase in args.phase:
+        for name in args.scene:
+            rows.append(cli.plain(original.measure(programs, registry.find_scene(name), phase, settings)))
+            print(original.sentence(rows[-1]), file=sys.stderr if args.json else sys.stdout, flush=True)
+            result = {"schema": 1, "repository": args.repository, "launches": args.launches}
+            result |= {"seed": args.seed, "rows": rows, "context": machine.context()}
+            store.write_json(folder / original.FILE, result)
+    if args.json:
+        cli.emit(result)
+    else:
+        print(folder / original.FILE)
+    return cli.OK

@@ -1,0 +1,143 @@
+"""How cost grows: time, evaluations and error against n, shapes, steps, bounces and threads; memory at 4K."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import tempfile
+import time
+from pathlib import Path
+
+import matplotlib
+
+from study.core import cli, machine, registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.experiments.scaling import figures as scaling_page
+from study.experiments.scaling import goals as scaling_goals
+from study.experiments.scaling import measure as scaling
+from study.experiments.scaling import series as scaling_series
+from study.numbers import power_laws as scaling_fit
+from study.pictures.draw import STYLE, save
+
+DESCRIPTION = """\
+Each program is rendered over picture height, number of shapes (scenes made to order, the same share of the
+picture covered), step cap, bounces and threads, and timed in interleaved launches. Power laws are fitted and
+set beside the paper's O(K·T·N²). What would not fit the time is left out and said. Peak memory at 4K."""
+SECONDS, FULL_SECONDS = 540, 14400
+HEIGHT, FULL_HEIGHT = 90, 360
+MEMORY_SHARE = 0.1
+
+
+def arguments() -> argparse.Namespace:
+    parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
+    add = parser.add_argument
+    about = "all, or by name or its beginning: n, shapes, shapes-scattered, steps, bounces, threads, memory"
+    add("--series", nargs="+", metavar="NAME", help=about)
+    add("--phase", nargs="+", default=list(registry.ladder()), metavar="SPEC", help="default: the ladder")
+    add("-n", type=cli.at_least(16), help=f"height where it is not what varies; default: {HEIGHT}")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    add("--seconds", type=cli.at_least(1, float), help=f"for everything; default: {SECONDS}")
+    add("--full", action="store_true", help=f"n = {FULL_HEIGHT} and {FULL_SECONDS} s: nearly every point")
+    add("--seed", type=int, help="of order and padding; default: random")
+    add("--scene-seed", type=int, default=1, help="of the generated scenes; default: 1")
+    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
+    add("--run", type=Path, metavar="DIR", help="for scaling.json, figures/, images/; default: build/scaling")
+    args = parser.parse_args()
+    args.n = args.n or (FULL_HEIGHT if args.full else HEIGHT)
+    args.seconds = args.seconds or (FULL_SECONDS if args.full else SECONDS)
+    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
+    return args
+
+
+def programs(names: list[str]) -> tuple[list[Spec], list[dict]]:
+    """Those that can run here, and the others with the reason. Raises StudyError."""
+    specs = [Spec.parse(name) for name in dict.fromkeys(names)]
+    for spec in specs:
+        if registry.find_phase(spec.phase).family == registry.TRUTH:
+            raise StudyError(f"{spec}: is truth itself; name phases that are to be timed")
+    lacking = {spec: registry.missing_isa(spec) for spec in specs}
+    skipped = [
+        {
+            "series": "all",
+            "x": 0,
+            "phase": str(s),
+            "reason": f"this CPU lacks {' '.join(what)}",
+            "foreseen_s": None,
+        }
+        for s, what in lacking.items()
+        if what
+    ]
+    able = [spec for spec in specs if not lacking[spec]]
+    if not able:
+        raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
+    return able, skipped
+
+
+def measured(args: argparse.Namespace, folder: Path) -> dict:
+    """Every series in its share of what is left of the time; what one does not use, the next may."""
+    specs, left_out = programs(args.phase)
+    scenes = registry.ROOT / "build" / "scaling" / "scenes"
+    known = scaling_series.series(args.n, args.scene_seed, scenes)
+    names = args.series or [*known, "memory"]
+    chosen = scaling_series.chosen(known, [name for name in names if name != "memory"])
+    left = args.seconds * (1 - MEMORY_SHARE if "memory" in names and chosen else 1)
+    rows, thumbnails = [], []
+    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+        settings = scaling.Settings(args.launches, args.seed, args.cpu, Path(scratch), folder)
+        for number, series in enumerate(chosen):
+            share = series.weight / sum(one.weight for one in chosen[number:])
+            found = scaling.study(series, specs, left * share, settings)
+            left -= found.seconds
+            rows, left_out = rows + found.rows, left_out + found.left_out
+            thumbnails += found.thumbnails
+            cli.say(f"{series.name}: {len(found.rows)} points in {found.seconds:.0f} s")
+    memory: list[dict] = []
+    if "memory" in names:
+        seconds = max(left, 0) + MEMORY_SHARE * args.seconds
+        memory, without = scaling_goals.memory(specs, rows, seconds, args.scene_seed, scenes)
+        left_out += without
+    if not rows:
+        scaling.say_left_out(left_out)
+        raise StudyError("nothing was measured: every point was left out, for the reasons above")
+    return {
+        "rows": rows,
+        "left_out": left_out,
+        "thumbnails": thumbnails,
+        "fits": scaling_goals.fits(rows, known.values()),
+        "memory": memory,
+        "goals": scaling_goals.goals(rows, memory, [str(spec) for spec in specs]),
+        "axes": {series.name: series.axis for series in chosen},
+        "titles": {series.name: series.title for series in chosen},
+    }
+
+
+def main() -> int:
+    args = arguments()
+    folder = store.writable(args.run or registry.ROOT / "build" / "scaling")
+    run.cpu_set(args.cpu, 1)
+    begun = time.monotonic()
+    settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "scene_seed", "cpu", "seconds")}
+    found = measured(args, folder)
+    about = {"coverage_wanted": scaling_goals.scaling_scenes.COVERAGE, "took_s": time.monotonic() - begun}
+    result = cli.plain({"schema": 1, **settings, **about, "context": machine.context(), **found})
+    store.write_json(folder / scaling.FILE, result)
+    figures = []
+    with matplotlib.rc_context(STYLE):
+        for name, figure in scaling_page.figures(result, folder).items():
+            text = "" if name == scaling_page.SHEET else scaling_page.note(result)
+            figures += save(figure, folder / "figures" / name, text)
+    if args.json:
+        cli.emit(result)
+    else:
+        for fit in result["fits"]:
+            law = scaling_fit.text(fit["time"]["exponent"])
+            print(f"{fit['title']}, {fit['phase']}: time grows by exponent {law}; {fit['verdict']}")
+        print("\n".join(str(path) for path in figures))
+    scaling.say_left_out(result["left_out"])
+    bad = [row for row in result["rows"] if row.get("non_finite")]
+    for row in bad:
+        cli.say(
+            f"FAIL {row['phase']} in {row['series']} at {row['x']}: {row['non_finite']} samples not finite"
+        )
+    return cli.FAILED if bad else cli.OK

@@ -1,0 +1,188 @@
+"""Equivalence of phases: pictures and AOVs compared (metrics: results/README.md), judged by tolerance."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from itertools import product
+from pathlib import Path
+
+from tqdm import tqdm
+
+from study.core import cli, registry, store
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.core.run import NO_ISA, UNSUPPORTED
+from study.pictures import gate, images, panels
+from study.pictures.gallery import Gallery, Size
+
+TRUTH = "scripts/stepwise accuracy"  # what judges a rung that has no tolerance to the reference
+FACTOR = 4  # of the anti-aliased comparison, each way
+
+
+def subject(reference: Spec, spec: Spec, scene: Scene, size: Size) -> dict:
+    """What a pair is about: the first keys of its object in verify.json."""
+    about = {"phase": str(spec), "reference": str(reference), "scene": scene.name}
+    return {**about, "class": "fractal" if scene.fractal else "smooth", "width": size[0], "height": size[1]}
+
+
+def judge(
+    gallery: Gallery,
+    reference: Spec,
+    spec: Spec,
+    scene: Scene,
+    size: Size,
+    large: Size | None,
+    heatmaps: bool,
+) -> dict:
+    """One pair of verify.json, its pictures written. `large`: size of the pictures to be averaged."""
+    a, b = (images.read(gallery.path(who, scene, size)) for who in (reference, spec))
+    big = tuple(images.read(gallery.path(who, scene, large)) for who in (reference, spec)) if large else None
+    metrics = images.compare(a, b, big)
+    declared, left = {"identical": True}, False  # of the reference with itself
+    if spec != reference:
+        phase = registry.find_phase(spec.phase)
+        left = gate.left_to_truth(phase)
+        declared = {} if left else gate.tolerance(phase, scene)
+    failed = gate.failures(metrics, declared)
+    found = {
+        **subject(reference, spec, scene, size),
+        **metrics,
+        "tolerance": declared,
+        "failed": list(failed),
+        "why": [f"{name}: {text}" for name, text in failed.items()],
+        "within_tolerance": None if left and not failed else not failed,
+    }
+    if left:
+        found["left_to"] = TRUTH
+    for prefix, who, index in (("reference_", reference, 0), ("", spec, 1)):
+        found[f"{prefix}binary_sha256"] = gallery.hashes[who]
+        found[f"{prefix}image"] = f"{gallery.folder.name}/{gallery.path(who, scene, size).name}"
+        found[f"{prefix}png"] = gallery.png(gallery.stem(who, scene, size), images.rgb((a, b)[index]))
+        if large:
+            name = gallery.stem(who, scene, (large[0] // FACTOR, large[1] // FACTOR)) + "-antialiased"
+            mean = images.box_average(images.rgb(big[index]), FACTOR)
+            found[f"{prefix}antialiased_png"] = gallery.png(name, mean)
+    if failed or heatmaps:
+        name = f"{gallery.stem(spec, scene, size)}-against-{reference}.png"
+        title = f"{scene.name}, {size[0]}×{size[1]} pixels: {spec} against {reference}"
+        notes = "", "", "\n".join(found["why"]) or "within its tolerance"
+        figure = panels.pair((a, b), (str(reference), str(spec)), title, metrics, notes, bad=bool(failed))
+        panels.save(figure, gallery.folder / name)
+        found["heatmap"] = f"{gallery.folder.name}/{name}"
+    return found
+
+
+COLUMNS = (  # head, metric, format, factor
+    ("mask ppm", "mask_mismatch_ppm", "{:.0f}", 1),
+    ("id ppm", "id_mismatch_ppm", "{:.0f}", 1),
+    ("dt p99", "dt_p99", "{:.1e}", 1),
+    ("dt max", "dt_max", "{:.1e}", 1),
+    ("normal p99 °", "normal_p99_degrees", "{:.1e}", 1),
+    ("depth agrees %", "depth_agree_fraction", "{:.2f}", 100),
+    ("PSNR dB", "psnr_db", "{:.1f}", 1),
+    (">1/255 %", "fraction_over_1_255", "{:.3f}", 100),
+    ("display dB", "psnr_display_db", "{:.1f}", 1),
+    (">1/255 %", "fraction_over_1_255_display", "{:.3f}", 100),
+    ("FLIP", "flip_mean", "{:.1e}", 1),
+    ("4x4 dB", "antialiased.psnr_db", "{:.1f}", 1),
+    (">1/255 %", "antialiased.fraction_over_1_255", "{:.3f}", 100),
+)
+
+
+def table(pairs: list[dict]) -> str:
+    """One line a pair, columns without values left out. Linear RGB where no space is named."""
+    rows = [["scene", "phase", "size", "verdict", *(head for head, *_ in COLUMNS)]]
+    for pair in pairs:
+        values = gate.flatten(pair)
+        verdict = "identical" if pair.get("identical") else "by truth" if pair.get("left_to") else "ok"
+        row = [pair["scene"], pair["phase"], f"{pair['width']}x{pair['height']}"]
+        row.append("FAIL" if pair["within_tolerance"] is False else verdict)
+        rows.append(row + [f.format(values[key] * by) if key in values else "" for _, key, f, by in COLUMNS])
+    columns = [column for column in zip(*rows, strict=True) if any(column[1:])]
+    sides = ["<"] * 4 + [">"] * (len(columns) - 4)
+    form = "  ".join(f"{{:{s}{max(map(len, c))}}}" for s, c in zip(sides, columns, strict=True))
+    return "\n".join(form.format(*row).rstrip() for row in zip(*columns, strict=True))
+
+
+def arguments() -> argparse.Namespace:
+    cores = len(os.sched_getaffinity(0))
+    parser = cli.parser(__doc__, {1: "a pair is outside its tolerance", 3: "no phase could run on this CPU"})
+    add = parser.add_argument
+    add("--reference", default="baseline", metavar="SPEC", help="default: baseline")
+    add("--phase", nargs="+", metavar="SPEC", help="e.g. opt4, or opt2@opt4; default: all")
+    add("--scene", nargs="+", metavar="NAME", help="default: all")
+    add("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
+    add("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
+    about = f"height of fractal scenes' means of {FACTOR}x{FACTOR} pixels; default: 180"
+    add("--antialias-n", type=cli.at_least(1), default=180, metavar="N", help=about)
+    add("--run", type=Path, metavar="DIR", help="for verify.json and images/; default: build/verify")
+    add("--jobs", type=cli.at_least(1), default=cores, help=f"pictures rendered at a time; default: {cores}")
+    add("--heatmaps", action="store_true", help="of every pair, not only of failing ones")
+    return parser.parse_args()
+
+
+def main() -> int:
+    args = arguments()
+    reference = Spec.parse(args.reference)
+    names = args.phase or [phase.name for phase in registry.ladder().values() if phase.parent]
+    specs = [Spec.parse(name) for name in dict.fromkeys(names)]
+    scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
+    for spec in specs:
+        gate.check(registry.find_phase(spec.phase))
+    lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in (reference, *specs)}
+    if lacking[reference]:
+        raise StudyError(f"{reference} cannot run: this CPU lacks {lacking[reference]}", cli.CANNOT_RUN)
+    able = [spec for spec in specs if not lacking[spec]]
+    unable = [spec for spec in specs if lacking[spec]]
+    skipped = [{"phase": str(s), "scene": None, "reason": f"this CPU lacks {lacking[s]}"} for s in unable]
+
+    folder = args.run or registry.ROOT / "build" / "verify"
+    using = list(dict.fromkeys([reference, *able])) if able else []
+    gallery = Gallery(folder / "images", using)
+    sizes: dict[str, tuple[Size, Size | None]] = {}  # of a scene's pictures, and of those to be averaged
+    for scene in scenes:
+        width, height = scene.size(args.antialias_n)
+        large = (width * FACTOR, height * FACTOR) if scene.fractal else None
+        sizes[scene.name] = scene.size(args.n, args.w), large
+    tasks = [(who, scene, size) for scene in scenes for who in using for size in sizes[scene.name] if size]
+    refused = gallery.render_all(tasks, args.jobs)
+
+    pairs = []
+    for scene, spec in tqdm(list(product(scenes, able)), "compare", leave=False, disable=None):
+        about = subject(reference, spec, scene, sizes[scene.name][0])
+        error = refused.get((reference, scene.name)) or refused.get((spec, scene.name))
+        if error is None:
+            pairs.append(judge(gallery, reference, spec, scene, *sizes[scene.name], args.heatmaps))
+        elif error.status in (NO_ISA, UNSUPPORTED):
+            skipped.append({"phase": str(spec), "scene": scene.name, "reason": error.message})
+        else:
+            why = {"failed": ["render"], "why": [f"could not be rendered: {error.message}"]}
+            pairs.append({**about, **why, "within_tolerance": False})
+    tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
+    result = {"schema": 1, "reference": str(reference), **tools, "pairs": pairs, "skipped": skipped}
+    store.write_json(folder / "verify.json", result)
+    report(args, result, folder, alone=len(specs) == len(scenes) == len(pairs) == 1)
+    if not pairs:
+        return cli.CANNOT_RUN
+    return cli.FAILED if any(pair["within_tolerance"] is False for pair in pairs) else cli.OK
+
+
+def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) -> None:
+    """JSON (a flat object for a pair asked for alone) or a table; then what was skipped and what failed."""
+    if args.json:
+        tools = {key: value for key, value in result.items() if key.endswith("_tool")}
+        cli.emit({**result["pairs"][0], **tools} if alone else result)
+    elif result["pairs"]:
+        print(table(result["pairs"]))
+        print(f"Linear RGB in [0, 1] where not called display; FLIP: {images.FLIP_TOOL}.")
+        print(f"Pictures: {folder}/images")
+    for item in result["skipped"]:
+        cli.say(f"skipped {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}")
+    for pair in result["pairs"]:
+        if pair.get("left_to"):
+            about = f"{pair['phase']} on {pair['scene']} is left to {TRUTH}"
+            cli.say(f"{about}: it declares tolerance.truth alone; here only that all samples are finite")
+        if pair["within_tolerance"] is False:
+            where = f" (heat map: {folder / pair['heatmap']})" if "heatmap" in pair else ""
+            cli.say(f"FAIL {pair['phase']} on {pair['scene']}: {'; '.join(pair['why'])}{where}")

@@ -1,0 +1,144 @@
+"""Every rung against its parent on all scenes and on three further views of each: median and worst case."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import tempfile
+import time
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from study.core import cli, machine, registry, run, store
+from study.core.cli import StudyError
+from study.core.registry import Spec
+from study.core.run import DriverError
+from study.experiments.ablations.measure import BASELINE
+from study.experiments.views import figures as views_page
+from study.experiments.views import gains as views_gains
+from study.experiments.views import measure as views_measure
+from study.experiments.views import tables as views_tables
+from study.experiments.views import views
+from study.experiments.views.views import View
+from study.pictures import images
+from study.pictures.draw import STYLE, save
+
+DESCRIPTION = """\
+Constants of a rung may be tuned on the own views of scene0 and mandelbulb alone. Here every scene is rendered
+from four places, each rung timed in interleaved launches with its parent, and a rung that is faster where it
+was tuned and not elsewhere is said to be. The newest rungs come first; what does not fit the time is said."""
+SECONDS = 150
+
+
+def arguments() -> argparse.Namespace:
+    parser = cli.parser(DESCRIPTION, {1: "a program crashed, or a picture has samples that are not finite"})
+    add = parser.add_argument
+    add("--phase", nargs="+", default=list(registry.ladder()), metavar="NAME", help="rungs; default: all")
+    add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
+    add("-n", type=cli.at_least(8), default=90, help="height of what is timed; default: 90")
+    add("--error-n", type=cli.at_least(8), default=45, metavar="N", help="of what is held against truth: 45")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    add(
+        "--reps",
+        type=cli.at_least(1),
+        default=1,
+        help="timed frames of a launch at least, and 20 ms of them; default: 1",
+    )
+    add("--seconds", type=cli.at_least(1, float), help=f"for everything; default: {SECONDS}")
+    add("--full", action="store_true", help="every rung, however long that takes")
+    add("--seed", type=int, help="of order and padding; default: random")
+    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
+    add("--run", type=Path, metavar="DIR", help="for views.json, figures/, images/; default: build/views")
+    args = parser.parse_args()
+    args.seconds = args.seconds or (float("inf") if args.full else SECONDS)
+    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
+    return args
+
+
+def thumbnails(scenes: list[View], folder: Path, height: int = 135) -> list[dict]:
+    """A small picture of each view by the last rung that can; what none can render is left out."""
+    made = []
+    able = [name for name in registry.ladder() if registry.cpu_supports(Spec.parse(name))]
+    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+        for view in scenes:
+            path = Path(scratch) / "picture.exr"
+            for name in [*reversed(able)]:
+                try:
+                    run.render(name, view.scene.path, height, view.size(height)[0], out=path)
+                except DriverError:
+                    continue
+                picture = f"images/view-{view.base}-{view.name}.png"
+                linear = np.nan_to_num(images.rgb(images.read(path)))
+                images.write_png(folder / picture, images.to_display(linear))
+                about = {"scene": view.base, "view": view.name, "change": view.change, "tuned": view.tuned}
+                made.append(about | {"picture": picture})
+                break
+    return made
+
+
+def measured(args: argparse.Namespace, folder: Path) -> dict:
+    """Raises StudyError, where nothing could be measured too."""
+    rungs = views_measure.parents(args.phase)
+    if not rungs:
+        raise StudyError(f"{' '.join(args.phase)}: no rung with a parent, which it would be held against")
+    scenes, left_out = [], []
+    for name in dict.fromkeys(args.scene):
+        try:
+            scenes += views.of(registry.find_scene(name), registry.ROOT / "build" / "views" / "scenes")
+        except StudyError as error:
+            if name not in registry.scenes():
+                raise
+            left_out.append({"phase": "all", "scene": name, "view": "all", "reason": str(error)})
+    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+        settings = views_measure.Settings(
+            **{
+                key: getattr(args, key)
+                for key in ("n", "error_n", "launches", "reps", "seed", "cpu", "seconds")
+            },
+            **{"jobs": len(run.USABLE), "scratch": Path(scratch)},
+        )
+        found = views_measure.study(rungs, scenes, settings)
+    found["left_out"] = left_out + found["left_out"]
+    return {**found, "rungs": views_gains.rungs(found["rows"]), "thumbnails": thumbnails(scenes, folder)}
+
+
+def main() -> int:
+    args = arguments()
+    folder = store.writable(args.run or registry.ROOT / "build" / "views")
+    run.cpu_set(args.cpu, 1)
+    begun = time.monotonic()
+    keys = ("n", "error_n", "launches", "reps", "seed", "cpu", "seconds")
+    found = measured(args, folder)
+    about = {"reference": BASELINE, "took_s": time.monotonic() - begun, "context": machine.context()}
+    result = cli.plain({"schema": 1, **{key: getattr(args, key) for key in keys}, **about, **found})
+    store.write_json(folder / views_measure.FILE, result)
+    figures = []
+    with matplotlib.rc_context(STYLE):
+        for name, figure in views_page.figures(result, folder).items():
+            text = "" if name == views_page.SHEET else views_page.note(result)
+            figures += save(figure, folder / "figures" / name, text)
+    if args.json:
+        cli.emit(result)
+    else:
+        for rung in result["rungs"]:
+            cells = [column.text(rung) for column in views_tables.RUNGS]
+            print(f"{rung['phase']}: median {cells[3]}, worst {cells[4]} ({rung['verdict']})")
+        print("\n".join(str(path) for path in figures))
+    return said(result)
+
+
+def said(result: dict) -> int:
+    """What was left out and what failed, one line each; the exit status."""
+    for row in result["left_out"]:
+        where = f" on {row['scene']} {row['view']}" if "scene" in row else ""
+        cli.say(f"left out {row['phase']}{where}: {row['reason']}")
+    bad = [
+        row | {"reason": f"{row['non_finite']} samples not finite"}
+        for row in result["rows"]
+        if row["non_finite"]
+    ]
+    for row in [*result["failures"], *bad]:
+        cli.say(f"FAIL {row['phase']} on {row['scene']} {row['view']}: {row['reason']}")
+    return cli.FAILED if result["failures"] or bad else cli.OK
