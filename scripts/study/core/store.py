@@ -69,8 +69,10 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_rows(path: Path, experiment: str, keys: set[str], empty: bool = False) -> dict[str, Any]:
-    """What `stepwise experiment` has written: an object whose `rows` are objects with these keys, at least one of
-    them unless it may be `empty`. Raises StudyError for anything else."""
+    """What an experiment has written: an object whose `rows` are objects with these keys.
+
+    At least one of them unless it may be `empty`. Raises StudyError for anything else.
+    """
     result = read_json(path)
     rows = result.get("rows") if isinstance(result, dict) else None
     whole = isinstance(rows, list) and all(isinstance(row, dict) and keys <= row.keys() for row in rows)
