@@ -214,5 +214,5 @@ def test_the_scripts_end_in_status_2(tmp_path: Path, script: str, name: str) -> 
     command = [sys.executable, ROOT / "scripts" / "stepwise", script, run, "-o", tmp_path / "out" / "made"]
     done = started.run(command)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
-    assert f"{name}.json:1:" in done.stderr and f"scripts/{name}.py" in done.stderr
+    assert f"{name}.json:1:" in done.stderr and f"scripts/stepwise {name}" in done.stderr
     assert not (tmp_path / "out").exists()

@@ -250,6 +250,6 @@ def test_every_command_works_without_a_run(command: str) -> None:
         names = (ROOT / "Makefile").read_text(encoding="utf-8")
         assert [f"\n{name}:" in names for name in options] == [True]
         return
-    done = started.run([sys.executable, ROOT / program, "-h"])
+    done = started.run([sys.executable, ROOT / program, options[0], "-h"])
     assert done.returncode == cli.OK and "[RUN]" not in done.stdout
     assert all(word in done.stdout for word in options if word.startswith("--"))

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 import started
 
-from study.core import cli
+from study.core import cli, commands
 from study.core.registry import ROOT
 
-SCRIPTS = sorted(path for path in (ROOT / "scripts").glob("*.py") if os.access(path, os.X_OK))
+STEPWISE = ROOT / "scripts" / "stepwise"
+COMMANDS = list(commands.find_all())
 
 
 def status_of(run) -> int:
@@ -62,7 +63,7 @@ def test_a_bug_has_a_status_of_its_own_and_shows_its_traceback(capsys):
 
 @pytest.mark.parametrize("body", ["import study.no_such_module", "cli.main(lambda: 1 // 0)", "1 // 0"])
 def test_a_bug_anywhere_in_a_script_has_that_status(body, tmp_path):
-    path = script(tmp_path, f"from study import cli\n{body}\n")
+    path = script(tmp_path, f"from study.core import cli\n{body}\n")
     done = subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=60)
     assert done.returncode == cli.CRASHED
     assert "Traceback" in done.stderr and done.stderr.splitlines()[-1].startswith("some.py: crashed: ")
@@ -71,7 +72,7 @@ def test_a_bug_anywhere_in_a_script_has_that_status(body, tmp_path):
 def test_a_program_that_imports_the_study_keeps_its_own_statuses(tmp_path):
     script(tmp_path, "")
     path = tmp_path / "theirs.py"
-    path.write_text("from study import cli\n1 // 0\n")
+    path.write_text("from study.core import cli\n1 // 0\n")
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "scripts")}
     done = subprocess.run([sys.executable, path], capture_output=True, env=environment, timeout=60)
     assert done.returncode == 1
@@ -111,10 +112,10 @@ def test_emit_writes_what_json_knows(capsys):
 
 def script(folder: Path, body: str) -> Path:
     """A script beside a copy of study/core/cli.py, in a tree of its own."""
-    study = folder / "scripts" / "study"
-    study.mkdir(parents=True)
-    (study / "__init__.py").touch()
-    shutil.copy(ROOT / "scripts" / "study" / "cli.py", study)
+    core = folder / "scripts" / "study" / "core"
+    core.mkdir(parents=True)
+    (core / "__init__.py").touch()
+    shutil.copy(ROOT / "scripts" / "study" / "core" / "cli.py", core)
     shutil.copy(cli.DECLARED, folder)
     path = folder / "scripts" / "some.py"
     path.write_text(body)
@@ -129,7 +130,7 @@ def run_bare(path: Path, *arguments: str) -> subprocess.CompletedProcess:
 
 
 def test_missing_package_goes_on_in_the_venv(tmp_path):
-    path = script(tmp_path, "from study import cli\nprint('not reached')\n")
+    path = script(tmp_path, "from study.core import cli\nprint('not reached')\n")
     python = tmp_path / ".venv" / "bin" / "python"
     python.parent.mkdir(parents=True)
     python.write_text('#!/bin/sh\necho "venv: $*"\n')
@@ -141,7 +142,7 @@ def test_missing_package_goes_on_in_the_venv(tmp_path):
 
 @pytest.mark.parametrize("venv", [True, False])
 def test_missing_package_without_way_out_is_one_line(tmp_path, venv):
-    path = script(tmp_path, "from study import cli\nprint('not reached')\n")
+    path = script(tmp_path, "from study.core import cli\nprint('not reached')\n")
     if venv:  # a venv that lacks the package as well: no loop
         python = tmp_path / ".venv" / "bin" / "python"
         python.parent.mkdir(parents=True)
@@ -156,7 +157,7 @@ def test_missing_package_without_way_out_is_one_line(tmp_path, venv):
 
 def test_a_reader_that_goes_away_is_no_error(tmp_path):
     path = tmp_path / "many.py"
-    path.write_text("from study import cli\ncli.main(lambda: print('x' * 1_000_000))\n")
+    path.write_text("from study.core import cli\ncli.main(lambda: print('x' * 1_000_000))\n")
     environment = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
     child = subprocess.Popen(
         [sys.executable, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
@@ -168,17 +169,17 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     assert child.wait() == 0
 
 
-@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
-def test_every_script_names_its_exit_statuses(path):
-    done = started.run([sys.executable, path, "-h"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_names_its_exit_statuses(name):
+    done = started.run([sys.executable, STEPWISE, name, "-h"])
     assert done.returncode == 0, done.stderr
     assert "exit status:" in done.stdout
     assert "--json" in done.stdout
 
 
-@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
-def test_every_script_refuses_an_unknown_option(path):
-    done = started.run([sys.executable, path, "--no-such-option"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_refuses_an_unknown_option(name):
+    done = started.run([sys.executable, STEPWISE, name, "--no-such-option"])
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert done.stdout == ""

@@ -183,7 +183,7 @@ def test_a_broken_file_is_an_error_that_names_it(data: Data, broken: str) -> Non
 
 
 @pytest.mark.parametrize(
-    "module", ["register", "register_systems", "claims", "ablations", "compilers", "verdicts"]
+    "module", ["claims.register", "claims.systems", "claims.claims", "claims.compilers", "numbers.verdicts"]
 )
 def test_each_module_can_be_imported_alone(module: str) -> None:
     subprocess.run([sys.executable, "-c", f"import study.{module}"], cwd=ROOT / "scripts", check=True)

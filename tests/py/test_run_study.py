@@ -1,15 +1,19 @@
 """The main job's parts: which scripts they call, and which ends they take for an end."""
 
 import argparse
+import dataclasses
+import importlib
 import json
 import subprocess
+import sys
 from pathlib import Path
-from unittest.mock import create_autospec
 
 import pytest
 
 from study.commands import study as run_study
 from study.core import cli, commands
+from study.experiments import experiment
+from study.experiments.experiment import DEPTHS, Call, Study
 
 FIXTURE = Path(__file__).resolve().parents[1] / "fixtures" / "run"
 
@@ -17,25 +21,64 @@ FIXTURE = Path(__file__).resolve().parents[1] / "fixtures" / "run"
 @pytest.fixture
 def options(tmp_path):
     return argparse.Namespace(
-        scene=["scene0", "mandelbulb"], full=False, part=None, results=tmp_path, seconds=10.0
+        scene=["scene0", "mandelbulb"], depth="quick", part=None, results=tmp_path, seconds=10.0, json=False
     )
 
 
-@pytest.mark.parametrize("name", run_study.PARTS)
-@pytest.mark.parametrize("status", [cli.OK, cli.FAILED])
-def test_every_part_calls_its_scripts_rightly(name, status, options, monkeypatch):
-    """With the script's own signature: a wrong keyword is found here, not after six minutes of study."""
-    called = []
+def study_of(depth: str, asked: bool = False) -> Study:
+    return Study(FIXTURE, ["scene0", "mandelbulb"], 90, depth, asked)
 
-    def fake(script, *arguments, capture=False, accepted=(cli.OK,)):
-        called.append(script)
-        return subprocess.CompletedProcess([], status if status in accepted else cli.OK, stdout="{}")
 
-    monkeypatch.setattr(run_study, "script", create_autospec(run_study.script, side_effect=fake))
-    good = run_study.PARTS[name][1](FIXTURE, options, 90)
-    assert called and set(called) <= set(commands.find_all())
-    judging = name not in ("roofline", "hotspots")
-    assert good is (status == cli.OK or not judging)
+@pytest.mark.parametrize("asked", [True, False])
+@pytest.mark.parametrize("depth", DEPTHS)
+@pytest.mark.parametrize("name", experiment.find_all())
+def test_every_experiment_calls_its_commands_rightly(name, depth, asked, monkeypatch):
+    """Each command takes its arguments: a wrong one is found here, not after six minutes of study."""
+    known, parse, taken = commands.find_all(), argparse.ArgumentParser.parse_args, []
+
+    def parsed(parser, *_):
+        taken.append(parse(parser))
+        raise Parsed
+
+    calls = experiment.find_all()[name].calls(study_of(depth, asked))
+    for call in calls:
+        module = importlib.import_module(known[call.command].module)
+        with monkeypatch.context() as patched:
+            patched.setattr(argparse.ArgumentParser, "parse_args", parsed)
+            patched.setattr(sys, "argv", [f"stepwise {name}", *call.arguments])
+            with pytest.raises(Parsed):
+                module.main()
+    assert len(taken) == len(calls)
+
+
+class Parsed(Exception):
+    """The command has parsed its arguments; it is not run."""
+
+
+@pytest.mark.parametrize("status", [cli.OK, cli.FAILED, cli.CANNOT_RUN])
+@pytest.mark.parametrize("judges", [True, False])
+@pytest.mark.parametrize("may_lack", [True, False])
+def test_what_a_status_means_is_the_experiment_s_to_say(status, judges, may_lack, monkeypatch):
+    ends(monkeypatch, status)
+    toy = experiment.find_all()["ceilings"]
+    toy = dataclasses.replace(toy, calls=lambda study: [Call("ceilings", [], judges, may_lack)])
+    broken = (status == cli.FAILED and not judges) or (status == cli.CANNOT_RUN and not may_lack)
+    if broken:
+        with pytest.raises(cli.StudyError, match=f"stepwise ceilings ended with status {status}"):
+            run_study.measure(toy, study_of("quick"))
+    else:
+        assert run_study.measure(toy, study_of("quick")) is (status != cli.FAILED)
+
+
+def test_a_deeper_study_has_all_of_a_shallower_one(options):
+    found = []
+    for depth in DEPTHS:
+        options.depth = depth
+        found.append([one.name for one in run_study.chosen(options)])
+        assert "sweep" not in found[-1] and "verify" in found[-1]
+    assert set(found[0]) <= set(found[1]) < set(found[2])
+    options.part = ["views", "flops"]
+    assert [one.name for one in run_study.chosen(options)] == ["flops", "views"], "in a study's order"
 
 
 def ends(monkeypatch, status):
@@ -44,11 +87,11 @@ def ends(monkeypatch, status):
     return done
 
 
-def test_a_failed_check_is_an_end_only_where_a_script_judges(monkeypatch):
+def test_a_failed_check_is_an_end_only_where_a_command_judges(monkeypatch):
     done = ends(monkeypatch, cli.FAILED)
     with pytest.raises(cli.StudyError, match=r"stepwise tables ended with status 1"):
-        run_study.script("tables")
-    assert run_study.script("verify", accepted=run_study.CHECKED) is done
+        run_study.run_command("tables")
+    assert run_study.run_command("verify", accepted=run_study.CHECKED) is done
 
 
 @pytest.mark.parametrize(
@@ -56,40 +99,43 @@ def test_a_failed_check_is_an_end_only_where_a_script_judges(monkeypatch):
     [
         (cli.CRASHED, "stepwise verify crashed; its traceback is above"),
         (-9, "stepwise verify was killed by SIGKILL"),
-        (cli.FAILED, "a phase is outside its tolerance"),
+        (cli.FAILED, "verify: see above"),
     ],
 )
-def test_a_crash_of_verify_is_no_failed_check(status, sentence, options, monkeypatch):
-    swept = {"run": str(FIXTURE), "height": 90, "failures": [], "rows": [{"spec": "opt1"}]}
-    monkeypatch.setattr(run_study, "sweep", lambda _: swept)
-    options.part = ["flops"]
+def test_a_crash_of_verify_is_no_failed_check(status, sentence, monkeypatch):
     ends(monkeypatch, status)
-    wrong = run_study.Wrong()
-    assert run_study.ladder_run(options, lambda _: None, wrong) == (FIXTURE, 90)
+    wrong, verify = run_study.Wrong(), experiment.find_all()["verify"]
+    wrong.hold(lambda: run_study.measure(verify, study_of("quick", asked=True)), "verify: see above")
     if status == cli.FAILED:
-        assert (wrong.failed, wrong.crashed) == ([sentence], [])
-        assert wrong.status() == cli.FAILED
+        assert (wrong.failed, wrong.crashed, wrong.status()) == ([sentence], [], cli.FAILED)
     else:
-        assert (wrong.failed, wrong.crashed) == ([], [sentence])
-        assert wrong.status() == cli.CRASHED
+        assert (wrong.failed, wrong.crashed, wrong.status()) == ([], [sentence], cli.CRASHED)
 
 
-def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsys, tmp_path):
+def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsys):
     called = []
 
-    def fake(script, *arguments, capture=False, accepted=(cli.OK,)):
-        called.append(script)
-        if script == "functions":
+    def fake(name, *arguments, capture=False, accepted=(cli.OK,)):
+        called.append((name, arguments))
+        if name == "functions":
             raise run_study.Crashed("stepwise functions crashed; its traceback is above", cli.CRASHED)
         return subprocess.CompletedProcess([], cli.OK, stdout="{}")
 
     options.part, options.json = ["functions", "views"], True
-    monkeypatch.setattr(run_study, "script", fake)
+    monkeypatch.setattr(run_study, "run_command", fake)
     monkeypatch.setattr(run_study, "arguments", lambda: options)
     monkeypatch.setattr(run_study, "build", lambda _: None)
+    monkeypatch.setattr(run_study, "build_together", lambda *_: None)
     monkeypatch.setattr(run_study, "newest", lambda _: (FIXTURE, 90))
     assert run_study.main() == cli.CRASHED
-    assert called[:3] == ["functions", "views", "tables"] and called[-1] == "report"
+    names = [name for name, _ in called]
+    assert names[:5] == ["report", "functions", "report", "views", "tables"] and names[-1] == "report"
+    assert called[0][1][1:] == (
+        "--running",
+        "functions: speed against ulp",
+        "views that nothing was tuned on",
+    )
+    assert called[-1][1] == (str(FIXTURE),), "the last page has nothing still to come"
     said = capsys.readouterr()
     assert json.loads(said.out)["crashed"] == ["stepwise functions crashed; its traceback is above"]
     assert said.err.splitlines()[-1] == "study: stepwise functions crashed; its traceback is above"

@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 import started
 
-from study.commands.study import SCALING_SECONDS
 from study.core import cli, registry, run
 from study.core import generated_scenes as scaling_scenes
 from study.core.cli import StudyError
@@ -30,6 +29,7 @@ from study.experiments.scaling import figures as scaling_page
 from study.experiments.scaling import goals as scaling_goals
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling import tables as scaling_tables
+from study.experiments.scaling.experiment import SECONDS
 from study.experiments.scaling.measure import First
 from study.experiments.scaling.series import Picture, Point
 from study.experiments.section import part
@@ -420,7 +420,7 @@ def studied(monkeypatch, tmp_path: Path, seconds: float, names: list[str]) -> tu
 
 def test_the_studys_seconds_go_to_what_is_judged_first(monkeypatch, tmp_path: Path) -> None:
     names = ["baseline", "opt9_convex", "opt10_scene"]
-    found, machine = studied(monkeypatch, tmp_path, SCALING_SECONDS, names)
+    found, machine = studied(monkeypatch, tmp_path, float(SECONDS), names)
     points: dict[tuple[str, str], set[int]] = {}
     for one in found["rows"]:
         points.setdefault((one["series"], one["phase"]), set()).add(one["x"])
@@ -436,7 +436,7 @@ def test_the_studys_seconds_go_to_what_is_judged_first(monkeypatch, tmp_path: Pa
     assert verdicts["baseline"] == "not measured"
     fits = [row for row in found["fits"] if row["phase"] == "opt10_scene" and row["series"] != "threads"]
     assert len(fits) == len(known) - 2 and all(row["time"]["points"] >= 3 for row in fits)
-    assert machine.now <= 1.1 * SCALING_SECONDS
+    assert machine.now <= 1.1 * float(SECONDS)
     said = scaling_page.without(found)
     assert said and "n-scene0: baseline" in said
 

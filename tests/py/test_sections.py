@@ -16,14 +16,13 @@ import started
 
 from study.core.cli import StudyError
 from study.core.registry import ROOT
-from study.experiments import section
+from study.experiments import experiment, section
 from study.experiments.ablations import chapter as ablations_chapter
 from study.experiments.ablations import measure as ablations
 from study.experiments.flops import chapter as flops_chapter
 from study.experiments.hotspots import chapter as hotspots_chapter
 from study.experiments.hotspots import tables as hotspots
 from study.numbers import analysis
-from study.report import chapters
 
 PICTURE = {"phase": "baseline", "flags_from": "baseline", "scene": "scene0", "width": 16, "height": 9}
 
@@ -123,7 +122,7 @@ def put(run: Path, name: str, content: Any) -> None:
 
 
 def test_a_sound_run_has_every_part(run: Path) -> None:
-    names = {name for section in chapters.all_of(analysis.load(run)) for name in parts_of(section)}
+    names = {name for section in experiment.sections(analysis.load(run)) for name in parts_of(section)}
     expected = {"table1", "table1-terms", "validation", "validation-functions", "ablations", "ideas"}
     assert names >= expected | {"hotspots-baseline", "table3", "table3-regions"}
 
@@ -188,11 +187,11 @@ def test_a_broken_file_is_one_line_with_its_name(
     data = dataclasses.replace(loaded, path=run, kept={})
     put(run, name, broken(name, where, value))
     with pytest.raises(StudyError) as caught:
-        chapters.all_of(data)
+        experiment.sections(data)
     said = str(caught.value)
     others = {"counts": "flops", "validation": "flops", "ideas": "ablations"}
     script = others.get(Path(name).stem, Path(name).stem)
-    assert said.startswith(str(run / name)) and f"scripts/{script}.py" in said
+    assert said.startswith(str(run / name)) and f"scripts/stepwise {script}" in said
     assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
 
 
@@ -288,7 +287,7 @@ def test_the_width_is_of_the_runs_cpu(run: Path) -> None:
     data = analysis.load(run)
     for name, shown in (("Granite Rapids", None), ("Zen 5", 6.7)):
         data.context["cpu"] = {"microarchitecture": name}
-        parts = {k: v for section in chapters.all_of(data) for k, v in parts_of(section).items()}
+        parts = {k: v for section in experiment.sections(data) for k, v in parts_of(section).items()}
         assert parts["hotspots-baseline"].rows[0]["per_cycle"] == shown
 
 

@@ -15,10 +15,10 @@ import OpenImageIO as oiio
 
 from study.core import cli, machine, provenance, store
 from study.core.cli import StudyError
+from study.experiments import experiment
 from study.experiments.rods import measure as rods
 from study.numbers import analysis
 from study.pictures import images
-from study.report import chapters
 
 DESCRIPTION = """\
 Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
@@ -83,7 +83,7 @@ def shrink(picture: Path, out: Path, most: int = PICTURE_BYTES) -> None:
 
 
 def sections(folder: Path) -> list[Any]:
-    return chapters.all_of(analysis.load(folder, strict=False))
+    return experiment.sections(analysis.load(folder, strict=False))
 
 
 def copy_pictures(run: Path, folder: Path) -> list[str]:

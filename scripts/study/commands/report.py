@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from study.bounds import roof
 from study.commands import plots, tables
 from study.core import cli, registry, show, store
 from study.core.cli import StudyError
+from study.experiments import experiment
 from study.experiments.roofline import command as roofline
 from study.experiments.section import Section, reading
 from study.experiments.sweep import columns as sweep_columns
@@ -25,7 +27,7 @@ from study.experiments.verify import columns as verify_columns
 from study.numbers import analysis, paper, stats
 from study.numbers.analysis import Data
 from study.pictures import draw
-from study.report import chapters, facts, lessons
+from study.report import facts, lessons
 
 TEMPLATES = registry.ROOT / "report" / "templates"
 OUT = registry.ROOT / "report" / "out" / "index.html"
@@ -187,8 +189,8 @@ def heatmaps(data: Data) -> dict[Path, str]:
     }
 
 
-def page(data: Data, out: Path, height: int | None = None) -> str:
-    """The page's HTML; tables and figures go beside `out`."""
+def page(data: Data, out: Path, height: int | None = None, running: Sequence[str] = ()) -> str:
+    """The page's HTML; tables and figures go beside `out`. `running`: what a study still measures."""
     rows = ladder.rows(data, height)
     made = tables.make(data, rows)
     tables.write(made, out.parent / "tables")
@@ -211,11 +213,12 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found = chapters.all_of(data)
+    found = experiment.sections(data)
     figures_folder = out.parent / "figures"
     return environment.get_template("index.html.j2").render(
         run="/".join(data.path.resolve().parts[-2:]),
         data=data,
+        running=list(running),
         remarks=analysis.noise(data)["remarks"],
         machine=facts.machine(data),
         commands=facts.commands(data),
@@ -247,9 +250,11 @@ def main() -> int:
     parser.add_argument(
         "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
     )
+    about = "what a study still measures: the page says so"
+    parser.add_argument("--running", nargs="+", default=[], metavar="TEXT", help=about)
     args = parser.parse_args()
     data = analysis.load(args.run, strict=False)
-    html = page(data, args.out, args.n)
+    html = page(data, args.out, args.n, args.running)
     store.write_text(args.out, html)
     for note in data.notes:
         cli.say(note)

@@ -8,55 +8,44 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from study.bounds import ceilings
-from study.core import cli, store
-from study.core.build import build
-from study.core.registry import ROOT, Spec, cpu_supports
-from study.core.registry import ladder as rungs  # beside the module of that name
-from study.counting.flops import read as read_counts
+from study.core import cli, registry, store
+from study.core.build import build, build_together
+from study.core.registry import ROOT, Spec
+from study.core.run import USABLE
+from study.counting import flops
+from study.experiments import experiment
+from study.experiments.experiment import DEPTHS, Experiment, Study
 from study.experiments.sweep import ladder
 from study.numbers import analysis
 
 STEPWISE = ROOT / "scripts" / "stepwise"
-SWEEP_SECONDS = (
-    240  # of the quarter of an hour or so that a study takes on two cores; the rest is verifying and counting
-)
-SCALING_SECONDS = 300  # of the growth of the first and the last two rungs
+PAGE = ROOT / "report" / "out" / "index.html"
+SWEEP_SECONDS = {"quick": 120, "standard": 240}  # of a sweep whose pictures are as large as fits
+LAUNCHES = {"quick": 6, "standard": 10}
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
-HEIGHTS = (
-    360,
-    320,
-    288,
-    256,
-    224,
-    192,
-    160,
-    128,
-    96,
-    64,
-)  # of the headline, and half and a quarter of it beside
-QUICK_HEIGHT = 180  # of a run that is made for a single part
-VALIDATION_HEIGHT = 90
-TRUTH_HEIGHT = 180  # scene0's truth: half a minute on two cores
-FULL = {"sizes": [str(n) for n in range(100, 2001, 100)], "launches": "4"}  # the paper's sweep
+HEIGHTS = (360, 320, 288, 256, 224, 192, 160, 128, 96, 64)  # of the headline
+PART_HEIGHT = 180  # of a run that is made for single parts
+FULL = {"sizes": [str(n) for n in range(100, 2001, 100)], "launches": "4", "height": 720}  # the paper's sweep
+CHECKED = (cli.OK, cli.FAILED)  # of commands that judge what they measure
 
 
 class Crashed(cli.StudyError):
-    """A script that ended by a bug or a signal and has judged nothing."""
+    """A command that ended by a bug or a signal and has judged nothing."""
 
 
-def script(
-    name: str, *arguments: str, capture: bool = False, accepted: tuple[int, ...] = (cli.OK,)
+def run_command(
+    name: str, *arguments: str, capture: bool = False, accepted: Sequence[int] = (cli.OK,)
 ) -> subprocess.CompletedProcess[str]:
-    """Run one of the scripts; its progress goes to the terminal, its output (if captured) comes back.
+    """Runs a command of stepwise; its progress goes to the terminal, its output (if captured) comes back.
 
-    Crashed where the script crashed or was killed, StudyError for any other status that is not accepted.
+    Crashed where it crashed or was killed, StudyError for any other status that is not accepted.
     """
     command = [sys.executable, str(STEPWISE), name, *arguments]
     done = subprocess.run(command, stdout=subprocess.PIPE if capture else None, text=True, check=False)
@@ -66,19 +55,15 @@ def script(
         number = -done.returncode
         raise Crashed(f"stepwise {name} was killed by {signal.Signals(number).name}", cli.CRASHED)
     if done.returncode not in accepted:
-        raise cli.StudyError(
-            f"stepwise {name} ended with status {done.returncode}; see above", done.returncode
-        )
+        status = done.returncode
+        raise cli.StudyError(f"stepwise {name} ended with status {status}; see above", status)
     return done
 
 
-CHECKED = (cli.OK, cli.FAILED)  # of scripts that judge what they measure
-
-
-def sweep_plan(height: int, scenes: list[str]) -> list[str]:
-    """Arguments of a sweep whose headline is `height` pixels high: ten launches of each."""
+def sweep_plan(height: int, scenes: Sequence[str], launches: int) -> list[str]:
+    """Arguments of a sweep whose headline is `height` pixels high, with half and a quarter of it beside."""
     sizes = [str(height // 4), str(height // 2), str(height)]
-    return ["--scene", *scenes, "-n", *sizes, "--launches", "10", "--long", str(LONG_FRAME)]
+    return ["--scene", *scenes, "-n", *sizes, "--launches", str(launches), "--long", str(LONG_FRAME)]
 
 
 def newest(options: argparse.Namespace) -> tuple[Path | None, int]:
@@ -91,204 +76,56 @@ def newest(options: argparse.Namespace) -> tuple[Path | None, int]:
     return (None, 0) if None in sizes else (data.path, max(size[1] for size in sizes if size))
 
 
-def choose_height(scenes: list[str], seconds: float) -> int:
-    """The largest picture whose ten interleaved rounds fit the time, by the sweep's own calibration.
+def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
+    """The largest picture whose interleaved rounds fit the time, by the sweep's own calibration.
 
     The estimates come from frames at n = 45, which have more of edges than large ones: the sweep takes less.
     """
     for height in HEIGHTS:
-        plan = script("sweep", *sweep_plan(height, scenes), "--dry-run", "--json", capture=True)
-        if json.loads(plan.stdout)["estimated_s"] <= seconds:
+        plan = sweep_plan(height, scenes, launches)
+        said = run_command("sweep", *plan, "--dry-run", "--json", capture=True)
+        if json.loads(said.stdout)["estimated_s"] <= seconds:
             return height
     return HEIGHTS[-1]
 
 
 def sweep(options: argparse.Namespace) -> dict[str, Any]:
     """Times every phase into a new run: what the sweep says of it, and the headline's height."""
-    if options.full:
-        height = 720
+    if options.depth == "full":
+        height = FULL["height"]
         arguments = ["--scene", *options.scene, "-n", *FULL["sizes"], "--launches", FULL["launches"]]
         arguments += ["--long", str(LONG_FRAME)]
     elif options.part:  # only to stand under the part asked for
-        height = QUICK_HEIGHT
+        height = PART_HEIGHT
         arguments = ["--scene", *options.scene, "-n", str(height // 2), str(height), "--launches", "6"]
         arguments += ["--long", str(LONG_FRAME)]
     else:
-        height = choose_height(options.scene, options.seconds)
-        arguments = [*sweep_plan(height, options.scene), "--budget", str(options.seconds)]
+        launches = LAUNCHES[options.depth]
+        height = choose_height(options.scene, options.seconds, launches)
+        arguments = [*sweep_plan(height, options.scene, launches), "--budget", str(options.seconds)]
     cli.say(f"headline at n = {height}; a kill loses one frame, scripts/stepwise sweep --run goes on")
-    done = script(
-        "sweep", *arguments, "--results", str(options.results), "--json", capture=True, accepted=CHECKED
-    )
+    arguments += ["--results", str(options.results), "--json"]
+    done = run_command("sweep", *arguments, capture=True, accepted=CHECKED)
     return json.loads(done.stdout) | {"height": height}
 
 
-def verify(run: Path, options: argparse.Namespace, height: int, specs: list[str]) -> bool:
-    antialias = "180" if options.full else "90"
-    done = script(
-        "verify",
-        "--phase",
-        *specs,
-        "-n",
-        str(height),
-        "--antialias-n",
-        antialias,
-        "--run",
-        str(run),
-        accepted=CHECKED,
-    )
-    return done.returncode == cli.OK
+def measure(one: Experiment, study: Study) -> bool:
+    """Runs an experiment's commands: whether all is well. Raises Crashed, or StudyError for what broke."""
+    good = True
+    for call in one.calls(study):
+        accepted = (cli.OK, *[cli.FAILED] * call.judges, *[cli.CANNOT_RUN] * call.may_lack)
+        done = run_command(call.command, *call.arguments, capture=True, accepted=accepted)
+        good &= done.returncode != cli.FAILED
+    return good
 
 
-def flops(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """Table 1 at the paper's size; what was executed at the headline's; the one against the other, small."""
-    script("flops", "--scene", *options.scene, "-n", "720", "--run", str(run), capture=True)
-    measure(run, options, height)
-    small = ["-n", str(VALIDATION_HEIGHT), "--validate", "--run", str(run)]
-    return script("flops", *small, capture=True, accepted=CHECKED).returncode == cli.OK
-
-
-def measure(run: Path, options: argparse.Namespace, height: int) -> None:
-    """What every timed program executes for a picture of that height."""
-    specs = dict.fromkeys(cell.spec for cell in analysis.load(run).cells if cell.scene in options.scene)
-    size = ["-n", str(height), "--measure", "--run", str(run)]
-    script("flops", "--scene", *options.scene, "--phase", *specs, *size, capture=True)
-
-
-def roofline(run: Path, options: argparse.Namespace, height: int) -> bool:
-    script("ceilings", "--run", str(run), capture=True)
-    if not read_counts(run / "counts.json")[1]:
-        measure(run, options, height)
-    return True
-
-
-def hotspots(run: Path, options: argparse.Namespace, height: int) -> bool:
-    scenes = options.scene if options.full else options.scene[:1]
-    quick = [] if options.full else ["--no-osaca", "--samples", "1500"]  # OSACA: half a minute a phase
-    accepted = (cli.OK, cli.CANNOT_RUN)  # without perf the study goes on; the script has said so
-    # Table 3 is about one step, structs to arrays, which the ladder's opt2 has among others.
-    names = [*rungs(), *(["opt1+arrays"] if "opt1" in rungs() else [])]
-    names = [name for name in names if cpu_supports(Spec.parse(name))]
-    script(
-        "hotspots",
-        "--phase",
-        *names,
-        "--scene",
-        *scenes,
-        *quick,
-        "--run",
-        str(run),
-        capture=True,
-        accepted=accepted,
-    )
-    return True
-
-
-def ablations(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """At the script's own size and launches: at n = 90 and six half of the steps could not be told."""
-    return script("ablations", "--run", str(run), capture=True, accepted=CHECKED).returncode == cli.OK
-
-
-def ideas(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """At a size at which the fastest phase's frame takes milliseconds."""
-    return judged("ablations", "--ideas", "-n", "360", "--launches", "20", "--run", str(run))
-
-
-def accuracy(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """Every phase against truth, and the Mandelbulb's convergence; all scenes where it was asked for."""
-    scenes = [] if options.part or options.full else ["--scene", *dict.fromkeys([*options.scene, "trio"])]
-    size = ["-n", "720" if options.full else str(TRUTH_HEIGHT)]
-    convergence = ["--convergence"] if options.part or options.full else []
-    return judged("accuracy", *scenes, *size, *convergence, "--run", str(run))
-
-
-def stability(run: Path, options: argparse.Namespace, height: int) -> bool:
-    # Three strengths of each would say where a phase fails to six decades, and once not at all.
-    return judged("stability", "--run", str(run))
-
-
-def pareto(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """Every scene and the whole grid, in a budget of its own, where it was asked for; else a few points."""
-    quick = ["--scene", *options.scene, "-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
-    return judged("pareto", *([] if options.part or options.full else quick), "--run", str(run))
-
-
-def functions(run: Path, options: argparse.Namespace, height: int) -> bool:
-    return judged("functions", *([] if options.part or options.full else ["--quick"]), "--run", str(run))
-
-
-def scaling(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """The growth of every program, or in five minutes that of the first and the last two rungs."""
-    names = [name for name in rungs() if cpu_supports(Spec.parse(name))]
-    quick = ["--phase", *dict.fromkeys([names[0], *names[-2:]]), "--seconds", str(SCALING_SECONDS)]
-    return judged(
-        "scaling", *(["--full"] if options.full else [] if options.part else quick), "--run", str(run)
-    )
-
-
-def views(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """Every rung on views it was not tuned on, or in two minutes and a half the newest ones."""
-    return judged("views", *(["--full"] if options.part or options.full else []), "--run", str(run))
-
-
-def frames(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """Frames a second of the newest phases, of all with threads where it was asked for."""
-    seconds = "600" if options.part or options.full else "45"
-    return judged("frames", "--seconds", seconds, "--run", str(run))
-
-
-def breakeven(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """When compiling for a scene has paid; a CPU or a tree that lacks the phase goes on without."""
-    done = script("breakeven", "--run", str(run), capture=True, accepted=(*CHECKED, cli.CANNOT_RUN))
-    return done.returncode != cli.FAILED
-
-
-def drjit(run: Path, options: argparse.Namespace, height: int) -> bool:
-    accepted = (*CHECKED, cli.CANNOT_RUN)  # without Dr.Jit or LLVM the study goes on; the script has said so
-    done = script("drjit", "--run", str(run), capture=True, accepted=accepted)
-    return done.returncode != cli.FAILED
-
-
-def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
-    return judged("toolchains", "--run", str(run))
-
-
-# What other articles built: each script writes its own file and judges it.
-SYSTEMS = ("rods", "throttle", "lattice", "fixed", "packets", "systems")
-
-
-def systems(run: Path, options: argparse.Namespace, height: int) -> bool:
-    accepted = (*CHECKED, cli.CANNOT_RUN)  # a CPU that lacks what one of them needs: its script has said so
-    done = [script(name, "--run", str(run), capture=True, accepted=accepted) for name in SYSTEMS]
-    return all(one.returncode != cli.FAILED for one in done)
-
-
-def judged(name: str, *arguments: str) -> bool:
-    """Runs a script that judges what it measures: whether all is well."""
-    return script(name, *arguments, capture=True, accepted=CHECKED).returncode == cli.OK
-
-
-# What a run can be given besides its times, in this order.
-PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = {
-    "flops": ("counting FLOPs, bytes and instructions", flops),
-    "roofline": ("ceilings of this machine", roofline),
-    "hotspots": ("hotspots, and a model of what bounds them", hotspots),
-    "ablations": ("single steps put in and taken out", ablations),
-    "ideas": ("each idea taken out of its phase", ideas),
-    "accuracy": ("every phase against truth", accuracy),
-    "stability": ("hard cases", stability),
-    "pareto": ("speed against error", pareto),
-    "functions": ("functions: speed against ulp", functions),
-    "views": ("views that nothing was tuned on", views),
-    "frames": ("frames a second", frames),
-    "breakeven": ("when code generated for a scene has paid", breakeven),
-    "scaling": ("how cost grows", scaling),
-    "drjit": ("our phases beside Dr.Jit", drjit),
-    "toolchains": ("compilers and flags", toolchains),
-    "systems": ("systems of other articles", systems),
-}
-# Minutes of building, and what has to be installed: by make ideas, toolchains and drjit, and with --full.
-ON_REQUEST = {"ideas", "toolchains", "drjit", "systems"}
+def chosen(options: argparse.Namespace) -> list[Experiment]:
+    """The experiments that this study has, in its order; the sweep is made before."""
+    known = experiment.find_all()
+    if options.part:
+        return [known[name] for name in known if name in options.part and name != "sweep"]
+    level = DEPTHS.index(options.depth)
+    return [one for one in known.values() if one.depth and DEPTHS.index(one.depth) <= level and one.turn]
 
 
 def arguments() -> argparse.Namespace:
@@ -296,33 +133,26 @@ def arguments() -> argparse.Namespace:
         __doc__ or "",
         {
             cli.FAILED: "done, and a phase is outside its tolerance or crashed: the report says which",
-            cli.CRASHED: "a script of the study crashed, or this one; the other parts are done",
+            cli.CRASHED: "a command of the study crashed, or this one; the other parts are done",
         },
     )
-    parser.add_argument(
-        "--full", action="store_true", help="the paper's sweep: n = 100 … 2000 by 100, four launches"
-    )
-    parser.add_argument(
-        "--part",
-        action="append",
-        choices=PARTS,
-        help="only this, for the newest run (a quick one is made where there is none), and the report",
-    )
-    parser.add_argument(
-        "--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="NAME", help="scenes to time"
-    )
-    parser.add_argument(
-        "--seconds", type=float, default=SWEEP_SECONDS, help="for the sweep; default: %(default)s"
-    )
-    parser.add_argument(
-        "--results", type=Path, default=ROOT / "results", metavar="DIR", help="parent of the run's folder"
-    )
-    return parser.parse_args()
+    add = parser.add_argument
+    about = "quick: ten minutes; standard: forty; full: the paper's sweep, hours; default: %(default)s"
+    add("--depth", choices=DEPTHS, default="quick", help=about)
+    about = "only this, for the newest run (a small one is made where there is none), and the report"
+    add("--part", action="append", choices=experiment.find_all(), metavar="NAME", help=about)
+    add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="NAME", help="scenes to time")
+    about = "for the sweep; default: 120 (quick), 240 (standard)"
+    add("--seconds", type=cli.at_least(1, float), help=about)
+    add("--results", type=Path, default=ROOT / "results", metavar="DIR", help="parent of the run's folder")
+    options = parser.parse_args()
+    options.seconds = options.seconds or SWEEP_SECONDS.get(options.depth)
+    return options
 
 
 @dataclass
 class Wrong:
-    """What went wrong in a study: checks that failed, and scripts that crashed, a sentence each."""
+    """What went wrong in a study: checks that failed, and commands that crashed, a sentence each."""
 
     failed: list[str] = field(default_factory=list)
     crashed: list[str] = field(default_factory=list)
@@ -339,20 +169,17 @@ class Wrong:
         return cli.CRASHED if self.crashed else cli.FAILED if self.failed else cli.OK
 
 
-def ladder_run(options: argparse.Namespace, step: Callable[[str], None], wrong: Wrong) -> tuple[Path, int]:
-    """Sweep, verification and pictures of a new run: its folder and the height."""
-    step("sweep")
-    swept = sweep(options)
-    run, height = Path(swept["run"]), swept["height"]
-    if swept["failures"]:
-        wrong.failed.append("a phase crashed")
-    specs = [*dict.fromkeys(row["spec"] for row in swept["rows"] if row["spec"] != "baseline")]
-    step(f"verifying all phases on all scenes at n = {height}")
-    wrong.hold(lambda: verify(run, options, height, specs), "a phase is outside its tolerance")
-    if not options.part:
-        step("pictures")
-        wrong.hold(lambda: bool(script("pictures", "--run", str(run))), "pictures: see above")
-    return run, height
+def report(run: Path, left: Sequence[str]) -> None:
+    """The page as far as it goes; it names what is still to come."""
+    run_command("report", str(run), *(["--running", *left] if left else []), capture=True)
+
+
+def finish(run: Path) -> None:
+    """Tables and figures beside the run, and the page."""
+    complete = flops.read(run / "counts.json")[1] and (run / ceilings.FILE).exists()
+    for name in ("tables", "plots", *["roofline"] * bool(complete)):
+        run_command(name, str(run), capture=True)
+    report(run, [])
 
 
 def main() -> int:
@@ -361,29 +188,35 @@ def main() -> int:
     def step(text: str) -> None:
         cli.say(f"[{time.monotonic() - begin:.0f} s] {text}")
 
-    step(f"building {len(rungs())} phases")
-    for name in rungs():
-        build(Spec(name, name))
+    names = registry.ladder()
+    step(f"building {len(names)} phases")
+    specs = [Spec(name, name) for name in names]
+    build_together([(spec, "render") for spec in specs], len(USABLE))
+    for spec in specs:
+        build(spec)
     wrong = Wrong()
-    run, height = newest(options) if options.part else (None, 0)
+    old = options.part and "sweep" not in options.part
+    run, height = newest(options) if old else (None, 0)
     if run is None:
-        run, height = ladder_run(options, step, wrong)
-    for name in options.part or [name for name in PARTS if options.full or name not in ON_REQUEST]:
-        text, part = PARTS[name]
-        step(text)
-        wrong.hold(partial(part, run, options, height), f"{name}: see above")
+        step("times of every phase")
+        swept = sweep(options)
+        run, height = Path(swept["run"]), swept["height"]
+        if swept["failures"]:
+            wrong.failed.append("a phase crashed")
+    study = Study(run, options.scene, height, options.depth, bool(options.part))
+    parts = chosen(options)
+    for number, one in enumerate(parts):
+        report(run, [other.what for other in parts[number:]])
+        step(one.what)
+        wrong.hold(partial(measure, one, study), f"{one.name}: see above")
     step("tables, plots, report")
-    complete = read_counts(run / "counts.json")[1] and (run / ceilings.FILE).exists()
-    counted = ["roofline"] * bool(complete)
-    for name in ("tables", "plots", *counted, "report"):
-        script(name, str(run), capture=True)
-    page = ROOT / "report" / "out" / "index.html"
-    cli.say(f"study: {page} after {time.monotonic() - begin:.0f} s; data in {run}")
+    finish(run)
+    cli.say(f"study: {PAGE} after {time.monotonic() - begin:.0f} s; data in {run}")
     for sentence in wrong.failed:
         cli.say(f"study: {sentence}; the page shows which")
     for sentence in wrong.crashed:
         cli.say(f"study: {sentence}")
     if options.json:
-        about = {"run": run, "report": str(page), "height": height}
+        about = {"run": run, "report": str(PAGE), "height": height}
         cli.emit(about | {"failed": bool(wrong.failed), "crashed": wrong.crashed})
     return wrong.status()

@@ -12,13 +12,14 @@ from study.core import cli, provenance, show, store
 from study.core.cli import StudyError
 from study.core.marked_blocks import between
 from study.core.registry import ROOT
+from study.experiments import experiment
 from study.experiments.sweep import columns as sweep_columns
 from study.experiments.sweep import ladder
 from study.experiments.systems import tables as systems
 from study.experiments.verify import columns as verify_columns
 from study.numbers import analysis, paper
 from study.numbers.analysis import Data
-from study.report import chapters, front_page
+from study.report import front_page
 
 REFERENCE = ROOT / "results" / "reference"
 README, SYSTEMS, MACHINES = ROOT / "README.md", REFERENCE / "systems.md", REFERENCE / "machines.md"
@@ -53,7 +54,7 @@ def make(data: Data, rows: pd.DataFrame) -> Made:
     if data.pairs:
         pairs = pd.DataFrame(data.pairs).drop(columns=["tolerance"], errors="ignore")
         made["verification"] = pairs, show.markdown(show.table(data.pairs, verify_columns.VERIFICATION))
-    for section in chapters.all_of(data):
+    for section in experiment.sections(data):
         made |= {part.name: (part.frame, part.markdown) for part in section.parts}
     found = claims.check(data, rows)
     made["claims"] = claims.frame(found), show.markdown(show.table(found, claims.COLUMNS))

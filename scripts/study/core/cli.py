@@ -135,25 +135,29 @@ def _ended(number: int, frame: object) -> None:
     sys.exit(128 + number)
 
 
+def _name() -> str:
+    """Of the command as it was called, `stepwise sweep`: it stands where the script's path did."""
+    return Path(sys.argv[0]).name
+
+
 def main(run: Callable[[], int | None]) -> None:
     """Run a script's main function and exit with its status (STATUSES). Errors are one line on stderr."""
-    name = Path(sys.argv[0]).name
     before = signal.signal(signal.SIGTERM, _ended)
     try:
         status = run() or OK
         sys.stdout.flush()
     except StudyError as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{_name()}: {error}", file=sys.stderr)
         status = error.exit_status
     except KeyboardInterrupt:
-        print(f"{name}: interrupted", file=sys.stderr)
+        print(f"{_name()}: interrupted", file=sys.stderr)
         status = INTERRUPTED
     except BrokenPipeError:
         # The reader has gone (head, less): that is no error, and the flush at exit must not say so.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = OK
     except OSError as error:  # of files the scripts speak themselves: a full disk behind standard output
-        print(f"{name}: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
+        print(f"{_name()}: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = BAD_INPUT
     except Exception as error:

@@ -71,7 +71,7 @@ def reading(file: Path | str, script: str) -> Iterator[None]:
             raise
         raise StudyError(f"{error}; remove it and make it again with {script}", error.exit_status) from None
     except BROKEN as error:
-        name = script.partition(" ")[0]
+        name = " ".join(script.split()[:2])  # scripts/stepwise NAME
         raise StudyError(
             f"{file}: not what {name} writes ({error!r}); remove it and make it again with {script}"
         ) from error

@@ -1,0 +1,27 @@
+"""Errors to ground truth."""
+
+from __future__ import annotations
+
+from study.experiments.accuracy import chapter
+from study.experiments.experiment import Call, Experiment, Study
+
+HEIGHT = "180"  # scene0's truth: half a minute on two cores
+
+
+def calls(study: Study) -> list[Call]:
+    """All scenes and the Mandelbulb's convergence where it was asked for; else three scenes."""
+    scenes = [] if study.whole else ["--scene", *dict.fromkeys([*study.scenes, "trio"])]
+    size = ["-n", "720" if study.depth == "full" else HEIGHT]
+    more = ["--convergence"] if study.whole else []
+    return [Call("accuracy", [*scenes, *size, *more, "--run", str(study.run)])]
+
+
+EXPERIMENT = Experiment(
+    name="accuracy",
+    what="every phase against ground truth",
+    turn=60,
+    files=("accuracy.json",),
+    calls=calls,
+    depth="quick",
+    sections=[(20, lambda data: chapter.errors(data.path))],
+)

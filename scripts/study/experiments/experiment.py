@@ -1,0 +1,86 @@
+"""What an experiment is. Each folder study/experiments/NAME/ exports one, EXPERIMENT of its experiment.py.
+
+The study, `scripts/stepwise NAME`, `make NAME`, the report, `stepwise redraw`, `stepwise publish` and the
+lists of the documents know an experiment only through this object, and find it by its folder.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from study.core.cli import StudyError
+from study.experiments.section import Section
+from study.numbers.analysis import Data
+
+FOLDER = Path(__file__).resolve().parent
+DEPTHS = ("quick", "standard", "full")  # of a study: ten minutes, forty, hours
+
+
+@dataclass(frozen=True)
+class Study:
+    """The study that an experiment is part of: its run, the scenes that are timed, the headline's height in
+    pixels. `asked`: the user has asked for this experiment by its name."""
+
+    run: Path
+    scenes: Sequence[str]
+    height: int
+    depth: str = "standard"
+    asked: bool = False
+
+    def at_least(self, depth: str) -> bool:
+        return DEPTHS.index(self.depth) >= DEPTHS.index(depth)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the experiment is to measure all that it knows."""
+        return self.asked or self.depth == "full"
+
+
+@dataclass(frozen=True)
+class Call:
+    """A command of a study. `judges`: its status 1 says that a check failed, and not that it broke.
+    `may_lack`: the study goes on where the machine lacks what the command needs."""
+
+    command: str
+    arguments: Sequence[str] = ()
+    judges: bool = True
+    may_lack: bool = False
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """`what`: a few words for progress and lists. `files`: that it writes into a run. `turn`: its place in a
+    study. `depth`: the least depth of a study that has it; None: only by its name. `calls`: its commands in a
+    study. `sections`: chapters of the report, each with its place there.
+    """
+
+    name: str
+    what: str
+    turn: int
+    files: Sequence[str]
+    calls: Callable[[Study], list[Call]]
+    depth: str | None = "standard"
+    sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
+
+
+@cache
+def find_all(folder: Path = FOLDER) -> dict[str, Experiment]:
+    """Every experiment by its name, in the order of a study. Raises StudyError for a folder without one."""
+    found = []
+    for path in sorted(folder.glob("*/experiment.py")):
+        module = importlib.import_module(f"study.experiments.{path.parent.name}.experiment")
+        made = getattr(module, "EXPERIMENT", None)
+        if not isinstance(made, Experiment) or made.name != path.parent.name:
+            raise StudyError(f"{path}: must define EXPERIMENT, named {path.parent.name!r}")
+        found.append(made)
+    return {one.name: one for one in sorted(found, key=lambda one: (one.turn, one.name))}
+
+
+def sections(data: Data) -> list[Section]:
+    """The chapters of a run's page, in their order. Raises StudyError for a broken file."""
+    made = [(place, make) for one in find_all().values() for place, make in one.sections]
+    return [make(data) for _, make in sorted(made, key=lambda each: each[0])]

@@ -1,0 +1,34 @@
+"""FLOPs of a picture, declared, counted and measured."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.flops import chapter
+from study.numbers import analysis
+
+PAPER_HEIGHT, VALIDATION_HEIGHT = 720, 90
+
+
+def measured(study: Study) -> Call:
+    """What every timed program executes for a picture of the headline's height."""
+    specs = dict.fromkeys(cell.spec for cell in analysis.load(study.run).cells if cell.scene in study.scenes)
+    size = ["-n", str(study.height), "--measure", "--run", str(study.run)]
+    return Call("flops", ["--scene", *study.scenes, "--phase", *specs, *size], judges=False)
+
+
+def calls(study: Study) -> list[Call]:
+    """Table 1 at the paper's size; what was executed at the headline's; the one against the other, small."""
+    run = ["--run", str(study.run)]
+    paper = Call("flops", ["--scene", *study.scenes, "-n", str(PAPER_HEIGHT), *run], judges=False)
+    return [paper, measured(study), Call("flops", ["-n", str(VALIDATION_HEIGHT), "--validate", *run])]
+
+
+EXPERIMENT = Experiment(
+    name="flops",
+    what="counting FLOPs, bytes and instructions",
+    turn=20,
+    files=("counts.json", "validation.json"),
+    calls=calls,
+    depth="quick",
+    sections=[(40, lambda data: chapter.counted(data.path))],
+)

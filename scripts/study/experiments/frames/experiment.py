@@ -1,0 +1,25 @@
+"""Frames a second."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.frames import chapter
+
+SECONDS, WHOLE_SECONDS = "45", "600"
+
+
+def calls(study: Study) -> list[Call]:
+    """The newest phases; all with threads where it was asked for."""
+    seconds = WHOLE_SECONDS if study.whole else SECONDS
+    return [Call("frames", ["--seconds", seconds, "--run", str(study.run)])]
+
+
+EXPERIMENT = Experiment(
+    name="frames",
+    what="frames a second",
+    turn=110,
+    files=("frames.json",),
+    calls=calls,
+    depth="standard",
+    sections=[(130, lambda data: chapter.rates(data.path))],
+)

@@ -1,0 +1,21 @@
+"""Approximations of functions: speed against ulp."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.functions import chapter
+
+
+def calls(study: Study) -> list[Call]:
+    return [Call("functions", [*([] if study.whole else ["--quick"]), "--run", str(study.run)])]
+
+
+EXPERIMENT = Experiment(
+    name="functions",
+    what="functions: speed against ulp",
+    turn=90,
+    files=("functions.json",),
+    calls=calls,
+    depth="standard",
+    sections=[(110, lambda data: chapter.approximations(data.path))],
+)

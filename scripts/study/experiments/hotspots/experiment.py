@@ -1,0 +1,37 @@
+"""Where the time goes, and what bounds it."""
+
+from __future__ import annotations
+
+from study.core.registry import Spec, cpu_supports, ladder
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.hotspots import chapter
+from study.experiments.section import Section
+from study.numbers.analysis import Data
+
+SAMPLES = "1500"  # of a phase
+
+
+def calls(study: Study) -> list[Call]:
+    """Table 3 is about one step, structs to arrays, which the ladder's opt2 has among others."""
+    scenes = study.scenes if study.depth == "full" else study.scenes[:1]
+    quick = [] if study.depth == "full" else ["--no-osaca", "--samples", SAMPLES]  # OSACA: 30 s a phase
+    names = [*ladder(), *(["opt1+arrays"] if "opt1" in ladder() else [])]
+    names = [name for name in names if cpu_supports(Spec.parse(name))]
+    words = ["--phase", *names, "--scene", *scenes, *quick, "--run", str(study.run)]
+    return [Call("hotspots", words, judges=False, may_lack=True)]
+
+
+def section(data: Data) -> Section:
+    name = (data.context.get("cpu") or {}).get("microarchitecture")
+    return chapter.hot(data.path, name)
+
+
+EXPERIMENT = Experiment(
+    name="hotspots",
+    what="hotspots, and a model of what bounds them",
+    turn=40,
+    files=("hotspots.json",),
+    calls=calls,
+    depth="quick",
+    sections=[(80, section)],
+)

@@ -1,0 +1,25 @@
+"""Speed against error."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.pareto import chapter
+
+QUICK = ["-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
+
+
+def calls(study: Study) -> list[Call]:
+    """Every scene and the whole grid, in a budget of its own, where it was asked for; else a few points."""
+    few = [] if study.whole else ["--scene", *study.scenes, *QUICK]
+    return [Call("pareto", [*few, "--run", str(study.run)])]
+
+
+EXPERIMENT = Experiment(
+    name="pareto",
+    what="speed against error",
+    turn=80,
+    files=("pareto.json",),
+    calls=calls,
+    depth="standard",
+    sections=[(10, lambda data: chapter.headline(data.path))],
+)

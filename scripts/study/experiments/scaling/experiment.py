@@ -1,0 +1,28 @@
+"""How cost grows."""
+
+from __future__ import annotations
+
+from study.core.registry import Spec, cpu_supports, ladder
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.scaling import chapter
+
+SECONDS = "300"
+
+
+def calls(study: Study) -> list[Call]:
+    """The growth of every program, or in five minutes that of the first and the last two rungs."""
+    names = [name for name in ladder() if cpu_supports(Spec.parse(name))]
+    quick = ["--phase", *dict.fromkeys([names[0], *names[-2:]]), "--seconds", SECONDS]
+    depth = ["--full"] if study.depth == "full" else [] if study.asked else quick
+    return [Call("scaling", [*depth, "--run", str(study.run)])]
+
+
+EXPERIMENT = Experiment(
+    name="scaling",
+    what="how cost grows",
+    turn=130,
+    files=("scaling.json",),
+    calls=calls,
+    depth="standard",
+    sections=[(160, lambda data: chapter.growth(data.path))],
+)

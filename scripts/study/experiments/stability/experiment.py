@@ -1,0 +1,21 @@
+"""Hard cases with a known answer."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.stability import chapter
+
+
+def calls(study: Study) -> list[Call]:
+    return [Call("stability", ["--run", str(study.run)])]
+
+
+EXPERIMENT = Experiment(
+    name="stability",
+    what="hard cases",
+    turn=70,
+    files=("stability.json",),
+    calls=calls,
+    depth="standard",
+    sections=[(30, lambda data: chapter.hard(data.path))],
+)

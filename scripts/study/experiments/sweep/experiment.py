@@ -1,0 +1,21 @@
+"""Times of every phase: what a run begins with."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.sweep import rungs
+
+
+def calls(study: Study) -> list[Call]:
+    return []  # the run is its own: stepwise study makes it first
+
+
+EXPERIMENT = Experiment(
+    name="sweep",
+    what="times of every phase",
+    turn=0,
+    files=("frames.jsonl", "plan.json", "context.json"),
+    calls=calls,
+    depth="quick",
+    sections=[(60, rungs.section)],
+)

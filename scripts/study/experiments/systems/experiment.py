@@ -1,0 +1,24 @@
+"""Systems of other articles."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.systems import tables
+
+# What other articles built: each command writes its own file and judges it; the last draws a sheet of all.
+COMMANDS = ("rods", "throttle", "lattice", "fixed", "packets", "systems")
+
+
+def calls(study: Study) -> list[Call]:
+    return [Call(name, ["--run", str(study.run)], may_lack=True) for name in COMMANDS]
+
+
+EXPERIMENT = Experiment(
+    name="systems",
+    what="systems of other articles",
+    turn=170,
+    files=("rods.json", "throttle.json", "lattice.json", "fixed.json", "packets.json"),
+    calls=calls,
+    depth="full",
+    sections=[(180, lambda data: tables.section(data.path))],
+)

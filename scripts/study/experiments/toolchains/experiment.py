@@ -1,0 +1,21 @@
+"""Compilers and flags."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.toolchains import chapter
+
+
+def calls(study: Study) -> list[Call]:
+    return [Call("toolchains", ["--run", str(study.run)])]
+
+
+EXPERIMENT = Experiment(
+    name="toolchains",
+    what="compilers and flags",
+    turn=150,
+    files=("toolchains.json",),
+    calls=calls,
+    depth="full",
+    sections=[(170, lambda data: chapter.compilers(data.path))],
+)
