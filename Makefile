@@ -13,7 +13,7 @@ EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: help setup setup-test study demo test report new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 $(EXPERIMENTS)
+.PHONY: help setup setup-test study demo test report try new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -50,6 +50,9 @@ enclosures: setup-test ## truth's enclosures against exact roots, 100,000 random
 
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/stepwise report $(ARGS)
+
+try: setup ## NAME=mine SCENE=scene0: a phase beside its parent, speed and error and what changed; WATCH=1: again at every save
+	@$(PY) scripts/stepwise try $(or $(NAME),$(error NAME= is missing))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(WATCH), --watch) $(ARGS)
 
 new-phase: setup ## NAME=opt4b FROM=opt4: start a phase of your own, derived from FROM; WHOLE=1: with a copy of its files
 	@$(PY) scripts/stepwise new-phase $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM)) $(if $(WHOLE),--whole)

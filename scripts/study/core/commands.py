@@ -1,7 +1,8 @@
 """The commands of scripts/stepwise, found by their files.
 
-They are study/experiments/NAME/command.py and study/commands/NAME.py. A command is a module with `main`,
-which reads sys.argv and returns an exit status. The first sentence of its text says what the command does.
+They are study/experiments/NAME/command.py and study/commands/NAME.py; a name that Python has taken ends in
+an underscore there. A command is a module with `main`, which reads sys.argv and returns an exit status. The
+first sentence of its text says what the command does.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def find_all() -> dict[str, Command]:
     experiments = sorted((STUDY / "experiments").glob("*/command.py"))
     others = sorted(path for path in (STUDY / "commands").glob("*.py") if path.stem != "__init__")
     found = [Command(path.parent.name.replace("_", "-"), path, True) for path in experiments]
-    found += [Command(path.stem.replace("_", "-"), path, False) for path in others]
+    found += [Command(path.stem.rstrip("_").replace("_", "-"), path, False) for path in others]
     return {command.name: command for command in found}
 
 

@@ -1,0 +1,283 @@
+"""A phase beside its parent within a minute, for its author: speed, error, work, and what changed."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import cli, patches, registry, run, show
+from study.core.build import build, build_together
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.counting import flops
+from study.experiments.accuracy import command as accuracy_command
+from study.experiments.accuracy import measure as accuracy
+from study.numbers import stats
+from study.pictures import gate, images, panels
+from study.pictures.gallery import Gallery
+
+DESCRIPTION = """\
+Builds NAME and its parent (--against) and shows them side by side: the time of a frame, interleaved, and its
+ratio; errors to ground truth and to baseline; evaluations, FLOPs, lanes at work and calls of functions; which
+tolerance fails. A strip of both pictures and their difference goes to build/try. With --watch it does so
+again whenever a file of the two is saved."""
+FOLDER = registry.ROOT / "build" / "try"
+BASE = Spec("baseline", "baseline")
+SIZES = (720, 540, 360, 270, 180, 90)  # heights of what is timed
+FRAME = 0.1  # s that a timed frame may take: ten launches of both fit half a minute
+POLL = 0.5  # s between two looks at the files
+CHANGED = 0.001  # of calls: less is not listed
+LISTED = 12  # functions
+
+
+@dataclass(frozen=True)
+class Sides:
+    """What is compared, the parent first."""
+
+    parent: Spec
+    mine: Spec
+
+    @property
+    def both(self) -> tuple[Spec, Spec]:
+        return self.parent, self.mine
+
+
+def arguments() -> argparse.Namespace:
+    parser = cli.parser(DESCRIPTION, {1: "the phase is outside its tolerance"})
+    add = parser.add_argument
+    add("name", metavar="NAME", help="a phase, or an ablation like opt2+title")
+    add("--against", metavar="SPEC", help="default: the parent that its phase.json names")
+    add("--scene", default="scene0", metavar="NAME", help="default: scene0")
+    add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
+    add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
+    add("--seed", type=int, help="of order and padding; default: random")
+    add("--watch", action="store_true", help="again at every save, until Ctrl-C")
+    args = parser.parse_args()
+    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
+    return args
+
+
+def sides(name: str, against: str | None) -> Sides:
+    """Raises StudyError for a phase without a parent, and for one that this CPU cannot run."""
+    mine = Spec.parse(name)
+    parent = against or ("+" in name and name.partition("+")[0]) or registry.find_phase(mine.phase).parent
+    if not parent:
+        raise StudyError(f"{name} has no parent; name one with --against")
+    both = Sides(Spec.parse(parent), mine)
+    for spec in both.both:
+        if lacking := registry.missing_isa(spec):
+            raise StudyError(f"{spec} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
+    return both
+
+
+def timed_height(both: Sides, scene: Scene) -> int:
+    """The largest height whose frame by either takes FRAME; by a frame of the least."""
+    least = SIZES[-1]
+    slowest = 0
+    for spec in both.both:
+        found = run.render(spec, scene.path, least, scene.size(least)[0], cpu=run.USABLE[-1])
+        slowest = max(slowest, found["frames"][0]["ns"])
+    return next((n for n in SIZES if slowest * (n / least) ** 2 <= FRAME * 1e9), least)
+
+
+def times(both: Sides, scene: Scene, height: int, launches: int, seed: int) -> dict[Spec, list[float]]:
+    """Milliseconds of a frame, per launch the median of three. Raises DriverError."""
+
+    def once(spec: Spec, padding: int) -> float:
+        width, cpu = scene.size(height)[0], run.USABLE[-1]
+        made = run.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding, reps=3, warmup=1)
+        with contextlib.closing(made):
+            return float(np.median([frame["ns"] / 1e6 for frame in made if not frame["warmup"]]))
+
+    return run.interleaved(both.both, launches, seed, run.USABLE[-1], once, "time")
+
+
+def counted(spec: Spec, scene: Scene, height: int) -> dict[str, Any] | None:
+    """FLOPs, calls and lanes by the counting build; None, with a word, where that cannot be built or run."""
+    try:
+        return flops.declared(spec, scene, height)
+    except (StudyError, run.DriverError) as error:
+        cli.say(f"no counts of {spec}: {str(error).splitlines()[0]}")
+        return None
+
+
+def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str, Any]], Path]:
+    """Of each its row against ground truth (as stepwise accuracy has it), its metrics against baseline and
+    what fails; and the strip of pictures. Raises StudyError where one cannot draw the scene.
+    """
+    size = scene.size(height)
+    plain = accuracy.without_shadows(scene, FOLDER / "scenes")
+    beside = [accuracy_command.FLOAT] if scene.fractal else []
+    specs = list(dict.fromkeys([BASE, *beside, *both.both]))
+    gallery = Gallery(FOLDER / "images", specs)
+    refused = gallery.render_all([(spec, one, size) for spec in specs for one in (scene, plain)], 2)
+    if refused:
+        raise StudyError(str(next(iter(refused.values()))))
+    subject = accuracy_command.Subject(gallery, scene, plain, size, beside)
+    pictures = {spec: images.read(gallery.path(spec, scene, size)) for spec in specs}
+    found = {}
+    for spec in both.both:
+        row, phase = subject.row(spec), registry.find_phase(spec.phase)
+        pair = (pictures[BASE], pictures[spec])
+        to_base = images.compare(*pair, pair if scene.fractal else None)
+        declared = gate.tolerance(phase, scene)
+        fails = list(row["why"]) if row["failed"] else []
+        if declared is not None:
+            fails += [f"{name}: {why}" for name, why in gate.failures(to_base, declared).items()]
+        evaluations = float(np.nanmean(pictures[spec]["evals"]))
+        found[spec] = {"truth": row, "baseline": to_base, "fails": fails, "evaluations": evaluations}
+    metrics = images.compare(pictures[both.parent], pictures[both.mine])
+    bad = bool(found[both.mine]["fails"])
+    title = f"{scene.name}, {size[0]}×{size[1]} pixels: {both.mine} beside {both.parent}"
+    notes = (*("" for _ in both.both), "outside its tolerance" if bad else "within its tolerance")
+    names = str(both.parent), str(both.mine)
+    pair = pictures[both.parent], pictures[both.mine]
+    path = FOLDER / f"{both.mine}-{scene.name}.png"
+    return found, panels.save(panels.pair(pair, names, title, metrics, notes, bad), path)
+
+
+def calls(parent: dict[str, Any], mine: dict[str, Any]) -> list[tuple[str, int, int]]:
+    """Function, calls by the parent and by the phase, where they differ; the largest difference first."""
+    old, new = ({name: one["calls"] for name, one in c["by_function"].items()} for c in (parent, mine))
+    rows = [(name, old.get(name, 0), new.get(name, 0)) for name in old.keys() | new.keys()]
+    rows = [row for row in rows if abs(row[2] - row[1]) > CHANGED * max(row[1:])]
+    return sorted(rows, key=lambda row: -abs(row[2] - row[1]))
+
+
+def share(counts: dict[str, Any]) -> float:
+    """Of the executed FLOPs, those of lanes whose ray is at work."""
+    return counts["useful"] / counts["executed"] if counts["executed"] else math.nan
+
+
+def measure(args: argparse.Namespace) -> dict[str, Any]:
+    """Everything that is shown, as JSON types and stats.Interval."""
+    both, scene = sides(args.name, args.against), registry.find_scene(args.scene)
+    needed = [*both.both, BASE]
+    targets = [(spec, target) for spec in both.both for target in ("render", "render-count")]
+    build_together([*targets, (BASE, "render")], len(run.USABLE))
+    for spec in needed:
+        build(spec)
+    found, strip = errors(both, scene, args.n)
+    height = timed_height(both, scene)
+    ms = times(both, scene, height, args.launches, args.seed)
+    counts = {spec: counted(spec, scene, args.n) for spec in both.both}
+    ratio = stats.ratio_interval(ms[both.parent], ms[both.mine])
+    size, timed = scene.size(args.n), scene.size(height)
+    about = {"scene": scene.name, "width": size[0], "height": size[1], "timed_width": timed[0]}
+    about |= {"timed_height": timed[1], "launches": args.launches, "seed": args.seed, "ratio": ratio}
+    sides_ = [
+        {
+            "name": str(spec),
+            "ms": stats.median_interval(ms[spec]),
+            **found[spec],
+            "flops": counts[spec] and counts[spec]["flops"]["machine"],
+            "lanes_at_work": counts[spec] and share(counts[spec]),
+        }
+        for spec in both.both
+    ]
+    changed = calls(*counts.values()) if all(counts.values()) else None
+    return {"schema": 1, **about, "sides": sides_, "calls": changed, "picture": str(strip)}
+
+
+def cells(side: dict[str, Any]) -> dict[str, str]:
+    """A side's numbers as text, by what they are."""
+    truth, base = side["truth"], side["baseline"]
+    decibels = truth["antialiased"]["psnr_db"] if truth.get("converged_only") else truth["psnr_db"]
+    means = " (4×4 means)" if truth.get("converged_only") else ""
+    wrong = [truth[f"{name}_ppm"] for name in ("false_hits", "false_misses", "wrong_shape")]
+    work = show.NOTHING
+    if side["flops"] is not None:
+        work = show.number(side["flops"] / truth["width"] / truth["height"], 4)
+    lanes = show.NOTHING if side["lanes_at_work"] is None else show.percent(side["lanes_at_work"])
+    ends = {"ms": side["ms"].value, "ms_low": side["ms"].low, "ms_high": side["ms"].high}
+    return {
+        "time of a frame, ms [95 %]": show.interval(ends, "ms"),
+        "PSNR to ground truth, dB": ("identical" if decibels == math.inf else show.number(decibels)) + means,
+        "wrong hits, ppm of the pixels": show.number(sum(wrong)),
+        "PSNR to baseline, dB": "identical" if base["identical"] else show.number(base["psnr_db"]),
+        "pixels off by more than 1/255 to baseline": show.percent(base["fraction_over_1_255"]),
+        "evaluations of a camera ray": show.number(side["evaluations"], 4),
+        "FLOPs a pixel": work,
+        "lanes at work": lanes,
+    }
+
+
+def text(result: dict[str, Any]) -> str:
+    """For people: a table of both sides, then calls that changed, what fails, and the strip."""
+    parent, mine = result["sides"]
+    left, right = cells(parent), cells(mine)
+    wide = [max(map(len, column)) for column in (left, [parent["name"], *left.values()])]
+    lines = [
+        f"{result['scene']}: pictures and counts {result['width']}×{result['height']}, "
+        f"times {result['timed_width']}×{result['timed_height']}, one thread, {result['launches']} launches",
+        "",
+        f"{'':{wide[0]}}  {parent['name']:{wide[1]}}  {mine['name']}",
+        *(f"{name:{wide[0]}}  {left[name]:{wide[1]}}  {right[name]}" for name in left),
+        "",
+        f"{mine['name']} is {speed_up(result['ratio'])} {parent['name']}.",
+    ]
+    if result["calls"]:
+        lines += ["", "Calls that changed (--json has all):"]
+        lines += [f"  {name}: {old:,} → {new:,}" for name, old, new in result["calls"][:LISTED]]
+    elif result["calls"] is not None:
+        lines += ["", "No function is called more or less often."]
+    if mine["fails"]:
+        lines += ["", f"{mine['name']} is outside its tolerance:", *(f"  {why}" for why in mine["fails"])]
+    else:
+        lines += ["", f"{mine['name']} is within its tolerance."]
+    return "\n".join([*lines, f"Pictures: {result['picture']}"])
+
+
+def speed_up(ratio: stats.Interval) -> str:
+    """`1.21× [1.18, 1.24] as fast as`; says so where the interval holds 1."""
+    shown = show.interval({"x": ratio.value, "x_low": ratio.low, "x_high": ratio.high}, "x", 3, "×")
+    told = ratio.sufficient and not ratio.low <= 1 <= ratio.high
+    return f"{shown} as fast as" if told else f"{shown} as fast as (no difference that can be told from)"
+
+
+def files(both: Sides) -> dict[Path, float]:
+    """The sources of both, with the time of their last change."""
+    found = {}
+    for spec in both.both:
+        name = spec.phase
+        for path in [*patches.files(name.partition("+")[0]).values(), registry.find_phase(name).path]:
+            with contextlib.suppress(OSError):
+                found[path] = path.stat().st_mtime
+    return found
+
+
+def watch(args: argparse.Namespace, words: Sequence[str]) -> int:
+    """Again at every save; each time in a process of its own, which builds anew."""
+    both = sides(args.name, args.against)
+    while True:
+        seen = files(both)
+        subprocess.run(
+            [sys.executable, str(registry.ROOT / "scripts" / "stepwise"), "try", *words], check=False
+        )
+        cli.say("watching; Ctrl-C ends")
+        while files(both) == seen:
+            time.sleep(POLL)
+            registry.phases.cache_clear()
+
+
+def main() -> int:
+    args = arguments()
+    if args.watch:
+        return watch(args, [word for word in sys.argv[1:] if word != "--watch"])
+    result = measure(args)
+    if args.json:
+        cli.emit(result)
+    else:
+        print(text(result))
+    return cli.FAILED if result["sides"][1]["fails"] else cli.OK
