@@ -254,7 +254,9 @@ def main() -> int:
     parser.add_argument(
         "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
     )
-    parser.add_argument("--only", nargs="+", choices=PLOTS, help="these plots; default: all")
+    parser.add_argument(
+        "--only", nargs="+", choices=PLOTS, metavar="PLOT", help=f"of {', '.join(PLOTS)}; default: all"
+    )
     args = parser.parse_args()
     data = analysis.load(args.run)
     rows = ladder.rows(data, args.n)

@@ -87,8 +87,9 @@ def main() -> int:
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of the run")
     about = "where figures/ and images/ go; default: RUN"
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help=about)
-    about = "these; default: all figures that the run has. Sheets of pictures need their phases built"
-    parser.add_argument("--only", nargs="+", choices=[*KINDS, *SHEETS], help=about)
+    kinds = [*KINDS, *SHEETS]
+    about = f"of {', '.join(kinds)}; default: all figures that the run has. Sheets need their phases built"
+    parser.add_argument("--only", nargs="+", choices=kinds, metavar="KIND", help=about)
     args = parser.parse_args()
     if not args.run.is_dir():
         raise StudyError(f"{args.run}: no such run")

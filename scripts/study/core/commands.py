@@ -7,7 +7,9 @@ first sentence of its text says what the command does.
 
 from __future__ import annotations
 
+import argparse
 import ast
+import contextlib
 import difflib
 import importlib
 import sys
@@ -42,6 +44,29 @@ class Command:
     @property
     def module(self) -> str:
         return ".".join(["study", *self.path.relative_to(STUDY).with_suffix("").parts])
+
+
+class _Parsed(Exception):
+    """Ends a command where it would parse its arguments."""
+
+
+def parser_of(command: Command) -> argparse.ArgumentParser:
+    """The command's own parser: its main is run as far as to where the arguments would be parsed."""
+    found: list[argparse.ArgumentParser] = []
+
+    def parsed(parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        found.append(parser)
+        raise _Parsed
+
+    words, parse = sys.argv[:], argparse.ArgumentParser.parse_args
+    argparse.ArgumentParser.parse_args = parsed  # type: ignore[assignment, method-assign]
+    sys.argv[:] = [f"stepwise {command.name}"]
+    try:
+        with contextlib.suppress(_Parsed):
+            importlib.import_module(command.module).main()
+    finally:
+        argparse.ArgumentParser.parse_args, sys.argv[:] = parse, words  # type: ignore[method-assign]
+    return found[0]
 
 
 def find_all() -> dict[str, Command]:

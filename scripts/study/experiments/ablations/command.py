@@ -42,7 +42,12 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--no-flops", action="store_true", help="do not count FLOPs (saves the counting builds)")
     add("--run", type=Path, metavar="DIR", help="where the file goes; default: build/ablations")
     cores = len(os.sched_getaffinity(0))
-    add("--jobs", type=cli.at_least(1), default=cores, help=f"built and verified at a time; default: {cores}")
+    add(
+        "--jobs",
+        type=cli.at_least(1),
+        default=cores,
+        help="built and verified at a time; default: CPUs",
+    )
     return parser.parse_args(argv)
 
 

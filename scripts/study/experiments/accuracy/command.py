@@ -42,7 +42,12 @@ def arguments() -> argparse.Namespace:
     add("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
     add("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
     add("--run", type=Path, metavar="DIR", help="for accuracy.json and images/; default: build/accuracy")
-    add("--jobs", type=cli.at_least(1), default=cores, help=f"pictures rendered at a time; default: {cores}")
+    add(
+        "--jobs",
+        type=cli.at_least(1),
+        default=cores,
+        help="pictures rendered at a time; default: CPUs",
+    )
     add("--convergence", action="store_true", help="the Mandelbulb's table too: precision × hit distance")
     add("--convergence-n", type=cli.at_least(1), default=90, metavar="N", help="its height; default: 90")
     return parser.parse_args()

@@ -31,7 +31,7 @@ def arguments() -> argparse.Namespace:
     add("--scene", nargs="+", default=list(frames.GOALS), metavar="NAME", help="default: %(default)s")
     add("-n", type=cli.at_least(16), help="height; default: 1080 and 720, which the goals are for")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
-    add("--threads", type=cli.at_least(1), default=len(run.USABLE), help="default: all CPUs, %(default)s")
+    add("--threads", type=cli.at_least(1), default=len(run.USABLE), help="default: all CPUs")
     add("--seconds", type=cli.at_least(1, float), default=SECONDS, help="for all; default: %(default)s")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--run", type=Path, metavar="DIR", help="for frames.json and figures/; default: build/frames")

@@ -34,7 +34,7 @@ def arguments() -> argparse.Namespace:
     add("--case", nargs="+", metavar="NAME", help="names or numbers; default: all")
     add("--strengths", choices=("few", "all"), default="all", help="few: the first, the middle, the last")
     add("--run", type=Path, metavar="DIR", help="for stability.json and curves; default: build/stability")
-    add("--jobs", type=cli.at_least(1), default=cores, help=f"programs running at a time; default: {cores}")
+    add("--jobs", type=cli.at_least(1), default=cores, help="programs running at a time; default: CPUs")
     limit = phase.TIME_LIMIT
     add("--time-limit", type=positive, default=limit, metavar="S", help=f"of a picture; default: {limit:g} s")
     add("--list", action="store_true", help="say which cases there are, and run none")

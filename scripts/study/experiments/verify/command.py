@@ -117,7 +117,12 @@ def arguments() -> argparse.Namespace:
     about = f"height of fractal scenes' means of {FACTOR}x{FACTOR} pixels; default: 180"
     add("--antialias-n", type=cli.at_least(1), default=180, metavar="N", help=about)
     add("--run", type=Path, metavar="DIR", help="for verify.json and images/; default: build/verify")
-    add("--jobs", type=cli.at_least(1), default=cores, help=f"pictures rendered at a time; default: {cores}")
+    add(
+        "--jobs",
+        type=cli.at_least(1),
+        default=cores,
+        help="pictures rendered at a time; default: CPUs",
+    )
     add("--heatmaps", action="store_true", help="of every pair, not only of failing ones")
     return parser.parse_args()
 

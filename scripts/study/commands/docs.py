@@ -1,0 +1,71 @@
+"""docs/commands.md again: every command with its options, from the commands themselves."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from pathlib import Path
+
+from study.core import cli, commands, store
+from study.core.commands import Command
+from study.core.registry import ROOT
+from study.experiments import experiment
+
+FILE = ROOT / "docs" / "commands.md"
+WIDTH = 100
+HEAD = """\
+# Commands
+
+`scripts/stepwise NAME` runs a command; `make NAME` installs what is needed and runs an experiment.
+This page is written by `scripts/stepwise docs`. All commands share their
+[exit statuses](exit-statuses.md).
+"""
+
+
+def described(command: Command) -> str:
+    """A chapter: what the command is, what it writes, and its help."""
+    before = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = str(WIDTH)
+    try:
+        text = commands.parser_of(command).format_help()
+    finally:
+        os.environ.pop("COLUMNS")
+        if before is not None:
+            os.environ["COLUMNS"] = before
+    text = text.partition("\nexit status:")[0].replace(str(ROOT), ".").rstrip()
+    text = filled(text)
+    made = experiment.find_all().get(command.name)
+    writes = (
+        f"\nWrites {', '.join(f'`{name}`' for name in made.files)} into a run.\n"
+        if made and made.files
+        else ""
+    )
+    return f"## {command.name}\n\n{textwrap.fill(command.what, WIDTH)}\n{writes}\n```\n{text}\n```\n"
+
+
+def filled(text: str) -> str:
+    """Help whose long paragraphs are wrapped; lines that are indented stay as they are."""
+    parts = []
+    for paragraph in text.split("\n\n"):
+        lines = paragraph.split("\n")
+        plain = not any(line.startswith(" ") for line in lines)
+        parts.append(textwrap.fill(paragraph, WIDTH) if plain else paragraph)
+    return "\n\n".join(parts)
+
+
+def page() -> str:
+    return "\n".join([HEAD, *(described(command) for command in commands.find_all().values())])
+
+
+def main() -> int:
+    parser = cli.parser(__doc__ or "")
+    parser.add_argument(
+        "-o", "--out", type=Path, default=FILE, metavar="FILE", help="default: docs/commands.md"
+    )
+    args = parser.parse_args()
+    store.write_text(args.out, page())
+    if args.json:
+        cli.emit({"page": args.out})
+    else:
+        print(args.out)
+    return cli.OK
