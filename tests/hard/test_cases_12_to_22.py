@@ -21,17 +21,17 @@ from hard.first_hits import first_hit_holds, on_ray
 from study.core import registry
 from study.core.cli import StudyError
 from study.experiments.stability.cases import Phase, builds, exact
-from study.experiments.stability.cases import c12_medial_axis as c12
-from study.experiments.stability.cases import c13_no_lipschitz_bound as c13
-from study.experiments.stability.cases import c14_mandelbulb_poles as c14
-from study.experiments.stability.cases import c16_penumbra as c16
-from study.experiments.stability.cases import c17_torus_rim as c17
-from study.experiments.stability.cases import c18_mirrors_and_inside as c18
-from study.experiments.stability.cases import c19_tiny_numbers as c19
-from study.experiments.stability.cases import c20_reciprocal_roots as c20
-from study.experiments.stability.cases import c21_contraction as c21
-from study.experiments.stability.cases import c22_sizes as c22
+from study.experiments.stability.cases.light import c16_penumbra as c16
+from study.experiments.stability.cases.light import c18_mirrors_and_inside as c18
+from study.experiments.stability.cases.rays import c19_tiny_numbers as c19
+from study.experiments.stability.cases.rays import c20_reciprocal_roots as c20
+from study.experiments.stability.cases.rays import c21_contraction as c21
+from study.experiments.stability.cases.rays import c22_sizes as c22
 from study.experiments.stability.cases.scenes import angle_degrees, rays
+from study.experiments.stability.cases.shapes import c12_medial_axis as c12
+from study.experiments.stability.cases.shapes import c13_no_lipschitz_bound as c13
+from study.experiments.stability.cases.shapes import c14_mandelbulb_poles as c14
+from study.experiments.stability.cases.shapes import c17_torus_rim as c17
 
 mpmath.mp.dps = 60
 

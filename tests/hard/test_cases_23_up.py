@@ -12,16 +12,16 @@ from mpmath import mpf
 
 from conformance import geometry
 from hard.first_hits import first_hit_holds, on_ray
-from study.experiments.stability.cases import c23_camera_near_surface as c23
-from study.experiments.stability.cases import c24_wide_field as c24
-from study.experiments.stability.cases import c25_coplanar as c25
-from study.experiments.stability.cases import c26_light_inside as c26
-from study.experiments.stability.cases import c28_up_along_view as c28
-from study.experiments.stability.cases import c30_deep_fog as c30
-from study.experiments.stability.cases import c31_bounds_cut as c31
-from study.experiments.stability.cases import c33_lopsided_cells as c33
 from study.experiments.stability.cases import cases, exact
+from study.experiments.stability.cases.light import c26_light_inside as c26
+from study.experiments.stability.cases.light import c30_deep_fog as c30
+from study.experiments.stability.cases.rays import c23_camera_near_surface as c23
+from study.experiments.stability.cases.rays import c24_wide_field as c24
+from study.experiments.stability.cases.rays import c28_up_along_view as c28
 from study.experiments.stability.cases.scenes import camera_frame, rays
+from study.experiments.stability.cases.shapes import c25_coplanar as c25
+from study.experiments.stability.cases.shapes import c31_bounds_cut as c31
+from study.experiments.stability.cases.shapes import c33_lopsided_cells as c33
 
 
 def own() -> list:

@@ -13,15 +13,17 @@ import pytest
 from mpmath import mpf
 
 from conformance import geometry
-from study.experiments.stability.cases import (
+from study.experiments.stability.cases.rays import (
     c01_grazing_plane,
-    c02_silhouette,
     c03_halo,
     c04_step_cap,
     c05_far_wall,
-    c06_far_sphere,
     c07_camera_shift,
     c08_scale,
+)
+from study.experiments.stability.cases.shapes import (
+    c02_silhouette,
+    c06_far_sphere,
     c09_repetition,
     c10_thin_plate,
     c11_edges,

@@ -9,9 +9,9 @@ import pytest
 
 from study.core import registry
 from study.experiments.stability.cases import Phase, exact, measure
-from study.experiments.stability.cases import c03_halo as c03
-from study.experiments.stability.cases import c31_bounds_cut as c31
+from study.experiments.stability.cases.rays import c03_halo as c03
 from study.experiments.stability.cases.scenes import angle_degrees, found, normals, rays, scene, shape
+from study.experiments.stability.cases.shapes import c31_bounds_cut as c31
 
 PHASES, _ = measure.able(None)
 pytestmark = pytest.mark.parametrize("phase", PHASES)

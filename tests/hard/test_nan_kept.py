@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from study.experiments.stability.cases import c09_repetition, c11_edges, c18_mirrors_and_inside
+from study.experiments.stability.cases.light import c18_mirrors_and_inside
 from study.experiments.stability.cases.scenes import angle_degrees
+from study.experiments.stability.cases.shapes import c09_repetition, c11_edges
 
 
 @pytest.mark.parametrize(

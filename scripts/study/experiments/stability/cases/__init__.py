@@ -1,7 +1,7 @@
 """Hard cases: generated scenes whose answer is known, each with one parameter that makes it harder.
 
-A case is a module cNN_name.py of this package that defines CASE; it is found by its file name, there is no
-list to edit. Numbers 1 to 22 are those of the study's specification, from 23 on they are this project's own.
+A case is a module cNN_name.py of shapes/, rays/ or light/ that defines CASE. It is found by its file.
+Numbers 1 to 22 are those of the study's specification; from 23 on they are this project's own.
 
     from study.hard import Case, Outcome, Phase
     from study.hard.scenes import rays, scene, shape
@@ -94,9 +94,9 @@ class Case:
 def cases() -> tuple[Case, ...]:
     """All cases, by number. StudyError for a module whose CASE does not bear the file's number and name."""
     found = []
-    for path in sorted(Path(__file__).parent.glob("c[0-9][0-9]_*.py")):
+    for path in sorted(Path(__file__).parent.glob("*/c[0-9][0-9]_*.py")):
         match = MODULE.fullmatch(path.stem)
-        case = getattr(importlib.import_module(f"{__name__}.{path.stem}"), "CASE", None)
+        case = getattr(importlib.import_module(f"{__name__}.{path.parent.name}.{path.stem}"), "CASE", None)
         if not match or not isinstance(case, Case) or (case.number, case.name) != (int(match[1]), match[2]):
             raise StudyError(f"{path}: must define CASE, a Case of the number and name in the file's name")
         found.append(case)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from study.experiments.stability.cases import Case, Outcome, Phase
-from study.experiments.stability.cases.c10_thin_plate import FACE, SIZE, plate
 from study.experiments.stability.cases.scenes import angle_degrees, found, normals
+from study.experiments.stability.cases.shapes.c10_thin_plate import FACE, SIZE, plate
 
 
 def exact(thickness: float) -> np.ndarray:

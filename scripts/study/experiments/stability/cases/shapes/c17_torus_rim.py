@@ -7,8 +7,9 @@ import functools
 import mpmath
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, c14_mandelbulb_poles
+from study.experiments.stability.cases import Case, Outcome, Phase
 from study.experiments.stability.cases.scenes import found, rays, scene, shape, worst
+from study.experiments.stability.cases.shapes import c14_mandelbulb_poles
 
 SIZE, MAJOR, MINOR = (1, 9), 1.0, 0.4
 DIGITS, REAL = 60, mpmath.mpf("1e-20")

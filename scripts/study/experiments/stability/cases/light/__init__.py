@@ -1,0 +1,1 @@
+"""Hard cases of light: shadows, mirrors, fog."""

@@ -1,0 +1,1 @@
+"""Hard cases of shapes and their distances."""
