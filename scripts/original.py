@@ -50,13 +50,14 @@ def main() -> int:
     for phase in args.phase:
         build(phase)
     settings = original.Settings(args.n, args.launches, args.seed)
+    kept = original.others(folder / original.FILE, args.n, args.phase, args.scene)
     rows = []
     for phase in args.phase:
         for name in args.scene:
             rows.append(cli.plain(original.measure(programs, registry.find_scene(name), phase, settings)))
             print(original.sentence(rows[-1]), file=sys.stderr if args.json else sys.stdout, flush=True)
             result = {"schema": 1, "repository": args.repository, "launches": args.launches}
-            result |= {"seed": args.seed, "rows": rows, "context": machine.context()}
+            result |= {"seed": args.seed, "rows": kept + rows, "context": machine.context()}
             store.write_json(folder / original.FILE, result)
     if args.json:
         cli.emit(result)

@@ -12,7 +12,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -187,3 +187,15 @@ def held_beside(folder: Path) -> bool:
 def folder_of(repository: str) -> Path:
     """Where the clone of that repository is kept."""
     return ROOT / "build" / "original" / ("repository" if repository == REPOSITORY else "copy")
+
+
+def others(path: Path, height: int, phases: Sequence[str], scenes: Sequence[str]) -> list[dict[str, Any]]:
+    """The rows of an earlier original.json of that height that these phases and scenes do not make anew.
+
+    None without that file. Raises StudyError for another thing's JSON.
+    """
+    if not path.exists():
+        return []
+    rows = store.read_rows(path, "original.py", {"phase", "scene", "n", "ours_over_theirs"})["rows"]
+    again = {(phase, scene) for phase in phases for scene in scenes}
+    return [row for row in rows if row["n"] == height and (row["phase"], row["scene"]) not in again]

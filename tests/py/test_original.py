@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from study import images, original, registry
+from study import images, original, registry, store
 from study.cli import CANNOT_RUN, StudyError
 
 CONFIG = (
@@ -86,3 +86,20 @@ def test_difference_by_arithmetic() -> None:
     assert original.difference(ours, ours)["psnr_display_db"] is None
     with pytest.raises(StudyError, match="cannot be compared"):
         original.difference(theirs, ours[:1])
+
+
+def test_rows_that_are_not_made_anew_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / original.FILE
+    assert original.others(path, 720, ["opt1"], ["scene0"]) == []
+    keys = [
+        ("baseline", "scene0", 720),
+        ("opt1", "scene0", 720),
+        ("opt1", "trio", 720),
+        ("opt2", "scene0", 90),
+    ]
+    rows = [{"phase": p, "scene": s, "n": n, "ours_over_theirs": {}} for p, s, n in keys]
+    store.write_json(path, {"schema": 1, "rows": rows})
+    assert original.others(path, 720, ["opt1"], ["scene0"]) == [rows[0], rows[2]]
+    path.write_text("[]")
+    with pytest.raises(StudyError, match=r"original\.json: not what scripts/original\.py writes"):
+        original.others(path, 720, ["opt1"], ["scene0"])
