@@ -15,7 +15,7 @@ import started
 from study.bounds import roof
 from study.claims import claims, register
 from study.commands import tables
-from study.core import cli
+from study.core import cli, table_files
 from study.core.registry import ROOT
 from study.experiments.sweep import ladder
 from study.numbers import analysis, paper
@@ -225,7 +225,7 @@ def test_the_register_is_written_with_the_tables(tmp_path: Path) -> None:
     source = ROOT / "tests" / "fixtures" / "run"
     data = analysis.load(source)
     rows = ladder.rows(data)
-    paths = tables.write(tables.make(data, rows), tmp_path)
+    paths = table_files.write(tables.make(data, rows), tmp_path)
     found = pd.read_csv(tmp_path / "claims.csv")
     assert len(found) == len(paper.read("claims")) and set(found["verdict"]) <= set(WORDS)
     assert found["why"].notna().all() and found["line"].gt(0).all() and found["unit"].notna().sum() > 30

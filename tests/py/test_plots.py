@@ -20,8 +20,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
-from study.commands import plots
 from study.core.cli import StudyError
+from study.experiments.sweep import figures as sweep_figures
 from study.experiments.sweep import ladder
 from study.numbers import analysis
 from study.numbers.analysis import Data
@@ -67,7 +67,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
 
 
 def test_every_figure_exists_and_is_a_picture(made: dict) -> None:
-    assert set(made) == set(plots.PLOTS)
+    assert set(made) == set(sweep_figures.PLOTS)
     for svg, png in made.values():
         root = ElementTree.parse(svg).getroot()
         assert root.tag.endswith("svg") and len(list(root.iter())) > 200
@@ -80,7 +80,7 @@ def test_the_same_run_gives_the_same_bytes(
     made: dict, data: Data, rows: pd.DataFrame, tmp_path: Path
 ) -> None:
     """In another process, of the run's original."""
-    again = plots.draw(data, rows, tmp_path)
+    again = sweep_figures.draw(data, rows, tmp_path)
     assert again.keys() == made.keys()
     for name in again:
         for a, b in zip(made[name], again[name], strict=True):
@@ -144,9 +144,9 @@ def test_contents_survive_another_matplotlib_and_no_other_number(rows: pd.DataFr
     def saved(name: str, made: Figure) -> Path:
         return drawing.save(made, tmp_path / name, "n = 90")[1]
 
-    first = saved("first", plots.runtime(rows))
+    first = saved("first", sweep_figures.runtime(rows))
     with matplotlib.rc_context({"font.family": "monospace", "font.size": 12, "lines.antialiased": False}):
-        update = saved("update", plots.runtime(rows))
+        update = saved("update", sweep_figures.runtime(rows))
     assert first.read_bytes() != update.read_bytes()
     assert not apart(contents.read(first), contents.read(update))
     for name, changed in {
@@ -154,7 +154,7 @@ def test_contents_survive_another_matplotlib_and_no_other_number(rows: pd.DataFr
         "phase": rows.replace({"phase": {"opt4": "opt4_other"}}),
         "scene": rows.replace({"scene": {"scene0": "trio"}}),
     }.items():
-        other = saved(name, plots.runtime(changed))
+        other = saved(name, sweep_figures.runtime(changed))
         assert apart(contents.read(first), contents.read(other)), name
 
 
@@ -165,7 +165,7 @@ def test_a_picture_without_contents_is_refused_by_name(tmp_path: Path) -> None:
 
 
 def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) -> None:
-    axes = plots.runtime(rows).axes[0]
+    axes = sweep_figures.runtime(rows).axes[0]
     containers = {container.get_label(): container for container in axes.containers}
     line, _, (whiskers,) = containers["opt4"]
     assert list(line.get_xdata()) == [90, 180]
@@ -176,7 +176,7 @@ def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) ->
 
 
 def test_a_phase_with_few_launches_has_no_whisker(rows: pd.DataFrame) -> None:
-    axes = plots.pace(rows).axes[1]
+    axes = sweep_figures.pace(rows).axes[1]
     assert axes.get_title() == "mandelbulb"
     containers = {container.get_label(): container for container in axes.containers}
     for phase, has in (("opt1", False), ("opt2", True)):
@@ -185,7 +185,7 @@ def test_a_phase_with_few_launches_has_no_whisker(rows: pd.DataFrame) -> None:
 
 
 def test_the_ladder_has_the_speedup_its_error_and_the_papers_marks(rows: pd.DataFrame) -> None:
-    figure = plots.speedups(rows)
+    figure = sweep_figures.speedups(rows)
     scene0 = figure.axes[0]
     assert scene0.get_xscale() == "log" and 0 < scene0.get_xlim()[0] < 1  # baseline's point shows
     assert not scene0.patches  # a bar's length means nothing there
@@ -202,7 +202,7 @@ def test_the_ladder_has_the_speedup_its_error_and_the_papers_marks(rows: pd.Data
 
 
 def test_identical_pictures_stand_on_the_rail_and_failing_ones_are_named(rows: pd.DataFrame) -> None:
-    figure = plots.error(rows)
+    figure = sweep_figures.error(rows)
     assert "outside its tolerance" in texts(figure)
     scene0 = figure.axes[0]
     at = {c.get_label(): c[0].get_xdata()[0] for c in scene0.containers}
@@ -213,21 +213,21 @@ def test_identical_pictures_stand_on_the_rail_and_failing_ones_are_named(rows: p
 
 def test_every_axis_names_its_unit(rows: pd.DataFrame) -> None:
     units = ("pixel", "s", "×", "dB", "ns per pixel", "core cycles per pixel")
-    for draw in plots.PLOTS.values():
+    for draw in sweep_figures.PLOTS.values():
         for axes in draw(rows).axes:
             label = axes.get_xlabel()
             assert label.endswith(units)
-            assert axes.get_ylabel().endswith(units) or draw is plots.speedups
+            assert axes.get_ylabel().endswith(units) or draw is sweep_figures.speedups
 
 
 def test_the_caption_names_machine_compiler_and_flags(data: Data, rows: pd.DataFrame) -> None:
-    text = plots.caption(data, rows)
+    text = sweep_figures.caption(data, rows)
     for part in ("Example CPU", "gcc 12.2.0", "-O3 -mavx2 -mfma", "3 to 6 process launches", "TSC 2.500 GHz"):
         assert part in text
 
 
 def test_phases_differ_in_colour_marker_and_hatch(rows: pd.DataFrame) -> None:
-    looks = plots.look(rows)
+    looks = drawing.look(rows)
     own = [style for (spec, _), style in looks.items() if "@" not in spec]
     for key in ("color", "marker", "hatch"):
         assert len({style[key] for style in own}) == len(own) == 5
@@ -236,14 +236,14 @@ def test_phases_differ_in_colour_marker_and_hatch(rows: pd.DataFrame) -> None:
 
 def test_a_phase_has_one_colour_in_every_panel(rows: pd.DataFrame) -> None:
     rows = rows[~((rows["scene"] == "mandelbulb") & (rows["phase"] == "opt1"))]
-    for draw in plots.PLOTS.values():
+    for draw in sweep_figures.PLOTS.values():
         seen: dict[str, set] = {}
         for axes in draw(rows).axes:
             for container in axes.containers:
                 if container.get_label() in ("opt2", "opt3", "opt4"):
                     seen.setdefault(container.get_label(), set()).add(container[0].get_color())
         assert all(len(colours) == 1 for colours in seen.values())
-        assert len(seen) == 3 or draw is plots.speedups
+        assert len(seen) == 3 or draw is sweep_figures.speedups
 
 
 def test_without_verify_the_error_plot_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
@@ -257,14 +257,14 @@ def test_without_verify_the_error_plot_is_left_out_and_said(run: Path, tmp_path:
 
 def test_without_baseline_the_ladder_is_left_out(data: Data, rows: pd.DataFrame, tmp_path: Path) -> None:
     names = ("speedup", "speedup_low", "speedup_high")
-    made = plots.draw(data, rows.assign(**dict.fromkeys(names, np.nan)), tmp_path)
+    made = sweep_figures.draw(data, rows.assign(**dict.fromkeys(names, np.nan)), tmp_path)
     assert "speedup-ladder" not in made and "runtime" in made
 
 
 def test_many_sizes_and_one_phase_can_be_drawn(rows: pd.DataFrame) -> None:
     one = rows[(rows["phase"] == "opt3") & (rows["scene"] == "scene0")].iloc[[0]]
     many = pd.concat([one.assign(height=n, ms=n, ms_low=n - 1, ms_high=n + 1) for n in range(100, 2001, 100)])
-    figure = plots.runtime(many)
+    figure = sweep_figures.runtime(many)
     FigureCanvasAgg(figure).draw()
     axes = figure.axes[0]
     shown = [

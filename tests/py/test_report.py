@@ -17,8 +17,9 @@ import pytest
 import started
 from PIL import Image
 
-from study.commands import plots, report
+from study.commands import report
 from study.core import registry
+from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis, stats
 from study.report import facts
 
@@ -107,7 +108,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[Path], Page]:
     """Makes the page of a run in this process, with one plot only."""
-    monkeypatch.setattr(plots, "PLOTS", {"runtime": plots.runtime})
+    monkeypatch.setattr(sweep_figures, "PLOTS", {"runtime": sweep_figures.runtime})
 
     def make(run: Path) -> Page:
         return Page(report.page(analysis.load(run, strict=False), tmp_path / "out" / "index.html"))

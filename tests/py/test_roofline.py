@@ -27,7 +27,7 @@ from study.core import store
 from study.core.cli import StudyError
 from study.counting.counts import Counts, Measured
 from study.experiments.roofline import chapter as roofline_chapter
-from study.experiments.roofline import command as roofline
+from study.experiments.roofline import figures as roofline_figures
 from study.experiments.roofline import tables as roof_tables
 from study.numbers import analysis
 from study.pictures import labels
@@ -336,7 +336,7 @@ def test_bandwidth_is_by_the_phases_own_width_and_may_set_the_roof(run: Path) ->
     table = rows_of(run)
     text = roof_tables.tables(table, roof.read(run)[1])["roofline"][1]
     assert re.search(r"\| baseline \|.*\| 0\.800 \| 1\.56\u00a0% \| – \| L1 \| blocks", text)
-    figure = roofline.roofline(roof.headline(table[table["intensity"] > 0]), roof.read(run)[1])
+    figure = roofline_figures.roofline(roof.headline(table[table["intensity"] > 0]), roof.read(run)[1])
     legend = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {"L1 by 64 bits: 32.0 byte/core cycle", "L1 by 256 bits: 128 byte/core cycle"} <= legend
     dashes = [line for line in figure.axes[0].lines if line.get_marker() == "_"]
@@ -510,9 +510,9 @@ def test_what_is_above_its_roof_is_marked(run: Path) -> None:
         assert bool(marked) == above
         assert ("(above its roof!)" in roof_tables.tables(table, limits)["roofline"][1]) == above
         one = row(run, "opt4", 180)
-        assert ("above its roof" in roofline.hover(one)) == above
+        assert ("above its roof" in roofline_figures.hover(one)) == above
         shown = roof.headline(table[table["intensity"] > 0])
-        figure = roofline.roofline(shown, limits)
+        figure = roofline_figures.roofline(shown, limits)
         rings = [line for line in figure.axes[0].lines if line.get_markersize() == RING["markersize"]]
         labels = {text.get_text() for text in figure.legends[0].get_texts()}
         assert (len(rings), "above its roof: see below" in labels) == (int(above), above)
@@ -568,14 +568,14 @@ def test_the_report_goes_on_without_ceilings(run: Path) -> None:
     counted, limits, notes = roof.read(run, strict=False)
     table = roof.rows(data, counted, limits)
     assert limits is None and len(notes) == 1
-    assert set(roofline.draw(data, table, limits, run / "figures")) == {"performance"}
+    assert set(roofline_figures.draw(data, table, limits, run / "figures")) == {"performance"}
     assert set(roof_tables.tables(table, limits)) == {"table5", "table6"}
     assert table["share_of_fma_roof"].isna().all() and table["mix_roof"].isna().all()
     (run / "counts.json").unlink()
     counted, limits, notes = roof.read(run, strict=False)
     table = roof.rows(data, counted, limits)
     assert table.empty and len(notes) == 2
-    assert roofline.draw(data, table, limits, run / "figures") == {}
+    assert roofline_figures.draw(data, table, limits, run / "figures") == {}
     assert roof_tables.tables(table, limits) == {}
 
 
@@ -633,9 +633,9 @@ def test_figures_are_the_same_each_time_and_have_hover_text(run: Path, tmp_path:
 
 def test_an_svg_for_the_page_is_whole_and_keeps_its_ids_to_itself(run: Path) -> None:
     script(run)
-    pages = [roofline.inline(run / "figures" / f"{name}.svg") for name in roofline.CAPTIONS]
+    pages = [roofline_figures.inline(run / "figures" / f"{name}.svg") for name in roofline_figures.CAPTIONS]
     ids = []
-    for page, name in zip(pages, roofline.CAPTIONS, strict=True):
+    for page, name in zip(pages, roofline_figures.CAPTIONS, strict=True):
         root = ElementTree.fromstring(page)
         own = {element.get("id") for element in root.iter()} - {None}
         used = set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", page))
@@ -644,7 +644,7 @@ def test_an_svg_for_the_page_is_whole_and_keeps_its_ids_to_itself(run: Path) -> 
         ids.append(own)
     assert not ids[0] & ids[1]
     with pytest.raises(StudyError, match=r"none.svg"):
-        roofline.inline(run / "none.svg")
+        roofline_figures.inline(run / "none.svg")
 
 
 def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:
@@ -653,13 +653,13 @@ def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:
     shown = roof.headline(rows[rows["intensity"] > 0])
     assert list(shown["phase"]) == ["opt3", "opt4"] and set(shown["n"]) == {180}
     assert limits
-    labels = dict(roofline.arithmetic_roofs(limits, shown))
+    labels = dict(roofline_figures.arithmetic_roofs(limits, shown))
     assert labels == {
         8: "add, mul double 256 bits: 8.00",
         16: "FMA double 256 bits,\nadd, mul single 256 bits: 16.0",
         32: "FMA single 256 bits: 32.0",
     }
-    figure = roofline.roofline(shown, limits)
+    figure = roofline_figures.roofline(shown, limits)
     legend = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {"L1 by 256 bits: 128 byte/core cycle", "memory: 4.00 byte/core cycle", "opt3", "opt4"} <= legend
 
@@ -675,12 +675,12 @@ def test_a_machine_without_ceilings_is_drawn_without_warning(run: Path, lost: st
     counted, limits, _ = roof.read(run)
     rows = roof.rows(analysis.load(run), counted, limits)
     assert limits
-    axes = roofline.roofline(roof.headline(rows[rows["intensity"] > 0]), limits).axes[0]
+    axes = roofline_figures.roofline(roof.headline(rows[rows["intensity"] > 0]), limits).axes[0]
     assert all(0 < low < high < math.inf for low, high in (axes.get_xlim(), axes.get_ylim()))
 
 
 def test_the_papers_values_are_stars_beside_its_figure(run: Path) -> None:
-    figure = roofline.performance(rows_of(run))
+    figure = roofline_figures.performance(rows_of(run))
     stars = [line for line in figure.axes[0].lines if line.get_marker() == "*"]
     assert {float(line.get_ydata()[0]) for line in stars} == {0.173, 1.332, 2.383}  # Tables 5 and 6
 
@@ -698,7 +698,7 @@ def test_no_name_lies_on_another_or_on_a_mark(run: Path, tmp_path: Path) -> None
     table = pd.concat([shown[shown["phase"] != "opt4"], *crowd], ignore_index=True)
     assert limits
     with matplotlib.rc_context(STYLE):
-        figure = roofline.roofline(table, limits)
+        figure = roofline_figures.roofline(table, limits)
         save(figure, tmp_path / "roofline", "a note\nof two lines")
     axes = figure.axes[0]
     words = {text.get_text().split(" ")[0] for text in axes.texts if isinstance(text, labels.Name)}

@@ -16,7 +16,7 @@ import started
 
 from study.claims import claims
 from study.commands import tables
-from study.core import show
+from study.core import show, table_files
 from study.core.cli import StudyError
 from study.experiments.sweep import columns as sweep_columns
 from study.experiments.sweep import ladder, summary
@@ -506,7 +506,7 @@ def test_the_fixture_is_what_its_maker_makes(tmp_path: Path) -> None:
 
 def test_intervals_are_columns_of_their_own_in_csv(tmp_path):
     rows = pd.DataFrame([{"a": 1, "ms": {"value": 2.5, "low": 2}}, {"a": 3, "ms": None}])
-    tables.write({"some": (rows, "text")}, tmp_path)
+    table_files.write({"some": (rows, "text")}, tmp_path)
     assert (tmp_path / "some.csv").read_text() == "a,ms.value,ms.low\n1,2.5,2.0\n3,,\n"
     assert json.loads((tmp_path / "some.json").read_text())[0]["ms"] == {"value": 2.5, "low": 2}
 

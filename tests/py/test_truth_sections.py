@@ -12,7 +12,7 @@ from typing import Any
 import documented
 import pytest
 
-from study.commands import plots, report
+from study.commands import report
 from study.core import registry, run, show
 from study.core.registry import ROOT, Spec
 from study.experiments.accuracy import chapter as accuracy_chapter
@@ -23,6 +23,7 @@ from study.experiments.functions import tables as functions_page
 from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto import measure as measuring
 from study.experiments.section import Section
+from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis
 
 Row = dict[str, Any]
@@ -99,7 +100,7 @@ def part_of(section: Section, name: str) -> show.Table:
 def test_the_page_has_its_figures_from_the_files_alone(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plots, "PLOTS", {})
+    monkeypatch.setattr(sweep_figures, "PLOTS", {})
     one = functions_figures.drawings
     few = ("functions-float", "functions-float-latency")
     monkeypatch.setattr(functions_figures, "drawings", lambda r: {n: one(r)[n] for n in few})

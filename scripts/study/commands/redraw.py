@@ -8,7 +8,6 @@ from pathlib import Path
 import matplotlib
 
 from study.bounds import roof
-from study.commands import plots
 from study.core import cli, registry, store
 from study.core.cli import StudyError
 from study.experiments.fixed import pictures as fixed_pictures
@@ -18,9 +17,10 @@ from study.experiments.pareto import command as pareto_script
 from study.experiments.pareto import fronts as pareto
 from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures as rods_pictures
-from study.experiments.roofline import command as roofline
+from study.experiments.roofline import figures as roofline_figures
 from study.experiments.scaling import figures as scaling_page
 from study.experiments.scaling import measure as scaling
+from study.experiments.sweep import figures as sweep_figures
 from study.experiments.sweep import ladder
 from study.experiments.systems import pictures as systems_pictures
 from study.experiments.views import figures as views_page
@@ -34,13 +34,13 @@ THUMBNAILS = {scaling_page.SHEET, "views-sheet"}  # of pictures that a published
 
 def speeds(run: Path, out: Path) -> list[Path]:
     data = analysis.load(run)
-    return [path for paths in plots.draw(data, ladder.rows(data), out).values() for path in paths]
+    return [path for paths in sweep_figures.draw(data, ladder.rows(data), out).values() for path in paths]
 
 
 def roofs(run: Path, out: Path) -> list[Path]:
     data = analysis.load(run)
     counted, limits, _ = roof.read(run)
-    made = roofline.draw(data, roof.rows(data, counted, limits), limits, out)
+    made = roofline_figures.draw(data, roof.rows(data, counted, limits), limits, out)
     return [path for paths in made.values() for path in paths]
 
 

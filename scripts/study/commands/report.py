@@ -15,13 +15,14 @@ import matplotlib
 import pandas as pd
 
 from study.bounds import roof
-from study.commands import plots, tables
-from study.core import cli, registry, show, store
+from study.commands import tables
+from study.core import cli, registry, show, store, table_files
 from study.core.cli import StudyError
 from study.experiments import experiment
-from study.experiments.roofline import command as roofline
+from study.experiments.roofline import figures as roofline_figures
 from study.experiments.section import Section, reading
 from study.experiments.sweep import columns as sweep_columns
+from study.experiments.sweep import figures as sweep_figures
 from study.experiments.sweep import ladder
 from study.experiments.verify import columns as verify_columns
 from study.numbers import analysis, paper, stats
@@ -123,7 +124,7 @@ def figures(data: Data, rows: pd.DataFrame, folder: Path) -> list[dict[str, str]
     """Draws the plots into `folder`; name, caption and data URI of each."""
     if rows.empty:
         return []
-    made = plots.draw(data, rows, folder)
+    made = sweep_figures.draw(data, rows, folder)
     return [
         {"name": name, "caption": FIGURES[name], "uri": data_uri(paths[0])} for name, paths in made.items()
     ]
@@ -138,8 +139,8 @@ def counted_figures(data: Data, folder: Path) -> dict[str, dict[str, str]]:
     if table.empty:
         return {}
     return {
-        name: {"caption": roofline.CAPTIONS[name], "svg": roofline.inline(paths[0])}
-        for name, paths in roofline.draw(data, table, limits, folder).items()
+        name: {"caption": roofline_figures.CAPTIONS[name], "svg": roofline_figures.inline(paths[0])}
+        for name, paths in roofline_figures.draw(data, table, limits, folder).items()
     }
 
 
@@ -193,7 +194,7 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
     """The page's HTML; tables and figures go beside `out`. `running`: what a study still measures."""
     rows = ladder.rows(data, height)
     made = tables.make(data, rows)
-    tables.write(made, out.parent / "tables")
+    table_files.write(made, out.parent / "tables")
     ladders = [
         {
             "scene": scene,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from study.claims import claims
-from study.core import cli, provenance, show, store
+from study.core import cli, provenance, show, store, table_files
 from study.core.cli import StudyError
 from study.core.marked_blocks import between
 from study.core.registry import ROOT
@@ -27,9 +27,6 @@ BEGIN, END = "<!-- ladder:begin -->", "<!-- ladder:end -->"
 MACHINES_BEGIN, MACHINES_END = "<!-- machines:begin -->", "<!-- machines:end -->"
 SYSTEMS_BEGIN, SYSTEMS_END = "<!-- systems:begin -->", "<!-- systems:end -->"
 
-# Name of a file → its data and, for people, the Markdown text.
-Made = dict[str, tuple[pd.DataFrame, str]]
-
 
 def ladder_text(rows: pd.DataFrame) -> str:
     """Per scene: speed and error, the paper beside, the first frame, and how each phase was built."""
@@ -42,10 +39,10 @@ def ladder_text(rows: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-def make(data: Data, rows: pd.DataFrame) -> Made:
+def make(data: Data, rows: pd.DataFrame) -> table_files.Made:
     """Every table that the run has data for."""
     theirs = paper.ladder()
-    made: Made = {
+    made: table_files.Made = {
         "paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), sweep_columns.PAPER)))
     }
     if not rows.empty:
@@ -59,26 +56,6 @@ def make(data: Data, rows: pd.DataFrame) -> Made:
     found = claims.check(data, rows)
     made["claims"] = claims.frame(found), show.markdown(show.table(found, claims.COLUMNS))
     return made
-
-
-def flat(rows: pd.DataFrame) -> pd.DataFrame:
-    """For CSV: an interval's entries as columns of their own, `ms.value`, `ms.low` …"""
-    if not any(isinstance(value, dict) for value in rows.to_numpy().ravel()):
-        return rows
-    made = pd.json_normalize(rows.to_dict("records"), sep=".")
-    split = {name for name in made if any(other.startswith(f"{name}.") for other in made)}
-    return made.drop(columns=sorted(split))  # what is left of them: rows that had none
-
-
-def write(made: Made, folder: Path) -> list[Path]:
-    """NAME.csv, NAME.json (a list of rows, no NaN) and NAME.md of each table."""
-    paths = []
-    for name, (rows, text) in made.items():
-        paths += [folder / f"{name}.{suffix}" for suffix in ("csv", "md", "json")]
-        store.write_text(paths[-3], flat(rows).to_csv(index=False))
-        store.write_text(paths[-2], text)
-        store.write_json(paths[-1], rows.to_dict("records"))
-    return paths
 
 
 def machine_line(data: Data) -> str:
@@ -137,7 +114,7 @@ def main() -> int:
     if not rows["headline"].any():
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
     made = make(data, rows)
-    paths = write(made, args.out or data.path / "tables")
+    paths = table_files.write(made, args.out or data.path / "tables")
     rewritten = {README: lambda text: readme(text, data, rows)} if args.readme else {}
     rewritten |= {SYSTEMS: lambda text: systems_page(text, data)} if args.systems else {}
     rewritten |= {MACHINES: machines} if args.machines else {}

@@ -1,0 +1,300 @@
+"""Figures of the roofline: the roofs with every timed program, and performance against picture height."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from html import escape
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from study.bounds import roof, roof_shares
+from study.bounds.ceilings import LEVELS, Ceilings
+from study.bounds.roof import Row
+from study.core import cli, machine, show, store
+from study.experiments.roofline import tables as roof_tables
+from study.experiments.sweep import figures as sweep_figures
+from study.numbers.analysis import Data
+from study.pictures import labels
+from study.pictures.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
+
+CAPTIONS = {
+    "roofline": "Every phase below the measured roofs of one core, by bytes as the core sees them; the dash "
+    "above a point is the lower of its own operations' roof and of L1's by accesses of its own width",
+    "performance": "Flop per core cycle against picture height n (the paper's Fig. 6 in form)",
+}
+
+
+ROOF = "#444444"
+
+
+LABEL = 1.17  # the height of a roof's label, as a factor
+
+
+OFF = 0.75  # natural logarithm: how far a slope's name keeps from points and other names
+
+
+# Solid, dashed, dotted …: levels are told apart without colour.
+LEVEL_LINES = dict(zip(LEVELS, ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5))), strict=True))
+
+
+def hover(row: Row) -> str:
+    """What the page says of a point under the pointer."""
+    lines = [
+        f"{row['phase']}, {row['scene']}, n = {row['n']}",
+        f"{show.interval(row, 'flops_per_core_cycle')} flop/core cycle",
+    ]
+    if row["intensity"] > 0:
+        lines.append(f"{show.number(row['intensity'])} flop/byte")
+    for name, text in (
+        ("share_of_fma_roof", f"of the FMA roof ({row['precision']}, {row['bits']} bits)"),
+        ("share_of_fma_peak", f"of what the ports allow ({show.number(row['fma_peak'])} flop/core cycle)"),
+        ("share_of_mix_roof", f"of the roof of its own operations ({row['mix_bound']})"),
+        ("share_of_least_roof", f"of the lower of that and L1's ({row['least_bound']})"),
+    ):
+        if row[name] > 0:
+            why = roof_tables.doubtful(row, name)
+            lines.append(f"{show.percent(row[name])} {text}{f' ({why}!)' if why else ''}")
+    return "\n".join([*lines, f"counted by: {roof_tables.counted_by(row)}"])
+
+
+def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float, str]]:
+    """Value and label of the FMA and the add or mul roof of each precision and width that a phase uses.
+
+    Roofs within 3 % of each other share a label.
+    """
+    used = dict.fromkeys(zip(table["precision"], table["bits"], strict=True))
+    found: list[tuple[float, list[str]]] = []
+    for precision, bits in used:
+        width = "scalar" if bits == roof_shares.ELEMENT[precision] else f"{bits} bits"
+        add = np.fmax(limits.flops("add", precision, bits), limits.flops("mul", precision, bits))
+        for kind, value in (("FMA", limits.flops("fma", precision, bits)), ("add, mul", float(add))):
+            if not value > 0:
+                continue
+            label = f"{kind} {precision} {width}"
+            same = next((several for other, several in found if abs(other / value - 1) < 0.03), None)
+            if same is None:
+                found.append((value, [label]))
+            else:
+                same.append(label)
+    return [(value, ",\n".join(several) + f": {show.number(value)}") for value, several in sorted(found)]
+
+
+def slopes(limits: Ceilings, table: pd.DataFrame) -> list[tuple[str, float, str]]:
+    """Level, byte/core cycle and label: L1 by each width that a phase uses, the others by their best."""
+    found: dict[str, list[tuple[float, str]]] = {level: [] for level in LEVELS}
+    for bits in sorted(set(table["bits"])):
+        speed = limits.bandwidth_by(roof_shares.NEAREST, bits)
+        found[roof_shares.NEAREST].append((speed, f"{roof_shares.NEAREST} by {bits} bits"))
+    for level in LEVELS[1:]:
+        found[level].append((limits.bandwidth(level), level))
+    return [
+        (level, speed, f"{name}: {show.number(speed)} byte/core cycle")
+        for level, several in found.items()
+        for speed, name in several
+        if speed > 0
+    ]
+
+
+def draw_roofs(
+    axes: Axes,
+    levels: list[tuple[str, float, str]],
+    roofs: list[tuple[float, str]],
+    right: float,
+    points: np.ndarray,
+) -> None:
+    """Slopes of the levels up to the highest arithmetic roof, and those roofs.
+
+    `points`: x, y of what is drawn beside them, off which a slope's name keeps.
+    """
+    left, top = axes.get_xlim()[0], roofs[-1][0]
+    knees, names = [], []
+    for level, speed, label in levels:
+        knee = top / speed
+        knees.append(knee)
+        x = np.array([left, knee])
+        axes.plot(x, x * speed, color=ROOF, linewidth=1.4, linestyle=LEVEL_LINES[level], label=label)
+        lowest = max(axes.get_ylim()[0] * 1.8, 1.8 * left * speed)
+        # Its name: the lowest place on it, 1.3 apart from one to the next, off points and other names.
+        heights = lowest * 1.3 ** np.arange(12)
+        spots = np.stack([heights / speed, heights], axis=-1)
+        others = np.concatenate([points, *names]) if names else points
+        apart = np.linalg.norm(np.log(spots[:, None] / others[None]), axis=2).min(axis=1, initial=9)
+        low = float(heights[np.argmax(apart > OFF) if (apart > OFF).any() else np.argmax(apart)])
+        names.append(np.array([[low / speed, low]]))
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+        along = {"rotation": math.degrees(math.atan(speed)), "rotation_mode": "anchor"}
+        along |= {"transform_rotates_text": True, "ha": "center", "va": "center"}  # off its neighbours
+        name = label.split(":")[0].replace(" by", "").replace(" bits", "")
+        axes.text(low / speed, low, name, fontsize=7, color=ROOF, bbox=box, **along)
+    first, beside = min(knees, default=left), 0.0
+    for value, label in roofs:
+        beside = max(value, beside * LABEL)  # labels of roofs that are close stand apart
+        start = first * value / top  # where the fastest level reaches it
+        axes.plot(
+            [max(start, left), right], [value, value], color=ROOF, linewidth=1.0 if value < top else 1.6
+        )
+        axes.text(right * 1.04, beside, label, fontsize=7, va="center", color=ROOF)
+
+
+def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
+    """One panel per scene, log-log. `table`: a row per scene and phase; whiskers: the 95 % interval."""
+    roofs = arithmetic_roofs(limits, table)
+    columns = min(2, table["scene"].nunique())
+    figure, grid = panels(table, 6.0, 7.6, columns)
+    other = next(iter(table["foreign_ceilings"].dropna()), "")
+    title = (
+        f"What one core can do (lines{'' if other else ', measured in this run'}) and what each phase does "
+        "of it (marks, with flop per core cycle): a roofline.\n"
+        "A slanted line is the most that a cache or memory can feed, a level one the most that arithmetic "
+        "can do. The dash above a mark:\n"
+        "the phase's own limit, the lower of its operations' (div, sqrt, min/max … at their own rate) and "
+        "of L1's by its width of access."
+    )
+    if other:
+        title = f"{textwrap.fill(other[0].upper() + other[1:], 110)}\n{title}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, color=BAD if other else "black")
+    looks = look(table)
+    speeds = [table["flops_per_core_cycle"], table["flops_per_core_cycle_low"].dropna()]
+    bottom = min(part.min() for part in speeds if len(part)) / 2
+    top = roofs[-1][0] * 1.6 if roofs else table["flops_per_core_cycle"].max() * 2
+    left, right = table["intensity"].min() / 3, table["intensity"].max() * 3
+    levels = slopes(limits, table)
+    if speeds_of := [speed for _, speed, _ in levels]:
+        left, right = min(left, 2 * bottom / max(speeds_of)), max(right, 1.6 * top / min(speeds_of))
+    for scene, axes in grid.items():
+        axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(bottom, top), title=scene)
+        axes.set(xlabel="operational intensity: flop per byte loaded or stored", ylabel="flop per core cycle")
+        mine = table[table["scene"] == scene]
+        if roofs:
+            ends = [
+                mine[["intensity", name]].to_numpy(float) for name in ("flops_per_core_cycle", "least_roof")
+            ]
+            draw_roofs(axes, levels, roofs, right, np.concatenate(ends)[np.concatenate(ends).min(axis=1) > 0])
+        for _, row in mine.iterrows():
+            style = looks[row["phase"], row["threads"]]
+            point(axes, row, style)
+            where = row["intensity"], row["flops_per_core_cycle"]
+            labels.name(axes, *where, f"{style['label']} {show.number(where[1])}", style["color"])
+        plain_log(axes.xaxis)
+        plain_log(axes.yaxis)
+    dash = Line2D([], [], color="black", marker="_", markersize=14, mew=2.2, linestyle="none")
+    dash.set_label("roof of its own operations, or of L1")
+    above = table[["share_of_fma_roof", "share_of_mix_roof"]].gt(1).any(axis=None)
+    ring = [Line2D([], [], label="above its roof: see below", **RING)] if above else []
+    legend(figure, grid, (dash, *ring))
+    return figure
+
+
+def point(axes: Axes, row: pd.Series, style: dict) -> None:
+    """A phase, its whisker, its own least roof above. The id is what `titled` looks for."""
+    x, y, least = row["intensity"], row["flops_per_core_cycle"], row["least_roof"]
+    if least > 0:
+        axes.plot([x, x], [y, least], color=style["color"], linewidth=0.8, linestyle=":")
+        axes.plot(x, least, marker="_", color=style["color"], markersize=14, mew=2.2)
+    ends = bars_of(row.to_frame().T.infer_objects(), "flops_per_core_cycle")
+    axes.errorbar(x, y, yerr=ends, color=style["color"], capsize=3, linestyle="none")
+    face = "white" if style["hollow"] else style["color"]
+    drawn = {"color": style["color"], "markerfacecolor": face, "markersize": 9, "linestyle": "none"}
+    axes.plot(x, y, marker=style["marker"], label=style["label"], gid=gid(row), zorder=5, **drawn)
+    if row["share_of_fma_roof"] > 1 or row["share_of_mix_roof"] > 1:
+        axes.plot(x, y, **RING)
+
+
+def gid(row: Row | pd.Series) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]", "-", f"point-{row['scene']}-{row['phase']}-{row['n']}")
+
+
+def performance(table: pd.DataFrame) -> Figure:
+    """The paper's Fig. 6 in form: flop per core cycle against n; its own values as stars on the right."""
+    title = "Performance against picture height; stars: the paper's own (i7-7700, its convention)"
+    figure = sweep_figures.against_n(table, "flops_per_core_cycle", "flop per core cycle", title)
+    looks = look(table)
+    for axes, scene in zip(figure.axes, dict.fromkeys(table["scene"]), strict=False):
+        for _, row in table[table["scene"] == scene].iterrows():
+            color = looks[row["phase"], row["threads"]]["color"]
+            # A marker that nobody sees, for the pointer to find.
+            unseen = {"marker": "o", "markersize": 9, "alpha": 0, "linestyle": "none"}
+            axes.plot(row["height"], row["flops_per_core_cycle"], color=color, gid=gid(row), **unseen)
+        for _, row in table[(table["scene"] == scene) & (table["paper_flops_per_cycle"] > 0)].iterrows():
+            star = {"color": looks[row["phase"], row["threads"]]["color"], "markeredgecolor": "black"}
+            at = {"transform": axes.get_yaxis_transform(), "clip_on": False, "markersize": 11}
+            axes.plot(1.02, row["paper_flops_per_cycle"], marker="*", linestyle="none", **star, **at)
+        plain_log(axes.yaxis)
+    return figure
+
+
+def titled(svg: str, table: pd.DataFrame) -> str:
+    """The SVG with hover text in every element that has a point's id."""
+    for row in table.to_dict("records"):
+        mark = f'<g id="{gid(row)}">'
+        svg = svg.replace(mark, f"{mark}\n<title>{escape(hover(row))}</title>", 1)
+    return svg
+
+
+def inline(path: Path) -> str:
+    """An SVG for use inside a page: no prolog, ids of its own. Pictures in <img> show no hover text."""
+    try:
+        svg = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise cli.StudyError(f"{path}: {error.strerror}") from None
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    for before in ('id="', "url(#", 'href="#'):
+        svg = svg.replace(before, f"{before}{path.stem}-")
+    return svg
+
+
+def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
+    """Machine, clock, what counted, and what the roofs (where there are any) and whiskers are."""
+    cpu = machine.name(data.context)
+    every = [roof_tables.counted_by(row) for row in table.to_dict("records")]
+    by = "; ".join(dict.fromkeys(one.removesuffix(roof_tables.FOREIGN) for one in every))  # told below
+    text = (
+        f"{cpu}; one thread. FLOPs by the machine's convention (an FMA is two), counted by {by}. Points: "
+        "median over process launches; whiskers: its 95 % interval (none where launches are fewer than 6)."
+    )
+    if limits:
+        text += (
+            f" Roofs: the best that build/ceilings saw three times, core {limits.data['core_hz'] / 1e9:.2f} "
+            "GHz; bandwidth: the most of load, store and copy."
+        )
+    said = [*roof.remarks(table), *(limits.remarks() if limits else [])]
+    return "\n".join([text, *said])
+
+
+def lacking(name: str, table: pd.DataFrame, limits: Ceilings | None) -> str | None:
+    """What the plot would need and the run has not."""
+    if table.empty:
+        return "nothing that was timed was counted"
+    if name == "roofline" and limits is None:
+        return "ceilings.json is missing: run scripts/stepwise ceilings"
+    if name == "roofline" and not (table["intensity"] > 0).any():
+        return "no back end counted bytes: run scripts/stepwise flops --measure"
+    return None
+
+
+def draw(data: Data, table: pd.DataFrame, limits: Ceilings | None, folder: Path) -> dict[str, list[Path]]:
+    """Name → SVG and PNG of each figure that the run has data for; the others are named on stderr."""
+    made = {}
+    with matplotlib.rc_context(STYLE):
+        for name in CAPTIONS:
+            if why := lacking(name, table, limits):
+                cli.say(f"{name}: left out, {why}")
+                continue
+            if name == "roofline" and limits:
+                shown = roof.headline(table[table["intensity"] > 0])
+                figure, note = roofline(shown, limits), caption(data, shown, limits)
+            else:
+                figure, note = performance(table), caption(data, table, None)
+            made[name] = save(figure, folder / name, note)
+            svg = made[name][0]
+            store.write_text(svg, titled(svg.read_text(encoding="utf-8"), table))
+    return made
