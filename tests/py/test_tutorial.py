@@ -1,0 +1,55 @@
+"""docs/tutorial.md: every command and every diff in it, in order, in a copy of the project."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from study.core.registry import ROOT
+
+TEXT = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+BLOCK = re.compile(r"^```(sh|diff)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LEFT_OUT = (".git", ".venv", "build", "results/reference", "__pycache__")
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """The project without what was built, with this one's packages."""
+    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in names.stdout.splitlines():
+        if not name.startswith(LEFT_OUT):
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, tmp_path / name)
+    (tmp_path / ".venv").symlink_to(ROOT / ".venv")
+    return tmp_path
+
+
+def run(command: str, folder: Path) -> str:
+    done = subprocess.run(["sh", "-c", command], cwd=folder, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+    return done.stdout
+
+
+def test_every_command_works_as_the_text_says(copy: Path) -> None:
+    said = {}
+    for kind, text in BLOCK.findall(TEXT):
+        if kind == "diff":
+            done = subprocess.run(["patch", "-p0"], input=text, text=True, cwd=copy, capture_output=True)
+            assert done.returncode == 0 and "fuzz" not in done.stdout, done.stdout + done.stderr
+            continue
+        for command in text.splitlines():
+            said[command] = run(command, copy)
+    assert len(said) == 7
+    tried = said["make try NAME=mine"]
+    picture, evaluations, flops = (
+        re.search(rf"^{name} +(\S+) +(\S+)$", tried, re.MULTILINE).groups()
+        for name in ("PSNR to baseline, dB", "evaluations of a camera ray", "FLOPs a pixel")
+    )
+    assert picture == ("identical", "identical") and evaluations[0] == evaluations[1]
+    assert float(flops[1].replace(",", "")) < float(flops[0].replace(",", ""))
+    assert "mine is within its tolerance" in tried
+    assert (copy / "build" / "try" / "mine-scene0.png").is_file()
