@@ -7,19 +7,18 @@ import datetime
 import errno
 import fcntl
 import functools
-import gzip
 import json
 import math
 import os
 import subprocess
 import tempfile
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from study.core import cli
 from study.core.cli import StudyError
+from study.core.json_files import read_json, stored, unpacked
 from study.core.registry import ROOT
 
 if TYPE_CHECKING:
@@ -66,47 +65,6 @@ def writable(folder: Path) -> Path:
 def write_json(path: Path, value: Any) -> None:
     """`write_text` of indented JSON; NaN and infinity become null."""
     write_text(path, json.dumps(cli.plain(value), indent=2, allow_nan=False) + "\n")
-
-
-def read_rows(path: Path, experiment: str, keys: set[str], empty: bool = False) -> dict[str, Any]:
-    """What an experiment has written: an object whose `rows` are objects with these keys.
-
-    At least one of them unless it may be `empty`. Raises StudyError for anything else.
-    """
-    result = read_json(path)
-    rows = result.get("rows") if isinstance(result, dict) else None
-    whole = isinstance(rows, list) and all(isinstance(row, dict) and keys <= row.keys() for row in rows)
-    if not whole or not (rows or empty):
-        command = f"scripts/stepwise {experiment}"
-        raise StudyError(f"{path}: not what {command} writes; make it again with {command}")
-    return result
-
-
-def stored(path: Path) -> Path:
-    """`path`, or where that is not the packed one (path.gz) of a published run; `path` if neither is."""
-    packed = path.with_name(path.name + ".gz")
-    return packed if packed.exists() and not path.exists() else path
-
-
-def unpacked(packed: Path) -> bytes:
-    """Raises StudyError for a file that is cut short or no gzip file, OSError for one that cannot be read."""
-    try:
-        return gzip.decompress(packed.read_bytes())
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise StudyError(f"{packed}: not a whole gzip file: {error}") from None
-
-
-def read_json(path: Path) -> Any:
-    """Of `path`, which may be packed (`stored`). Raises StudyError with file, line and column."""
-    try:
-        data = unpacked(path) if path.suffix == ".gz" else path.read_bytes()
-        return json.loads(data.decode("utf-8"))
-    except json.JSONDecodeError as error:
-        raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
-    except RecursionError:
-        raise StudyError(f"{path}: nested too deep") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
 
 
 def short_commit() -> str:
