@@ -395,7 +395,7 @@ def test_throttle_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(rods, "choices", lambda: ["march=pixels", short, own])
     words = ["--scene", "trio", "-n", "18", "--large", "36", "--launches", "2", "--seed", "1"]
     assert main_of(monkeypatch, "throttle", *words, "--run", str(tmp_path)) == 0
-    (row,) = rods.read(tmp_path / rods.THROTTLE)["rows"]
+    (row,) = systems.throttled_in(tmp_path)["rows"]
     assert (row["tried"], row["within"], row["chosen"]["settings"]) == (3, 1, own)
     assert list(row["finalists"]) == [own] and row["chosen"]["launches"] != row["finalists"][own]["launches"]
     assert row["large"]["n"] == 36 and row["large"]["other_ppm"] == 0 and row["large"]["gain"] > 0

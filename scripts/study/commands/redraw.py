@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import matplotlib
 
@@ -48,11 +49,11 @@ def fronts(run: Path, out: Path) -> list[Path]:
     return pareto_script.figures(pareto.read(run / pareto.FILE), out)
 
 
-def _from_file(name: str, page) -> Callable[[Path, Path], list[Path]]:
-    """A chapter that has `figures` and `note`."""
+def _from_file(measure: ModuleType, page: ModuleType) -> Callable[[Path, Path], list[Path]]:
+    """A chapter that has `figures` and `note`, of the file that `measure` reads."""
 
     def make(run: Path, out: Path) -> list[Path]:
-        result, made = store.read_json(run / name), []
+        result, made = measure.read(run / measure.FILE), []
         with matplotlib.rc_context(STYLE):
             for title, figure in page.figures(result, run).items():
                 made += [] if title in THUMBNAILS else save(figure, out / title, page.note(result))
@@ -77,8 +78,8 @@ KINDS: dict[str, tuple[str, Callable[[Path, Path], list[Path]]]] = {  # → the 
     "speeds": ("", speeds),
     "roofline": (roof.COUNTS, roofs),
     "pareto": (pareto.FILE, fronts),
-    "scaling": (scaling.FILE, _from_file(scaling.FILE, scaling_page)),
-    "views": (views_measure.FILE, _from_file(views_measure.FILE, views_page)),
+    "scaling": (scaling.FILE, _from_file(scaling, scaling_page)),
+    "views": (views_measure.FILE, _from_file(views_measure, views_page)),
 }
 
 

@@ -10,7 +10,7 @@ import contextlib
 import types
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -21,7 +21,8 @@ from study.core.cli import StudyError
 Absent = UnsetType  # in a union: the key may be missing, and is then missing in what is read, too
 ABSENT = UNSET
 
-FileType = TypeVar("FileType", bound="File")
+# What another thing's JSON can raise, from `current` down to a cell's text.
+BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
 
 
 def key(unit: str, meaning: str, **bounds: Any) -> msgspec.Meta:
@@ -58,6 +59,11 @@ class File(Record):
         return cls.checked(data, str(path))
 
     @classmethod
+    def read_if_there(cls, path: Path) -> dict[str, Any]:
+        """The content of `path`, {} without that file. Raises StudyError."""
+        return cls.read(path) if json_files.stored(path).exists() else {}
+
+    @classmethod
     def checked(cls, data: Any, where: str) -> dict[str, Any]:
         """`data`, the content of the file `where`, with the defaults of what it lacks. Raises StudyError."""
         with contextlib.suppress(BROKEN):  # of what is no such file; what is wrong in it is said below
@@ -70,10 +76,6 @@ class File(Record):
                 f"{where}: not what scripts/stepwise {name} writes ({why}); "
                 f"make it again with scripts/stepwise {cls.made_by}"
             ) from None
-
-
-# What another thing's JSON makes `current` raise.
-BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
 
 
 def _filled(data: Any, whole: Any) -> Any:

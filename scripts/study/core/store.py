@@ -8,7 +8,6 @@ import errno
 import fcntl
 import functools
 import json
-import math
 import os
 import subprocess
 import tempfile
@@ -18,14 +17,16 @@ from typing import TYPE_CHECKING, Any
 
 from study.core import cli
 from study.core.cli import StudyError
-from study.core.json_files import read_json, stored, unpacked
+from study.core.json_files import stored, unpacked
 from study.core.registry import ROOT
+from study.core.run_schema import Context, Frame, Plan
 
 if TYPE_CHECKING:
     import pandas as pd
 
 RESULTS = ROOT / "results"
 NOT_MACHINES = ("paper", "reference")
+AGAIN = f"make it again with scripts/stepwise {Frame.made_by}"
 
 
 def _problem(path: Path, error: OSError) -> StudyError:
@@ -126,12 +127,12 @@ class Run:
     @functools.cached_property
     def context(self) -> dict[str, Any]:
         """Machine, toolchain, commit (context.json)."""
-        return read_json(self.path / "context.json")
+        return Context.read(self.path / "context.json")
 
     @property
     def plan(self) -> dict[str, Any]:
         """Configurations, seed, budget, notes (plan.json), as on disk now."""
-        return read_json(self.path / "plan.json")
+        return Plan.read(self.path / "plan.json")
 
     def _folder(self, name: str) -> Path:
         folder = self.path / name
@@ -225,38 +226,13 @@ class Run:
         for number, line in enumerate(data[:whole].splitlines(), 1):
             try:
                 row = json.loads(line)
-                odd = _odd(row) if isinstance(row, dict) else "not an object"
-                if odd:
-                    raise StudyError(f"{self.frames_path}:{number}: {odd}")
-                row["spec"] = row["phase"] + (
-                    "" if row["phase"] == row["flags_from"] else f"@{row['flags_from']}"
-                )
-            except (ValueError, TypeError, KeyError, RecursionError) as error:
-                what = f"no {error}" if isinstance(error, KeyError) else "not a whole JSON object"
-                raise StudyError(f"{self.frames_path}:{number}: {what}") from None
+            except (ValueError, RecursionError):
+                raise StudyError(f"{self.frames_path}:{number}: not a whole JSON object; {AGAIN}") from None
+            row = Frame.checked(row, f"{self.frames_path}:{number}")
+            other = "" if row["phase"] == row["flags_from"] else f"@{row['flags_from']}"
+            row["spec"] = row["phase"] + other
             rows.append(row)
         return pd.DataFrame(rows)
-
-
-# A frame's figures, where a line has them: the least that each may be.
-NUMBERS = {"width": 1, "height": 1, "threads": 1, "launch": 0, "round": 0, "ns": 1}
-WORDS = ("phase", "flags_from", "scene", "scene_hash", "config", "flags", "compiler", "libc")
-
-
-def _odd(row: dict[str, Any]) -> str | None:
-    """What is wrong with a line of frames.jsonl: its first entry that is not the number or the word it should
-    be. None if nothing is."""
-    for name, least in NUMBERS.items():
-        value = row.get(name, least)
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not (number and least <= value < math.inf):
-            return f"{name} is {value!r}; should be a number of {least} or more"
-    for name in WORDS:
-        if not isinstance(row.get(name, ""), str):
-            return f"{name} is {row[name]!r}; should be text"
-    if not isinstance(row.get("warmup", False), bool):
-        return f"warmup is {row['warmup']!r}; should be true or false"
-    return None
 
 
 def whole_lines(data: bytes) -> int:

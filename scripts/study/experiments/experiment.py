@@ -7,12 +7,13 @@ lists of the documents know an experiment only through this object, and find it 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from study.core.cli import StudyError
+from study.core.schema import File
 from study.experiments.section import Section
 from study.numbers.analysis import Data
 
@@ -53,15 +54,16 @@ class Call:
 
 @dataclass(frozen=True)
 class Experiment:
-    """`what`: a few words for progress and lists. `files`: that it writes into a run. `turn`: its place in a
-    study. `depth`: the least depth of a study that has it; None: only by its name. `calls`: its commands in a
-    study. `sections`: chapters of the report, each with its place there.
+    """`what`: a few words for progress and lists. `turn`: its place in a study. `schemas`: what stands in
+    each file that its own command writes into a run. `depth`: the least depth of a study that has it; None:
+    only by its name. `calls`: its commands in a study. `sections`: chapters of the report, each with its
+    place there.
     """
 
     name: str
     what: str
     turn: int
-    files: Sequence[str]
+    schemas: Mapping[str, type[File]]
     calls: Callable[[Study], list[Call]]
     depth: str | None = "standard"
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()

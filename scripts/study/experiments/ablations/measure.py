@@ -18,13 +18,14 @@ from typing import Any
 
 from tqdm import tqdm
 
-from study.core import cli, patches, registry, run, store
+from study.core import cli, patches, registry, run
 from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.core.run import DriverError
 from study.counting import blocks
 from study.experiments.ablations import ideas
+from study.experiments.ablations.schema import Ablations, Ideas
 from study.numbers import stats, verdicts
 from study.pictures import gate, images
 from study.pictures.gallery import Gallery, Size
@@ -272,17 +273,7 @@ def read(path: Path) -> dict[str, Any]:
     lists = ("rows", "skipped", "failures")
     if not path.exists():
         return {name: [] for name in lists}
-    result = store.read_json(path)
-    try:
-        for name in lists:
-            if not isinstance(result[name], list) or not all(isinstance(one, dict) for one in result[name]):
-                raise TypeError(f"{name}: no list of objects")
-    except (KeyError, TypeError) as error:
-        raise StudyError(
-            f"{path}: not what scripts/stepwise ablations writes ({error!r}); make it again with "
-            f"scripts/stepwise ablations --run {path.parent}"
-        ) from None
-    return result
+    return (Ideas if path.name == ideas.FILE else Ablations).read(path)
 
 
 def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 from study.core.schema import ABSENT, Absent, key
-from study.experiments.moving.schema import Animation
+from study.experiments.moving.schema import Animation, with_means
 from study.numbers.schema import Measured, TimedErrors, Times, TimesHigh, TimesLow
 
 
@@ -76,6 +76,10 @@ class Fixed(Measured, kw_only=True):
     sweep: Annotated[list[Fraction], key("", "bits of fraction")]
     clearing: Annotated[list[Clearing], key("", "cleared blocks")]
     animation: Annotated[list[Moving] | Absent, key("", "spheres40_animated")] = ABSENT
+
+    @classmethod
+    def current(cls, data: Any) -> Any:
+        return with_means(data)
 
 
 SCHEMAS = {"fixed.json": Fixed}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
+
+import numpy as np
 
 from study.core.schema import ABSENT, Absent, Record, key
 from study.numbers.schema import HitErrors
@@ -36,3 +38,17 @@ class Animation(Record, kw_only=True):
     error: Annotated[HitErrors | Absent | None, key("", "of the picture at its beginning, to truth")] = ABSENT
     common_frames: Annotated[int | Absent | None, key("frames", "the fewest that a row has")] = ABSENT
     common_ms: Annotated[float | Absent | None, key("ms", "mean of that many first ones")] = ABSENT
+
+
+def with_mean(row: dict[str, Any]) -> dict[str, Any]:
+    """A row of an older file, which had the median in the mean's place, by its frames' times."""
+    if "mean" in row["ms"] or not row.get("all_ms"):
+        return row
+    mean = float(np.mean(row["all_ms"]))
+    per = {"core_ns_per_pixel": mean * 1e6 * row["threads"] / (row["width"] * row["n"])}
+    return row | {"ms": row["ms"] | {"mean": mean}} | per
+
+
+def with_means(data: Any) -> Any:
+    """A file with animations, as it is written today."""
+    return data | {"animation": [with_mean(row) for row in data.get("animation", [])]}

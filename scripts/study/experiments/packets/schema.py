@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 from study.core.schema import ABSENT, Absent, Record, key
-from study.experiments.moving.schema import Animation
+from study.experiments.moving.schema import Animation, with_means
 from study.numbers.schema import Gain, Measured, Timed, TimedErrors, Times, TimesHigh, TimesLow
 
 
@@ -137,6 +137,10 @@ class Packets(Measured, kw_only=True):
     roots: Annotated[list[Root] | Absent, key("", "exact and approximate")] = ABSENT
     animation: Annotated[list[Tree] | Absent, key("", "by either tree")] = ABSENT
     normalise: Annotated[list[Normalise] | Absent, key("", "vectors normalised")] = ABSENT
+
+    @classmethod
+    def current(cls, data: Any) -> Any:
+        return with_means(data)
 
 
 SCHEMAS = {"packets.json": Packets}

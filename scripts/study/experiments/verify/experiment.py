@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.numbers import analysis
+from study.numbers.schema import Verify
 
 
 def calls(study: Study) -> list[Call]:
@@ -20,7 +21,7 @@ EXPERIMENT = Experiment(
     name="verify",
     what="every phase on all scenes against baseline",
     turn=10,
-    files=("verify.json",),
+    schemas={"verify.json": Verify},
     calls=calls,
     depth="quick",
     sections=[],
