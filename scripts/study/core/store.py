@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 from study.core import cli
 from study.core.cli import StudyError
-from study.core.json_files import stored, unpacked
+from study.core.json_files import read_json as read_json
+from study.core.json_files import stored as stored
+from study.core.json_files import unpacked as unpacked
 from study.core.registry import ROOT
 from study.core.run_schema import Context, Frame, Plan
 
