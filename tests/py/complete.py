@@ -19,8 +19,8 @@ def schemas() -> dict[str, type[File]]:
     return {name: kind for one in experiment.find_all().values() for name, kind in one.schemas.items()}
 
 
-def blank(kind: Any) -> Any:
-    """A value of the type: null where it may be, else the least."""
+def blank(kind: Any, least: int = 0) -> Any:
+    """A value of the type: null where it may be, else the least; of a list so many entries."""
     if type(None) in get_args(kind):
         return None
     (one, *_) = schema.alternatives(kind)
@@ -28,7 +28,9 @@ def blank(kind: Any) -> Any:
         return get_args(one)[0]
     if schema.is_record(one):
         return filled({}, one)
-    return {str: "", bool: False, int: 1, float: 1.0}.get(one, [] if get_origin(one) is list else {})
+    if get_origin(one) is list:
+        return [blank(get_args(one)[0]) for _ in range(least)]
+    return {str: "", bool: False, int: 1, float: 1.0}.get(one, {})
 
 
 def filled(data: Any, kind: Any) -> Any:
@@ -36,9 +38,10 @@ def filled(data: Any, kind: Any) -> Any:
     for one in schema.alternatives(kind):
         if isinstance(data, dict) and schema.is_record(one):
             known = {name: inner for name, inner, _ in schema.fields(one)}
+            least = {name: about.min_length or 0 for name, _, about in schema.fields(one)}
             needed = [each.encode_name for each in msgspec.structs.fields(one) if each.required]
             found = {name: filled(value, known.get(name, Any)) for name, value in data.items()}
-            return found | {name: blank(known[name]) for name in needed if name not in data}
+            return found | {name: blank(known[name], least[name]) for name in needed if name not in data}
         if isinstance(data, dict) and get_origin(one) is dict:
             return {name: filled(value, get_args(one)[1]) for name, value in data.items()}
         if isinstance(data, list) and get_origin(one) is list:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 
+import complete
 import numpy as np
 import pytest
 from made_up import packets_result as made_up
@@ -74,7 +74,7 @@ def test_hits_are_compared_ray_by_ray():
 
 
 def test_the_page_by_hand(tmp_path):
-    (tmp_path / packets.FILE).write_text(json.dumps(made_up()))
+    (tmp_path / packets.FILE).write_text(complete.text(packets.FILE, made_up()))
     section = systems.section(tmp_path)
     assert [p.name for p in section.parts][:1] == ["systems"] and packets_figures.FIGURE in section.drawn
     text = show.markdown(show.table(made_up()["rays"], packets_page.ray_columns(packets.GOALS)))
@@ -123,7 +123,7 @@ def test_a_file_of_before_there_were_streams_is_still_read(tmp_path):
     result["rays"] = [
         {k: v for k, v in r.items() if not k.startswith("embree_stream")} for r in result["rays"]
     ]
-    (tmp_path / packets.FILE).write_text(json.dumps(result))
+    (tmp_path / packets.FILE).write_text(complete.text(packets.FILE, result))
     tables = {part.name: part.markdown for part in systems.section(tmp_path).parts}
     assert "256" not in tables["packets"] and "0.600×" in tables["packets"]
     assert packets_page.fastest(result["rays"][0]) == "embree1" and packets_figures.draw_rays(result)
@@ -225,7 +225,7 @@ def test_a_row_that_is_not_equal_says_so(tmp_path):
     """In its own table and in that of all systems, with its decibels."""
     result = made_up()
     result["drawn"][0]["rows"][2] |= {"psnr_db": 55.3, "reached": False, "max_steps": 3000}
-    (tmp_path / packets.FILE).write_text(json.dumps(result))
+    (tmp_path / packets.FILE).write_text(complete.text(packets.FILE, result))
     tables = {part.name: part.markdown for part in systems.section(tmp_path).parts}
     for name, words in (("systems", "opt8_streams, equal error not reached: 55.3 dB"),
                         ("packets-equal-error", "not reached: 55.3 dB")):  # fmt: skip
@@ -253,7 +253,7 @@ def animated() -> dict:
 
 def test_the_animation_on_the_page_by_hand(tmp_path):
     """The article's 14.29 ms on 35 cores at 1920×1080: 241.198 ns a pixel and core."""
-    (tmp_path / packets.FILE).write_text(json.dumps(animated()))
+    (tmp_path / packets.FILE).write_text(complete.text(packets.FILE, animated()))
     section = systems.section(tmp_path)
     (table,) = (p for p in section.parts if p.name == "packets-animation")
     first = next(line for line in table.markdown.splitlines() if line.startswith("| BVH"))
@@ -357,7 +357,7 @@ def test_frames_by_root_by_hand(monkeypatch, tmp_path):
         ("exact", 4.0, None, 131.0),
         ("newton", 2.0, 2.0, 120.0),
     ]
-    (tmp_path / packets.FILE).write_text(json.dumps(made_up() | {"roots": rows}))
+    (tmp_path / packets.FILE).write_text(complete.text(packets.FILE, made_up() | {"roots": rows}))
     (table,) = (p for p in systems.section(tmp_path).parts if p.name == "packets-roots")
     lines = table.markdown.splitlines()
     assert "| exact | 4.00" in lines[2] and "| base | 131 |" in lines[2] and "2.00× [2.00" in lines[3]
@@ -368,7 +368,7 @@ def test_frames_by_root_by_hand(monkeypatch, tmp_path):
 
 
 def test_without_embree_the_page_says_so(tmp_path):
-    (tmp_path / packets.FILE).write_text(json.dumps(made_up(embree=False)))
+    (tmp_path / packets.FILE).write_text(complete.text(packets.FILE, made_up(embree=False)))
     section = systems.section(tmp_path)
     assert any("built without Embree" in remark for remark in section.remarks)
     assert not any("Embree's time" in remark for remark in section.remarks)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import complete
 import pandas as pd
 import pytest
 
@@ -32,7 +32,7 @@ def data(tmp_path: Path) -> Data:
 
 
 def put(data: Data, name: str, content: object) -> None:
-    (data.path / name).write_text(json.dumps(content))
+    (data.path / name).write_text(complete.text(name, content))
 
 
 # Every call has all of its iterations: its FLOPs by the rule are those counted.
@@ -261,7 +261,7 @@ def test_rods_are_held_against_their_article(data, n, factor, verdict) -> None:
     evaluations, ms = 2000 * factor, 300 * factor
     own = {"n": n, "fewer": evaluations / 10, "gain": ms / 10, "gain_low": ms / 11, "gain_high": ms / 9}
     own |= {"pixels": {"evaluations": evaluations, "ms": ms}, "rods": {"evaluations": 10.0, "ms": 10.0}}
-    put(data, "rods.json", {"own": own, "rows": [1], "trade": []})
+    put(data, "rods.json", {"own": own, "rows": [own], "trade": []})
     claims_ = {c["quantity"]: c for c in paper.read("claims").to_dict("records")}
     for quantity, value in (("rods_fewer", 200 * factor), ("rods_gain", 30 * factor)):
         found = register.CHECKS[quantity](data, claims_[quantity])
@@ -277,13 +277,13 @@ def test_frames_of_other_cores_decide_nothing(data) -> None:
     row |= {"ms": {"mean": 100.0, "p50": 98.0, "p5": 90.0, "p95": 120.0}}
     others = [row | {"n": 90, "threads": 2}, row | {"shadows": False, "threads": 2}]
     others += [row | {"frames": 225, "threads": 2}]  # not all of the animation
-    put(data, "fixed.json", {"rows": [1], "article": fixed.ARTICLE, "animation": [*others, row]})
+    put(data, "fixed.json", {"rows": [{}], "article": fixed.ARTICLE, "animation": [*others, row]})
     found = register.CHECKS["integers"](data, claim)
     assert found.verdict == NEVER and found.value == 100
     assert math.isnan(found.low) and math.isnan(found.high), "frames of one process: no 95 % interval"
     spread = " (5 to 95 % of its frames: 90.0 to 120.0 ms)"
     assert found.here == f"100.0 ms on 1 thread: 5.00× its pixels per core and second{spread}"
-    put(data, "fixed.json", {"rows": [1], "article": fixed.ARTICLE, "animation": others})
+    put(data, "fixed.json", {"rows": [{}], "article": fixed.ARTICLE, "animation": others})
     found = register.CHECKS["integers"](data, claim)
     assert found.here == f"100.0 ms on 2 threads: 225 frames of 1920×1080, no ratio{spread}"
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import MappingProxyType
 
+import complete
 import matplotlib
 import numpy as np
 import pytest
@@ -685,7 +686,7 @@ def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> Non
     text = time[0].read_text()
     assert "x^0.50" in text and "number of shapes, scattered" in text
     assert scaling_chapter.growth(tmp_path).parts == []
-    (tmp_path / scaling.FILE).write_text(json.dumps(made))
+    (tmp_path / scaling.FILE).write_text(complete.text(scaling.FILE, made))
     chapter = scaling_chapter.growth(tmp_path)
     assert [part.name for part in chapter.parts] == ["scaling", "scaling-goals", "scaling-points"]
     cells = [text for text, _ in chapter.parts[0].table.cells[0]]

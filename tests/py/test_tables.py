@@ -10,6 +10,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import complete
 import pandas as pd
 import pytest
 import started
@@ -206,7 +207,7 @@ def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Pa
     text = f"{tables.BEGIN}\n{tables.END}\n"
     before = tables.readme(text, analysis.load(run), rows_of(run))
     assert "pictures not measured" in before
-    (run / "accuracy.json").write_text(json.dumps({"schema": 1, "rows": [truth], "skipped": []}))
+    (run / "accuracy.json").write_text(complete.text("accuracy.json", {"rows": [truth]}))
     data = analysis.load(run)
     made = tables.readme(text, data, ladder.rows(data))
     assert "54.5" in made and "pictures at n = 64" in made
@@ -517,7 +518,7 @@ def test_the_papers_program_is_the_readmes_last_row(run: Path) -> None:
     base |= {"ours_launches_ms": [200.0] * 6, "theirs_launches_ms": [250.0] * 6}
     base |= {"ours_over_theirs": {"value": 0.8}}
     rows = [base, base | {"phase": "opt4", "theirs_launches_ms": [20.0] * 6, "psnr_display_db": 31.7}]
-    (run / "original.json").write_text(json.dumps({"rows": rows}))
+    (run / "original.json").write_text(complete.text("original.json", {"rows": rows}))
     made = front_page.originals(run)
     assert made[0][3:6] == ["250 [250, 250]", "0.8× [0.8, 0.8]", "identical to ours"]
     assert made[1][3:6] == ["20 [20, 20]", "10× [10, 10]", "31.7 to ours, displayed"]
@@ -535,7 +536,7 @@ def test_machines_have_ratios_only_beside_the_papers_program(run: Path) -> None:
     data = analysis.load(run)
     assert "×" not in front_page.machines_block([data])
     checked = {"phase": "baseline", "ours_over_theirs": {"value": 0.97}}
-    (run / "original.json").write_text(json.dumps({"rows": [checked]}))
+    (run / "original.json").write_text(complete.text("original.json", {"rows": [checked]}))
     assert "× [" in front_page.machines_block([data])
 
 
