@@ -138,8 +138,9 @@ def answer(result: Row) -> str:
     gaining = sum((row["gain"]["low"] or 0) > 1 for row in made)
     return (
         f"On {first['scene']} at n = {first['n']} the kernel is {_interval('gain', '×')(first)} as fast as "
-        f"the general code, {show.decibels(_psnr(first))} apart, and has paid for its {first['compile_s']:.1f} s of "
-        f"compilation after {frames_needed(first)} frames; kernels gain on {gaining} of {len(made)} scenes "
+        f"the general code, {show.decibels(_psnr(first))} apart. It has paid for its "
+        f"{first['compile_s']:.1f} s of compilation after {frames_needed(first)} frames. "
+        f"Kernels gain on {gaining} of {len(made)} scenes "
         "and sizes."
     )
 

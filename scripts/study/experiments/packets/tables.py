@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from study.core import show
 from study.core.show import Column
 from study.experiments.packets.measure import EMBREE, Row, reached, target_of
 from study.experiments.section import Part, part
-from study.numbers import verdicts
-from study.numbers.stats import Interval
 
 OF_KIND = {
     "primary": "camera",
@@ -50,17 +46,6 @@ def over_fastest(row: Row) -> str:
     if way is None:
         return f"{show.NOTHING} over {row['embree']}"
     return f"{_ratio(f'{way}_ratio')(row)} over Embree by {WAYS[way]} ({row['embree']})"
-
-
-def verdict(row: Row, goals: Row) -> str:
-    """Of the goal for this kind of rays, against the fastest of Embree's ways."""
-    goal, way = goals[row["kind"]], fastest(row)
-    if goal is None or way is None:
-        return show.NOTHING
-    ends = [row[f"{way}_ratio{end}"] for end in ("", "_low", "_high")]
-    known = [math.nan if end is None else end for end in ends]
-    ratio = Interval(*known, launches=0, sufficient=None not in ends)
-    return f"≥ {goal:g}×: {verdicts.goal(ratio, goal)}"
 
 
 def agreement(row: Row) -> str:

@@ -21,7 +21,7 @@ def roofline(data: Data) -> Section:
     ):
         found, limits, notes = roof.read(data.path, strict=False)
         table = roof.rows(data, found, limits)
-        notes = [*roof.remarks(table), *roof_tables.of_roofs(roof.headline(table), limits), *notes]
+        notes = [*roof.remarks(table), *notes]
         if not table.empty:
             for name, title in (
                 ("table5", "Table 5: performance of baseline"),
@@ -33,7 +33,8 @@ def roofline(data: Data) -> Section:
             if limits:
                 caption = "Share of each roof, at the largest size that was timed and counted"
                 rows = roof.headline(table).to_dict("records")
-                parts += part("roofline", caption, rows, roof_tables.POINTS)
+                foot = "\n".join(roof_tables.of_roofs(roof.headline(table), limits))
+                parts += part("roofline", caption, rows, roof_tables.POINTS, foot)
                 answer = _answer(rows)
         if limits:
             if table.empty and (other := roof.foreign(data, limits)):
