@@ -21,7 +21,7 @@ from study.commands import report
 from study.core import registry
 from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis, stats
-from study.report import chapters, embed, facts
+from study.report import chapters, facts, figures
 
 ROOT = Path(__file__).parents[2]
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -247,7 +247,7 @@ def test_a_page_in_the_runs_own_folder_keeps_its_pictures(run: Path) -> None:
     (run / "figures").mkdir()
     Image.effect_noise((200, 100), 50).save(run / "figures" / "contact-sheet.png")
     before = (run / "figures" / "contact-sheet.png").read_bytes()
-    (made,) = embed.copied({run / "figures" / "contact-sheet.png": "the sheet"}, run / "figures")
+    (made,) = figures.copied({run / "figures" / "contact-sheet.png": "the sheet"}, run / "figures")
     assert base64.b64decode(made["uri"].partition(",")[2]) == before
     assert (run / "figures" / "contact-sheet.png").read_bytes() == before
 

@@ -32,7 +32,7 @@ from study.experiments.roofline import tables as roof_tables
 from study.numbers import analysis
 from study.pictures import labels
 from study.pictures.draw import RING, STYLE, save
-from study.report import embed
+from study.report import figures
 
 ROOT = Path(__file__).parents[2]
 PIXELS = {90: 160 * 90, 180: 320 * 180}
@@ -639,7 +639,7 @@ def test_figures_are_the_same_each_time_and_have_hover_text(run: Path, tmp_path:
 
 def test_an_svg_for_the_page_is_whole_and_keeps_its_ids_to_itself(run: Path) -> None:
     script(run)
-    pages = [embed.inline(run / "figures" / f"{name}.svg") for name in roofline_figures.CAPTIONS]
+    pages = [figures.inline(run / "figures" / f"{name}.svg") for name in roofline_figures.CAPTIONS]
     ids = []
     for page, name in zip(pages, roofline_figures.CAPTIONS, strict=True):
         root = ElementTree.fromstring(page)
@@ -650,7 +650,7 @@ def test_an_svg_for_the_page_is_whole_and_keeps_its_ids_to_itself(run: Path) -> 
         ids.append(own)
     assert not ids[0] & ids[1]
     with pytest.raises(StudyError, match=r"none.svg"):
-        embed.inline(run / "none.svg")
+        figures.inline(run / "none.svg")
 
 
 def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:

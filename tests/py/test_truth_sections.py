@@ -25,7 +25,7 @@ from study.experiments.pareto import measure as measuring
 from study.experiments.section import Section
 from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis
-from study.report import embed
+from study.report import figures
 
 Row = dict[str, Any]
 PUBLISHED = max((ROOT / "results" / "reference").glob("*/pareto.json")).parent
@@ -123,7 +123,7 @@ def test_the_page_has_its_figures_from_the_files_alone(
 
 def test_what_only_rendering_makes_is_said_in_one_line(folder: Path) -> None:
     section = accuracy_chapter.errors(folder)
-    assert embed.absent(section) == [
+    assert figures.absent(section) == [
         "trio by baseline: where it is wrong",
         "trio by opt4: where it is wrong",
     ]
@@ -131,7 +131,7 @@ def test_what_only_rendering_makes_is_said_in_one_line(folder: Path) -> None:
     for path in section.images:
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(b"picture")
-    assert embed.absent(section) == []
+    assert figures.absent(section) == []
 
 
 def test_both_precisions_and_both_times_have_a_figure() -> None:

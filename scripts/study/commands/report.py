@@ -18,7 +18,7 @@ from study.experiments.section import Section
 from study.experiments.sweep import ladder
 from study.numbers import analysis, stats
 from study.numbers.analysis import Data
-from study.report import chapters, embed, facts
+from study.report import chapters, facts, figures
 
 TEMPLATES = registry.ROOT / "report" / "templates"
 OUT = registry.ROOT / "report" / "out" / "index.html"
@@ -88,9 +88,9 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         running=list(running),
         questions=questions,
         headlines=headlines(rows),
-        figures={one.id: embed.figures(one, folder) for one in found},
-        images={one.id: embed.copied(one.images, folder) for one in found},
-        absent={one.id: embed.absent(one) for one in found},
+        figures={one.id: figures.figures(one, folder) for one in found},
+        images={one.id: figures.copied(one.images, folder) for one in found},
+        absent={one.id: figures.absent(one) for one in found},
         machine=facts.machine(data),
         remarks=analysis.noise(data)["remarks"],
         commands=facts.commands(data),

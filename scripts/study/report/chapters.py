@@ -17,8 +17,9 @@ from study.experiments.section import Section, part
 from study.experiments.sweep import columns
 from study.numbers import analysis, paper, verdicts
 from study.numbers.analysis import Data
+from study.pictures import embed
 from study.pictures.draw import Drawing
-from study.report import embed, facts, lessons
+from study.report import facts, lessons
 
 PICTURES = {  # of stepwise pictures
     "contact-sheet.png": "Every scene by every phase, with its error against baseline",
@@ -130,7 +131,7 @@ def described(data: Data) -> list[dict[str, Any]]:
         file = registry.ROOT / "phases" / name / "NOTES.md"
         notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
         figure = file.with_name(lessons.NAME)
-        lesson = embed.data_uri(figure.read_bytes(), ".svg") if notes and figure.is_file() else None
+        lesson = embed.data_uri(figure.read_bytes(), "svg") if notes and figure.is_file() else None
         made.append({**phase, "notes": notes, "lesson": lesson})
     return made
 

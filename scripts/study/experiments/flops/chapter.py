@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from math import isnan
 from pathlib import Path
 
@@ -87,7 +88,7 @@ def counted(path: Path) -> Section:
         answer = _answer(rows)
         if any(row["paper_convention_gflop"] for row in rows):
             caption = "FLOPs of a picture by phase, and the share of lanes at useful work"
-            drawn = {"flops": Drawing(caption, CONVENTIONS, lambda: _draw(rows))}
+            drawn = {"flops": Drawing(caption, CONVENTIONS, partial(_draw, rows))}
         parts += part(
             "table1-readings",
             "Table 1 by the paper's rule, and by others: baseline's FLOPs. The paper's text states the rule; "

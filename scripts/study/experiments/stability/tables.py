@@ -4,7 +4,6 @@ its curve and what each phase does. HTML fragments for the report, or whole page
 
 from __future__ import annotations
 
-import base64
 import math
 from html import escape
 from pathlib import Path
@@ -16,6 +15,7 @@ from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.stability.cases import curves
+from study.pictures import embed
 
 CASE_KEYS = {"number", "name", "title", "what", "why", "source", "known", "strength", "strengths", "metric",
              "unit", "fails_above", "limit", "own"}  # fmt: skip
@@ -185,7 +185,7 @@ def draw(data: dict, case: dict, folder: Path) -> Path:
 def curve(data: dict, case: dict) -> str:
     """The case's figure inside the page: a small PNG."""
     names = [p["name"] for p in data["phases"]]
-    uri = f"data:image/png;base64,{base64.b64encode(curves.small(case, rows_of(data, case), names)).decode()}"
+    uri = embed.exact(curves.small(case, rows_of(data, case), names))
     about = f"{case['metric']} against {case['strength']}, one line per phase, the limit dashed"
     return (
         f'<figure><img src="{uri}" alt="{escape(about)}"><figcaption>{escape(about)}.</figcaption></figure>'

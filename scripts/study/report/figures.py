@@ -1,27 +1,17 @@
-"""Pictures and figures inside the page, in the form of fewest bytes that shows them well."""
+"""A chapter's figures and pictures for the page, with copies beside it."""
 
 from __future__ import annotations
 
-import base64
-import io
 import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from PIL import Image
-
 from study.core.cli import StudyError
 from study.experiments.section import Section, reading
+from study.pictures import embed
 
-MIME = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg"}
-SHORTER = 0.6  # a JPEG stands in for a rendered picture where it has at most this share of its bytes
-QUALITY = 85
 Shown = dict[str, str]  # name, caption, and uri or svg
-
-
-def data_uri(content: bytes, kind: str = ".png") -> str:
-    return f"data:{MIME[kind]};base64,{base64.b64encode(content).decode()}"
 
 
 def read(path: Path) -> bytes:
@@ -33,18 +23,11 @@ def read(path: Path) -> bytes:
 
 
 def picture(path: Path) -> str:
-    """A rendered picture: as it is, or as a JPEG where that is much shorter. The PNG lies beside the page."""
-    content = read(path)
-    made = io.BytesIO()
+    """A rendered picture's data URI. The PNG itself lies beside the page."""
     try:
-        Image.open(io.BytesIO(content)).convert("RGB").save(
-            made, format="jpeg", quality=QUALITY, optimize=True
-        )
+        return embed.rendered(read(path))
     except OSError as error:
         raise StudyError(f"{path}: {error}") from None
-    if made.tell() <= SHORTER * len(content):
-        return data_uri(made.getvalue(), ".jpg")
-    return data_uri(content, path.suffix)
 
 
 def inline(path: Path) -> str:
@@ -71,7 +54,7 @@ def figures(section: Section, folder: Path) -> list[Shown]:
         if drawing.hover and not made:
             made.append({**shown, "svg": inline(svg)})
         else:
-            made.append({**shown, "uri": data_uri(read(png))})
+            made.append({**shown, "uri": embed.exact(read(png))})
     return made
 
 
