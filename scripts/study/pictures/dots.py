@@ -61,7 +61,8 @@ def draw(rows: Sequence[Dot], title: str, axis: str, even: bool = False, columns
         axes.set(ylim=(len(mine) - 0.4, -0.6), xscale="log", title=name)
         axes.title.set_fontsize(10)
     ends = [end for row in rows for end in (row.value, row.low, row.high) if end > 0]
-    low, high = min(ends) / 1.1, max(ends) * 1.1
+    wide = max(1.1, (max(ends) / min(ends)) ** 0.04)
+    low, high = min(ends) / wide, max(ends) * wide
     room = (high / low) ** 0.3 if any(row.text for row in rows) else 1
     for axes in grid.flat[: len(names)]:
         axes.set_xlim(low, high * room)

@@ -66,7 +66,7 @@ def _draw(found: Sequence[Mapping[str, Any]]) -> Figure:
     axes.invert_yaxis()
     axes.set_xlabel("claims")
     axes.grid(False, axis="y")
-    figure.legend(loc="outside lower left", ncols=3, frameon=False, fontsize=8.5)
+    figure.legend(loc="outside right upper", frameon=False, fontsize=8.5)
     return figure
 
 
@@ -74,9 +74,9 @@ def reproduced(data: Data, rows: pd.DataFrame) -> Section:
     """The claims register, and the paper's own ladder."""
     found = claims.check(data, rows)
     totals = sum(by_paper(found).values(), Counter())
-    said = [f"{totals[word]} {word}" for word in verdicts.WORDS if totals[word]]
+    said = [f"{totals[word]} “{word}”" for word in verdicts.WORDS if totals[word]]
     measured = any(word not in (verdicts.OPEN, verdicts.NEVER) for word in totals)
-    answer = f"Of {len(found)} claims {', '.join(said)}." if measured else ""
+    answer = f"Of {len(found)} claims, here: {', '.join(said)}." if measured else ""
     about = "The claims register: what the papers say, and what this run says"
     parts = part("", about, found, claims.COLUMNS, PAPERS)
     theirs = paper.ladder().to_dict("records")

@@ -100,7 +100,7 @@ def _answer(rows: list[Row], name: str, kind: str) -> str:
     best = max(able, key=lambda row: row["gain"]["value"])
     some = sum(row["gain"]["low"] > 1 for row in able)
     return (
-        f"The largest gain of a single {kind} is {_gain(best)}: “{best[name]}” of {best['against']} on "
+        f"The largest gain of a single {kind} is {_gain(best)}: “{best[name]}” against {best['against']} on "
         f"{best['scene']}; {some} of {len(able)} {kind}s and scenes gain by their whole interval."
     )
 

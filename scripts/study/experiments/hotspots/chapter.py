@@ -31,7 +31,7 @@ def hot(path: Path, microarchitecture: str | None = None) -> Section:
         rows = hotspots.table_rows(record, widest=hotspots.core_width(microarchitecture))
         for phase in dict.fromkeys(row["phase"] for row in rows):
             mine = [row for row in rows if row["phase"] == phase]
-            title = HOTSPOTS.get(phase, f"The same of {phase}")
+            title = HOTSPOTS.get(phase, f"Where the time of {phase} goes")
             parts += part(f"hotspots-{phase}", title, mine, hotspots.COLUMNS, hotspots.ABOUT)
         split = bounds_page.rows(record) if record.get("bounds") else []
         caption = "Table 3: what the cycles went to, structs against arrays"

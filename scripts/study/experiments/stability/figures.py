@@ -56,7 +56,7 @@ def draw(data: dict[str, Any]) -> Figure:
         ("refuses", REFUSES),
     )
     marks = [Patch(color=colour, label=text) for text, colour in kinds]
-    figure.legend(handles=marks, loc="outside lower left", ncols=4, frameon=False, fontsize=8.5)
+    figure.legend(handles=marks, loc="outside right upper", frameon=False, fontsize=8.5)
     return figure
 
 

@@ -121,7 +121,7 @@ def speedups(rows: pd.DataFrame) -> Figure:
         plain_log(axes.xaxis)
         axes.set_title(f"{scene}, {group['width'][0]}×{group['height'][0]}", loc="left")
         heads = {"transform": axes.transAxes, "fontsize": 8, "va": "bottom", "color": "#444444"}
-        axes.text(1.19, 1.0, "PSNR, linear,\nto baseline", **heads)
+        axes.text(1.19, 1.0, "PSNR to\nbaseline", **heads)
         axes.text(1.43, 1.0, "to ground\ntruth", **heads)
         axes.grid(False, axis="y")
         if group["implied"].notna().any():
