@@ -53,6 +53,7 @@ def headlines(rows: pd.DataFrame) -> list[dict[str, Any]]:
 
 def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:
     """Question → its chapters, both in their order."""
+    measured = experiment.placed(data)  # first: it names a broken file
     own = [
         (300, chapters.reproduced(data, rows)),
         (650, chapters.pictures(data)),
@@ -61,7 +62,7 @@ def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:
         (710, chapters.units()),
     ]
     made: dict[str, list[Section]] = {text: [] for text in experiment.QUESTIONS.values()}
-    for place, section in sorted([*experiment.placed(data), *own], key=lambda each: each[0]):
+    for place, section in sorted([*measured, *own], key=lambda each: each[0]):
         made[experiment.QUESTIONS.get(place // 100, experiment.QUESTIONS[MORE])].append(section)
     return made
 

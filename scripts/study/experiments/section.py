@@ -21,7 +21,7 @@ from study.pictures.draw import Drawing
 
 @dataclass(frozen=True)
 class Part:
-    """A table, behind its caption on the page unless `open`. `name` is its file's ("": it has none); `foot`:
+    """A table, behind its caption on the page unless `open`. `name` is its file's (empty: none); `foot`:
     what stands under it, on the page and in its Markdown file, a paragraph a line."""
 
     name: str
@@ -43,7 +43,7 @@ class Part:
 @dataclass(frozen=True)
 class Section:
     """A chapter of the page. `answer`: what came out, in a sentence with its number, unit and interval or
-    error; "" where there is no data. `lacking`: the command that would fill it. `drawn`: file names and
+    error; empty where there is no data. `lacking`: the command that would fill it. `drawn`: file names and
     figures, made by `script` from `file`; the first opens the chapter, the others are behind a summary.
     `failing`: what is not as it should be, in red; `remarks`: what the reader must know at once, a line each;
     `details`: what was sampled and left out, behind a summary.

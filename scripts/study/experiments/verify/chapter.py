@@ -24,8 +24,8 @@ def verification(data: Data) -> Section:
             answer += f"; {len(failing)} are outside" if failing else ""
             answer += f"; {alone} are judged by ground truth alone (next chapter)" if alone else ""
             answer += "."
-        if not rows.empty and not figures.lacking("speed-against-error", rows):
-            drawn = {"speed-against-error": figures.drawings(data, rows)["speed-against-error"]}
+        able = {} if rows.empty else figures.drawings(data, rows)
+        drawn = {name: able[name] for name in ("speed-against-error",) if name in able}
     return Section(
         *("verification", "Verification against baseline", "scripts/stepwise verify --run RUN", parts),
         answer=answer,
