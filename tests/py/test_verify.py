@@ -291,7 +291,7 @@ def test_the_reference_is_identical_to_itself(driver, command):
     ],
 )
 def test_bad_arguments_end_with_status_2_and_what_would_be_right(words, message):
-    done = started.run([sys.executable, ROOT / "scripts/stepwise verify", *words])
+    done = started.run([sys.executable, ROOT / "scripts/stepwise", "verify", *words])
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
@@ -313,7 +313,7 @@ def test_end_to_end_with_the_real_driver(tmp_path):
         "--antialias-n",
         "5",
     ]
-    command = [sys.executable, ROOT / "scripts/stepwise verify", *words, "--run", tmp_path, "--json"]
+    command = [sys.executable, ROOT / "scripts/stepwise", "verify", *words, "--run", tmp_path, "--json"]
     done = started.run(command)
     assert done.returncode == 0, done.stderr
     pairs = json.loads(done.stdout)["pairs"]
