@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections import Counter
 
+import emitted
 import pytest
 import started
 
@@ -544,7 +545,7 @@ def command(*arguments: object, **environment: str) -> subprocess.CompletedProce
 def test_table1_of_a_small_picture_as_json():
     done = command("--phase", "baseline", "--scene", "cubes", "-n", 9, "--json")
     assert done.returncode == 0, done.stderr
-    (row,) = json.loads(done.stdout)["table1"]
+    (row,) = emitted.result(done.stdout)["table1"]
     assert row["phase"] == "baseline" and row["width"] == 16 and row["paper_gflop"] is None
 
 
@@ -566,7 +567,7 @@ def test_bad_arguments_are_one_line(arguments, message):
 
 def test_what_was_measured_is_shown_without_a_run():
     done = command("--measure", "--phase", "baseline", "--scene", "trio", "-n", 9, "--json")
-    (one,) = json.loads(done.stdout)["measured"]
+    (one,) = emitted.result(done.stdout)["measured"]
     assert done.returncode == 0 and one["backend"] == "blocks" and one["total"]["machine"] > 0
     done = command("--measure", "--phase", "baseline", "--scene", "trio", "-n", 9)
     assert f"{one['total']['machine'] / 1e9:.4}" in done.stdout.strip().splitlines()[-1]
@@ -589,7 +590,7 @@ def test_declared_costs_hold_against_the_blocks_that_ran(phase, scene):
     """The whole chain on a scene with a mirror, soft shadows, fog and a rotation; and where a Mandelbulb is
     marched alone, by functions that no other scene has."""
     done = command("--validate", "--phase", phase, "--scene", scene, "-n", 24, "--json")
-    rows = json.loads(done.stdout)["rows"]
+    rows = emitted.result(done.stdout)["rows"]
     assert done.returncode == 0, done.stderr
     assert {"phase", "scene", "counted", "measured", "backend", "relative_difference"} <= rows[0].keys()
     assert len([row for row in rows if row["judged"]]) > 10 and all(row["calibrated"] for row in rows)
@@ -615,7 +616,7 @@ def test_a_systems_costs_hold_where_its_scenes_are(phase, scene, there, least):
     if not registry.cpu_supports(registry.find_phase(phase)):
         pytest.skip("the CPU lacks what it needs")
     done = command("--validate", "--phase", phase, "--scene", scene, "-n", 24, "--json")
-    rows = [row for row in json.loads(done.stdout)["rows"] if row["judged"]]
+    rows = [row for row in emitted.result(done.stdout)["rows"] if row["judged"]]
     assert done.returncode == 0, done.stderr
     assert there <= {row["scope"] for row in rows}
     assert all(row["unexplained"] < least for row in rows), [(r["scope"], r["unexplained"]) for r in rows]
@@ -624,7 +625,7 @@ def test_a_systems_costs_hold_where_its_scenes_are(phase, scene, there, least):
 def test_opt2s_branches_are_explained_to_less_than_one_percent():
     """Where gcc makes branches of minima, and the raw difference is some 10 %."""
     done = command("--validate", "--phase", "opt2", "--scene", "scene0", "-n", 24, "--json")
-    rows = json.loads(done.stdout)["rows"]
+    rows = emitted.result(done.stdout)["rows"]
     (row,) = (row for row in rows if (row["scope"], row["variant"]) == ("total", "shipped"))
     assert done.returncode == 0 and row["explained_to"] + row["unexplained"] < 0.01
 

@@ -6,11 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import emitted
 import pytest
 import started
 
 from study.commands import new_phase
-from study.core import patches, registry
+from study.core import cli, patches, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 
@@ -150,10 +151,10 @@ def test_command_refuses(arguments, words):
 def test_command_says_what_is_next(root, monkeypatch, capsys, as_json):
     monkeypatch.setattr(new_phase, "create", lambda name, parent, whole: registry.ROOT / "phases" / name)
     monkeypatch.setattr("sys.argv", ["new-phase", "--name", "x", "--from", "opt2", *["--json"] * as_json])
-    assert new_phase.main() == 0
+    assert cli.finish(new_phase.main()) == 0
     said = capsys.readouterr().out
     if as_json:
-        assert json.loads(said) == {"phase": "x", "parent": "opt2", "folder": "phases/x"}
+        assert emitted.result(said) == {"phase": "x", "parent": "opt2", "folder": "phases/x"}
     else:
         assert "fill in title and idea in phases/x/phase.json" in said
         assert 'make sweep PHASE="opt2 x"' in said

@@ -60,7 +60,7 @@ def page() -> str:
 def main() -> int:
     parser = cli.parser(__doc__ or "")
     parser.add_argument(
-        "-o", "--out", type=Path, default=FILE, metavar="FILE", help="default: docs/commands.md"
+        "-o", "--out", type=Path, default=FILE, metavar="PATH", help="default: docs/commands.md"
     )
     args = parser.parse_args()
     store.write_text(args.out, page())

@@ -57,8 +57,8 @@ def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "the phase is outside its tolerance"})
     add = parser.add_argument
     add("name", metavar="NAME", help="a phase, or an ablation like opt2+title")
-    add("--against", metavar="SPEC", help="default: the parent that its phase.json names")
-    add("--scene", default="scene0", metavar="NAME", help="default: scene0")
+    add("--against", metavar="PHASE", help="default: the parent that its phase.json names")
+    add("--scene", default="scene0", metavar="SCENE", help="default: scene0")
     add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
     add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
     add("--seed", type=int, help="of order and padding; default: random")

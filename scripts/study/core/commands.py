@@ -96,6 +96,7 @@ def main() -> int:
         print(listing(found))
         return cli.OK
     if name == "list" and rest == ["--json"]:
+        sys.argv[:] = ["stepwise list"]
         cli.emit({c.name: {"what": c.what, "experiment": c.experiment} for c in found.values()})
         return cli.OK
     if name not in found:

@@ -75,9 +75,9 @@ def measurements(
 
 def main() -> int:
     parser = cli.parser(__doc__, {1: "a count is further than 1 % from what was measured"})
-    parser.add_argument("--phase", nargs="+", metavar="NAME", help="default: all; also opt2@opt4, opt1+bulb")
+    parser.add_argument("--phase", nargs="+", metavar="PHASE", help="default: all; also opt2@opt4, opt1+bulb")
     parser.add_argument(
-        "--scene", nargs="+", metavar="NAME", help="default: scene0 mandelbulb, and trio with --validate"
+        "--scene", nargs="+", metavar="SCENE", help="default: scene0 mandelbulb, and trio with --validate"
     )
     heights = f"picture height ({HEIGHT}; {QEMU_HEIGHT} with qemu, which is a hundred times slower)"
     parser.add_argument("-n", type=int, metavar="HEIGHT", help=heights)
@@ -86,8 +86,10 @@ def main() -> int:
         "--backend", choices=BACKENDS, help="what measures, with --validate or --measure (blocks)"
     )
     parser.add_argument("--measure", action="store_true", help="also measure the shipped build")
-    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), metavar="N")
-    parser.add_argument("--run", type=Path, metavar="RUN", help="add to this run's counts.json")
+    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument(
+        "--run", type=Path, metavar="DIR", help="for counts.json and validation.json; default: none"
+    )
     args = parser.parse_args()
     if args.backend and not (args.validate or args.measure):
         raise StudyError(f"--backend {args.backend} measures nothing by itself: add --validate or --measure")
@@ -138,12 +140,8 @@ def main() -> int:
     bad = flops.failures(rows)
     table = table1.rows(counted)
     if args.json:
-        cli.emit(
-            {"table1": table, "rows": rows, "failed": len(bad)}
-            if args.validate
-            else {"table1": table, "declared": counted}
-            | ({"measured": [one.to_json() for one in made]} if made else {})
-        )
+        found = {"table1": table, "declared": counted, "measured": [one.to_json() for one in made]}
+        cli.emit(found | {"rows": rows, "failed": len(bad)}, args.run)
     elif args.validate:
         apart = ("calls of", libm.MATH)
         listed = [row for row in rows if row["judged"] and not row["scope"].startswith(apart)]

@@ -124,7 +124,7 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
         "not_reached": [],
     }
     specs = []
-    for spec in wanted_specs(options.phase, not options.no_second_base):
+    for spec in wanted_specs(options.phase, options.second_base):
         if cpu_supports(spec):
             plan["binaries"][str(spec)] = sha256(build(spec))
             specs.append(spec)

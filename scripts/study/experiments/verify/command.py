@@ -109,13 +109,15 @@ def arguments() -> argparse.Namespace:
     cores = len(os.sched_getaffinity(0))
     parser = cli.parser(__doc__, {1: "a pair is outside its tolerance", 3: "no phase could run on this CPU"})
     add = parser.add_argument
-    add("--reference", default="baseline", metavar="SPEC", help="default: baseline")
-    add("--phase", nargs="+", metavar="SPEC", help="e.g. opt4, or opt2@opt4; default: all")
-    add("--scene", nargs="+", metavar="NAME", help="default: all")
-    add("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
-    add("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
+    add("--reference", default="baseline", metavar="PHASE", help="default: baseline")
+    add("--phase", nargs="+", metavar="PHASE", help="e.g. opt4, or opt2@opt4; default: all")
+    add("--scene", nargs="+", metavar="SCENE", help="default: all")
+    add("-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height in pixels; default: 720")
+    add(
+        "-w", type=cli.at_least(1), metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square"
+    )
     about = f"height of fractal scenes' means of {FACTOR}x{FACTOR} pixels; default: 180"
-    add("--antialias-n", type=cli.at_least(1), default=180, metavar="N", help=about)
+    add("--antialias-n", type=cli.at_least(1), default=180, metavar="HEIGHT", help=about)
     add("--run", type=Path, metavar="DIR", help="for verify.json and images/; default: build/verify")
     add(
         "--jobs",
@@ -167,17 +169,16 @@ def main() -> int:
     tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
     result = {"schema": 1, "reference": str(reference), **tools, "pairs": pairs, "skipped": skipped}
     store.write_json(folder / "verify.json", result)
-    report(args, result, folder, alone=len(specs) == len(scenes) == len(pairs) == 1)
+    report(args, result, folder)
     if not pairs:
         return cli.CANNOT_RUN
     return cli.FAILED if any(pair["within_tolerance"] is False for pair in pairs) else cli.OK
 
 
-def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) -> None:
-    """JSON (a flat object for a pair asked for alone) or a table; then what was skipped and what failed."""
+def report(args: argparse.Namespace, result: dict, folder: Path) -> None:
+    """JSON or a table; then what was skipped and what failed."""
     if args.json:
-        tools = {key: value for key, value in result.items() if key.endswith("_tool")}
-        cli.emit({**result["pairs"][0], **tools} if alone else result)
+        cli.emit(result, folder)
     elif result["pairs"]:
         print(table(result["pairs"]))
         print(f"Linear RGB in [0, 1] where not called display; FLIP: {images.FLIP_TOOL}.")
