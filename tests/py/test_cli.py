@@ -117,6 +117,21 @@ def test_emit_writes_what_json_knows(capsys, monkeypatch):
     }
 
 
+@pytest.mark.parametrize("command", commands.find_all().values(), ids=lambda command: command.name)
+def test_an_option_is_written_the_same_way_everywhere(command):
+    """And a positional run is RUN, or a RUN of several."""
+    for action in commands.parser_of(command)._actions:
+        shown = action.metavar or action.dest.upper()
+        for name in action.option_strings:
+            if name in commands.OPTIONS:
+                placeholder = commands.OPTIONS[name][0]
+                assert (action.nargs == 0) == (placeholder is None)
+                assert placeholder in (None, shown), f"{command.name}: {name} {shown}"
+        assert "--seconds" not in action.option_strings, "the time for measuring is --budget"
+        if not action.option_strings and "run" in action.dest:
+            assert shown == "RUN"
+
+
 def script(folder: Path, body: str) -> Path:
     """A script beside a copy of study/core/cli.py, in a tree of its own."""
     core = folder / "scripts" / "study" / "core"
