@@ -56,7 +56,7 @@ class Sides:
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "the phase is outside its tolerance"})
     add = parser.add_argument
-    add("name", metavar="NAME", help="a phase, or an ablation like opt2+title")
+    add("name", metavar="PHASE", help="a phase, or an ablation like opt2+title")
     add("--against", metavar="PHASE", help="default: the parent that its phase.json names")
     add("--scene", default="scene0", metavar="SCENE", help="default: scene0")
     add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
