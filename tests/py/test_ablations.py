@@ -591,7 +591,7 @@ def test_every_case_is_timed_once_a_round_in_random_order(monkeypatch):
 
 
 def command(*arguments: str, root: Path = ROOT, **environment: str) -> subprocess.CompletedProcess:
-    words = [sys.executable, root / "scripts/stepwise ablations", *arguments]
+    words = [sys.executable, root / "scripts/stepwise", "ablations", *arguments]
     return started.run(words, env=os.environ | environment)
 
 

@@ -149,6 +149,21 @@ def test_one_pair(driver, command, tmp_path):
     assert "FAIL opt4 on trio: psnr_db: 44.7712, should be at least 55" in err
 
 
+def test_the_parents_row_stands_beside_and_is_not_judged(driver, command, monkeypatch):
+    """opt4 is off by 0.01 in red and fails; its child opt1 here is judged alone."""
+    monkeypatch.setitem(
+        registry.phases(), "opt1", dataclasses.replace(registry.phases()["opt1"], parent="opt4")
+    )
+    status, out, err = command("--phase", "opt1", "--scene", "trio", "--json")
+    pairs = emitted.result(out)["pairs"]
+    assert [(p["phase"], p["beside"], p["within_tolerance"]) for p in pairs] == [
+        ("opt4", True, False),
+        ("opt1", False, True),
+    ]
+    assert status == 0 and "FAIL" not in err
+    assert command("--phase", "opt4", "opt1", "--scene", "trio")[0] == 1, "asked for, so judged"
+
+
 def test_infinite_psnr_is_null_and_passes(driver, command):
     status, out, _ = command("--phase", "opt1", "--scene", "trio", "--json")
     (found,) = emitted.result(out)["pairs"]
@@ -296,7 +311,7 @@ def test_the_reference_is_identical_to_itself(driver, command):
     ],
 )
 def test_bad_arguments_end_with_status_2_and_what_would_be_right(words, message):
-    done = started.run([sys.executable, ROOT / "scripts/stepwise verify", *words])
+    done = started.run([sys.executable, ROOT / "scripts/stepwise", "verify", *words])
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
@@ -318,7 +333,7 @@ def test_end_to_end_with_the_real_driver(tmp_path):
         "--antialias-n",
         "5",
     ]
-    command = [sys.executable, ROOT / "scripts/stepwise verify", *words, "--run", tmp_path, "--json"]
+    command = [sys.executable, ROOT / "scripts/stepwise", "verify", *words, "--run", tmp_path, "--json"]
     done = started.run(command)
     assert done.returncode == 0, done.stderr
     pairs = emitted.result(done.stdout)["pairs"]

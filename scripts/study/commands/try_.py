@@ -71,7 +71,7 @@ def arguments() -> argparse.Namespace:
 def sides(name: str, against: str | None) -> Sides:
     """Raises StudyError for a phase without a parent, and for one that this CPU cannot run."""
     mine = Spec.parse(name)
-    parent = against or ("+" in name and name.partition("+")[0]) or registry.find_phase(mine.phase).parent
+    parent = against or registry.parent_of(name)
     if not parent:
         raise StudyError(f"{name} has no parent; name one with --against")
     both = Sides(Spec.parse(parent), mine)

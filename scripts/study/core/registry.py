@@ -231,6 +231,12 @@ def _ablation(name: str, root: Path) -> Phase:
         raise StudyError(str(error)) from None
 
 
+def parent_of(name: str, root: Path = ROOT) -> str | None:
+    """What NAME is a change of: a phase's parent, the phase of NAME+TITLE, the sources of NAME@FLAGS."""
+    base = re.split("[@+]", name)[0]
+    return base if base != name else find_phase(name, root).parent
+
+
 def find_scene(name: str, root: Path = ROOT) -> Scene:
     """The scene of that name, or a StudyError that names the nearest ones."""
     if name not in scenes(root):

@@ -18,7 +18,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from study.core import cli, patches, registry, run, store
+from study.core import cli, patches, registry, run, show, store
 from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
@@ -297,6 +297,7 @@ def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "claim": said(row),
             "short": row["paper"].partition(" (")[0],
             "psnr": decibels(row["psnr_db"]),
+            "picture": show.picture(row),
             "against_psnr": decibels(row["against_psnr_db"]),
             "over": f"{100 * row['fraction_over_1_255']:.3g}",
             "flops_text": None if row["flops_ratio"] is None else f"{row['flops_ratio']:.3f}",
@@ -305,7 +306,7 @@ def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-COLUMNS = [("ablation", "ablation"), ("step", "step"), ("against", "against"), ("scene", "scene")]
+COLUMNS = [("ablation", "ablation"), ("step", "step"), ("against", "against"), ("picture", "scene")]
 COLUMNS += [("gain", "step's gain × [95 %]"), ("short", "paper"), ("claim", "paper's claim")]
 COLUMNS += [
     ("psnr", "PSNR dB"),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from study.core.show import NOTHING, Column, Row, percent, plain, word
+from study.core.show import NOTHING, Column, Row, percent, picture, plain, word
 from study.experiments.sweep.columns import _phase
 
 
@@ -69,7 +69,7 @@ TABLE1 = [
 
 
 TERMS = [
-    Column("", "scene", word("scene")),
+    Column("", "scene", picture),
     Column("", "phase", _phase),
     Column("", "term", word("term")),
     Column("", "GFLOP, paper's convention", plain("gflop", 4)),
@@ -79,7 +79,7 @@ TERMS = [
 
 
 READINGS = [
-    Column("", "scene", word("scene")),
+    Column("", "scene", picture),
     Column("", "baseline's FLOPs under the rule", word("rule")),
     Column("", "GFLOP", plain("gflop", 4)),
     Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
@@ -101,7 +101,7 @@ MEASURED = [
 
 
 VALIDATION = [
-    Column("", "scene", word("scene")),
+    Column("", "scene", picture),
     Column("", "phase", _phase),
     Column("", "build", lambda r: {"shipped": "shipped", "calls": "without inlining"}[r["variant"]]),
     Column("", "what", word("scope")),
