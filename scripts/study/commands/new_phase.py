@@ -56,7 +56,7 @@ Papers, with authors, title and year.
 def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = False) -> Path:
     """Make phases/NAME, visible only when it is complete. Returns the new folder.
 
-    Derived from `parent`, or `whole`: with a copy of each of the parent's sources.
+    Derived from `parent`, or `whole`: with a copy of each of the parent's sources but residues.def.
 
     Raises StudyError for a bad or taken name, an unknown parent, and a disk that does not take it.
     """
@@ -88,6 +88,8 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
     try:
         temporary = Path(tempfile.mkdtemp(dir=root / "phases", prefix=f".{name}."))
         for file, path in patches.files(parent, root).items() if whole else ():
+            if file == "residues.def":  # was read in the parent's code
+                continue
             (temporary / file).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, temporary / file)
         text = json.dumps(described, indent=4, ensure_ascii=False)

@@ -88,6 +88,13 @@ class Phase:
         except patches.PatchError as error:
             raise StudyError(str(error)) from None
 
+    def inherits(self, name: str) -> str | None:
+        """The ancestor whose file `name` the phase has; None where it is its own or there is none."""
+        path = self.file(name)
+        if not path.exists() or path.is_relative_to(self.path):
+            return None
+        return path.relative_to(self.path.parent).parts[0]
+
 
 @dataclass(frozen=True)
 class Scene:

@@ -20,7 +20,9 @@ def _residue(row: Row) -> str:
     low, high = (100 * row[name] / (row["measured"] or math.nan) for name in ("residue_low", "residue_high"))
     if not (low or high):
         return NOTHING
-    return f"{low:+.2f}\u00a0%" if low == high else f"{low:+.2f} … {high:+.2f}\u00a0%"
+    text = f"{low:+.2f}\u00a0%" if low == high else f"{low:+.2f} … {high:+.2f}\u00a0%"
+    ancestor = row.get("inherited_from")
+    return f"{text} (inherited from {ancestor}: not confirmed)" if ancestor else text
 
 
 def _within(row: Row) -> str:
