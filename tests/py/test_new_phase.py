@@ -1,6 +1,7 @@
 """A phase from another: what is copied, what is filled in, what is refused."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -157,6 +158,17 @@ def test_command_says_what_is_next(root, monkeypatch, capsys, as_json):
     if as_json:
         assert emitted.result(said) == {"phase": "x", "parent": "opt2", "folder": "phases/x"}
     else:
-        assert "fill in title and idea in phases/x/phase.json" in said
-        assert 'make sweep PHASE="opt2 x"' in said
         assert "cp phases/opt2/march.c phases/x/" in said
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_what_is_next_is_what_the_tutorial_does(whole):
+    """The same make commands in the same order, of a phase called mine."""
+    tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```sh\n(.*?)^```$", tutorial, re.MULTILINE | re.DOTALL)
+    there = [
+        line for block in blocks for line in block.splitlines() if " NAME=mine" in line or "PHASE=" in line
+    ]
+    said = [line.partition("#")[0].strip() for line in new_phase.following("mine", "opt1", whole)]
+    assert [line for line in said if line.startswith("make ")] == there[1:]
+    assert "new-phase" in there[0]

@@ -105,6 +105,26 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
     return target
 
 
+def following(name: str, parent: str, whole: bool) -> list[str]:
+    """What is said of the new phase: what it is, and the commands of docs/tutorial.md in their order."""
+    folder = f"phases/{name}"
+    lines = [f"{folder} {'is a copy of' if whole else 'derives from'} phases/{parent}. Next:"]
+    if not whole:
+        tree = patches.files(parent)
+        file = next((one for one in ("march.c", "march/march.c") if one in tree), next(iter(tree)))
+        source, into = tree[file].relative_to(registry.ROOT), str(Path(folder, file).parent)
+        made = "" if into == folder else f"mkdir -p {into} && "
+        lines.append(f"  {made}cp {source} {into}/   # or another file that you want to change; edit it")
+    return [
+        *lines,
+        f"  make try NAME={name}                # beside {parent}: speed, error, work; WATCH=1: at each save",
+        f"  make try NAME={name} SCENE=cubes    # where does it not pay?",
+        f"  make verify PHASE={name} N=90       # is it right on every scene?",
+        f"Then fill in {folder}/phase.json and NOTES.md, and declare its FLOPs: make flops PHASE={name}.",
+        "docs/tutorial.md goes through these steps; CONTRIBUTING.md has the rest.",
+    ]
+
+
 def arguments() -> argparse.Namespace:
     parser = cli.parser(__doc__)
     parser.add_argument("--name", required=True, help="of the new phase, like opt4b")
@@ -120,22 +140,5 @@ def main() -> int:
     if options.json:
         cli.emit({"phase": options.name, "parent": options.parent, "folder": shown})
         return cli.OK
-    print(f"{shown} {'is a copy of' if options.whole else 'derives from'} phases/{options.parent}. Next:")
-    print(f"  1. fill in title and idea in {shown}/phase.json, bottleneck and prediction in {shown}/NOTES.md")
-    if options.whole:
-        print(f"  2. change the code; make phase-{options.name} builds it")
-    else:
-        tree = patches.files(options.parent)
-        name = next((one for one in ("march.c", "march/march.c") if one in tree), next(iter(tree)))
-        source, into = tree[name].relative_to(registry.ROOT), (shown / name).parent
-        made = "" if into == shown else f"mkdir -p {into} && "
-        print(f"  2. copy a file that you want to change: {made}cp {source} {into}/")
-        print(
-            f"     make tree-{options.name} says where all its files are; make phase-{options.name} builds it"
-        )
-    both = f'PHASE="{options.parent} {options.name}"'
-    print(f"  3. make verify PHASE={options.name} SCENE=scene0 N=90   (pictures against baseline's)")
-    print(f"  4. make accuracy {both} SCENE=scene0 N=90   (against ground truth)")
-    print(f"  5. make sweep {both} SCENE=scene0   (speed, in turn)")
-    print(f"  6. make flops PHASE={options.name}   (after a change of arithmetic: costs.def)")
+    print("\n".join(following(options.name, options.parent, options.whole)))
     return cli.OK

@@ -183,6 +183,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
             **found[spec],
             "flops": counts[spec] and counts[spec]["flops"]["machine"],
             "lanes_at_work": counts[spec] and share(counts[spec]),
+            "parts": counts[spec] and {name: f["parts"] for name, f in counts[spec]["by_function"].items()},
         }
         for spec in both.both
     ]
