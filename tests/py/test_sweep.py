@@ -306,7 +306,7 @@ def test_result_is_one_json_object(measured):
     base, other = said["rows"][:2]
     assert other["speedup"]["value"] == pytest.approx(base["ms"]["value"] / other["ms"]["value"])
     assert any("under 6 launches" in warning for warning in said["warnings"])
-    assert "100%" in done.stderr
+    assert "sweep: 100 %, after " in done.stderr
 
 
 def test_resuming_a_finished_run_measures_nothing(measured):

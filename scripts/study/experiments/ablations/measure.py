@@ -16,9 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
-from study.core import cli, patches, registry, run, show, store
+from study.core import cli, patches, progress, registry, run, show, store
 from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
@@ -137,7 +135,7 @@ def build_all(specs: Sequence[Spec], targets: Sequence[str], jobs: int) -> dict[
     alone = [one(task) for task in tasks[: len(targets)]]  # what all share is built once
     with ThreadPoolExecutor(jobs) as pool:
         rest = pool.map(one, tasks[len(targets) :])
-        outcomes = [*alone, *tqdm(rest, "build", len(tasks) - len(alone), leave=False, disable=None)]
+        outcomes = [*alone, *progress.each(rest, "build", len(tasks) - len(alone))]
     return {task: error for task, error in zip(tasks, outcomes, strict=True) if error}
 
 
@@ -197,7 +195,7 @@ def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, dict[str,
         return None
 
     with ThreadPoolExecutor(jobs) as pool:
-        counts = list(tqdm(pool.map(one, cases), "count", len(cases), leave=False, disable=None))
+        counts = list(progress.each(pool.map(one, cases), "count", len(cases)))
     return {case: n for case, n in zip(cases, counts, strict=True) if n is not None}
 
 

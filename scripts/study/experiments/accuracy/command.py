@@ -8,9 +8,8 @@ from itertools import product
 from pathlib import Path
 
 import matplotlib
-from tqdm import tqdm
 
-from study.core import cli, registry, store
+from study.core import cli, progress, registry, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
@@ -153,7 +152,7 @@ def judge(
         return rows, missing
     known = scene.fractal and FLOAT in gallery.hashes and not trouble(FLOAT)
     subject = Subject(gallery, scene, plain, size, [FLOAT] if known else [])
-    for spec in tqdm(specs, f"compare {scene.name}", leave=False, disable=None):
+    for spec in progress.each(specs, f"compare {scene.name}"):
         if error := trouble(spec):
             missed(spec, error.message, error.status not in (NO_ISA, UNSUPPORTED))
         else:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from study.core import cli, registry, show, store
+from study.core import cli, progress, registry, show, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
@@ -45,7 +45,7 @@ def pairs(phases: Iterable[str] | None, scenes: Iterable[str]) -> list[tuple[Spe
     return list(itertools.product(found, [registry.find_scene(name) for name in scenes]))
 
 
-def in_parallel(work: list, jobs: int) -> list:
+def in_parallel(work: list, jobs: int, about: str) -> list:
     """Results of the calls in order: counts do not depend on what else runs. What a phase refuses is None."""
 
     def one(call):
@@ -58,7 +58,7 @@ def in_parallel(work: list, jobs: int) -> list:
             return None
 
     with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(one, work))
+        return list(progress.each(pool.map(one, work), about, len(work)))
 
 
 def measurements(
@@ -67,7 +67,9 @@ def measurements(
     """Variant → one measurement per pair."""
     return {
         variant: in_parallel(
-            [lambda p=p, v=variant: flops.measure(backend, *p, height, v) for p in chosen], jobs
+            [lambda p=p, v=variant: flops.measure(backend, *p, height, v) for p in chosen],
+            jobs,
+            f"measure {variant}",
         )
         for variant in variants
     }
@@ -108,7 +110,9 @@ def main() -> int:
     if not chosen:
         raise StudyError("no phase can be counted here", cli.CANNOT_RUN)
     stated = in_parallel(
-        [lambda p=p: flops.declared(p[0], p[1], *reversed(p[1].size(args.n))) for p in chosen], args.jobs
+        [lambda p=p: flops.declared(p[0], p[1], *reversed(p[1].size(args.n))) for p in chosen],
+        args.jobs,
+        "count",
     )
     for name in dict.fromkeys(one["phase"] for one in stated if one is not None and one.get("kernel")):
         cli.say(f"{name}: its general code is counted, no kernel is generated for a scene (STEPWISE_CC=none)")

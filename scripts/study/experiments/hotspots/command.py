@@ -9,7 +9,7 @@ from typing import Any
 
 from study.bounds import profiles
 from study.bounds import topdown as bounds
-from study.core import cli, machine, registry, run, show, store
+from study.core import cli, machine, progress, registry, run, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.counting import perf, symbols
@@ -83,7 +83,7 @@ def measure(pairs: Sequence[tuple[Spec, Scene]], args: Any) -> Row:
     """Everything of one call, as hotspots.json has it."""
     record: Row = {"schema": 1, "profiles": [], "beside": {}, "bounds": []}
     said: set[str] = set()
-    for spec, scene in pairs:
+    for spec, scene in progress.each(pairs, "sample"):
         try:
             by = {
                 variant: profiles.measure(spec, scene, args.n, None, variant, args.samples, args.cpu)

@@ -10,14 +10,11 @@ import os
 import random
 import re
 import secrets
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
-from study.core import cli, machine, run, store
+from study.core import cli, machine, progress, run, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Spec, find_scene, ladder
@@ -217,9 +214,7 @@ class Sweep:
         """All rounds, with a progress bar in seconds. A crash is recorded, and the rest goes on."""
         work, budget = self.remaining(), self.budget()
         total, by_clock = min(work, budget), budget < work
-        form = "{percentage:3.0f}% |{bar:30}| {elapsed} < {remaining}  {desc}"
-        pause = 0.1 if sys.stderr.isatty() else 10
-        with tqdm(total=total, bar_format=form, mininterval=pause, dynamic_ncols=True) as bar:
+        with progress.Progress("sweep", total, share=True) as bar:
             for number in itertools.count():
                 self.now = self.rounds + number
                 chosen = self.round(number)
@@ -228,7 +223,7 @@ class Sweep:
                 for config in chosen:
                     if self.expected(config) > self.budget():
                         continue
-                    bar.set_description_str(f"round {number + 1}: {config}", False)
+                    bar.to(bar.done, f"round {number + 1}: {config}")
                     before, begin = self.expected(config), time.monotonic()
                     try:
                         self.launch(config)
@@ -238,8 +233,8 @@ class Sweep:
                         fail(self.plan, dataclasses.asdict(config) | launch, error)
                         store.write_json(self.run.path / "plan.json", self.plan)
                     step = time.monotonic() - begin if by_clock else before
-                    bar.update(min(step, bar.total - bar.n))
-            bar.update(bar.total - bar.n)
+                    bar.to(min(bar.done + step, total))
+            bar.to(total)
 
     def finish(self) -> None:
         """Write what the budget did not reach, and that the run is over."""
@@ -294,11 +289,6 @@ def start(plan: dict[str, Any], options: argparse.Namespace) -> Sweep:
     return Sweep(target, plan, options.budget)
 
 
-def duration(seconds: float) -> str:
-    minutes, seconds = divmod(round(seconds), 60)
-    return f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
-
-
 def dry_run(sweep: Sweep, as_json: bool) -> int:
     """What would be measured and how long it would take."""
     plan, seconds = sweep.plan, sweep.remaining()
@@ -318,8 +308,8 @@ def dry_run(sweep: Sweep, as_json: bool) -> int:
     print(
         f"{sum(row['launches'] for row in rows)} launches, {frames}; CPU {plan['cpu']}, seed {plan['seed']}"
     )
-    limit = f", cut off after {duration(sweep.budget())}" if seconds > sweep.budget() else ""
-    print(f"estimated duration: {duration(seconds)}{limit}")
+    limit = f", cut off after {progress.duration(sweep.budget())}" if seconds > sweep.budget() else ""
+    print(f"estimated duration: {progress.duration(seconds)}{limit}")
     return cli.OK
 
 

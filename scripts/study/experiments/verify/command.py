@@ -7,9 +7,7 @@ import os
 from itertools import product
 from pathlib import Path
 
-from tqdm import tqdm
-
-from study.core import cli, registry, store
+from study.core import cli, progress, registry, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
@@ -167,7 +165,7 @@ def main() -> int:
     refused = gallery.render_all(tasks, args.jobs)
 
     pairs = []
-    for scene, spec in tqdm(list(product(scenes, able)), "compare", leave=False, disable=None):
+    for scene, spec in progress.each(list(product(scenes, able)), "compare"):
         about = {**subject(reference, spec, scene, sizes[scene.name][0]), "beside": spec in extra}
         error = refused.get((reference, scene.name)) or refused.get((spec, scene.name))
         if error is None:
