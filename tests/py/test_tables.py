@@ -520,8 +520,8 @@ def test_the_papers_program_is_the_readmes_last_row(run: Path) -> None:
     rows = [base, base | {"phase": "opt4", "theirs_launches_ms": [20.0] * 6, "psnr_display_db": 31.7}]
     (run / "original.json").write_text(json.dumps({"rows": rows}))
     made = front_page.originals(run)
-    assert made[0][3:6] == ["250 [250, 250]", "0.8× [0.8, 0.8]", "identical to ours"]
-    assert made[1][3:6] == ["20 [20, 20]", "10× [10, 10]", "31.7 to ours, displayed"]
+    assert made[0][3:6] == ["250.0 [250.0,\u00a0250.0]", "0.800× [0.800,\u00a00.800]", "as ours"]
+    assert made[1][3:6] == ["20.00 [20.00,\u00a020.00]", "10.0× [10.0,\u00a010.0]", "31.7 to ours"]
     assert made[0][6:] == ["–"] * 3
     block = front_page.ladder_block(analysis.load(run), rows_of(run))
     assert "| 32.0× [" in block
