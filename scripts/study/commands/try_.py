@@ -248,11 +248,13 @@ def speed_up(ratio: stats.Interval) -> str:
 
 
 def files(both: Sides) -> dict[Path, float]:
-    """The sources of both, with the time of their last change."""
+    """The sources, patches and phase.json of both, and their folders, with the time of their last change."""
     found = {}
     for spec in both.both:
-        name = spec.phase
-        for path in [*patches.files(name.partition("+")[0]).values(), registry.find_phase(name).path]:
+        base = spec.phase.partition("+")[0]
+        folder = registry.find_phase(base).path
+        changes = [patch.path for patch in patches.chain(spec.phase)]
+        for path in [*patches.files(base).values(), *changes, folder, folder / "phase.json"]:
             with contextlib.suppress(OSError):
                 found[path] = path.stat().st_mtime
     return found
