@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 
+import emitted
 import numpy as np
 import pytest
 import started
@@ -138,7 +139,7 @@ def test_the_script(tmp_path):
 
     done = script("two_spheres", "-n", "12", "-w", "16", "--json")
     assert done.returncode == cli.OK, done.stderr
-    (found,) = json.loads(done.stdout)["scenes"]
+    (found,) = emitted.result(done.stdout)["scenes"]
     assert (found["proved"], found["undecided"], found["converged_only"]) == (16 * 12, 0, 0)
     wrong = script("two_sphere", "-n", "12")
     assert wrong.returncode == cli.BAD_INPUT and "did you mean two_spheres" in wrong.stderr

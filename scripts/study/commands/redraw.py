@@ -84,9 +84,9 @@ KINDS: dict[str, tuple[str, Callable[[Path, Path], list[Path]]]] = {  # → the 
 
 def main() -> int:
     parser = cli.parser(__doc__ or "")
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of the run")
+    parser.add_argument("run", type=Path, metavar="RUN", help="its folder")
     about = "where figures/ and images/ go; default: RUN"
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help=about)
+    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help=about)
     kinds = [*KINDS, *SHEETS]
     about = f"of {', '.join(kinds)}; default: all figures that the run has. Sheets need their phases built"
     parser.add_argument("--only", nargs="+", choices=kinds, metavar="KIND", help=about)
@@ -104,7 +104,7 @@ def main() -> int:
         else:
             cli.say(f"{kind}: left out, {args.run / file} is missing")
     if args.json:
-        cli.emit({"files": made})
+        cli.emit({"files": made}, args.run)
     else:
         print("\n".join(map(str, made)))
     return cli.OK

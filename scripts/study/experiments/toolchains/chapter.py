@@ -60,7 +60,8 @@ def compilers(path: Path) -> Section:
     with reading(file, f"scripts/stepwise toolchains --run {path}"):
         if file.exists():
             result = toolchains.read(file)
-            parts = part("toolchains", "Each phase by each compiler and set of flags", result["rows"], CHAINS)
+            caption = f"Each phase by each compiler and set of flags, n = {result['n']}"
+            parts = part("toolchains", caption, result["rows"], CHAINS)
             native = "; ".join(f"{name}: {flags or 'not told'}" for name, flags in result["native"].items())
             remarks = [CHAINS_ABOUT.format(**result | {"native": native})]
             remarks += [
