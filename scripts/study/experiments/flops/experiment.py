@@ -33,5 +33,5 @@ EXPERIMENT = Experiment(
     files=("counts.json", "validation.json"),
     calls=calls,
     depth="quick",
-    sections=[(40, lambda data: chapter.counted(data.path))],
+    sections=[(220, lambda data: chapter.counted(data.path))],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.verify import chapter
 from study.numbers import analysis
 
 LEAST = 180  # pixels of height
@@ -25,5 +26,5 @@ EXPERIMENT = Experiment(
     files=("verify.json",),
     calls=calls,
     depth="quick",
-    sections=[],
+    sections=[(510, chapter.verification)],
 )
