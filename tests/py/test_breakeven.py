@@ -8,6 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import emitted
 import pytest
 
 from study.core import cli, registry, run, show
@@ -147,7 +148,7 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     ]
     monkeypatch.setenv("STEPWISE_CC", "gcc")
     assert run_command(monkeypatch, *words) == cli.OK
-    made = json.loads(capsys.readouterr().out)
+    made = emitted.result(capsys.readouterr().out)
     assert made == json.loads((tmp_path / breakeven.FILE).read_text())
     spheres, crowd = made["rows"]
     assert spheres["generated"] and 0 < spheres["compile_s"] <= spheres["setup_s"]

@@ -8,6 +8,7 @@ import math
 import sys
 from pathlib import Path
 
+import emitted
 import matplotlib
 import numpy as np
 import pytest
@@ -189,9 +190,9 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
 
 
 def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
-    words = ["--phase", "opt4", "--scene", "scene0", "-n", "16", "--launches", "1", "--seconds", "3600"]
+    words = ["--phase", "opt4", "--scene", "scene0", "-n", "16", "--launches", "1", "--budget", "3600"]
     assert run_command(monkeypatch, *words, "--run", str(tmp_path), "--json") == cli.OK
-    made = json.loads(capsys.readouterr().out)
+    made = emitted.result(capsys.readouterr().out)
     assert made == json.loads((tmp_path / frames.FILE).read_text())
     own, half = made["rows"]
     assert (own["hit"], half["hit"]) == (frames.OWN, frames.HALF) and own["to_own"] is None
@@ -217,13 +218,13 @@ def test_what_is_displayed_otherwise_fails(tmp_path: Path, monkeypatch, capsys) 
         "16",
         "--launches",
         "1",
-        "--seconds",
+        "--budget",
         "3600",
     ]
     assert run_command(monkeypatch, *words, "--run", str(tmp_path), "--json") == cli.FAILED
     said = capsys.readouterr()
     assert "FAIL opt10_scene on scene0: 0 samples not finite, 1 bytes displayed otherwise" in said.err
-    row = json.loads(said.out)["rows"][0]
+    row = emitted.result(said.out)["rows"][0]
     assert (row["presented_by"], row["displayed_otherwise"], row["present_ms"]) == ("phase", 1, 0)
     text = frames_chapter.rates(tmp_path).parts[0].markdown
     assert "| in the phase's tiles |" in text

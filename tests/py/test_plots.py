@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import subprocess
@@ -10,6 +9,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import emitted
 import matplotlib
 import numpy as np
 import pandas as pd
@@ -63,7 +63,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     run = shutil.copytree(ROOT / "tests" / "fixtures" / "run", folder / "machine" / "run")
     done = script(run, "-o", folder / "out", "--json")
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return emitted.result(done.stdout)
 
 
 def test_every_figure_exists_and_is_a_picture(made: dict) -> None:

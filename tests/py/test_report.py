@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import emitted
 import pytest
 import started
 from PIL import Image
@@ -103,7 +104,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     done = script(copy, "-o", folder / "out" / "index.html", "--json")
     assert done.returncode == 0, done.stderr
     text = (folder / "out" / "index.html").read_text()
-    return Made(Page(text), text, folder / "out", copy, json.loads(done.stdout))
+    return Made(Page(text), text, folder / "out", copy, emitted.result(done.stdout))
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ At n = 180 the fixture's opt4 takes 2000 core cycles and 1250 TSC cycles per pix
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import re
 import shutil
@@ -15,6 +14,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import emitted
 import matplotlib
 import pandas as pd
 import pytest
@@ -591,7 +591,7 @@ def test_the_report_goes_on_without_ceilings(run: Path) -> None:
 def test_json_has_every_ceiling_and_point(run: Path, tmp_path: Path) -> None:
     done = script(run, "--json", "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     assert made["ceilings"] == record()["ceilings"]
     points = {(p["phase"], p["n"]): p for p in made["points"]}
     wanted = {"phase", "scene", "n", "flops_per_core_cycle", "low", "high", "share_of_fma_roof", "backend"}

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import MappingProxyType
 
+import emitted
 import matplotlib
 import numpy as np
 import pytest
@@ -715,7 +716,7 @@ def test_labels_keep_apart_and_inside() -> None:
         (["--phase", "opt9x"], "no phase 'opt9x'"),
         (["--phase", "truth"], "truth: is truth itself"),
         (["-n", "8"], "'8': must be a whole number of at least 16"),
-        (["--seconds", "nan"], "'nan': must be a number of at least 1"),
+        (["--budget", "nan"], "'nan': must be a number of at least 1"),
         (["--launches", "0"], "must be a whole number of at least 1"),
         (["--cpu", "4096"], "CPU 4096 is not available"),
         (["--run", "{tmp}/file/run"], "cannot be written to"),
@@ -741,10 +742,10 @@ def test_from_end_to_end(tmp_path: Path) -> None:
         "1",
     ]
     # Far more time than it takes: what is measured must not hang on how fast this machine is now.
-    words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
+    words += ["--budget", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
     done = started.run([sys.executable, *SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     assert made == json.loads((tmp_path / scaling.FILE).read_text())
     threads = [one for one in made["rows"] if one["series"] == "threads"]
     assert {one["phase"] for one in threads} == {"opt5_threads"} and threads[0]["threads"] == 1

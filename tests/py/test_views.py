@@ -7,6 +7,7 @@ import math
 import sys
 from pathlib import Path
 
+import emitted
 import matplotlib
 import numpy as np
 import pytest
@@ -339,7 +340,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
         (["--phase", "baseline"], "baseline: no rung with a parent"),
         (["--scene", "scene9"], "no scene 'scene9'"),
         (["-n", "7"], "'7': must be a whole number of at least 8"),
-        (["--seconds", "nan"], "'nan': must be a number of at least 1"),
+        (["--budget", "nan"], "'nan': must be a number of at least 1"),
         (["--cpu", "4096"], "CPU 4096 is not available"),
         (["--run", "{tmp}/file/run"], "cannot be written to"),
     ],
@@ -350,10 +351,10 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
 
 def test_from_end_to_end(tmp_path: Path) -> None:
     words = ["--phase", "opt1", "--scene", "two_spheres", "-n", "8", "--error-n", "8", "--launches", "1"]
-    words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
+    words += ["--budget", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
     done = started.run([sys.executable, *SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     assert made == json.loads((tmp_path / views_measure.FILE).read_text())
     assert {(r["phase"], r["view"]) for r in made["rows"]} == {
         (phase, view) for phase in ("baseline", "opt1") for view in ("own", "left", "right", "near")

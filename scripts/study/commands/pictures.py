@@ -111,9 +111,9 @@ def main() -> int:
     parser.add_argument(
         "--run", type=Path, metavar="DIR", help="what scripts/stepwise verify wrote; default: the latest run"
     )
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: RUN/figures")
-    parser.add_argument("--scene", nargs="+", metavar="NAME", help="of the contact sheet; default: all")
-    parser.add_argument("--phase", nargs="+", metavar="SPEC", help="of the contact sheet; default: all")
+    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help="default: RUN/figures")
+    parser.add_argument("--scene", nargs="+", metavar="SCENE", help="of the contact sheet; default: all")
+    parser.add_argument("--phase", nargs="+", metavar="PHASE", help="of the contact sheet; default: all")
     args = parser.parse_args()
     folder = args.run or store.latest().path
     if not (folder / "verify.json").is_file():
@@ -130,7 +130,7 @@ def main() -> int:
         "evaluations": panels.save(heat, out / "evaluations.png"),
     }
     if args.json:
-        cli.emit(made)
+        cli.emit(made, folder)
     else:
         print("\n".join(map(str, made.values())))
     return cli.OK

@@ -36,9 +36,9 @@ SHEETS: dict[str, Callable[[Path], list[Path]]] = {
 
 def main() -> int:
     parser = cli.parser(__doc__ or "")
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of the run")
+    parser.add_argument("run", type=Path, metavar="RUN", help="its folder")
     about = "where figures/ and images/ go; default: RUN"
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help=about)
+    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help=about)
     about = (
         f"chapters of the report (pareto, roofline …), or of {', '.join(SHEETS)}, whose phases must be "
         "built; default: all chapters"
@@ -61,7 +61,7 @@ def main() -> int:
                 with reading(section.file or section.id, f"{section.script} --run {args.run}"):
                     made += drawing.write(out / "figures" / stem)
     if args.json:
-        cli.emit({"files": made})
+        cli.emit({"files": made}, args.run)
     else:
         print("\n".join(map(str, made)))
     return cli.OK

@@ -103,10 +103,14 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
 
 def main() -> int:
     parser = cli.parser(__doc__)
-    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
-    parser.add_argument("-o", "--out", type=Path, default=OUT, metavar="FILE", help="report/out/index.html")
     parser.add_argument(
-        "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
+        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
+    )
+    parser.add_argument(
+        "-o", "--out", type=Path, default=OUT, metavar="PATH", help="default: report/out/index.html"
+    )
+    parser.add_argument(
+        "-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured"
     )
     about = "what a study still measures: the page says so"
     parser.add_argument("--running", nargs="+", default=[], metavar="TEXT", help=about)
@@ -117,7 +121,7 @@ def main() -> int:
     for note in data.notes:
         cli.say(note)
     if args.json:
-        cli.emit({"report": args.out, "bytes": len(html.encode()), "missing": data.notes})
+        cli.emit({"report": args.out, "bytes": len(html.encode()), "missing": data.notes}, data.path)
     else:
         print(args.out)
     return cli.OK

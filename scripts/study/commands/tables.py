@@ -92,10 +92,12 @@ def systems_page(text: str, data: Data) -> str:
 
 def main() -> int:
     parser = cli.parser(__doc__)
-    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="where the tables go (RUN/tables)")
     parser.add_argument(
-        "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
+        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
+    )
+    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help="default: RUN/tables")
+    parser.add_argument(
+        "-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured"
     )
     parser.add_argument(
         "--readme", action="store_true", help="rewrite the ladder between the marks in README.md"
@@ -125,7 +127,9 @@ def main() -> int:
     for note in data.notes:
         cli.say(note)
     if args.json:
-        cli.emit({name: rows.to_dict("records") for name, (rows, _) in made.items()} | {"files": paths})
+        cli.emit(
+            {name: rows.to_dict("records") for name, (rows, _) in made.items()} | {"files": paths}, data.path
+        )
     else:
         print("\n".join(map(str, paths)))
     return cli.OK

@@ -178,6 +178,11 @@ def whole(name: str) -> Callable[[Row], str]:
     return lambda row: NOTHING if row.get(name) is None or pd.isna(row[name]) else f"{row[name]:.0f}"
 
 
+def picture(row: Row) -> str:
+    """The scene with the size of its picture in pixels: `scene0, 1280×720`."""
+    return f"{row['scene']}, {row['width']}×{row.get('height') or row['n']}"
+
+
 @dataclass(frozen=True)
 class Table:
     columns: list[Column]

@@ -31,7 +31,7 @@ STEPS = [
     Column("", "step", lambda r: r["ablation"]),
     Column("", "added or removed", lambda r: r["step"]),
     Column("", "against", lambda r: r["against"]),
-    Column("", "scene", lambda r: r["scene"]),
+    Column("", "scene", show.picture),
     Column("", "the step's gain [95\u00a0%]", _gain),
     Column("", "the paper", lambda r: r["paper"].partition(" (")[0]),
     Column("", "the paper's claim", ablations.said),
@@ -53,7 +53,7 @@ STEPS_ABOUT = (
 IDEAS = [
     Column("", "idea", lambda r: r["idea"]),
     Column("", "taken out of", lambda r: r["against"]),
-    Column("", "scene", lambda r: r["scene"]),
+    Column("", "scene", show.picture),
     Column("", "gain of the idea [95\u00a0%]", _gain),
     Column("picture without the idea", "PSNR to the phase's own, dB", ideas.change),
     Column("picture without the idea", "largest difference", show.plain("change_max_abs", 2)),

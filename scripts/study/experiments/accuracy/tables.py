@@ -63,7 +63,7 @@ def _proved(row: Row) -> str:
     return f"{text}; rest converged only" if row["converged_only"] else text
 
 
-HEAD = [Column("", "scene", lambda r: r["scene"]), Column("", "phase", lambda r: r["phase"])]
+HEAD = [Column("", "scene", show.picture), Column("", "phase", lambda r: r["phase"])]
 ERRORS = [
     *HEAD,
     Column("", "precision", lambda r: r["precision"]),

@@ -27,17 +27,18 @@ def headline(path: Path) -> Section:
         result = pareto.read(file)
         if result["rows"]:
             winners, rows = result["winners"], result["rows"]
+            size = f" (n = {result['n']})"
             answer = pareto.answer(winners)
             caption = "The fastest at a stated PSNR to ground truth; “or”: not told apart from it"
             foot = "\n".join(pareto.summary(winners, rows))
-            parts += part("pareto", caption, pareto_page.by_level(winners), pareto_page.LEVELS, foot)
+            parts += part("pareto", caption + size, pareto_page.by_level(winners), pareto_page.LEVELS, foot)
             own = [row for row in rows if row["own_parameters"]]
             caption = "With each scene's own parameters: evaluations per pixel × ns per evaluation"
-            parts += part("pareto-own", caption, own, pareto_page.POINTS)
+            parts += part("pareto-own", caption + size, own, pareto_page.POINTS)
             caption = "The fastest, with its parameters and what it is not told apart from"
-            parts += part("pareto-winners", caption, winners, pareto_page.WINNERS)
+            parts += part("pareto-winners", caption + size, winners, pareto_page.WINNERS)
             caption = "Every point of the grid"
-            parts += part("pareto-points", caption, rows, pareto_page.POINTS)
+            parts += part("pareto-points", caption + size, rows, pareto_page.POINTS)
             for measure, name in pareto_page.FIGURES.items():
                 able = [row for row in rows if not math.isnan(pareto.badness(row, measure))]
                 if able:

@@ -69,7 +69,8 @@ def compilers(path: Path) -> Section:
             skipped = [
                 f"skipped {one.get('compiler') or one['phase']}: {one['reason']}" for one in result["skipped"]
             ]
-            rows, caption = result["rows"], "Each phase by each compiler and set of flags"
+            rows = result["rows"]
+            caption = f"Each phase by each compiler and set of flags, n = {result['n']}"
             parts = part("toolchains", caption, rows, CHAINS, "\n".join([note, *skipped]))
             answer = _answer(rows)
             if rows:

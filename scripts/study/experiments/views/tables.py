@@ -101,7 +101,7 @@ SCENES = [
 ]
 POINTS = [
     Column("", "program", lambda r: r["phase"]),
-    Column("", "scene", lambda r: r["scene"]),
+    Column("", "scene", show.picture),
     Column("", "view", lambda r: f"{r['view']}: {r['change']}"),
     Column("", "ms a frame [95 %]", lambda r: _text(r["ms"], "")),
     Column("", "× parent [95 %]", lambda r: _text(r["ratio"])),
@@ -122,9 +122,15 @@ LEFT_OUT = [
 def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column]]]:
     """Name, caption, rows and columns."""
     left_out = [*result["failures"], *result["left_out"]]
+    size = f"times at n = {result['n']}, errors at n = {result['error_n']}"
     return [
-        ("views", "Each phase against its parent, on views it was not tuned on", result["rungs"], RUNGS),
-        ("views-scenes", "The same scene by scene", by_scene(result["rows"]), SCENES),
+        (
+            "views",
+            f"Each phase against its parent, on views it was not tuned on; {size}",
+            result["rungs"],
+            RUNGS,
+        ),
+        ("views-scenes", f"The same scene by scene; {size}", by_scene(result["rows"]), SCENES),
         ("views-points", "Every program on every view", result["rows"], POINTS),
         ("views-left-out", "Not measured", left_out, LEFT_OUT),
     ]
