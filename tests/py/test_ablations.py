@@ -14,6 +14,7 @@ import sys
 import types
 from pathlib import Path
 
+import emitted
 import numpy as np
 import pytest
 import started
@@ -590,7 +591,7 @@ def test_every_case_is_timed_once_a_round_in_random_order(monkeypatch):
 
 
 def command(*arguments: str, root: Path = ROOT, **environment: str) -> subprocess.CompletedProcess:
-    words = [sys.executable, root / "scripts/stepwise ablations", *arguments]
+    words = [sys.executable, root / "scripts/stepwise", "ablations", *arguments]
     return started.run(words, env=os.environ | environment)
 
 
@@ -599,7 +600,7 @@ def test_the_table(tmp_path):
     small = ["-n", "9", "--run", str(tmp_path), "--seed", "1"]
     done = command(*small, "--phase", "opt2+norm_bounds", "opt2+fast_root_3", "--json")
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    found = emitted.result(done.stdout)
     assert found == json.loads((tmp_path / "ablations.json").read_text())
     rows = {(row["ablation"], row["scene"]): row for row in found["rows"]}
     names = ("opt2+norm_bounds", "opt2+fast_root_3")
@@ -627,7 +628,7 @@ def test_ideas_have_a_file_of_their_own(tmp_path):
     names = ["opt9_convex+no_query", "opt6_wide+awake", "opt6_wide+rsqrt"]
     done = command("--ideas", *small, "--phase", *names)
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    found = emitted.result(done.stdout)
     assert found == json.loads((tmp_path / "ideas.json").read_text())
     rows = {(row["ablation"], row["scene"]): row for row in found["rows"]}
     assert set(rows) == {("opt9_convex+no_query", "scattered-256"), ("opt6_wide+awake", "scene0")}

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import complete
+import emitted
 import matplotlib
 import numpy as np
 import pytest
@@ -327,6 +328,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     assert "wins on the tuned views alone" in text and "2 of 3" in text and "60.0 (parent 70.0)" in text
     with matplotlib.rc_context(STYLE):
         assert list(views_page.figures(result, tmp_path)) == [views_page.RATIOS]
+    assert list(chapter.drawn) == [views_page.RATIOS] and chapter.answer.startswith("0 of 1 phases")
     (tmp_path / views_measure.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"views\.json: not what scripts/stepwise views writes"):
         views_chapter.elsewhere(tmp_path)
@@ -339,7 +341,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
         (["--phase", "baseline"], "baseline: no rung with a parent"),
         (["--scene", "scene9"], "no scene 'scene9'"),
         (["-n", "7"], "'7': must be a whole number of at least 8"),
-        (["--seconds", "nan"], "'nan': must be a number of at least 1"),
+        (["--budget", "nan"], "'nan': must be a number of at least 1"),
         (["--cpu", "4096"], "CPU 4096 is not available"),
         (["--run", "{tmp}/file/run"], "cannot be written to"),
     ],
@@ -350,10 +352,10 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
 
 def test_from_end_to_end(tmp_path: Path) -> None:
     words = ["--phase", "opt1", "--scene", "two_spheres", "-n", "8", "--error-n", "8", "--launches", "1"]
-    words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
+    words += ["--budget", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
     done = started.run([sys.executable, *SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     assert made == json.loads((tmp_path / views_measure.FILE).read_text())
     assert {(r["phase"], r["view"]) for r in made["rows"]} == {
         (phase, view) for phase in ("baseline", "opt1") for view in ("own", "left", "right", "near")

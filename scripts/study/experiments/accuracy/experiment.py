@@ -24,5 +24,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
-    sections=[(20, lambda data: chapter.errors(data.path))],
+    sections=[(520, lambda data: chapter.errors(data.path))],
 )

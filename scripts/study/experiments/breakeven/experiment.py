@@ -18,5 +18,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="standard",
-    sections=[(140, lambda data: tables.section(data.path))],
+    sections=[(150, lambda data: tables.section(data.path))],
 )

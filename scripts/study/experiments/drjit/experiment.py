@@ -18,5 +18,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="full",
-    sections=[(150, lambda data: chapter.rival(data.path))],
+    sections=[(160, lambda data: chapter.rival(data.path))],
 )

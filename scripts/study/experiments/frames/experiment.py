@@ -12,7 +12,7 @@ SECONDS, WHOLE_SECONDS = "45", "600"
 def calls(study: Study) -> list[Call]:
     """The newest phases; all with threads where it was asked for."""
     seconds = WHOLE_SECONDS if study.whole else SECONDS
-    return [Call("frames", ["--seconds", seconds, "--run", str(study.run)])]
+    return [Call("frames", ["--budget", seconds, "--run", str(study.run)])]
 
 
 EXPERIMENT = Experiment(
@@ -22,5 +22,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="standard",
-    sections=[(130, lambda data: chapter.rates(data.path))],
+    sections=[(140, lambda data: chapter.rates(data.path))],
 )

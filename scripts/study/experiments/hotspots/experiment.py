@@ -34,5 +34,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
-    sections=[(80, section)],
+    sections=[(230, section)],
 )

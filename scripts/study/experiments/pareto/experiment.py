@@ -22,5 +22,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="standard",
-    sections=[(10, lambda data: chapter.headline(data.path))],
+    sections=[(120, lambda data: chapter.headline(data.path))],
 )

@@ -18,5 +18,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="standard",
-    sections=[(30, lambda data: chapter.hard(data.path))],
+    sections=[(530, lambda data: chapter.hard(data.path))],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.core import run_schema
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.sweep import rungs
+from study.experiments.sweep import chapter, rungs
 
 
 def calls(study: Study) -> list[Call]:
@@ -18,5 +18,5 @@ EXPERIMENT = Experiment(
     schemas={name: run_schema.SCHEMAS[name] for name in ("frames.jsonl", "plan.json", "context.json")},
     calls=calls,
     depth="quick",
-    sections=[(60, rungs.section)],
+    sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],
 )

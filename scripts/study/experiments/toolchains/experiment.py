@@ -18,5 +18,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="full",
-    sections=[(170, lambda data: chapter.compilers(data.path))],
+    sections=[(630, lambda data: chapter.compilers(data.path))],
 )

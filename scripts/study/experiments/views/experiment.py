@@ -18,5 +18,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="standard",
-    sections=[(120, lambda data: chapter.elsewhere(data.path))],
+    sections=[(430, lambda data: chapter.elsewhere(data.path))],
 )
