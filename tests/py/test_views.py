@@ -178,7 +178,16 @@ def test_what_a_phase_refuses_is_left_out_and_a_crash_is_a_failure(tmp_path: Pat
 def row(scene: str, view: str, own: float, base: float = 100.0, phase: str = "b", **more: object) -> dict:
     times = [own * f for f in (0.995, 1, 1, 1, 1, 1.005)], [base * f for f in (0.995, 1, 1, 1, 1, 1.005)]
     return {
-        **{"phase": phase, "parent": "a", "scene": scene, "view": view, "change": "", "ns": times[0]},
+        **{
+            "phase": phase,
+            "parent": "a",
+            "scene": scene,
+            "view": view,
+            "change": "",
+            "width": 160,
+            "n": 90,
+            "ns": times[0],
+        },
         **{
             "tuned": view == "own" and scene in views.TUNED,
             "ratio": stats.ratio_interval(times[1], times[0]),
