@@ -9,6 +9,7 @@
 #   build/NAME/render-ftz     the timing build, which starts with denormals flushed to zero (hard case 19)
 #   build/NAME/probe          prints distances at given points, for tests (tools/probe.c)
 #   build/NAME/read, count/read   compiles only for warnings: variants for other CPUs, the counting sources
+#   build/NAME/syntax/read    parses every source and variant for warnings, and makes no code
 #   build/truth/rays, build/packets/hits, build/rsqrt, build/ceilings, build/functions/bench   tools
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...   another compiler, with ASan and UBSan, in its own folder
 #   make BUILD=build/tsan SANITIZE=thread ...        ThreadSanitizer
@@ -97,7 +98,7 @@ $(BUILD)/%/phase_info.h: FORCE
 only_supported = $(if $(or $(SANITIZERS),$(CLANG),$(findstring +,$*),$(filter-out $(BUILD)/$*,$(@D))),--here)
 compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* --tree $(call tree_of,$*) --include common \
     --cc '$(CC)' --toolchain '$(TOOLCHAIN) $(EMULATED_BY)' --flags '$(WARNINGS) $(SANITIZED)' --parsed $(BUILD)/common/parsed \
-    $(only_supported) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(if $(CLANG),--clang) $(2)
+    $(only_supported) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(2)
 NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
 
 # An ablation takes over what its phase's build made, wherever its patch changes nothing: so the phase is built first.
@@ -117,7 +118,9 @@ $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $(phase_prerequisites)
 $(BUILD)/%/read: $(phase_prerequisites)
 	$(call compile,read,--more='-O0 -S')
 $(BUILD)/%/count/read: $(phase_prerequisites)
-	$(call compile,read,--more='-DSTEPWISE_COUNT $(if $(CLANG),-fsyntax-only,-O0 -S)')
+	$(call compile,read,$(if $(CLANG),--every) --more='-DSTEPWISE_COUNT $(if $(CLANG),-fsyntax-only,-O0 -S)')
+$(BUILD)/%/syntax/read: $(phase_prerequisites)
+	$(call compile,read,--every --more='-fsyntax-only')
 
 # --- Programs. The objects that every render has besides its phase:
 SCENE_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard common/scene/*.c common/frame/*.c common/timing/*.c common/workers/*.c))

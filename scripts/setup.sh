@@ -1,6 +1,6 @@
 #!/bin/sh
 # setup.sh study|test: installs what the study, or the tests, need and this machine lacks; quick when nothing does.
-# What adds a table but can be done without (perf, llvm-mca, Embree) is tried until apt has answered, and named in a
+# What can be done without (perf, llvm-mca, Embree, ccache) is tried until apt has answered, and named in a
 # line when it does not come.
 #
 # System packages come by apt-get (Debian 12 and later, Ubuntu 24.04 and later), as root or by sudo where it asks
@@ -150,6 +150,7 @@ optional() { # command or header, what it adds, packages of which the first that
 optional perf "table of hotspots" linux-perf linux-tools-generic
 optional llvm-mca "model of what bounds the hot loops by LLVM" llvm
 optional "${STEPWISE_INCLUDE:-/usr/include}/embree[34]/rtcore.h" "packet ray tracer beside Embree" libembree-dev
+[ "$purpose" != test ] || optional ccache "cache of what the tests compile" ccache
 # Sixteen lanes in pairs of eight, where the CPU has no AVX-512 (tests/emulate).
 if [ "$purpose" = test ] && ! grep -qw avx512dq /proc/cpuinfo; then
     optional "${STEPWISE_INCLUDE:-/usr/include}/simde/x86/avx512.h" "test of 16 lanes on this CPU, which has no AVX-512" libsimde-dev

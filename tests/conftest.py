@@ -3,11 +3,49 @@
 A kernel takes seconds to compile, and the suites have hundreds of scenes. They run its general kernels, which
 are the same sources; py/test_scene_kernel.py holds generated ones to these. Clocks are 25 ms of each of the
 thousands of pictures; what the scripts time (study.core.run) has them all the same.
+
+Hypothesis draws the same examples at every run: all of them (profile `whole`), or a fifth (`quick`), as
+`make test` does.
 """
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+from drawn import WHOLE
 
 os.environ.setdefault("STEPWISE_CC", "none")
 os.environ.setdefault("STEPWISE_UNTIMED", "1")
+
+settings.register_profile("whole", max_examples=WHOLE, derandomize=True, deadline=None)
+settings.register_profile("quick", max_examples=WHOLE // 5, derandomize=True, deadline=None)
+settings.load_profile("whole")
+
+# Folders whose tests share nothing. Elsewhere tests of a file share what the first of them made.
+ALONE = {Path(__file__).parent / name for name in ("c", "conformance", "hard")}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first, then the single tests: no worker waits for the last of the others."""
+    sizes = {path: path.stat().st_size for path in {item.path for item in items}}
+    items.sort(key=lambda item: (item.path.parent in ALONE, -sizes[item.path], item.path))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """pytest-xdist's scheduler by files, but tests of the folders ALONE one by one."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    root = config.rootpath
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            path = nodeid.partition("::")[0]
+            return nodeid if (root / path).parent in ALONE else path
+
+    config.option.loadscopereorder = False
+    return ByFile(config, log)

@@ -1,12 +1,13 @@
-# What `make test` does once everything is installed, and each part of it alone. All of them end with the line
-# 'N passed, N failed, N skipped' and fail if anything did.
+# What `make test` and `make test-all` do once everything is installed. All of them end with the line 'N passed,
+# N failed, N skipped' and fail if anything did. One part alone: make check PART=builds (tests/run.py names them).
 include tests/c/tests.mk
 
 TEST_PYTHON ?= .venv/bin/python
-TEST_STEPS := format c builds conformance conformance-asan hard py
+PART ?=
 
-.PHONY: check $(addprefix test-,$(TEST_STEPS))
-check: ## all tests, without installing anything
-	@$(TEST_PYTHON) tests/run.py
-$(addprefix test-,$(TEST_STEPS)): test-%: ## one part of the tests
-	@$(TEST_PYTHON) tests/run.py $*
+.PHONY: check check-rest check-all
+check: HALF := quick
+check-rest: HALF := rest
+check-all: HALF := all
+check check-rest check-all:
+	@$(TEST_PYTHON) tests/run.py $(HALF) $(PART:%=--part %)

@@ -152,13 +152,11 @@ def sources(tree: Path) -> list[Path]:
 
 def versions(args: argparse.Namespace, about: dict[str, Any]) -> list[tuple[Path, str]]:
     """Returns what to compile: pairs of source and variant. The variant of a source compiled once is ""."""
-    counted = args.out.parent.name == "count"
-    every = args.clang and counted
     if args.kind == "read":
-        variants = about["variants"] if every else about["rest"]
+        variants = about["variants"] if args.every else about["rest"]
     else:
         variants = about["here"] if args.here else about["variants"]
-    once = [""] if args.kind != "read" or every else []
+    once = [""] if args.kind != "read" or args.every else []
     each = about["each_variant"]
     return [
         (path, version)
@@ -278,7 +276,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--objects", type=Path, help="for join: the folder of objects")
     parser.add_argument("--here", action="store_true", help="compile only variants that this CPU can run")
     parser.add_argument("--sanitized", action="store_true")
-    parser.add_argument("--clang", action="store_true", help="the compiler is clang")
+    parser.add_argument(
+        "--every", action="store_true", help="for read: every source and variant, not only what is not built"
+    )
     args = parser.parse_args()
     args.include = [f"-I{folder}" for folder in args.include]
     return args

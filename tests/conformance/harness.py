@@ -42,7 +42,7 @@ def binary(phase: str, target: str = "render") -> Path:
         command = ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))]
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, f"{path} does not build:\n{done.stderr[-2000:]}"
-    assert path.is_file(), f"{path} is missing; run `make test-builds` first"
+    assert path.is_file(), f"{path} is missing; run `make check-all PART=builds` first"
     return path
 
 

@@ -47,6 +47,7 @@ from conformance.harness import (
     same_bits,
     within_reach,
 )
+from drawn import examples
 from study.core import registry
 from study.core.registry import ROOT
 from study.pictures import images
@@ -555,7 +556,7 @@ def spheres_alone(whole: dict) -> dict:
 
 
 @settings(
-    max_examples=10 if REDUCED else 60,
+    max_examples=examples(10 if REDUCED else 60),
     derandomize=True,
     deadline=None,
     database=None,

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from conformance import geometry
 from conformance.feature_scenes import FEATURES, SIZES, scene, shape
 from conformance.harness import PHASES, REDUCED, Unsupported, call, check_refusal, distances, keep
+from drawn import examples
 from study.core import registry
 
 pytestmark = pytest.mark.parametrize("phase", PHASES)
@@ -212,7 +213,7 @@ placement = st.tuples(*[st.floats(-3, 3, width=32)] * 3).map(list)
 
 
 @settings(
-    max_examples=5 if REDUCED else 25,
+    max_examples=examples(5 if REDUCED else 25),
     derandomize=True,
     deadline=None,
     database=None,

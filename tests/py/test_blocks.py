@@ -41,7 +41,7 @@ PROGRAMS = [
     if compiler == "gcc" or not registry.find_phase(phase).embedded
 ]
 VARIANTS = list(blocks.TARGETS)
-# Nobody counts what clang makes of functions that are kept: one phase of each kind (tests/run.py builds it).
+# Nobody counts what clang makes of functions that are kept: one phase of each kind (tests/builds.py).
 COUNTING = [
     (variant, *program)
     for variant in VARIANTS

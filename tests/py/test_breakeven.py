@@ -67,7 +67,11 @@ def test_the_page(tmp_path: Path) -> None:
     assert "opt9_convex" in text and "12.50 [12.40, 12.60]" in text and "10.00 [9.80, 10.20]" in text
     assert "1.75 |" in text and "1,800 [715, never]" in text and "| 140 |" in text
     assert "it is marched | never: no kernel |" in chapter.parts[1].markdown
-    assert "gcc 12" in chapter.remarks[0]
+    (drawing,) = chapter.drawn.values()
+    assert "gcc 12" in drawing.note
+    assert (
+        chapter.answer.startswith("On scene0 at n = ") and "after 1,800 [715, never] frames" in chapter.answer
+    )
     assert "breaks even after 1,800" in breakeven_page.sentence(row(), "opt9_convex")
     said = [{"value": None, "low": 900, "high": None}, {"value": 5, "low": None, "high": None}, None]
     texts = [breakeven_page.frames_needed({"break_even_frames": one}) for one in said]

@@ -155,9 +155,10 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
     text = chapter.parts[0].markdown
     assert "| 61.0 |" in text and "opt8_streams: 58.0, on the bulb 62.0; 99.9" in text
     assert any("closed forms put them where they are" in d.note for d in chapter.drawn.values())
-    assert (
-        "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text and "| met |" in text
-    )
+    assert "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text
+    assert "goal" not in text and "| met |" not in text
+    assert chapter.answer.startswith("On 2 threads, presenting included: 61.5 [60")
+    assert "50.0 dB (4×4 means) to opt3" in chapter.answer
     assert "16.5 (largest of 120)" in text
     with matplotlib.rc_context(STYLE):
         assert chapter.drawn[frames_page.FIGURE].make().axes

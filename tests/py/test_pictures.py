@@ -133,7 +133,7 @@ def test_a_sheet_of_some_scenes_and_phases_with_their_error_to_truth(run_folder,
     monkeypatch.setattr(pictures.accuracy, "read", lambda run: {"rows": rows})
     some = pictures.chosen(verified, ["mandelbulb"], ["baseline", "opt4"])
     captions = [a.get_xlabel() for a in pictures.contact_sheet(run_folder, some).axes]
-    assert captions == ["reference", "PSNR 47.2 dB\n4×4 averaged 51.0 dB\nto truth 51.4 dB (4×4)"]
+    assert captions == ["reference", "PSNR 47.2 dB\n4×4 averaged 51.0 dB\nto ground truth 51.4 dB (4×4)"]
     with pytest.raises(StudyError, match="no scene 'x' was verified; there are mandelbulb, trio"):
         pictures.chosen(verified, ["x"], None)
 

@@ -666,7 +666,7 @@ def test_closed_forms_have_no_exponent_of_evaluations(evals) -> None:
     """Their plane holds a 1, of which older files fitted a 0.00; newer ones hold none."""
     rows = [row("opt9_convex", x, 1e6 * x, evals_per_ray=evals) for x in (1, 16, 64)]
     made = result([row("opt4", x, 1e6 * x) for x in (1, 16, 64)] + rows)
-    shown = {one[0]: part(*one[:4])[0].markdown for one in scaling_tables.tables(made) if one[2]}
+    shown = {one[0]: part(*one)[0].markdown for one in scaling_tables.tables(made) if one[2]}
     four, nine = (next(r for r in shown["scaling"].splitlines() if p in r) for p in ("opt4", "opt9_convex"))
     assert four.endswith("| 1.00 |") and nine.endswith("| none: closed forms count 1 for every camera ray |")
     points = [r.split(" | ")[5] for r in shown["scaling-points"].splitlines()[2:]]
@@ -688,7 +688,9 @@ def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> Non
     assert scaling_chapter.growth(tmp_path).parts == []
     (tmp_path / scaling.FILE).write_text(json.dumps(made))
     chapter = scaling_chapter.growth(tmp_path)
-    assert [part.name for part in chapter.parts] == ["scaling", "scaling-goals", "scaling-points"]
+    assert [part.name for part in chapter.parts] == ["scaling", "scaling-crowds", "scaling-points"]
+    assert "0.50" in chapter.answer and "the paper's law: 1" in chapter.answer
+    assert set(chapter.drawn) == set(drawn)
     cells = [text for text, _ in chapter.parts[0].table.cells[0]]
     assert "0.50" in cells[3] and "grows slower than the paper's bound" in cells
     (tmp_path / scaling.FILE).write_text('{"rows": [1]}')

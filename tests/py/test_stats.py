@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
+from drawn import examples
 from study.numbers import stats
 
 TIMES = st.lists(st.floats(0.1, 1e6), min_size=6, max_size=15)
@@ -153,7 +154,7 @@ def test_ratio_is_of_medians_not_the_mean_of_ratios():
     assert stats.ratio_interval(base, other).value == 35 / 2
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(TIMES, TIMES, SCALE, SCALE)
 def test_units_do_not_matter(base, other, s, t):
     plain, scaled = (
@@ -164,7 +165,7 @@ def test_units_do_not_matter(base, other, s, t):
         assert getattr(scaled, end) == pytest.approx(getattr(plain, end) * s / t, rel=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(TIMES)
 def test_an_interval_holds_its_median_and_stays_within_the_sample(values):
     interval = stats.median_interval(values)

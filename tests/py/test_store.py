@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drawn import examples
 from study.core import store
 from study.core.cli import StudyError
 from study.core.store import Run
@@ -99,7 +100,7 @@ def test_broken_json_has_line_and_column(tmp_path):
         _ = Run.open(tmp_path).plan
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 @given(st.lists(st.dictionaries(st.text(min_size=1), VALUES, max_size=5), max_size=5))
 def test_lines_come_back_as_they_were(tmp_path_factory, rows):
     made = Run(tmp_path_factory.mktemp("run"))

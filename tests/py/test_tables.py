@@ -211,7 +211,7 @@ def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Pa
     data = analysis.load(run)
     made = tables.readme(text, data, ladder.rows(data))
     assert "54.5" in made and "pictures at n = 64" in made
-    assert "error to truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
+    assert "error to ground truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
 
 
 def test_a_failing_pair_is_shown_failing(run: Path) -> None:
@@ -255,10 +255,10 @@ def test_a_pair_left_to_truth_is_neither_within_nor_failing(run: Path) -> None:
 
     edit_pairs(run, left)
     opt4 = row(run, "mandelbulb", "opt4", 90)
-    assert show.gate(opt4) == "by truth alone" and show.gate_mark(opt4) == ""
+    assert show.gate(opt4) == "by ground truth alone" and show.gate_mark(opt4) == ""
     made = tables.make(analysis.load(run), rows_of(run))
     assert "OUTSIDE" not in made["verification"][1] + made["ladder"][1]
-    assert made["verification"][1].count("by truth alone") == 2
+    assert made["verification"][1].count("by ground truth alone") == 2
 
 
 # Broken and missing input

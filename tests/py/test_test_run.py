@@ -1,13 +1,17 @@
-"""tests/run.py: what it counts from JUnit XML, and how it ends."""
+"""tests/run.py and tests/builds.py: what is built, what is counted from JUnit XML, and how a run ends."""
 
 from __future__ import annotations
 
 import importlib.util
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+import builds
 from study.core import patches, registry
 from study.core.registry import ROOT
 
@@ -23,54 +27,103 @@ def runner():
 
 
 XML = """<testsuites><testsuite>
-<testcase classname="a.b" name="good"/>
-<testcase classname="a.b" name="bad"><failure message="no"/></testcase>
-<testcase classname="a.b" name="one[1]"><skipped message="no AVX-512"/></testcase>
-<testcase classname="a.b" name="one[2]"><skipped message="no AVX-512"/></testcase>
-<testcase classname="a.b" name="other"><skipped message="no perf"/></testcase>
+<testcase classname="tests.py.a" name="good" time="2"/>
+<testcase classname="tests.py.a" name="bad" time="30.5"><failure message="no"/></testcase>
+<testcase classname="tests.py.a" name="one[1]"><skipped message="no AVX-512"/></testcase>
+<testcase classname="tests.py.a" name="one[2]"><skipped message="no AVX-512"/></testcase>
+<testcase classname="tests.py.a" name="other" time="1"><skipped message="no perf"/></testcase>
 </testsuite></testsuites>"""
 
 
 def test_the_end_names_every_test_once_and_has_the_sums_last(runner, tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(XML)
-    total = runner.read_results(tmp_path / "a.xml", "py", ended_well=False)
-    assert runner.told(total, ["builds 60 s", "py 30 s of 3 at once"], 75.4).splitlines() == [
-        "skipped 2: no AVX-512: py: a.b::one[1], py: a.b::one[2]",
-        "skipped 1: no perf: py: a.b::other",
-        "FAILED: py: a.b::bad",
-        f"1 min 15 s on {runner.JOBS} cores: builds 60 s, py 30 s of 3 at once",
+    total = runner.read_results(tmp_path / "a.xml", "tests", ended_well=False)
+    end = [
+        "skipped 2: no AVX-512: py.a::one[1], py.a::one[2]",
+        "skipped 1: no perf: py.a::other",
+        "FAILED: py.a::bad",
+        f"1 min 15 s on {builds.JOBS} cores: builds 45 s, tests 30 s",
         "1 passed, 1 failed, 3 skipped",
+    ]
+    took = {"builds": 45.1, "tests": 30.2}
+    assert runner.told(total, took, slowest=0).splitlines() == end
+    assert runner.told(total, took, slowest=2).splitlines() == [
+        "slowest tests:",
+        "   30.5 s  py.a::bad",
+        "    2.0 s  py.a::good",
+        *end,
     ]
 
 
 def test_a_crash_and_a_bad_end_are_failures(runner, tmp_path: Path) -> None:
-    assert len(runner.read_results(tmp_path / "none.xml", "py", ended_well=True).failed) == 1
+    assert len(runner.read_results(tmp_path / "none.xml", "tests", ended_well=True).failed) == 1
     (tmp_path / "cut.xml").write_text(XML[:60])
-    assert len(runner.read_results(tmp_path / "cut.xml", "py", ended_well=True).failed) == 1
+    assert len(runner.read_results(tmp_path / "cut.xml", "tests", ended_well=True).failed) == 1
     (tmp_path / "good.xml").write_text('<testsuite><testcase name="good"/></testsuite>')
-    assert runner.read_results(tmp_path / "good.xml", "py", ended_well=True).failed == []
-    assert len(runner.read_results(tmp_path / "good.xml", "py", ended_well=False).failed) == 1
+    assert runner.read_results(tmp_path / "good.xml", "tests", ended_well=True).failed == []
+    assert len(runner.read_results(tmp_path / "good.xml", "tests", ended_well=False).failed) == 1
 
 
-def test_every_program_of_the_builds_is_asked_of_one_make(runner, tmp_path: Path, monkeypatch) -> None:
+def test_a_part_that_fails_makes_the_whole_fail(runner, monkeypatch, capsys) -> None:
+    def tally(passed: int, failed: list[str]):
+        return lambda half: runner.Tally(passed=passed, failed=list(failed))
+
+    monkeypatch.setattr(sys, "argv", ["run.py", "quick"])
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    for failed, status in (([], 0), (["one"], 1)):
+        monkeypatch.setattr(runner, "PARTS", {"builds": tally(1, failed), "tests": tally(2, [])})
+        assert runner.main() == status
+        assert capsys.readouterr().out.splitlines()[-1] == f"3 passed, {len(failed)} failed, 0 skipped"
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_what_was_started_ends_with_it(tmp_path: Path, how: signal.Signals) -> None:
+    """Children of children too, even those that heed no signal but the last."""
+    child = "trap '' INT TERM; echo $$ >>{0}/pids; while :; do sleep 1; done"
+    (tmp_path / "both.sh").write_text(f"({child}) & {child}\n".format(tmp_path).replace("$$", "$BASHPID"))
+    program = f"""
+import signal, sys
+sys.path.insert(0, {str(ROOT / "tests")!r})
+import builds
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+builds.END = 0.5
+builds.run(["bash", {str(tmp_path / "both.sh")!r}])
+"""
+    process = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.DEVNULL)
+    pids = tmp_path / "pids"
+    until = time.monotonic() + 30
+    while not pids.exists() or len(pids.read_text().split()) < 2:
+        assert time.monotonic() < until, "the children did not start"
+        time.sleep(0.05)
+    process.send_signal(how)
+    assert process.wait(30) != 0
+    for pid in pids.read_text().split():
+        state = Path("/proc", pid, "stat")
+        assert not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z", pid
+
+
+def test_every_program_of_the_builds_is_asked_of_one_make(tmp_path: Path, monkeypatch) -> None:
     """Each folder's make gets its settings and targets, and a make that fails makes the whole of it fail."""
     for name in ("CC", "MAKEFLAGS", "MFLAGS"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(runner, "RESULTS", tmp_path)
-    monkeypatch.setattr(runner, "ROOT", tmp_path)
-    goal = "build/good build/clang/good:\n\t@echo $@ '$(CC)' '$(BUILD)' >>$(LOG)\n"
+    monkeypatch.setattr(builds, "ROOT", tmp_path)
+    goal = "build/good build/clang/good c-tests:\n\t@echo $@ '$(CC)' '$(BUILD)' >>$(LOG)\n"
     (tmp_path / "Makefile").write_text(f"LOG := {tmp_path}/log\n{goal}")
-    assert runner.make_all({"build": ["build/good"], "build/clang": ["build/clang/good"]})
+    assert builds.make({"build": ["good"], "build/clang": ["good", "c-tests"]}, tmp_path)
     assert sorted((tmp_path / "log").read_text().splitlines()) == [
         "build/clang/good clang build/clang",
         "build/good cc build",
+        "c-tests clang build/clang",
     ]
-    assert not runner.make_all({"build": ["build/good", "build/bad"], "build/clang": ["build/clang/good"]})
+    assert not builds.make({"build": ["good", "bad"], "build/clang": ["good"]}, tmp_path)
+    tests = {"a": {"build": ["good"]}, "b": {"build": ["good", "bad"]}, "c": {"build/clang": ["good"]}}
+    assert builds.build(tests, {}, tmp_path) == ["b"]
+    assert builds.build({"a": tests["a"]}, {}, tmp_path) == []
 
 
-def test_what_the_tests_run_of_an_ablation_is_built(runner) -> None:
+def test_what_the_tests_run_of_an_ablation_is_built() -> None:
     """And of one that declares no costs no counting program: nothing runs it (test_ablations)."""
-    asked = set(runner.for_tests()["build"])
+    asked = set(builds.rest_needs()["build"])
     names = [f"{phase}+{title}" for phase in registry.phases() for title in patches.titles(phase)]
     assert names
     for name in names:
@@ -80,7 +133,30 @@ def test_what_the_tests_run_of_an_ablation_is_built(runner) -> None:
             assert (f"{name}/{target}" in asked) == declared, name
 
 
-def test_clang_reads_what_it_does_not_build(runner) -> None:
-    """rules.mk leaves variants that this CPU does not run out of what clang makes."""
-    for phase, targets in runner.of_phases()["build/clang"].items():
-        assert {"render", "read"} <= set(targets), phase
+def test_every_phase_is_built_by_gcc_and_read_by_clang_in_the_quick_half() -> None:
+    """rules.mk leaves variants that this CPU does not run out of what clang makes: the rest reads them."""
+    quick, both = (
+        builds.together(tests)
+        for tests in (
+            builds.quick_tests().values(),
+            [*builds.quick_tests().values(), *builds.rest_tests().values()],
+        )
+    )
+    for phase in registry.phases():
+        assert {f"{phase}/render", f"{phase}/probe"} <= set(quick["build"])
+        assert f"{phase}/syntax/read" in quick["build/clang"]
+        assert {f"{phase}/{target}" for target in ("render", "probe", "read")} <= set(both["build/clang"])
+        assert {f"{phase}/render", f"{phase}/probe"} <= set(both["build/asan"])
+
+
+def test_the_halves_have_no_build_in_common() -> None:
+    assert not builds.quick_tests().keys() & builds.rest_tests().keys()
+
+
+def test_what_is_sanitized_in_the_quick_half_stands_for_all() -> None:
+    """A phase that another derives from is left to the rest."""
+    kept = builds.derived_last()
+    assert kept
+    for phase in registry.phases():
+        assert phase in kept or any(phase in patches.lineage(other)[1:] for other in kept)
+        assert phase not in kept or not any(phase in patches.lineage(o)[1:] for o in registry.phases())

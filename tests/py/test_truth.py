@@ -109,7 +109,8 @@ def test_a_killed_run_leaves_no_half_picture(cache, scene):
 import os, signal, sys
 sys.path.insert(0, {str(ROOT / "scripts")!r})
 from pathlib import Path
-from study import registry, run, truth
+from study.core import registry, run
+from study.truth import truth
 truth.CACHE = Path({str(cache)!r})
 truth._write = lambda path, *_: (path.write_bytes(b"half"), os.kill(os.getpid(), signal.SIGKILL))
 truth.make(registry.find_scene("two_spheres"), {SIZE!r})

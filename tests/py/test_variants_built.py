@@ -51,7 +51,7 @@ def make(tree: Path, compiler: str, target: str) -> subprocess.CompletedProcess[
 
 
 def test_counting_sources_of_every_variant_are_compiled_or_read_and_a_warning_ends_it(tree: Path) -> None:
-    """As tests/run.py has it made, where one variant has a fault."""
+    """As tests/builds.py has it made, where one variant has a fault."""
     source = tree / "phases" / PHASE / "march/march.c"  # the first of those that each variant has
     kept = source.read_text()
     for compiler in ("gcc", "clang"):
@@ -88,7 +88,7 @@ def test_clang_builds_or_reads_every_variant_and_a_fault_ends_it(tree: Path, sai
 
 
 def test_what_clang_makes_has_the_variants_of_this_cpu() -> None:
-    """And what it leaves out it has read: both are made before (tests/run.py)."""
+    """And what it leaves out it has read: both are made before (tests/builds.py)."""
     for target in ("render", "read"):
         assert make(ROOT, "clang", target).returncode == 0
     for variant, isa in VARIANTS.items():

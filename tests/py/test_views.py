@@ -327,6 +327,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     assert "wins on the tuned views alone" in text and "2 of 3" in text and "60.0 (parent 70.0)" in text
     with matplotlib.rc_context(STYLE):
         assert list(views_page.figures(result, tmp_path)) == [views_page.RATIOS]
+    assert list(chapter.drawn) == [views_page.RATIOS] and chapter.answer.startswith("0 of 1 phases")
     (tmp_path / views_measure.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"views\.json: not what scripts/stepwise views writes"):
         views_chapter.elsewhere(tmp_path)

@@ -58,12 +58,12 @@ def chosen(verified: dict, scenes: Sequence[str] | None, specs: Sequence[str] | 
 
 
 def to_truth(folder: Path) -> dict[tuple[str, str], str]:
-    """(scene, phase) → its error to truth in words, where the run has accuracy.json."""
+    """(scene, phase) → its error to ground truth in words, where the run has accuracy.json."""
     rows = accuracy.read(folder)["rows"]
     return {
-        (r["scene"], r["phase"]): f"to truth {decibels(r['antialiased']['psnr_db'])} (4×4)"
+        (r["scene"], r["phase"]): f"to ground truth {decibels(r['antialiased']['psnr_db'])} (4×4)"
         if r["converged_only"]
-        else f"to truth {decibels(r['psnr_db'])}"
+        else f"to ground truth {decibels(r['psnr_db'])}"
         for r in rows
     }
 

@@ -79,14 +79,14 @@ def newest(options: argparse.Namespace) -> tuple[Path | None, int]:
 def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
     """The largest picture whose interleaved rounds fit the time, by the sweep's own calibration.
 
-    The estimates come from frames at n = 45, which have more of edges than large ones: the sweep takes less.
+    The estimate comes from frames at n = 45, which have more of edges than large ones: the sweep takes less.
+    Time goes with the number of pixels.
     """
-    for height in HEIGHTS:
-        plan = sweep_plan(height, scenes, launches)
-        said = run_command("sweep", *plan, "--dry-run", "--json", capture=True)
-        if json.loads(said.stdout)["result"]["estimated_s"] <= seconds:
-            return height
-    return HEIGHTS[-1]
+    plan = sweep_plan(HEIGHTS[0], scenes, launches)
+    said = run_command("sweep", *plan, "--dry-run", "--json", capture=True)
+    largest = json.loads(said.stdout)["result"]["estimated_s"]
+    fits = (height for height in HEIGHTS if largest * (height / HEIGHTS[0]) ** 2 <= seconds)
+    return next(fits, HEIGHTS[-1])
 
 
 def sweep(options: argparse.Namespace) -> dict[str, Any]:

@@ -21,5 +21,5 @@ EXPERIMENT = Experiment(
     files=("frames.json",),
     calls=calls,
     depth="standard",
-    sections=[(130, lambda data: chapter.rates(data.path))],
+    sections=[(140, lambda data: chapter.rates(data.path))],
 )

@@ -24,5 +24,5 @@ EXPERIMENT = Experiment(
     files=("scaling.json",),
     calls=calls,
     depth="standard",
-    sections=[(160, lambda data: chapter.growth(data.path))],
+    sections=[(610, lambda data: chapter.growth(data.path))],
 )

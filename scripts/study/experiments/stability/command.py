@@ -99,7 +99,7 @@ def main() -> int:
     written = hard_page.read(folder / "stability.json")
     for case in written["cases"]:
         hard_page.draw(written, case, folder / "figures")
-    index = hard_page.write(written, folder / "pages", folder / "figures")
+    index = hard_page.write(written, folder / "pages")
     if args.json:
         cli.emit(result, folder)
     else:

@@ -22,5 +22,5 @@ EXPERIMENT = Experiment(
     files=("rods.json", "throttle.json", "lattice.json", "fixed.json", "packets.json"),
     calls=calls,
     depth="full",
-    sections=[(180, lambda data: tables.section(data.path))],
+    sections=[(640, lambda data: tables.section(data.path))],
 )

@@ -1,0 +1,200 @@
+"""What the tests build, in two halves: `quick`, what `make test` runs or reads, and the `rest` of it.
+
+One make builds everything, with a make below it for each folder. ccache is used where it is installed.
+Standard library only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "scripts"))
+
+from study.core import patches  # noqa: E402  (standard library only)
+
+JOBS = len(os.sched_getaffinity(0))
+# Folders, and what make needs to know. hard-*: what hard cases compare (stability/cases/builds.py).
+SETTINGS = {
+    "build": [],
+    "build/clang": ["CC=clang"],
+    "build/asan": ["SANITIZE=1"],
+    "build/asan-clang": ["CC=clang", "SANITIZE=1"],
+    "build/hard-fast": ["CC=gcc", "SANITIZERS=-ffast-math"],
+    "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
+}
+CCACHE = Path("/usr/lib/ccache")  # Debian's: has a gcc and a clang that ask ccache first
+END = 5  # seconds that what was started has for its end before it is killed
+
+# Programs by folder: {"build": ["opt1/render"]}.
+Wanted = dict[str, list[str]]
+# The same by the name of the test that each of them is: that they build without a warning.
+Tests = dict[str, Wanted]
+
+
+def run(command: Sequence[str | Path], **environment: str) -> bool:
+    """Whether the command ended well. If this program is ended, so is everything that the command started."""
+    print("$", *(f"{key}={value}" for key, value in environment.items()), *command, flush=True)
+    process = subprocess.Popen(command, cwd=ROOT, env=os.environ | environment, process_group=0)
+    try:
+        return process.wait() == 0
+    except BaseException:
+        for end in (signal.SIGTERM, signal.SIGKILL):
+            with contextlib.suppress(ProcessLookupError, subprocess.TimeoutExpired):
+                os.killpg(process.pid, end)
+                process.wait(END)
+        raise
+
+
+def phases(file: str = "phase.json") -> list[str]:
+    """Names of the phases whose tree has that file, the longest first: no core waits for the last of them."""
+    names = [path.parent.name for path in (ROOT / "phases").glob("*/phase.json")]
+    trees = {name: patches.files(name) for name in names}
+    sizes = {
+        name: sum(path.stat().st_size for path in tree.values())
+        for name, tree in trees.items()
+        if file in (*tree, "phase.json")
+    }
+    return sorted(sizes, key=lambda name: (-sizes[name], name))
+
+
+def of_family(family: str) -> set[str]:
+    return {name for name in phases() if patches.about(name).get("family", "ladder") == family}
+
+
+def derived_last() -> set[str]:
+    """Phases from which no other one derives: what its parents do, it does too."""
+    return set(phases()) - {patches.about(name).get("derives") for name in phases()}
+
+
+def embeds(phase: str) -> bool:
+    """Whether it compiles itself where it runs: what is counted is its parent's code again (test_blocks)."""
+    return "embedded" in patches.about(phase)
+
+
+def quick_tests() -> Tests:
+    """Every phase by gcc, and read by clang; the C tests; sanitized: one phase of each line of descent."""
+    tests: Tests = {"ceilings by gcc": {"build": ["ceilings"]}}
+    for name in phases():
+        tests[f"{name} by gcc"] = {"build": [f"{name}/render", f"{name}/probe"]}
+        tests[f"{name} read by clang"] = {"build/clang": [f"{name}/syntax/read"]}
+    tests["common by clang"] = {"build/clang": ["baseline/render", "baseline/probe", "ceilings"]}
+    tests["C tests"] = {"build/asan": ["c-tests"]}
+    tests |= {f"{name} sanitized": sanitized(name) for name in phases() if name in derived_last()}
+    return tests
+
+
+def sanitized(name: str) -> Wanted:
+    return {"build/asan": [f"{name}/render", f"{name}/probe"]}
+
+
+def rest_tests() -> Tests:
+    """Code by clang, the counting programs, and the other phases sanitized.
+
+    Counting programs are run as gcc makes them; clang reads their sources, but for the systems'. Both read
+    variants that this CPU does not run (rules.mk), which clang does not build.
+    """
+    tests: Tests = {}
+    counting, systems = phases("costs.def"), of_family("systems")
+    for name in phases():
+        tests[f"{name} by clang"] = {"build/clang": [f"{name}/{to}" for to in ("render", "probe", "read")]}
+        if name in counting:
+            tests[f"{name} counted"] = {"build": [f"{name}/render-count", f"{name}/count/read"]}
+            if name not in systems:
+                tests[f"{name} counted"]["build/clang"] = [f"{name}/count/read"]
+    tests["ceilings sanitized"] = {"build/asan": ["ceilings"]}
+    tests["C tests by clang"] = {"build/asan-clang": ["c-tests"]}
+    tests |= {f"{name} sanitized": sanitized(name) for name in phases() if name not in derived_last()}
+    return tests
+
+
+def quick_needs() -> Wanted:
+    """What several quick tests want built, so that no two of them make it at once. Of what does not build the
+    test that wants it tells.
+    """
+    return {"build": ["truth/rays"]}
+
+
+def rest_needs() -> Wanted:
+    """The same of the other tests."""
+    ladder = [name for name in phases("costs.def") if name not in of_family("systems")]
+    # What test_ablations runs of them: no counting program of one whose head says why no costs are declared
+    # (the compilers read those sources there).
+    steps = {
+        f"{path.parts[-3]}+{path.stem}": re.search("^costs:", path.read_text(), re.MULTILINE) is None
+        for path in sorted((ROOT / "phases").glob("*/ablations/*.patch"))
+    }
+    blocks, profiled = ("render-blocks", "render-blocks-calls"), ("baseline", "opt2", "opt3", "opt4")
+    by_parent = [name for name in ladder if not embeds(name)]
+    return {
+        "build": [
+            *(f"{name}/{target}" for name in ladder for target in (*blocks, "render-ftz")),
+            *(f"{name}/{target}" for name in profiled for target in ("render-lines", "render-calls")),
+            *(f"{name}/render" for name in steps),
+            *(f"{name}/{t}" for name, told in steps.items() if told for t in ("render-count", blocks[1])),
+            *("calibration/calibrate", "calibration/calibrate-blocks", "common/qemu_plugin.so"),
+            *("functions/bench", "rsqrt", "opt2@opt3/render", "packets/hits", "tests/test_upper_halves"),
+        ],
+        "build/clang": [
+            *(f"{name}/{blocks[0]}" for name in by_parent),
+            *(f"{name}/{blocks[1]}" for name in ("baseline", "opt4", "opt9_convex")),  # as test_blocks.py
+            "calibration/calibrate-blocks",
+        ],
+        "build/hard-fast": [f"{name}/render" for name in by_parent],
+        "build/hard-fma": [f"{name}/render" for name in by_parent],
+    }
+
+
+def together(every: Iterable[Wanted]) -> Wanted:
+    found: Wanted = {}
+    for wanted in every:
+        for folder, targets in wanted.items():
+            found.setdefault(folder, []).extend(targets)
+    return found
+
+
+def path_of(folder: str, target: str) -> str:
+    return target if target == "c-tests" else f"{folder}/{target}"  # that one is a rule's name, no file
+
+
+def make(wanted: Wanted, results: Path) -> bool:
+    """Whether all of it is built: by one make that has a make for each folder. They share its jobs, and no
+    core waits for the end of a folder.
+    """
+    rules = [
+        f"all: {folder}\n.PHONY: {folder}\n{folder}:\n\t+@$(MAKE) -f Makefile -s -k "
+        + " ".join(
+            f"'{word}'"
+            for word in [f"BUILD={folder}", *SETTINGS[folder], *(path_of(folder, t) for t in targets)]
+        )
+        for folder, targets in wanted.items()
+    ]
+    results.mkdir(parents=True, exist_ok=True)
+    file = results / "builds.mk"
+    file.write_text("\n\n".join(rules) + "\n")
+    cached = {"PATH": f"{CCACHE}:{os.environ['PATH']}"} if CCACHE.is_dir() else {}
+    return run(["make", "-s", "-k", f"-j{JOBS}", "-f", file], **cached)
+
+
+def build(tests: Tests, needs: Wanted, results: Path) -> list[str]:
+    """Builds all of it, runs what checks itself, and returns the names of the tests that failed."""
+    good = make(together([*tests.values(), needs]), results)
+    for folder in SETTINGS:  # parsed headers (rules.mk): 24 MB each, and hardly of use any more
+        shutil.rmtree(ROOT / folder / "common/parsed", ignore_errors=True)
+    return [
+        name for name, wanted in tests.items() if not ((good or make(wanted, results)) and checks(wanted))
+    ]
+
+
+def checks(wanted: Wanted) -> bool:
+    """Whether the tools among these agree with themselves."""
+    tools = [ROOT / folder / "ceilings" for folder, targets in wanted.items() if "ceilings" in targets]
+    return all(run([tool, "--check"]) for tool in tools)
