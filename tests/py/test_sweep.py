@@ -293,8 +293,9 @@ def test_rounds_are_interleaved(measured):
 
 def test_result_is_one_json_object(measured):
     target, done = measured
-    said = emitted.result(done.stdout)
-    assert said["run"] == str(target)
+    whole = emitted.whole(done.stdout)
+    assert (whole["command"], whole["status"], whole["run"]) == ("sweep", "ok", str(target))
+    said = whole["result"]
     assert [row["spec"] for row in said["rows"]] == ["baseline", "opt1"] * 2
     for row in said["rows"]:
         frames = target.frames()
@@ -553,7 +554,7 @@ def test_whether_a_frame_is_long_is_seen_at_its_own_size(monkeypatch, long, aske
 
 def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
     small = ["--scene", "cubes", "-n", "5", "--launches", "1", "--reps", "1"]
-    both = ["--phase", "baseline", "opt3", *small, "--results", tmp_path]
+    both = ["--phase", "baseline", "opt3", "--second-base", *small, "--results", tmp_path]
     done = sweep(*both, "--threads", "1", "2", STEPWISE_ISA_LIMIT="none")
     assert done.returncode == 0, done.stderr
     plan = only_run(tmp_path).plan
