@@ -33,6 +33,8 @@ from study.experiments.ablations.measure import Ablation
 from study.numbers import paper, stats, verdicts
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 NAMES = [f"{phase}+{title}" for phase in registry.phases() for title in patches.titles(phase)]
 BASES = sorted({name.partition("+")[0] for name in NAMES} - {"baseline"})
 HEIGHT = 36

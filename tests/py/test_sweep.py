@@ -258,6 +258,7 @@ class Noted(dict):
 # The real driver
 
 
+@pytest.mark.slow
 def test_every_frame_once_with_its_context(measured):
     target, _ = measured
     frames, plan = target.frames(), target.plan
@@ -321,6 +322,7 @@ def test_resuming_a_finished_run_measures_nothing(measured):
     assert len(rows) == 4
 
 
+@pytest.mark.slow
 def test_kill_in_mid_sweep_then_resume(tmp_path):
     """Three kills, the last with a line torn on top: every frame is there once, none was lost."""
     arguments = [*SMALL, "--launches", "6", "--reps", "6", "--results", tmp_path]
@@ -435,6 +437,7 @@ def test_a_rebuilt_driver_is_not_mixed_in(tmp_path):
         made.launch(made.configs[0])
 
 
+@pytest.mark.slow
 def test_a_killed_driver_is_recorded_and_its_launch_completed(tmp_path):
     small = ["--phase", "baseline", "--scene", "cubes", "-n", "30", "--launches", "1", "--reps", "40"]
     child = subprocess.Popen(
@@ -487,6 +490,7 @@ def test_dry_run_measures_nothing(tmp_path):
     assert not (tmp_path / "no").exists()
 
 
+@pytest.mark.slow
 def test_what_the_budget_does_not_reach_is_said(tmp_path):
     done = sweep(*SMALL, "--results", tmp_path, "--budget", "0")
     assert done.returncode == 0, done.stderr
@@ -517,6 +521,7 @@ def test_overrides_are_recorded(tmp_path):
     assert set(zip(frames["hit_distance"], frames["max_steps"], strict=True)) == {(0.25, 7)}
 
 
+@pytest.mark.slow
 def test_a_frame_longer_than_long_is_timed_once_without_warm_up(tmp_path):
     """--long 0: every frame is long. --long 1000: none is, and --reps and --warmup hold."""
     for long, per_launch in (("0", [0]), ("1000", [-1, 0, 1])):
