@@ -299,6 +299,7 @@ REPEATED |= {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REPEATED)
 def test_repeated_shapes_are_truths(name: str, tmp_path: Path) -> None:
     """Silhouettes too: no ray is decided otherwise."""
@@ -428,6 +429,7 @@ DOWN = {"position": [0, 0, 0], "look_at": [0, 0, 1], "vertical_fov_degrees": 30}
 WIDTHS = ("opt8_streams", PHASE, "opt10_scene")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", WIDTHS)
 @pytest.mark.parametrize("strength", [1e-9, 0.3, 1, 1.00001, 1.001])
 def test_weak_shadows_are_truths(strength: float, phase: str, tmp_path: Path) -> None:

@@ -118,6 +118,7 @@ def test_a_failure_leaves_nothing_behind(root, monkeypatch):
     assert set((root / "phases").iterdir()) == before
 
 
+@pytest.mark.slow
 def test_the_new_phase_builds_and_renders_as_its_parent(root):
     new_phase.create("naive2", "baseline", root)
     for name in ("naive2", "baseline"):
@@ -132,6 +133,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess:
     return started.run(command)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -345,6 +345,7 @@ def test_cones_thousands_of_times_wider_than_high(draw, name, limit, words):
     assert hit.sum() > 400 and np.allclose(mine["Z"][hit], truth["Z"][hit], atol=1e-5, rtol=0)
 
 
+@pytest.mark.slow
 def test_the_gate_of_accuracy_holds(written):
     """scripts/stepwise accuracy on a scene that both render: no further from truth than phase.json grants."""
     words = [sys.executable, str(ROOT / "scripts" / "stepwise"), "accuracy", "--phase", "packets"]

@@ -25,6 +25,8 @@ from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis, stats
 from study.report import chapters, facts, figures
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 

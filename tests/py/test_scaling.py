@@ -204,6 +204,7 @@ def test_scenes_are_made_by_their_seed_alone(tmp_path: Path) -> None:
     assert scaling_scenes.of_shapes("scattered", 20, 1, tmp_path).path.stat().st_mtime_ns == stamp
 
 
+@pytest.mark.slow
 def test_the_driver_takes_the_largest_scene_and_there_is_no_larger(tmp_path: Path) -> None:
     scene = scaling_scenes.of_shapes("corridors", scaling_scenes.MOST_SHAPES, 1, tmp_path)
     assert len(scene.data["shapes"]) == 4096
@@ -727,6 +728,7 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
     refused(command.main, "stepwise scaling", ["--run", "{tmp}/out", *words], said)
 
 
+@pytest.mark.slow
 def test_from_end_to_end(tmp_path: Path) -> None:
     """Two small series of two programs: rows, fits, thumbnails, and truth beside them."""
     words = [

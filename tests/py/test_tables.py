@@ -369,6 +369,7 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
 # Files and command line
 
 
+@pytest.mark.slow
 def test_files_are_complete_and_hold_the_same_rows(run: Path) -> None:
     done = script(run)
     assert done.returncode == 0, done.stderr
@@ -400,6 +401,7 @@ def test_json_is_one_object_and_remarks_go_to_stderr(run: Path, tmp_path: Path) 
     assert not (run / "tables").exists()
 
 
+@pytest.mark.slow
 def test_bad_input_is_status_2_in_one_line(run: Path, tmp_path: Path) -> None:
     for arguments in ((tmp_path / "nothing",), (run, "-n", 77)):
         done = script(*arguments)

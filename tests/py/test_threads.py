@@ -31,9 +31,12 @@ CPUS = sorted(os.sched_getaffinity(0))
 THREADED = [name for name, phase in registry.phases().items() if phase.threads and name != registry.TRUTH]
 OWN_POOLS = [path.parent.name for path in sorted((ROOT / "phases").glob("*/threads.c"))]
 
-pytestmark = pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt5_threads needs"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt5_threads needs"
+    ),
+]
 
 
 def scene(name: str, folder: Path) -> Path:

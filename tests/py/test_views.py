@@ -193,7 +193,7 @@ def row(scene: str, view: str, own: float, base: float = 100.0, phase: str = "b"
             "ratio": stats.ratio_interval(times[1], times[0]),
         },
         **{"ms": stats.median_interval(times[0]), "reference": "truth", "psnr_db": 60.0, "rmse": 0.001},
-        **{"wrong_ppm": 3.0, "non_finite": 0, "depth_agree_fraction": None},
+        **{"wrong_ppm": 3.0, "width": 160, "n": 90, "non_finite": 0, "depth_agree_fraction": None},
         **more,
     }
 
