@@ -133,7 +133,6 @@ def test_what_the_tests_run_of_an_ablation_is_built() -> None:
             assert (f"{name}/{target}" in asked) == declared, name
 
 
-@pytest.mark.slow
 def test_every_phase_is_built_by_gcc_and_read_by_clang_in_the_quick_half() -> None:
     """rules.mk leaves variants that this CPU does not run out of what clang makes: the rest reads them."""
     quick, both = (
@@ -150,7 +149,6 @@ def test_every_phase_is_built_by_gcc_and_read_by_clang_in_the_quick_half() -> No
         assert {f"{phase}/render", f"{phase}/probe"} <= set(both["build/asan"])
 
 
-@pytest.mark.slow
 def test_the_halves_have_no_build_in_common() -> None:
     assert not builds.quick_tests().keys() & builds.rest_tests().keys()
 
