@@ -414,7 +414,7 @@ def studied(monkeypatch, tmp_path: Path, seconds: float, names: list[str]) -> tu
     monkeypatch.setattr(scaling_scenes, "of_shapes", named)
     monkeypatch.setattr(scaling_goals, "memory", lambda *_: ([], []))
     monkeypatch.setattr(run, "USABLE", [0, 1])
-    about = {"phase": names, "series": None, "n": 90, "scene_seed": 1, "seconds": seconds, "seed": 1}
+    about = {"phase": names, "series": None, "n": 90, "scene_seed": 1, "budget": seconds, "seed": 1}
     args = argparse.Namespace(**about, launches=6, cpu=0)
     monkeypatch.setattr(command, "programs", lambda names: ([Spec.parse(name) for name in names], []))
     return command.measured(args, tmp_path), machine
