@@ -85,7 +85,8 @@ def test_what_was_started_ends_with_it(tmp_path: Path, how: signal.Signals) -> N
 import signal, sys
 sys.path.insert(0, {str(ROOT / "tests")!r})
 import builds
-signal.signal(signal.SIGTERM, signal.default_int_handler)
+for end in (signal.SIGINT, signal.SIGTERM):
+    signal.signal(end, signal.default_int_handler)
 builds.END = 0.5
 builds.run(["bash", {str(tmp_path / "both.sh")!r}])
 """
