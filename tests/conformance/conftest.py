@@ -27,16 +27,16 @@ FORM = (
 ONCE = ("test_features_show",)
 
 
-@pytest.hookimpl(tryfirst=True)  # before -m looks at what is slow
+@pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leaves out what holds a picture that is meant to be near against one that it is not meant to be, and
-    what one build answers for all. Of the sanitized phases, those that others derive from are slow."""
-    kept, left = [], []
+    what one build answers for all. Slow: sanitized phases that `make test` does not build."""
+    kept, left, built = [], [], builds.derived_last()
     for item in items:
         mine = item.path.parent == Path(__file__).parent
         near = mine and registry.phases()[item.callspec.params["phase"]].approximate
         once = mine and REDUCED and item.originalname in ONCE
-        if mine and REDUCED and item.callspec.params["phase"] not in builds.derived_last():
+        if mine and REDUCED and item.callspec.params["phase"] not in built:
             item.add_marker(pytest.mark.slow)
         (left if once or (near and item.originalname not in FORM) else kept).append(item)
     items[:] = kept

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import subprocess
 import sys
 from pathlib import Path
 
+import emitted
 import pytest
 import started
 
@@ -95,12 +95,12 @@ def stability(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 def test_script(tmp_path: Path) -> None:
-    """A wrong answer (the step cap's) is a result: status 0, one flat object, files beside it."""
+    """A wrong answer (the step cap's) is a result: status 0, files beside it."""
     done = stability(
         "--phase", "opt2", "--case", "step_cap", "--strengths", "few", "--json", "--run", tmp_path
     )
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    (found,) = emitted.result(done.stdout)["results"]
     assert (
         found["case"] == "step_cap"
         and found["phase"] == "opt2"
@@ -141,5 +141,5 @@ def test_script_fails_for_a_hang(tmp_path: Path) -> None:
 
 
 def test_list() -> None:
-    listed = json.loads(stability("--list", "--json").stdout)["cases"]
+    listed = emitted.result(stability("--list", "--json").stdout)["cases"]
     assert [case["number"] for case in listed] == [case.number for case in hard.cases()]

@@ -14,6 +14,7 @@ import sys
 import types
 from pathlib import Path
 
+import emitted
 import numpy as np
 import pytest
 import started
@@ -592,7 +593,7 @@ def test_every_case_is_timed_once_a_round_in_random_order(monkeypatch):
 
 
 def command(*arguments: str, root: Path = ROOT, **environment: str) -> subprocess.CompletedProcess:
-    words = [sys.executable, root / "scripts/stepwise ablations", *arguments]
+    words = [sys.executable, root / "scripts/stepwise", "ablations", *arguments]
     return started.run(words, env=os.environ | environment)
 
 
@@ -601,7 +602,7 @@ def test_the_table(tmp_path):
     small = ["-n", "9", "--run", str(tmp_path), "--seed", "1"]
     done = command(*small, "--phase", "opt2+norm_bounds", "opt2+fast_root_3", "--json")
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    found = emitted.result(done.stdout)
     assert found == json.loads((tmp_path / "ablations.json").read_text())
     rows = {(row["ablation"], row["scene"]): row for row in found["rows"]}
     names = ("opt2+norm_bounds", "opt2+fast_root_3")
@@ -629,7 +630,7 @@ def test_ideas_have_a_file_of_their_own(tmp_path):
     names = ["opt9_convex+no_query", "opt6_wide+awake", "opt6_wide+rsqrt"]
     done = command("--ideas", *small, "--phase", *names)
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    found = emitted.result(done.stdout)
     assert found == json.loads((tmp_path / "ideas.json").read_text())
     rows = {(row["ablation"], row["scene"]): row for row in found["rows"]}
     assert set(rows) == {("opt9_convex+no_query", "scattered-256"), ("opt6_wide+awake", "scene0")}
@@ -667,8 +668,9 @@ def test_a_cpu_without_the_instructions_is_said():
 def other(tmp_path_factory) -> Path:
     """A tree of its own with opt1: an ablation that is wrong, and one that does not apply any more."""
     root = tmp_path_factory.mktemp("other")
-    for name in ("common", "scripts", "phases/baseline"):
-        shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__", "ablations"))
+    for name, without in (("common", ()), ("scripts", ()), ("phases/baseline", ("ablations",))):
+        ignore = shutil.ignore_patterns("__pycache__", *without)
+        shutil.copytree(ROOT / name, root / name, ignore=ignore)
     shutil.copy(ROOT / "Makefile", root)
     for name in ("baseline", "opt1"):
         build(name)

@@ -9,11 +9,12 @@ import shutil
 import sys
 import types
 
+import emitted
 import numpy as np
 import pytest
 from discs import HEIGHT, WIDTH, made_truth
 
-from study.core import registry, store
+from study.core import cli, registry, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import DriverError
@@ -64,7 +65,8 @@ def command(house, monkeypatch, capsys):
     def call(*words: str) -> tuple[int, str, str]:
         size = ("-n", str(HEIGHT), "-w", str(WIDTH), "--jobs", "1", "--run", str(house.run))
         monkeypatch.setattr(sys, "argv", ["stepwise accuracy", *size, *words])
-        return command_module.main(), *capsys.readouterr()
+        status = cli.finish(command_module.main())
+        return status, *capsys.readouterr()
 
     return call
 
@@ -76,9 +78,9 @@ KEYS = (
 )
 
 
-def test_one_row_is_one_flat_object(command, house):
+def test_one_row(command, house):
     status, out, _ = command("--phase", "opt4", "--scene", "scene0", "--json")
-    found = json.loads(out)
+    (found,) = emitted.result(out)["rows"]
     assert status == 0 and set(KEYS) <= found.keys()
     assert (found["psnr_db"], found["rmse"], found["gated"], found["worse"]) == (None, 0, False, [])
     assert not any(isinstance(found[key], dict | list) for key in KEYS)
@@ -91,7 +93,7 @@ def test_one_row_is_one_flat_object(command, house):
 def test_a_gated_phase_that_is_further_than_baseline_fails_with_metric_and_both_values(command, house, disc):
     house.pictures["opt5"] = lambda: disc(1)
     status, out, err = command("--phase", "opt4", "opt5", "--scene", "trio", "--json")
-    rows = {row["phase"]: row for row in json.loads(out)["rows"]}
+    rows = {row["phase"]: row for row in emitted.result(out)["rows"]}
     assert status == 1
     assert rows["opt5"]["failed"] and {"false_hits_ppm", "false_misses_ppm", "psnr_db"} <= set(
         rows["opt5"]["worse"]
@@ -103,7 +105,7 @@ def test_a_gated_phase_that_is_further_than_baseline_fails_with_metric_and_both_
 def test_nobody_need_copy_baselines_errors(command, house, disc):
     house.pictures["baseline"] = lambda: disc(2)
     status, out, _ = command("--phase", "opt5", "--scene", "trio", "--json")
-    assert status == 0 and json.loads(out)["false_hits_ppm"] == 0
+    assert status == 0 and emitted.result(out)["rows"][0]["false_hits_ppm"] == 0
 
 
 @pytest.mark.slow
@@ -129,7 +131,7 @@ def test_outlines_as_fat_as_declared_are_granted(command, house, disc):
     house.known["opt5"] = dataclasses.replace(house.known["opt5"], tolerance=tolerance)
     house.pictures["opt5"] = lambda: disc(1)
     status, out, err = command("--phase", "opt5", "--scene", "trio", "--json")
-    row = json.loads(out)
+    (row,) = emitted.result(out)["rows"]
     assert status == 0 and row["false_hits_ppm"] > 0 and row["beyond_outlines"]["false_hits_ppm"] == 0, err
     shutil.rmtree(house.run)
 
@@ -141,12 +143,14 @@ def test_outlines_as_fat_as_declared_are_granted(command, house, disc):
 
     house.pictures["opt5"] = spotted
     status, out, err = command("--phase", "opt5", "--scene", "trio", "--json")
-    assert status == 1 and json.loads(out)["worse"] == ["false_hits_ppm"]
+    assert status == 1 and emitted.result(out)["rows"][0]["worse"] == ["false_hits_ppm"]
     assert f"false_hits_ppm: {1e6 / (HEIGHT * WIDTH):.6g}, baseline has 0" in err
     shutil.rmtree(house.run)
     house.pictures["baseline"] = lambda: disc(1)  # whose 23 false hits are at the outline
     status, out, err = command("--phase", "opt5", "--scene", "trio", "--json")
-    assert status == 1 and json.loads(out)["worse"] == ["false_hits_ppm"], "allowed what baseline is granted"
+    assert status == 1 and emitted.result(out)["rows"][0]["worse"] == ["false_hits_ppm"], (
+        "allowed what baseline is granted"
+    )
     assert f"false_hits_ppm: {1e6 / (HEIGHT * WIDTH):.6g}, baseline has 0" in err
 
 
@@ -239,8 +243,8 @@ def test_twenty_steps_lose_the_spheres_rims(tmp_path, monkeypatch, capsys):
     n = 48
     words = ("--phase", "baseline", "--scene", "two_spheres", "-n", str(n), "--json", "--jobs", "1")
     monkeypatch.setattr(sys, "argv", ["stepwise accuracy", *words, "--run", str(tmp_path)])
-    assert command_module.main() == 0
-    found = json.loads(capsys.readouterr().out)
+    assert cli.finish(command_module.main()) == 0
+    (found,) = emitted.result(capsys.readouterr().out)["rows"]
 
     scene = registry.find_scene("two_spheres")
     origin, directions = rays(scene, n, n)

@@ -8,6 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import emitted
 import pytest
 
 from study.core import cli, registry, run, show
@@ -66,7 +67,11 @@ def test_the_page(tmp_path: Path) -> None:
     assert "opt9_convex" in text and "12.50 [12.40, 12.60]" in text and "10.00 [9.80, 10.20]" in text
     assert "1.75 |" in text and "1,800 [715, never]" in text and "| 140 |" in text
     assert "it is marched | never: no kernel |" in chapter.parts[1].markdown
-    assert "gcc 12" in chapter.remarks[0]
+    (drawing,) = chapter.drawn.values()
+    assert "gcc 12" in drawing.note
+    assert (
+        chapter.answer.startswith("On scene0 at n = ") and "after 1,800 [715, never] frames" in chapter.answer
+    )
     assert "breaks even after 1,800" in breakeven_page.sentence(row(), "opt9_convex")
     said = [{"value": None, "low": 900, "high": None}, {"value": 5, "low": None, "high": None}, None]
     texts = [breakeven_page.frames_needed({"break_even_frames": one}) for one in said]
@@ -144,7 +149,7 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     ]
     monkeypatch.setenv("STEPWISE_CC", "gcc")
     assert run_command(monkeypatch, *words) == cli.OK
-    made = json.loads(capsys.readouterr().out)
+    made = emitted.result(capsys.readouterr().out)
     assert made == json.loads((tmp_path / breakeven.FILE).read_text())
     spheres, crowd = made["rows"]
     assert spheres["generated"] and 0 < spheres["compile_s"] <= spheres["setup_s"]

@@ -10,6 +10,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import emitted
 import pytest
 import started
 from elftools.elf.elffile import ELFFile
@@ -424,7 +425,7 @@ def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
     done = started.run([*command, tmp_path])
     assert done.returncode == 0, done.stderr
     limits = ceilings.read(tmp_path)
-    assert json.loads(done.stdout)["ceilings"] == limits.rows
+    assert emitted.result(done.stdout)["ceilings"] == limits.rows
     context = {"cpu": machine.cpu()}
     assert limits.data["compiler"] and limits.foreign(context, limits.data["tsc_hz"]) is None
     context["cpu"]["stepping"] += 1

@@ -84,12 +84,13 @@ def test_the_documented_statuses_are_those_of_the_scripts():
     assert {int(status): meaning.strip() for status, meaning in rows[2:]} == cli.STATUSES
 
 
-def test_emit_writes_what_json_knows(capsys):
+def test_emit_writes_what_json_knows(capsys, monkeypatch):
     @dataclass
     class Interval:
         value: float
         low: float
 
+    monkeypatch.setattr("sys.argv", ["stepwise some"])
     cli.emit(
         {
             "nan": float("nan"),
@@ -98,9 +99,15 @@ def test_emit_writes_what_json_knows(capsys):
             "interval": Interval(np.float32(0.5), -np.inf),
             "path": Path("a/b"),
             1: (True, None),
-        }
+        },
+        Path("results/run"),
     )
-    assert json.loads(capsys.readouterr().out) == {
+    assert capsys.readouterr().out == "", "how it ends is not known yet"
+    assert cli.finish(cli.FAILED) == cli.FAILED
+    said = json.loads(capsys.readouterr().out)
+    about = {"command": "some", "status": "failed", "run": "results/run"}
+    assert said.items() >= about.items() and said.keys() == {*about, "result"}
+    assert said["result"] == {
         "nan": None,
         "array": [1.5, None],
         "integer": 3,
@@ -108,6 +115,21 @@ def test_emit_writes_what_json_knows(capsys):
         "path": "a/b",
         "1": [True, None],
     }
+
+
+@pytest.mark.parametrize("command", commands.find_all().values(), ids=lambda command: command.name)
+def test_an_option_is_written_the_same_way_everywhere(command):
+    """And a positional run is RUN, or a RUN of several."""
+    for action in commands.parser_of(command)._actions:
+        shown = action.metavar or action.dest.upper()
+        for name in action.option_strings:
+            if name in commands.OPTIONS:
+                placeholder = commands.OPTIONS[name][0]
+                assert (action.nargs == 0) == (placeholder is None)
+                assert placeholder in (None, shown), f"{command.name}: {name} {shown}"
+        assert "--seconds" not in action.option_strings, "the time for measuring is --budget"
+        if not action.option_strings and "run" in action.dest:
+            assert shown == "RUN"
 
 
 def script(folder: Path, body: str) -> Path:

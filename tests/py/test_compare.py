@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import emitted
 import numpy as np
 import pytest
 import started
@@ -94,7 +95,7 @@ def test_other_work_is_not_compared(tmp_path, change):
 def test_json(two):
     done = run(two[0].path, two[1].path, "--json")
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
+    said = emitted.result(done.stdout)
     assert [row["verdict"] for row in said["rows"]] == ["faster", "the same within noise", "slower"]
     assert said["differences"] == {
         "libc": ["glibc 2.36", "glibc 2.40"],
@@ -129,7 +130,7 @@ def test_nothing_to_compare_is_an_error(two, tmp_path):
     empty = make_run(tmp_path / "empty", {})
     done = run(two[0].path, empty.path)
     assert done.returncode == 2
-    assert f"no timed frame; measure with scripts/stepwise sweep --run {empty.path}" in done.stderr
+    assert f"no timed frame; measure with scripts/stepwise sweep --run {empty.path} --resume" in done.stderr
     assert "not a run" in run(two[0].path, tmp_path).stderr
 
 

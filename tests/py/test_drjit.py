@@ -148,8 +148,9 @@ def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
     (tmp_path / drjit_measure.FILE).write_text(json.dumps(made))
     chapter = drjit_chapter.rival(tmp_path)
     text = chapter.parts[0].markdown
-    assert "10.0× [10.0" in text and "≥ 8×: met" in text and "| 40.0 |" in text and "16.0" in text
+    assert "10.0× [10.0" in text and "goal" not in text and "| 40.0 |" in text and "16.0" in text
     assert "drjit 1.5.0" in drjit_page.note(made)
+    assert "10.0× [10.0" in chapter.answer and "16.0 dB" in chapter.answer
     (tmp_path / drjit_measure.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"drjit\.json: not what scripts/stepwise drjit writes"):
         drjit_chapter.rival(tmp_path)

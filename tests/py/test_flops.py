@@ -11,10 +11,11 @@ import subprocess
 import sys
 from collections import Counter
 
+import emitted
 import pytest
 import started
 
-from study.core import registry, show
+from study.core import registry, show, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
@@ -36,8 +37,8 @@ def measured(functions: dict[str, Counts], edges: dict | None = None, **changed)
         total.merge(one)
     about = {
         "backend": "by hand",
-        "phase": "p",
-        "flags_from": "p",
+        "phase": "opt1",
+        "flags_from": "opt1",
         "variant": "calls",
         "scene": "s",
         "scene_hash": "0",
@@ -52,8 +53,8 @@ def measured(functions: dict[str, Counts], edges: dict | None = None, **changed)
 def stated(machine: int, **functions: int) -> dict:
     by_function = {name: {"calls": 1, "lanes": 1, "machine": n, "paper": n} for name, n in functions.items()}
     return {
-        "phase": "p",
-        "flags_from": "p",
+        "phase": "opt1",
+        "flags_from": "opt1",
         "lanes": 1,
         "scene": "s",
         "width": 4,
@@ -378,6 +379,62 @@ def test_a_bad_residue_is_named(tmp_path, line, message):
         costs.residues(tmp_path / "residues.def", known)
 
 
+@pytest.fixture
+def derived(tmp_path, monkeypatch):
+    """The folder of `mine`, derived from opt4, whose f is known to have three products more."""
+    for name in ("opt4", "mine"):
+        (tmp_path / "phases" / name).mkdir(parents=True)
+    shutil.copy(ROOT / "phases" / "opt4" / "phase.json", tmp_path / "phases" / "opt4")
+    about = {"title": "mine", "family": "ladder", "order": 9, "parent": "opt4", "idea": "", "paper": None}
+    store.write_json(tmp_path / "phases" / "mine" / "phase.json", about | {"name": "mine", "derives": "opt4"})
+    (tmp_path / "phases" / "opt4" / "costs.def").write_text("COST(f, call, LANES, 0,100,0,0,0,0,0,0,0)\n")
+    (tmp_path / "phases" / "opt4" / "residues.def").write_text("RESIDUE(both, f, call, mul, 3, 3) // why\n")
+    monkeypatch.setattr(registry, "find_phase", lambda name: registry.phases(tmp_path)[name])
+    return tmp_path / "phases" / "mine"
+
+
+def products(phase: str) -> dict:
+    """The row of a picture with 103 products a lane where 100 are declared."""
+    one = stated(8000) | {"phase": phase, "lanes": 8}
+    one["by_function"] = {"f": {"parts": {"call": 10}, "machine": 8000, "calls": 10}}
+    by = Counts(calls=1, lanes=Counter({("mul", "single", 256): 8240}))
+    (row,) = flops.compare(one, measured({"f": by}, variant="shipped"))
+    return row
+
+
+def shown(row: dict) -> list[str]:
+    named = {column.name: column.text(row) for column in flops_columns.VALIDATION}
+    return [named["the compiler's doing, known"], named["verdict"]]
+
+
+@pytest.mark.parametrize(
+    ("own", "known", "verdict"),
+    [
+        (None, "+2.91\u00a0% (inherited from opt4: not confirmed)", "✗ OUTSIDE 1\u00a0%"),
+        ("", "–", "✗ OUTSIDE 1\u00a0%"),
+        ("RESIDUES_OF(opt4) // read anew\n", "+2.91\u00a0%", "✓ within 1\u00a0%"),
+        ("RESIDUE(both, f, call, mul, 3, 3) // why\n", "+2.91\u00a0%", "✓ within 1\u00a0%"),
+    ],
+)
+def test_inherited_residues_are_marked_and_explain_nothing(derived, own, known, verdict):
+    assert shown(products("opt4")) == ["+2.91\u00a0%", "✓ within 1\u00a0%"]
+    if own is not None:
+        (derived / "residues.def").write_text(own)
+    row = products("mine")
+    assert shown(row) == [known, verdict] and row["within"] is verdict.startswith("✓")
+    assert row["inherited_from"] == ("opt4" if own is None else None)
+
+
+def test_an_inherited_residue_of_a_part_that_is_gone_is_no_error(derived):
+    (derived / "costs.def").write_text("COST(g, call, LANES, 0,100,0,0,0,0,0,0,0)\n")
+    assert costs.residues_of(registry.find_phase("mine"), costs.read(derived / "costs.def")) == []
+
+
+def test_every_derived_phase_of_ours_has_residues_of_its_own():
+    inherited = {name: phase.inherits("residues.def") for name, phase in registry.phases().items()}
+    assert {name: by for name, by in inherited.items() if by} == {}
+
+
 def test_helpers_are_folded_into_their_callers_by_calls():
     """dot (30 adds in 10 calls) is called 8 times by a, twice by norm; norm 3 times by b: by hand
     a gets 24, norm 6, all of which goes on to b with norm's own 9."""
@@ -546,7 +603,7 @@ def command(*arguments: object, **environment: str) -> subprocess.CompletedProce
 def test_table1_of_a_small_picture_as_json():
     done = command("--phase", "baseline", "--scene", "cubes", "-n", 9, "--json")
     assert done.returncode == 0, done.stderr
-    (row,) = json.loads(done.stdout)["table1"]
+    (row,) = emitted.result(done.stdout)["table1"]
     assert row["phase"] == "baseline" and row["width"] == 16 and row["paper_gflop"] is None
 
 
@@ -568,7 +625,7 @@ def test_bad_arguments_are_one_line(arguments, message):
 
 def test_what_was_measured_is_shown_without_a_run():
     done = command("--measure", "--phase", "baseline", "--scene", "trio", "-n", 9, "--json")
-    (one,) = json.loads(done.stdout)["measured"]
+    (one,) = emitted.result(done.stdout)["measured"]
     assert done.returncode == 0 and one["backend"] == "blocks" and one["total"]["machine"] > 0
     done = command("--measure", "--phase", "baseline", "--scene", "trio", "-n", 9)
     assert f"{one['total']['machine'] / 1e9:.4}" in done.stdout.strip().splitlines()[-1]
@@ -591,7 +648,7 @@ def test_declared_costs_hold_against_the_blocks_that_ran(phase, scene):
     """The whole chain on a scene with a mirror, soft shadows, fog and a rotation; and where a Mandelbulb is
     marched alone, by functions that no other scene has."""
     done = command("--validate", "--phase", phase, "--scene", scene, "-n", 24, "--json")
-    rows = json.loads(done.stdout)["rows"]
+    rows = emitted.result(done.stdout)["rows"]
     assert done.returncode == 0, done.stderr
     assert {"phase", "scene", "counted", "measured", "backend", "relative_difference"} <= rows[0].keys()
     assert len([row for row in rows if row["judged"]]) > 10 and all(row["calibrated"] for row in rows)
@@ -617,7 +674,7 @@ def test_a_systems_costs_hold_where_its_scenes_are(phase, scene, there, least):
     if not registry.cpu_supports(registry.find_phase(phase)):
         pytest.skip("the CPU lacks what it needs")
     done = command("--validate", "--phase", phase, "--scene", scene, "-n", 24, "--json")
-    rows = [row for row in json.loads(done.stdout)["rows"] if row["judged"]]
+    rows = [row for row in emitted.result(done.stdout)["rows"] if row["judged"]]
     assert done.returncode == 0, done.stderr
     assert there <= {row["scope"] for row in rows}
     assert all(row["unexplained"] < least for row in rows), [(r["scope"], r["unexplained"]) for r in rows]
@@ -626,7 +683,7 @@ def test_a_systems_costs_hold_where_its_scenes_are(phase, scene, there, least):
 def test_opt2s_branches_are_explained_to_less_than_one_percent():
     """Where gcc makes branches of minima, and the raw difference is some 10 %."""
     done = command("--validate", "--phase", "opt2", "--scene", "scene0", "-n", 24, "--json")
-    rows = json.loads(done.stdout)["rows"]
+    rows = emitted.result(done.stdout)["rows"]
     (row,) = (row for row in rows if (row["scope"], row["variant"]) == ("total", "shipped"))
     assert done.returncode == 0 and row["explained_to"] + row["unexplained"] < 0.01
 

@@ -8,6 +8,7 @@ import math
 import sys
 from pathlib import Path
 
+import emitted
 import matplotlib
 import numpy as np
 import pytest
@@ -154,9 +155,10 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
     text = chapter.parts[0].markdown
     assert "| 61.0 |" in text and "opt8_streams: 58.0, on the bulb 62.0; 99.9" in text
     assert any("closed forms put them where they are" in d.note for d in chapter.drawn.values())
-    assert (
-        "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text and "| met |" in text
-    )
+    assert "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text
+    assert "goal" not in text and "| met |" not in text
+    assert chapter.answer.startswith("On 2 threads, presenting included: 61.5 [60")
+    assert "50.0 dB (4×4 means) to opt3" in chapter.answer
     assert "16.5 (largest of 120)" in text
     with matplotlib.rc_context(STYLE):
         assert chapter.drawn[frames_page.FIGURE].make().axes
@@ -189,9 +191,9 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
 
 @pytest.mark.slow
 def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
-    words = ["--phase", "opt4", "--scene", "scene0", "-n", "16", "--launches", "1", "--seconds", "3600"]
+    words = ["--phase", "opt4", "--scene", "scene0", "-n", "16", "--launches", "1", "--budget", "3600"]
     assert run_command(monkeypatch, *words, "--run", str(tmp_path), "--json") == cli.OK
-    made = json.loads(capsys.readouterr().out)
+    made = emitted.result(capsys.readouterr().out)
     assert made == json.loads((tmp_path / frames.FILE).read_text())
     own, half = made["rows"]
     assert (own["hit"], half["hit"]) == (frames.OWN, frames.HALF) and own["to_own"] is None
@@ -218,13 +220,13 @@ def test_what_is_displayed_otherwise_fails(tmp_path: Path, monkeypatch, capsys) 
         "16",
         "--launches",
         "1",
-        "--seconds",
+        "--budget",
         "3600",
     ]
     assert run_command(monkeypatch, *words, "--run", str(tmp_path), "--json") == cli.FAILED
     said = capsys.readouterr()
     assert "FAIL opt10_scene on scene0: 0 samples not finite, 1 bytes displayed otherwise" in said.err
-    row = json.loads(said.out)["rows"][0]
+    row = emitted.result(said.out)["rows"][0]
     assert (row["presented_by"], row["displayed_otherwise"], row["present_ms"]) == ("phase", 1, 0)
     text = frames_chapter.rates(tmp_path).parts[0].markdown
     assert "| in the phase's tiles |" in text

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import emitted
 import pytest
 import started
 from hypothesis import given
@@ -344,7 +345,7 @@ def test_the_script_for_real(tmp_path):
         [*command, "--json", "--run", tmp_path], capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     rows = [row for row in made["hotspots"] if row["phase"] == "opt3"]
     for column in ("shipped_percent", "calls_percent"):
         assert sum(row.get(column) or 0 for row in rows) == pytest.approx(100)

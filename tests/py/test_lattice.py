@@ -80,7 +80,8 @@ def test_the_table_of_systems(tmp_path):
     assert claim["article"].startswith("14×") and claim["ratio"] == "0.473× of it"  # 6.62 over 14
     section = systems.section(tmp_path)
     assert [part.name for part in section.parts] == ["systems", "lattice"]
-    assert "not measured on this machine" in section.remarks[0] and "1\u00a0%" in section.remarks[0]
+    below = section.parts[1].foot
+    assert "not measured on this machine" in below and "1\u00a0%" in below
     (tmp_path / lattice.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"lattice\.json: not what scripts/stepwise lattice writes"):
         systems.section(tmp_path)
@@ -103,7 +104,7 @@ def test_under_the_table_stands_what_shading_takes(tmp_path):
         "at least 7\u00a0% to 18.7\u00a0%, by phase."
     )
     (tmp_path / lattice.FILE).write_text(json.dumps(made))
-    assert systems.section(tmp_path).parts[1].markdown.endswith(f" |\n\n{text}\n")
+    assert systems.section(tmp_path).parts[1].foot.startswith(text)
     lit(None, None)
     assert lattice_page.foot(made["rows"]) == text
     lit(-0.2, -0.1)

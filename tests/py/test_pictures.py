@@ -6,6 +6,7 @@ import json
 import math
 import sys
 
+import emitted
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -133,7 +134,7 @@ def test_a_sheet_of_some_scenes_and_phases_with_their_error_to_truth(run_folder,
     monkeypatch.setattr(pictures.accuracy, "read", lambda run: {"rows": rows})
     some = pictures.chosen(verified, ["mandelbulb"], ["baseline", "opt4"])
     captions = [a.get_xlabel() for a in pictures.contact_sheet(run_folder, some).axes]
-    assert captions == ["reference", "PSNR 47.2 dB\n4×4 averaged 51.0 dB\nto truth 51.4 dB (4×4)"]
+    assert captions == ["reference", "PSNR 47.2 dB\n4×4 averaged 51.0 dB\nto ground truth 51.4 dB (4×4)"]
     with pytest.raises(StudyError, match="no scene 'x' was verified; there are mandelbulb, trio"):
         pictures.chosen(verified, ["x"], None)
 
@@ -161,10 +162,10 @@ def test_thumbnails_are_averaged_in_linear_light(tmp_path, write_exr, blank):
 
 def test_the_command_writes_both_figures(run_folder):
     done = started.run(
-        [sys.executable, ROOT / "scripts/stepwise pictures", "--run", run_folder, "--json"],
+        [sys.executable, ROOT / "scripts/stepwise", "pictures", "--run", run_folder, "--json"],
     )
     assert done.returncode == 0, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     assert made.keys() == {"contact_sheet", "evaluations"}
     for path in made.values():
         assert pixels(path).std() > 10
@@ -175,7 +176,7 @@ def test_the_command_writes_both_figures(run_folder):
 
 
 def test_a_run_that_is_not_verified_is_told_what_to_do(tmp_path):
-    done = started.run([sys.executable, ROOT / "scripts/stepwise pictures", "--run", tmp_path])
+    done = started.run([sys.executable, ROOT / "scripts/stepwise", "pictures", "--run", tmp_path])
     assert done.returncode == 2
     assert "make it with scripts/stepwise verify --run" in done.stderr
 
@@ -208,10 +209,10 @@ def test_demo_takes_the_furthest_phase_that_runs_here(monkeypatch, capsys):
 
 
 def test_demo_with_the_real_driver(tmp_path):
-    words = ["--phase", "opt1", "--seconds", "0.01", "-o", tmp_path / "demo.png", "--json"]
-    done = started.run([sys.executable, ROOT / "scripts/stepwise demo", *words])
+    words = ["--phase", "opt1", "--budget", "0.01", "-o", tmp_path / "demo.png", "--json"]
+    done = started.run([sys.executable, ROOT / "scripts/stepwise", "demo", *words])
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    found = emitted.result(done.stdout)
     assert found["identical"] and found["psnr_db"] is None and found["max_abs"] == 0
     assert found["reference"]["ns_per_pixel"] == found["reference"]["ns"] / (64 * 36)
     assert found["speedup"] == found["reference"]["ns"] / found["phase"]["ns"] > 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import subprocess
@@ -10,6 +9,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import emitted
 import matplotlib
 import numpy as np
 import pandas as pd
@@ -65,7 +65,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     run = shutil.copytree(ROOT / "tests" / "fixtures" / "run", folder / "machine" / "run")
     done = script(run, "-o", folder / "out", "--json")
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return emitted.result(done.stdout)
 
 
 def test_every_figure_exists_and_is_a_picture(made: dict) -> None:
@@ -94,7 +94,7 @@ def test_redraw_draws_what_plots_does_and_says_what_a_run_lacks(
 ) -> None:
     out = tmp_path / "out"
     command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "redraw", str(run), "-o", str(out)]
-    done = started.run([*command, "--only", "speeds", "pareto"])
+    done = started.run([*command, "--only", "ladder", "size", "verification", "pareto"])
     assert done.returncode == 0 and "pareto: left out" in done.stderr, done.stderr
     assert sorted(path.name for path in (out / "figures").iterdir()) == sorted(
         Path(path).name for paths in made.values() for path in paths
@@ -105,7 +105,7 @@ def test_redraw_draws_what_plots_does_and_says_what_a_run_lacks(
     assert (missing.returncode, len(missing.stderr.splitlines())) == (2, 1)
 
 
-READMES = {"roofline": "roofline", "pareto": "pareto"}  # → redraw.py's kind
+READMES = {"roofline": "roofline", "pareto": "pareto"}  # → the chapter that draws it
 
 
 @pytest.fixture(scope="module")

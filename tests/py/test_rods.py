@@ -14,6 +14,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import emitted
 import numpy as np
 import pytest
 import started
@@ -294,7 +295,7 @@ def test_declared_costs_hold():
     """Of rods. By hand, for its builds take a minute: scripts/stepwise flops --validate --phase rods_simd."""
     words = [sys.executable, str(ROOT / "scripts" / "stepwise"), "flops", "--validate", "--phase", "rods"]
     done = started.run([*words, "--scene", "trio", "-n", "24", "--json"], timeout=300)
-    rows = json.loads(done.stdout)["rows"]
+    rows = emitted.result(done.stdout)["rows"]
     assert done.returncode == 0, done.stderr
     assert {row["function"] if "function" in row else row["scope"] for row in rows} >= {
         "march_rod",
@@ -318,13 +319,13 @@ def test_their_hits_are_what_is_seen_within_the_footprint(name, tmp_path):
     ]
     words += ["-n", "64", "--json", "--jobs", "1", "--run"]
     done = started.run([*words, str(tmp_path / "own")], timeout=300)
-    row = json.loads(done.stdout)
+    (row,) = emitted.result(done.stdout)["rows"]
     assert done.returncode == 0 and row["gated"] and row["worse"] == [], done.stderr
     assert max(row["beyond_outlines"].values()) <= 2_000
     assert row["false_hits_ppm"] + row["wrong_shape_ppm"] > 60_000, "nothing was granted: why declare it?"
     env = os.environ | {"STEPWISE_RODS": "least=4"}
     done = started.run([*words, str(tmp_path / "coarse")], timeout=300, env=env)
-    row = json.loads(done.stdout)
+    (row,) = emitted.result(done.stdout)["rows"]
     assert done.returncode == 1 and {"false_hits_ppm", "wrong_shape_ppm"} & set(row["worse"]), row["worse"]
 
 

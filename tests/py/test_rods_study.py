@@ -312,8 +312,11 @@ def test_the_sheet_of_all_systems(monkeypatch, tmp_path):
     ]
     titles = [axes.get_title(loc="left") for axes in figures[0].axes]
     psnr = 10 * math.log10(12 / 0.1**2)
-    assert f"to truth, 4×1: {psnr:.1f} dB, 0 ppm wrong hits" in titles and "fixed_float: spheres40" in titles
-    assert f"rods_simd: trio, {psnr:.1f} dB to truth" in titles and len(figures[0].axes) == 7
+    assert (
+        f"to ground truth, 4×1: {psnr:.1f} dB, 0 ppm wrong hits" in titles
+        and "fixed_float: spheres40" in titles
+    )
+    assert f"rods_simd: trio, {psnr:.1f} dB to ground truth" in titles and len(figures[0].axes) == 7
     assert systems_pictures.start_map(np.array([-1.0, 3.0])).mask.tolist() == [True, False]
     (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
     assert path not in systems.section(tmp_path).images

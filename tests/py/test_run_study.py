@@ -3,11 +3,11 @@
 import argparse
 import dataclasses
 import importlib
-import json
 import subprocess
 import sys
 from pathlib import Path
 
+import emitted
 import pytest
 
 from study.commands import study as run_study
@@ -21,7 +21,7 @@ FIXTURE = Path(__file__).resolve().parents[1] / "fixtures" / "run"
 @pytest.fixture
 def options(tmp_path):
     return argparse.Namespace(
-        scene=["scene0", "mandelbulb"], depth="quick", part=None, results=tmp_path, seconds=10.0, json=False
+        scene=["scene0", "mandelbulb"], depth="quick", part=None, results=tmp_path, budget=10.0, json=False
     )
 
 
@@ -127,7 +127,7 @@ def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsy
     monkeypatch.setattr(run_study, "build", lambda _: None)
     monkeypatch.setattr(run_study, "build_together", lambda *_: None)
     monkeypatch.setattr(run_study, "newest", lambda _: (FIXTURE, 90))
-    assert run_study.main() == cli.CRASHED
+    assert cli.finish(run_study.main()) == cli.CRASHED
     names = [name for name, _ in called]
     assert names[:5] == ["report", "functions", "report", "views", "tables"] and names[-1] == "report"
     assert called[0][1][1:] == (
@@ -137,7 +137,7 @@ def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsy
     )
     assert called[-1][1] == (str(FIXTURE),), "the last page has nothing still to come"
     said = capsys.readouterr()
-    assert json.loads(said.out)["crashed"] == ["stepwise functions crashed; its traceback is above"]
+    assert emitted.result(said.out)["crashed"] == ["stepwise functions crashed; its traceback is above"]
     assert said.err.splitlines()[-1] == "study: stepwise functions crashed; its traceback is above"
 
 

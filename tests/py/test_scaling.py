@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import MappingProxyType
 
+import emitted
 import matplotlib
 import numpy as np
 import pytest
@@ -413,7 +414,7 @@ def studied(monkeypatch, tmp_path: Path, seconds: float, names: list[str]) -> tu
     monkeypatch.setattr(scaling_scenes, "of_shapes", named)
     monkeypatch.setattr(scaling_goals, "memory", lambda *_: ([], []))
     monkeypatch.setattr(run, "USABLE", [0, 1])
-    about = {"phase": names, "series": None, "n": 90, "scene_seed": 1, "seconds": seconds, "seed": 1}
+    about = {"phase": names, "series": None, "n": 90, "scene_seed": 1, "budget": seconds, "seed": 1}
     args = argparse.Namespace(**about, launches=6, cpu=0)
     monkeypatch.setattr(command, "programs", lambda names: ([Spec.parse(name) for name in names], []))
     return command.measured(args, tmp_path), machine
@@ -666,7 +667,7 @@ def test_closed_forms_have_no_exponent_of_evaluations(evals) -> None:
     """Their plane holds a 1, of which older files fitted a 0.00; newer ones hold none."""
     rows = [row("opt9_convex", x, 1e6 * x, evals_per_ray=evals) for x in (1, 16, 64)]
     made = result([row("opt4", x, 1e6 * x) for x in (1, 16, 64)] + rows)
-    shown = {one[0]: part(*one[:4])[0].markdown for one in scaling_tables.tables(made) if one[2]}
+    shown = {one[0]: part(*one)[0].markdown for one in scaling_tables.tables(made) if one[2]}
     four, nine = (next(r for r in shown["scaling"].splitlines() if p in r) for p in ("opt4", "opt9_convex"))
     assert four.endswith("| 1.00 |") and nine.endswith("| none: closed forms count 1 for every camera ray |")
     points = [r.split(" | ")[5] for r in shown["scaling-points"].splitlines()[2:]]
@@ -688,7 +689,9 @@ def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> Non
     assert scaling_chapter.growth(tmp_path).parts == []
     (tmp_path / scaling.FILE).write_text(json.dumps(made))
     chapter = scaling_chapter.growth(tmp_path)
-    assert [part.name for part in chapter.parts] == ["scaling", "scaling-goals", "scaling-points"]
+    assert [part.name for part in chapter.parts] == ["scaling", "scaling-crowds", "scaling-points"]
+    assert "0.50" in chapter.answer and "the paper's law: 1" in chapter.answer
+    assert set(chapter.drawn) == set(drawn)
     cells = [text for text, _ in chapter.parts[0].table.cells[0]]
     assert "0.50" in cells[3] and "grows slower than the paper's bound" in cells
     (tmp_path / scaling.FILE).write_text('{"rows": [1]}')
@@ -714,7 +717,7 @@ def test_labels_keep_apart_and_inside() -> None:
         (["--phase", "opt9x"], "no phase 'opt9x'"),
         (["--phase", "truth"], "truth: is truth itself"),
         (["-n", "8"], "'8': must be a whole number of at least 16"),
-        (["--seconds", "nan"], "'nan': must be a number of at least 1"),
+        (["--budget", "nan"], "'nan': must be a number of at least 1"),
         (["--launches", "0"], "must be a whole number of at least 1"),
         (["--cpu", "4096"], "CPU 4096 is not available"),
         (["--run", "{tmp}/file/run"], "cannot be written to"),
@@ -741,10 +744,10 @@ def test_from_end_to_end(tmp_path: Path) -> None:
         "1",
     ]
     # Far more time than it takes: what is measured must not hang on how fast this machine is now.
-    words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
+    words += ["--budget", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
     done = started.run([sys.executable, *SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     assert made == json.loads((tmp_path / scaling.FILE).read_text())
     threads = [one for one in made["rows"] if one["series"] == "threads"]
     assert {one["phase"] for one in threads} == {"opt5_threads"} and threads[0]["threads"] == 1

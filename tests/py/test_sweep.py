@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import emitted
 import pytest
 import started
 from hypothesis import given, settings
@@ -20,6 +21,7 @@ from study.core.registry import ROOT
 from study.core.run import DriverError
 from study.experiments.sweep import command as module
 from study.experiments.sweep import plan as planning
+from study.experiments.sweep import summary
 from study.experiments.sweep.plan import Config
 
 SMALL = ["--phase", "baseline", "opt1", "--scene", "cubes", "-n", "6", "9x9", "--seed", "3"]
@@ -292,8 +294,9 @@ def test_rounds_are_interleaved(measured):
 
 def test_result_is_one_json_object(measured):
     target, done = measured
-    said = json.loads(done.stdout)
-    assert said["run"] == str(target)
+    whole = emitted.whole(done.stdout)
+    assert (whole["command"], whole["status"], whole["run"]) == ("sweep", "ok", str(target))
+    said = whole["result"]
     assert [row["spec"] for row in said["rows"]] == ["baseline", "opt1"] * 2
     for row in said["rows"]:
         frames = target.frames()
@@ -305,13 +308,13 @@ def test_result_is_one_json_object(measured):
     base, other = said["rows"][:2]
     assert other["speedup"]["value"] == pytest.approx(base["ms"]["value"] / other["ms"]["value"])
     assert any("under 6 launches" in warning for warning in said["warnings"])
-    assert "100%" in done.stderr
+    assert "sweep: 100 %, after " in done.stderr
 
 
 def test_resuming_a_finished_run_measures_nothing(measured):
     target, _ = measured
     before = target.frames_path.read_bytes()
-    done = sweep("--run", target.path)
+    done = sweep("--resume", "--run", target.path)
     assert done.returncode == 0, done.stderr
     assert target.frames_path.read_bytes() == before
     heading, *rows = done.stdout.splitlines()
@@ -337,9 +340,9 @@ def test_kill_in_mid_sweep_then_resume(tmp_path):
         assert now.startswith(before)
         before = now[: now.rfind(b"\n") + 1]
         assert target.plan["finished"] is None
-        arguments = ["--run", target.path]
+        arguments = ["--resume", "--run", target.path]
     target.frames_path.write_bytes(before + b'{"schema": 1, "config": "')
-    done = sweep("--run", target.path)
+    done = sweep("--resume", "--run", target.path)
     assert done.returncode == 0, done.stderr
     assert target.frames_path.read_bytes().startswith(before)
     frames = target.frames()
@@ -369,7 +372,7 @@ def test_a_cut_off_launch_is_completed(tmp_path, kept):
     lines = target.frames_path.read_bytes().splitlines(keepends=True)
     prefix = b"".join(lines[: 4 + kept])
     target.frames_path.write_bytes(prefix)
-    assert sweep("--run", target.path).returncode == 0
+    assert sweep("--resume", "--run", target.path).returncode == 0
     assert target.frames_path.read_bytes().startswith(prefix)
     frames = target.frames()
     assert sorted(keys(frames)) == sorted(everything(target.plan))
@@ -381,12 +384,12 @@ def test_a_run_of_other_programs_or_machine_is_not_continued(measured, tmp_path)
     copy = store.Run(tmp_path / "run")
     store.write_json(copy.path / "context.json", target.context)
     store.write_json(copy.path / "plan.json", target.plan | {"binaries": {"opt1": "0" * 64}})
-    done = sweep("--run", copy.path)
+    done = sweep("--resume", "--run", copy.path)
     assert done.returncode == 2
     assert "opt1 is another program now" in done.stderr
     store.write_json(copy.path / "plan.json", target.plan)
     store.write_json(copy.path / "context.json", target.context | {"machine": "other-6-1"})
-    done = sweep("--run", copy.path)
+    done = sweep("--resume", "--run", copy.path)
     assert done.returncode == 2
     assert "measured on another machine" in done.stderr
 
@@ -406,7 +409,7 @@ def test_scenes_of_one_content_are_told_apart(monkeypatch):
     monkeypatch.setattr(planning.run, "render", lambda *_, **__: picture)
     monkeypatch.setattr(planning, "build", lambda spec: Path(__file__))
     options = {"phase": ["baseline"], "scene": ["cubes", "trio"], "n": [(None, 9)], "threads": [1]}
-    options |= {"no_second_base": True, "hit_distance": None, "max_steps": None, "budget": None, "cpu": 0}
+    options |= {"second_base": False, "hit_distance": None, "max_steps": None, "budget": None, "cpu": 0}
     options |= {"seed": 1, "launches": 1, "reps": 3, "warmup": 1, "long": None}
     configurations = planning.make_plan(argparse.Namespace(**options))["configurations"]
     assert len({one["config"] for one in configurations}) == len(configurations) == 2
@@ -481,7 +484,7 @@ def test_dry_run_measures_nothing(tmp_path):
     assert "12 launches, 2 timed frames and 1 of warm-up each" in done.stdout
     assert "estimated duration: " in done.stdout
     done = sweep(*SMALL, "--results", tmp_path / "no", "--dry-run", "--json")
-    said = json.loads(done.stdout)
+    said = emitted.result(done.stdout)
     assert said["launches_to_do"] == 12
     assert 0 < said["estimated_s"] < 60
     assert len(said["configurations"]) == 4
@@ -496,7 +499,7 @@ def test_what_the_budget_does_not_reach_is_said(tmp_path):
     assert done.stdout == "nothing was measured\n"
     target = only_run(tmp_path)
     assert len(target.plan["not_reached"]) == 4
-    assert sweep("--run", target.path, "--budget", "100").returncode == 0
+    assert sweep("--resume", "--run", target.path, "--budget", "100").returncode == 0
     assert set(keys(target.frames())) == everything(target.plan)
     assert target.plan["not_reached"] == []
 
@@ -549,7 +552,7 @@ def test_whether_a_frame_is_long_is_seen_at_its_own_size(monkeypatch, long, aske
     monkeypatch.setattr(planning.run, "render", render)
     monkeypatch.setattr(planning, "build", lambda spec: Path(__file__))
     options = {"phase": ["baseline"], "scene": ["cubes"], "n": [(None, 90), (None, 180)], "threads": [1]}
-    options |= {"no_second_base": True, "hit_distance": None, "max_steps": None, "budget": None, "cpu": 0}
+    options |= {"second_base": False, "hit_distance": None, "max_steps": None, "budget": None, "cpu": 0}
     options |= {"seed": 1, "launches": 1, "reps": 3, "warmup": 1, "long": long}
     plan = planning.make_plan(argparse.Namespace(**options))
     assert [one["once"] for one in plan["configurations"]] == once and sizes == asked
@@ -557,7 +560,7 @@ def test_whether_a_frame_is_long_is_seen_at_its_own_size(monkeypatch, long, aske
 
 def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
     small = ["--scene", "cubes", "-n", "5", "--launches", "1", "--reps", "1"]
-    both = ["--phase", "baseline", "opt3", *small, "--results", tmp_path]
+    both = ["--phase", "baseline", "opt3", "--second-base", *small, "--results", tmp_path]
     done = sweep(*both, "--threads", "1", "2", STEPWISE_ISA_LIMIT="none")
     assert done.returncode == 0, done.stderr
     plan = only_run(tmp_path).plan
@@ -584,8 +587,13 @@ def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
         (["--reps", "0"], "argument --reps: '0': must be a whole number of at least 1"),
         (["--budget", "nan"], "argument --budget: 'nan': must be a number of at least 0"),
         (["--hit-distance", "0"], "argument --hit-distance: '0'"),
-        (["--run", "somewhere", "--seed", "1"], "--run goes on by the run's own plan, which --seed cannot"),
-        (["--run", "somewhere"], "somewhere: not a run"),
+        (
+            ["--resume", "--run", "somewhere", "--seed", "1"],
+            "by the run's own plan, which --seed cannot change",
+        ),
+        (["--resume", "--run", "somewhere"], "somewhere: not a run"),
+        (["--run", "somewhere"], "--run DIR --resume goes on with a run"),
+        (["--resume"], "--run DIR --resume goes on with a run"),
         (["--phase", "opt1", "--cpu", "4096"], "CPU 4096 is not available"),
     ],
 )
@@ -607,23 +615,50 @@ def test_an_unfinished_run_of_the_same_plan_is_pointed_out(measured, tmp_path):
     assert module.unfinished(plan, tmp_path) is None
 
 
-def test_phases_with_other_flags_bring_their_second_base(tmp_path):
+def test_phases_with_other_flags_bring_their_second_base_where_asked_to(tmp_path):
     if missing := registry.missing_isa(registry.find_phase("opt3")):
         pytest.skip(f"this CPU lacks {', '.join(missing)}")
     small = ["--phase", "opt3", "--scene", "cubes", "-n", "8", "--launches", "6", "--reps", "1"]
+    small += ["--second-base"]
     done = sweep(*small, "--results", tmp_path, "--json")
     assert done.returncode == 0, done.stderr
-    rows = {row["spec"]: row for row in json.loads(done.stdout)["rows"]}
+    rows = {row["spec"]: row for row in emitted.result(done.stdout)["rows"]}
     assert set(rows) == {"opt3", "opt2@opt3"}
     assert rows["opt3"]["second_base"] == "opt2@opt3"
     ratio = rows["opt2@opt3"]["ms"]["value"] / rows["opt3"]["ms"]["value"]
     assert rows["opt3"]["second_speedup"]["value"] == pytest.approx(ratio)
     assert rows["opt3"]["second_speedup"]["sufficient"]
     assert (rows["opt3"]["speedup"], rows["opt2@opt3"]["second_speedup"]) == (None, None)
-    assert rows["opt3"]["parent_speedup"] is None  # opt2 with flags of its own was not timed
+    assert (
+        rows["opt3"]["parent"] is rows["opt3"]["parent_speedup"] is None
+    )  # opt2 with flags of its own was not timed
     frames = only_run(tmp_path).frames()
     assert frames.groupby("spec")["flags"].unique().map(len).eq(1).all()
     assert frames["flags"].nunique() == 1  # the same flags, that is the point
+
+
+@pytest.mark.parametrize(
+    ("words", "added"),
+    [
+        ([], True),
+        (["--no-second-base"], False),
+        (["--phase", "opt3", "opt4"], False),
+        (["--phase", "opt3", "opt4", "--second-base"], True),
+        (["--phase", "mine", *registry.ladder()], True),
+    ],
+)
+def test_only_a_sweep_of_the_whole_ladder_adds_a_second_base(words, added):
+    assert module.arguments(words).second_base is added
+
+
+def test_every_ratio_names_its_base(measured):
+    """Of a run of baseline and its child: the columns of ratios say over what, per row where it varies."""
+    rows = summary.rows(measured[0].frames())
+    head, *lines = summary.table(rows, summary.SPEED).splitlines()
+    ratios = [name for _, name in summary.SPEED if name.startswith("×")]
+    assert ratios == ["× baseline [95 %]", "× parent [95 %]", "× second base [95 %]"]
+    assert {row["parent"] for row in rows if row["parent_speedup"]} == {"baseline"}
+    assert "parent" in head.replace("× parent", "") and any(" baseline " in line for line in lines)
 
 
 def test_this_process_leaves_the_measured_cpu(measured):
@@ -632,9 +667,9 @@ def test_this_process_leaves_the_measured_cpu(measured):
 
 def test_a_phase_is_compared_with_its_parent(tmp_path):
     small = ["--phase", "opt1", "opt2", "--scene", "cubes", "-n", "8", "--launches", "6", "--reps", "1"]
-    done = sweep(*small, "--no-second-base", "--results", tmp_path, "--json")
+    done = sweep(*small, "--results", tmp_path, "--json")
     assert done.returncode == 0, done.stderr
-    rows = {row["spec"]: row for row in json.loads(done.stdout)["rows"]}
+    rows = {row["spec"]: row for row in emitted.result(done.stdout)["rows"]}
     ratio = rows["opt1"]["ms"]["value"] / rows["opt2"]["ms"]["value"]
     assert rows["opt2"]["parent_speedup"]["value"] == pytest.approx(ratio)
     assert rows["opt1"]["parent_speedup"] is None

@@ -10,6 +10,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import emitted
 import pandas as pd
 import pytest
 import started
@@ -210,7 +211,7 @@ def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Pa
     data = analysis.load(run)
     made = tables.readme(text, data, ladder.rows(data))
     assert "54.5" in made and "pictures at n = 64" in made
-    assert "error to truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
+    assert "error to ground truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
 
 
 def test_a_failing_pair_is_shown_failing(run: Path) -> None:
@@ -254,10 +255,10 @@ def test_a_pair_left_to_truth_is_neither_within_nor_failing(run: Path) -> None:
 
     edit_pairs(run, left)
     opt4 = row(run, "mandelbulb", "opt4", 90)
-    assert show.gate(opt4) == "by truth alone" and show.gate_mark(opt4) == ""
+    assert show.gate(opt4) == "by ground truth alone" and show.gate_mark(opt4) == ""
     made = tables.make(analysis.load(run), rows_of(run))
     assert "OUTSIDE" not in made["verification"][1] + made["ladder"][1]
-    assert made["verification"][1].count("by truth alone") == 2
+    assert made["verification"][1].count("by ground truth alone") == 2
 
 
 # Broken and missing input
@@ -395,7 +396,7 @@ def test_files_are_complete_and_hold_the_same_rows(run: Path) -> None:
 def test_json_is_one_object_and_remarks_go_to_stderr(run: Path, tmp_path: Path) -> None:
     (run / "verify.json").unlink()
     done = script(run, "-o", tmp_path / "out", "--json")
-    assert set(json.loads(done.stdout)) == {"claims", "ladder", "paper", "runtime", "files"}
+    assert set(emitted.result(done.stdout)) == {"claims", "ladder", "paper", "runtime", "files"}
     assert "verify.json is missing" in done.stderr
     assert not (run / "tables").exists()
 
@@ -521,8 +522,8 @@ def test_the_papers_program_is_the_readmes_last_row(run: Path) -> None:
     rows = [base, base | {"phase": "opt4", "theirs_launches_ms": [20.0] * 6, "psnr_display_db": 31.7}]
     (run / "original.json").write_text(json.dumps({"rows": rows}))
     made = front_page.originals(run)
-    assert made[0][3:6] == ["250 [250, 250]", "0.8× [0.8, 0.8]", "identical to ours"]
-    assert made[1][3:6] == ["20 [20, 20]", "10× [10, 10]", "31.7 to ours, displayed"]
+    assert made[0][3:6] == ["250.0 [250.0,\u00a0250.0]", "0.800× [0.800,\u00a00.800]", "as ours"]
+    assert made[1][3:6] == ["20.00 [20.00,\u00a020.00]", "10.0× [10.0,\u00a010.0]", "31.7 to ours"]
     assert made[0][6:] == ["–"] * 3
     block = front_page.ladder_block(analysis.load(run), rows_of(run))
     assert "| 32.0× [" in block

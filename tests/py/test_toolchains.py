@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import documented
+import emitted
 import numpy as np
 import pytest
 import started
@@ -104,7 +105,7 @@ def test_the_command_writes_its_rows(tmp_path: Path) -> None:
     ]
     done = started.run([*command, "--run", tmp_path, "--json"])
     assert done.returncode == cli.OK, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     assert made["rows"] == json.loads((tmp_path / "toolchains.json").read_text())["rows"]
     assert [row["flags"] for row in made["rows"]] == ["as shipped", "and contraction"]
     assert made["rows"][0]["changed_fraction"] == 0

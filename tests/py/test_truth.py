@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 
+import emitted
 import numpy as np
 import pytest
 import started
@@ -108,7 +109,8 @@ def test_a_killed_run_leaves_no_half_picture(cache, scene):
 import os, signal, sys
 sys.path.insert(0, {str(ROOT / "scripts")!r})
 from pathlib import Path
-from study import registry, run, truth
+from study.core import registry, run
+from study.truth import truth
 truth.CACHE = Path({str(cache)!r})
 truth._write = lambda path, *_: (path.write_bytes(b"half"), os.kill(os.getpid(), signal.SIGKILL))
 truth.make(registry.find_scene("two_spheres"), {SIZE!r})
@@ -137,7 +139,7 @@ def test_the_script(tmp_path):
 
     done = script("two_spheres", "-n", "12", "-w", "16", "--json")
     assert done.returncode == cli.OK, done.stderr
-    (found,) = json.loads(done.stdout)["scenes"]
+    (found,) = emitted.result(done.stdout)["scenes"]
     assert (found["proved"], found["undecided"], found["converged_only"]) == (16 * 12, 0, 0)
     wrong = script("two_sphere", "-n", "12")
     assert wrong.returncode == cli.BAD_INPUT and "did you mean two_spheres" in wrong.stderr

@@ -25,6 +25,7 @@ from study.experiments.pareto import measure as measuring
 from study.experiments.section import Section
 from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis
+from study.report import figures
 
 Row = dict[str, Any]
 PUBLISHED = max((ROOT / "results" / "reference").glob("*/pareto.json")).parent
@@ -109,8 +110,9 @@ def test_the_page_has_its_figures_from_the_files_alone(
     stale.write_bytes(b"of an older file")
     html = report.page(analysis.load(folder, strict=False), tmp_path / "out" / "index.html")
     chapters = dict(re.findall(r'<section id="(\w+)">(.*?)</section>', html, re.DOTALL))
-    assert "Speed against error to truth; the front is the line" in chapters["summary"].partition("cards")[0]
-    assert chapters["pareto"].count("<img") == 1 and 'alt="Speed against |Δt|"' in chapters["pareto"]
+    first, _, more = chapters["pareto"].partition("<details>")
+    assert "Speed against error to ground truth; the front is the line" in first and first.count("<img") == 1
+    assert more.count("<img") == 1 and 'alt="Speed against |Δt|"' in more
     assert chapters["accuracy"].count("<img") == 1 and "where they lie" in chapters["accuracy"]
     assert chapters["functions"].count("<img") == 2 and "ns per call, latency" in chapters["functions"]
     drawn = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
@@ -121,7 +123,7 @@ def test_the_page_has_its_figures_from_the_files_alone(
 
 def test_what_only_rendering_makes_is_said_in_one_line(folder: Path) -> None:
     section = accuracy_chapter.errors(folder)
-    assert report.absent(section) == [
+    assert figures.absent(section) == [
         "trio by baseline: where it is wrong",
         "trio by opt4: where it is wrong",
     ]
@@ -129,7 +131,7 @@ def test_what_only_rendering_makes_is_said_in_one_line(folder: Path) -> None:
     for path in section.images:
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(b"picture")
-    assert report.absent(section) == []
+    assert figures.absent(section) == []
 
 
 def test_both_precisions_and_both_times_have_a_figure() -> None:
@@ -170,7 +172,8 @@ def test_edges_show_only_who_differs_and_where(folder: Path) -> None:
     assert marks == [[False, False], [True, False], [True, True]]
     made = approximated(LIBM, NEAR, NARROW, TRICK)
     assert "The other 1 of 4 entries agree" in functions_edges_page.caption(made, ["rsqrt", "log"])
-    said = functions_chapter.approximations(folder).remarks[0]
+    parts = {part.name: part for part in functions_chapter.approximations(folder).parts}
+    said = parts["functions-edges"].foot
     assert "1 of 4 entries agree with it at every input tried, every one of libm among them" in said
 
 

@@ -9,12 +9,13 @@ import sys
 import time
 from pathlib import Path
 
+import emitted
 import numpy as np
 import pytest
 import started
 from tolerances import SMOOTH, bound, phase
 
-from study.core import build, registry
+from study.core import build, cli, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import DriverError
@@ -127,34 +128,51 @@ def command(tmp_path, monkeypatch, capsys):
     def call(*words: str) -> tuple[int, str, str]:
         words = ("--run", str(tmp_path / "run"), "-n", "9", "--antialias-n", "4", "--jobs", "2", *words)
         monkeypatch.setattr(sys, "argv", ["stepwise verify", *words])
-        status = verify.main()
+        status = cli.finish(verify.main())
         return status, *capsys.readouterr()
 
     return call
 
 
-def test_one_pair_is_one_flat_object(driver, command):
+def test_one_pair(driver, command, tmp_path):
     status, out, err = command("--phase", "opt4", "--scene", "trio", "--json")
-    found = json.loads(out)
+    said = emitted.whole(out)
+    assert (said["command"], said["status"], said["run"]) == ("verify", "failed", str(tmp_path / "run"))
+    (found,) = said["result"]["pairs"]
     assert status == 1
     wanted = {"psnr_db", "max_abs", "fraction_over_1_255", "mask_mismatch_ppm", "id_mismatch_ppm", "dt_p99"}
     assert wanted | {"dt_max", "flip_mean", "non_finite", "within_tolerance"} <= found.keys()
     assert found["psnr_db"] == pytest.approx(40 + 10 * math.log10(3), abs=1e-3)
     assert found["fraction_over_1_255"] == 1
     assert found["failed"] == ["psnr_db"] and found["within_tolerance"] is False
-    assert "flip-evaluator" in found["flip_tool"]
+    assert "flip-evaluator" in said["result"]["flip_tool"]
     assert "FAIL opt4 on trio: psnr_db: 44.7712, should be at least 55" in err
+
+
+def test_the_parents_row_stands_beside_and_is_not_judged(driver, command, monkeypatch):
+    """opt4 is off by 0.01 in red and fails; its child opt1 here is judged alone."""
+    monkeypatch.setitem(
+        registry.phases(), "opt1", dataclasses.replace(registry.phases()["opt1"], parent="opt4")
+    )
+    status, out, err = command("--phase", "opt1", "--scene", "trio", "--json")
+    pairs = emitted.result(out)["pairs"]
+    assert [(p["phase"], p["beside"], p["within_tolerance"]) for p in pairs] == [
+        ("opt4", True, False),
+        ("opt1", False, True),
+    ]
+    assert status == 0 and "FAIL" not in err
+    assert command("--phase", "opt4", "opt1", "--scene", "trio")[0] == 1, "asked for, so judged"
 
 
 def test_infinite_psnr_is_null_and_passes(driver, command):
     status, out, _ = command("--phase", "opt1", "--scene", "trio", "--json")
-    found = json.loads(out)
+    (found,) = emitted.result(out)["pairs"]
     assert (status, found["psnr_db"], found["within_tolerance"]) == (0, None, True)
 
 
 def test_several_pairs_and_what_is_kept_of_them(driver, command, tmp_path):
     status, out, err = command("--scene", "trio", "mandelbulb", "--json")
-    found = json.loads(out)
+    found = emitted.result(out)
     assert status == 1
     kept = json.loads((tmp_path / "run" / "verify.json").read_text())
     assert kept == found
@@ -193,7 +211,7 @@ def test_table_has_a_line_a_pair_and_heat_maps_on_request(driver, command, tmp_p
 def test_what_cannot_run_here_is_skipped_by_name(driver, command):
     status, out, err = command("--phase", "alien", "--json")
     assert status == 3
-    assert json.loads(out)["pairs"] == []
+    assert emitted.result(out)["pairs"] == []
     assert "skipped alien" in err
     assert not driver.calls
 
@@ -235,7 +253,7 @@ def rung(driver, monkeypatch):
 def test_a_rung_held_against_truth_alone_is_left_to_accuracy(rung, driver, command, tmp_path):
     rung(TRUTH_ALONE)
     status, out, err = command("--phase", "opt9", "--scene", "trio", "mandelbulb", "--json")
-    pairs = json.loads(out)["pairs"]
+    pairs = emitted.result(out)["pairs"]
     assert status == 0 and [pair["within_tolerance"] for pair in pairs] == [None, None]
     assert pairs[0]["left_to"] == "scripts/stepwise accuracy" and pairs[0]["failed"] == []
     assert pairs[0]["psnr_db"] == pytest.approx(40 + 10 * math.log10(3), abs=1e-3)  # for the report
@@ -273,7 +291,9 @@ def test_a_rung_left_to_accuracy_may_not_write_what_is_not_finite_nor_crash(rung
 def test_who_declares_more_or_nothing_is_judged_here(rung, command, tolerance, order):
     rung(tolerance, order)
     status, out, err = command("--phase", "opt9", "--scene", "trio", "--json")
-    assert status == 1 and json.loads(out)["within_tolerance"] is False and "left to" not in err
+    assert (
+        status == 1 and emitted.result(out)["pairs"][0]["within_tolerance"] is False and "left to" not in err
+    )
     assert "FAIL opt9 on trio: " in err
 
 
@@ -291,7 +311,7 @@ def test_the_reference_is_identical_to_itself(driver, command):
     ],
 )
 def test_bad_arguments_end_with_status_2_and_what_would_be_right(words, message):
-    done = started.run([sys.executable, ROOT / "scripts/stepwise verify", *words])
+    done = started.run([sys.executable, ROOT / "scripts/stepwise", "verify", *words])
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
@@ -313,10 +333,10 @@ def test_end_to_end_with_the_real_driver(tmp_path):
         "--antialias-n",
         "5",
     ]
-    command = [sys.executable, ROOT / "scripts/stepwise verify", *words, "--run", tmp_path, "--json"]
+    command = [sys.executable, ROOT / "scripts/stepwise", "verify", *words, "--run", tmp_path, "--json"]
     done = started.run(command)
     assert done.returncode == 0, done.stderr
-    pairs = json.loads(done.stdout)["pairs"]
+    pairs = emitted.result(done.stdout)["pairs"]
     assert [(p["phase"], p["scene"]) for p in pairs] == [
         ("opt1", "scene0"),
         ("opt1@opt2", "scene0"),

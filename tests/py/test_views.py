@@ -7,6 +7,7 @@ import math
 import sys
 from pathlib import Path
 
+import emitted
 import matplotlib
 import numpy as np
 import pytest
@@ -177,13 +178,22 @@ def test_what_a_phase_refuses_is_left_out_and_a_crash_is_a_failure(tmp_path: Pat
 def row(scene: str, view: str, own: float, base: float = 100.0, phase: str = "b", **more: object) -> dict:
     times = [own * f for f in (0.995, 1, 1, 1, 1, 1.005)], [base * f for f in (0.995, 1, 1, 1, 1, 1.005)]
     return {
-        **{"phase": phase, "parent": "a", "scene": scene, "view": view, "change": "", "ns": times[0]},
+        **{
+            "phase": phase,
+            "parent": "a",
+            "scene": scene,
+            "view": view,
+            "change": "",
+            "width": 160,
+            "n": 90,
+            "ns": times[0],
+        },
         **{
             "tuned": view == "own" and scene in views.TUNED,
             "ratio": stats.ratio_interval(times[1], times[0]),
         },
         **{"ms": stats.median_interval(times[0]), "reference": "truth", "psnr_db": 60.0, "rmse": 0.001},
-        **{"wrong_ppm": 3.0, "non_finite": 0, "depth_agree_fraction": None},
+        **{"wrong_ppm": 3.0, "width": 160, "n": 90, "non_finite": 0, "depth_agree_fraction": None},
         **more,
     }
 
@@ -326,6 +336,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     assert "wins on the tuned views alone" in text and "2 of 3" in text and "60.0 (parent 70.0)" in text
     with matplotlib.rc_context(STYLE):
         assert list(views_page.figures(result, tmp_path)) == [views_page.RATIOS]
+    assert list(chapter.drawn) == [views_page.RATIOS] and chapter.answer.startswith("0 of 1 phases")
     (tmp_path / views_measure.FILE).write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"views\.json: not what scripts/stepwise views writes"):
         views_chapter.elsewhere(tmp_path)
@@ -338,7 +349,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
         (["--phase", "baseline"], "baseline: no rung with a parent"),
         (["--scene", "scene9"], "no scene 'scene9'"),
         (["-n", "7"], "'7': must be a whole number of at least 8"),
-        (["--seconds", "nan"], "'nan': must be a number of at least 1"),
+        (["--budget", "nan"], "'nan': must be a number of at least 1"),
         (["--cpu", "4096"], "CPU 4096 is not available"),
         (["--run", "{tmp}/file/run"], "cannot be written to"),
     ],
@@ -350,10 +361,10 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
 @pytest.mark.slow
 def test_from_end_to_end(tmp_path: Path) -> None:
     words = ["--phase", "opt1", "--scene", "two_spheres", "-n", "8", "--error-n", "8", "--launches", "1"]
-    words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
+    words += ["--budget", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
     done = started.run([sys.executable, *SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
-    made = json.loads(done.stdout)
+    made = emitted.result(done.stdout)
     assert made == json.loads((tmp_path / views_measure.FILE).read_text())
     assert {(r["phase"], r["view"]) for r in made["rows"]} == {
         (phase, view) for phase in ("baseline", "opt1") for view in ("own", "left", "right", "near")

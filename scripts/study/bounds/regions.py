@@ -9,10 +9,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import networkx as nx
+
 from study.bounds.profiles import Profile
 from study.core.cli import StudyError
 from study.counting.symbols import Program, canonical
 
+ROOT = -1  # of the control flow: no block's address
 LEAST = 0.01  # of the frame: a region under it is left out
 
 
@@ -90,48 +93,36 @@ def blocks_of(lines: Sequence[Line]) -> dict[int, list[Line]]:
     return found
 
 
+def flow(blocks: Mapping[int, Sequence[Line]]) -> nx.DiGraph:
+    """The control flow between basic blocks; ROOT leads to the entry and to blocks that nothing leads to."""
+    order = list(blocks)
+    graph = nx.DiGraph()
+    graph.add_nodes_from(order)
+    for start, behind in itertools.zip_longest(order, order[1:]):
+        last = blocks[start][-1]
+        if last.target in blocks:
+            graph.add_edge(start, last.target)
+        if last.goes_on and behind is not None:
+            graph.add_edge(start, behind)
+    # A block that nothing else leads to is a case of a switch: the computed jumps lead there.
+    cases = [start for start in order[1:] if not graph.in_degree(start)]
+    for start in order:
+        if blocks[start][-1].jumps and blocks[start][-1].text.startswith("*"):
+            graph.add_edges_from((start, case) for case in cases)
+    graph.add_edges_from((ROOT, start) for start in order if start == order[0] or not graph.in_degree(start))
+    return graph
+
+
 def loops_of(blocks: Mapping[int, Sequence[Line]]) -> dict[int, set[int]]:
     """Natural loops: header to the blocks of its body (A. V. Aho et al., Compilers, 2nd ed., 9.6.6)."""
-    order = list(blocks)
-    after: dict[int, list[int]] = {}
-    for i, (start, lines) in enumerate(blocks.items()):
-        last = lines[-1]
-        after[start] = [last.target] if last.target in blocks else []
-        if last.goes_on and i + 1 < len(order):
-            after[start].append(order[i + 1])
-    # A block that nothing else leads to is a case of a switch: the computed jumps lead there.
-    reached = {order[0]}.union(*after.values())
-    cases = [start for start in order if start not in reached]
-    for start, lines in blocks.items():
-        if lines[-1].jumps and lines[-1].text.startswith("*"):
-            after[start] += cases
-    before: dict[int, list[int]] = {start: [] for start in order}
-    for start, several in after.items():
-        for other in several:
-            before[other].append(start)
-    everything, entry = set(order), order[0]
-    roots = {start for start in order if not before[start]} | {entry}
-    dominators = {start: {start} if start in roots else everything for start in order}
-    changed = True
-    while changed:
-        changed = False
-        for start in order:
-            if start in roots:
-                continue
-            now = set.intersection(*(dominators[other] for other in before[start])) | {start}
-            if now != dominators[start]:
-                dominators[start], changed = now, True
+    graph = flow(blocks)
+    tree = nx.DiGraph((above, block) for block, above in nx.immediate_dominators(graph, ROOT).items())
     loops: dict[int, set[int]] = {}
-    for tail, several in after.items():
-        for header in several:
-            if header in dominators[tail]:
-                body = loops.setdefault(header, {header})
-                waiting = [tail]
-                while waiting:
-                    block = waiting.pop()
-                    if block not in body:
-                        body.add(block)
-                        waiting += before[block]
+    for tail, header in list(graph.edges):
+        if tail in tree and (header == tail or header in nx.ancestors(tree, tail)):
+            without = graph.subgraph(graph.nodes - {header})
+            body = set() if tail == header else nx.ancestors(without, tail) | {tail}
+            loops.setdefault(header, {header}).update(body - {ROOT})
     return loops
 
 

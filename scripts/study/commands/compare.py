@@ -91,7 +91,9 @@ def main() -> int:
             raise StudyError(f"{run.path / 'context.json'}: should be a JSON object")
         provenance.check(run.context, run.path / "context.json")
         if each.empty or each["warmup"].all():
-            raise StudyError(f"{run}: no timed frame; measure with scripts/stepwise sweep --run {run}")
+            raise StudyError(
+                f"{run}: no timed frame; measure with scripts/stepwise sweep --run {run} --resume"
+            )
     found = rows(*frames)
     if not found:
         raise StudyError(f"{runs[0]} and {runs[1]} have no phase, scene and size in common")

@@ -60,11 +60,13 @@ def note(shot: dict) -> str:
 
 def main() -> int:
     parser = cli.parser(__doc__)
-    parser.add_argument("--phase", default="opt4", metavar="SPEC", help="the faster one; default: opt4")
-    parser.add_argument("--scene", default="scene0", metavar="NAME", help="default: scene0")
-    parser.add_argument("--seconds", type=float, default=45, metavar="S", help="time to fill; default: 45")
+    parser.add_argument("--phase", default="opt4", metavar="PHASE", help="the faster one; default: opt4")
+    parser.add_argument("--scene", default="scene0", metavar="SCENE", help="default: scene0")
+    parser.add_argument(
+        "--budget", type=float, default=45, metavar="SECONDS", help="time to fill; default: 45"
+    )
     out = registry.ROOT / "build" / "demo.png"
-    parser.add_argument("-o", "--out", type=Path, default=out, metavar="PNG", help="default: build/demo.png")
+    parser.add_argument("-o", "--out", type=Path, default=out, metavar="PATH", help="default: build/demo.png")
     args = parser.parse_args()
     reference, spec = Spec.parse("baseline"), able(Spec.parse(args.phase))
     scene = registry.find_scene(args.scene)
@@ -72,7 +74,7 @@ def main() -> int:
         build(needed)
     began = time.monotonic()
     trial = shoot(reference, scene, STEP, warmup=1)
-    height = height_for(trial["ns_per_pixel"], SHARE * args.seconds)
+    height = height_for(trial["ns_per_pixel"], SHARE * args.budget)
     cli.say(f"rendering {scene.name} at n = {height} by {reference}, then by {spec}")
     with tempfile.TemporaryDirectory() as folder:
         files = Path(folder) / "a.exr", Path(folder) / "b.exr"

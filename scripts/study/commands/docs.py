@@ -18,7 +18,8 @@ HEAD = """\
 
 `scripts/stepwise NAME` runs a command; `make NAME` installs what is needed and runs an experiment.
 This page is written by `scripts/stepwise docs`. All commands share their
-[exit statuses](exit-statuses.md).
+[exit statuses](exit-statuses.md). Where a command takes RUN, it is the folder of a run. These
+options mean the same in every command that has them:
 """
 
 
@@ -53,14 +54,23 @@ def filled(text: str) -> str:
     return "\n\n".join(parts)
 
 
+def options() -> str:
+    """A line each of what means the same everywhere."""
+    lines = []
+    for name, (placeholder, meaning) in commands.OPTIONS.items():
+        shown = f"{name} {placeholder}" if placeholder else name
+        lines.append(textwrap.fill(f"- `{shown}`: {meaning}.", WIDTH, subsequent_indent="  "))
+    return "\n".join([*lines, ""])
+
+
 def page() -> str:
-    return "\n".join([HEAD, *(described(command) for command in commands.find_all().values())])
+    return "\n".join([HEAD, options(), *(described(command) for command in commands.find_all().values())])
 
 
 def main() -> int:
     parser = cli.parser(__doc__ or "")
     parser.add_argument(
-        "-o", "--out", type=Path, default=FILE, metavar="FILE", help="default: docs/commands.md"
+        "-o", "--out", type=Path, default=FILE, metavar="PATH", help="default: docs/commands.md"
     )
     args = parser.parse_args()
     store.write_text(args.out, page())

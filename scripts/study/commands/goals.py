@@ -32,7 +32,7 @@ def page(found: Sequence[goals_page.Row], used: Mapping[str, str]) -> tuple[str,
 def main() -> int:
     parser = cli.parser(__doc__)
     add = parser.add_argument
-    add("runs", nargs="*", type=Path, metavar="RUN", help="folders of runs (all of results/reference)")
+    add("runs", nargs="*", type=Path, metavar="RUN", help="their folders; default: all of results/reference")
     add("--write", action="store_true", help="rewrite the table of results/reference/goals.md")
     args = parser.parse_args()
     folders = args.runs or sorted(p.parent for p in (ROOT / "results" / "reference").glob("*/context.json"))

@@ -12,7 +12,7 @@ from study.report import lessons, lessons_svg
 
 def main() -> int:
     parser = cli.parser(__doc__ or "")
-    parser.add_argument("--phase", nargs="+", metavar="NAME", help="default: all that the published run has")
+    parser.add_argument("--phase", nargs="+", metavar="PHASE", help="default: all that the published run has")
     args = parser.parse_args()
     made = []
     for name in args.phase or registry.phases():

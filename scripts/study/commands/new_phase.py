@@ -56,7 +56,7 @@ Papers, with authors, title and year.
 def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = False) -> Path:
     """Make phases/NAME, visible only when it is complete. Returns the new folder.
 
-    Derived from `parent`, or `whole`: with a copy of each of the parent's sources.
+    Derived from `parent`, or `whole`: with a copy of each of the parent's sources but residues.def.
 
     Raises StudyError for a bad or taken name, an unknown parent, and a disk that does not take it.
     """
@@ -88,6 +88,8 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
     try:
         temporary = Path(tempfile.mkdtemp(dir=root / "phases", prefix=f".{name}."))
         for file, path in patches.files(parent, root).items() if whole else ():
+            if file == "residues.def":  # was read in the parent's code
+                continue
             (temporary / file).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, temporary / file)
         text = json.dumps(described, indent=4, ensure_ascii=False)
@@ -101,6 +103,26 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
         raise StudyError(f"phases/{name}: {getattr(error, 'strerror', None) or error}") from None
     registry.phases.cache_clear()
     return target
+
+
+def following(name: str, parent: str, whole: bool) -> list[str]:
+    """What is said of the new phase: what it is, and the commands of docs/tutorial.md in their order."""
+    folder = f"phases/{name}"
+    lines = [f"{folder} {'is a copy of' if whole else 'derives from'} phases/{parent}. Next:"]
+    if not whole:
+        tree = patches.files(parent)
+        file = next((one for one in ("march.c", "march/march.c") if one in tree), next(iter(tree)))
+        source, into = tree[file].relative_to(registry.ROOT), str(Path(folder, file).parent)
+        made = "" if into == folder else f"mkdir -p {into} && "
+        lines.append(f"  {made}cp {source} {into}/   # or another file that you want to change; edit it")
+    return [
+        *lines,
+        f"  make try NAME={name}                # beside {parent}: speed, error, work; WATCH=1: at each save",
+        f"  make try NAME={name} SCENE=cubes    # where does it not pay?",
+        f"  make verify PHASE={name} N=90       # is it right on every scene?",
+        f"Then fill in {folder}/phase.json and NOTES.md, and declare its FLOPs: make flops PHASE={name}.",
+        "docs/tutorial.md goes through these steps; CONTRIBUTING.md has the rest.",
+    ]
 
 
 def arguments() -> argparse.Namespace:
@@ -118,22 +140,5 @@ def main() -> int:
     if options.json:
         cli.emit({"phase": options.name, "parent": options.parent, "folder": shown})
         return cli.OK
-    print(f"{shown} {'is a copy of' if options.whole else 'derives from'} phases/{options.parent}. Next:")
-    print(f"  1. fill in title and idea in {shown}/phase.json, bottleneck and prediction in {shown}/NOTES.md")
-    if options.whole:
-        print(f"  2. change the code; make phase-{options.name} builds it")
-    else:
-        tree = patches.files(options.parent)
-        name = next((one for one in ("march.c", "march/march.c") if one in tree), next(iter(tree)))
-        source, into = tree[name].relative_to(registry.ROOT), (shown / name).parent
-        made = "" if into == shown else f"mkdir -p {into} && "
-        print(f"  2. copy a file that you want to change: {made}cp {source} {into}/")
-        print(
-            f"     make tree-{options.name} says where all its files are; make phase-{options.name} builds it"
-        )
-    both = f'PHASE="{options.parent} {options.name}"'
-    print(f"  3. make verify PHASE={options.name} SCENE=scene0 N=90   (pictures against baseline's)")
-    print(f"  4. make accuracy {both} SCENE=scene0 N=90   (against ground truth)")
-    print(f"  5. make sweep {both} SCENE=scene0   (speed, in turn)")
-    print(f"  6. make flops PHASE={options.name}   (after a change of arithmetic: costs.def)")
+    print("\n".join(following(options.name, options.parent, options.whole)))
     return cli.OK

@@ -58,12 +58,12 @@ def chosen(verified: dict, scenes: Sequence[str] | None, specs: Sequence[str] | 
 
 
 def to_truth(folder: Path) -> dict[tuple[str, str], str]:
-    """(scene, phase) → its error to truth in words, where the run has accuracy.json."""
+    """(scene, phase) → its error to ground truth in words, where the run has accuracy.json."""
     rows = accuracy.read(folder)["rows"]
     return {
-        (r["scene"], r["phase"]): f"to truth {decibels(r['antialiased']['psnr_db'])} (4×4)"
+        (r["scene"], r["phase"]): f"to ground truth {decibels(r['antialiased']['psnr_db'])} (4×4)"
         if r["converged_only"]
-        else f"to truth {decibels(r['psnr_db'])}"
+        else f"to ground truth {decibels(r['psnr_db'])}"
         for r in rows
     }
 
@@ -111,9 +111,9 @@ def main() -> int:
     parser.add_argument(
         "--run", type=Path, metavar="DIR", help="what scripts/stepwise verify wrote; default: the latest run"
     )
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: RUN/figures")
-    parser.add_argument("--scene", nargs="+", metavar="NAME", help="of the contact sheet; default: all")
-    parser.add_argument("--phase", nargs="+", metavar="SPEC", help="of the contact sheet; default: all")
+    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help="default: RUN/figures")
+    parser.add_argument("--scene", nargs="+", metavar="SCENE", help="of the contact sheet; default: all")
+    parser.add_argument("--phase", nargs="+", metavar="PHASE", help="of the contact sheet; default: all")
     args = parser.parse_args()
     folder = args.run or store.latest().path
     if not (folder / "verify.json").is_file():
@@ -130,7 +130,7 @@ def main() -> int:
         "evaluations": panels.save(heat, out / "evaluations.png"),
     }
     if args.json:
-        cli.emit(made)
+        cli.emit(made, folder)
     else:
         print("\n".join(map(str, made.values())))
     return cli.OK

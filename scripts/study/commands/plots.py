@@ -13,10 +13,12 @@ from study.numbers import analysis
 
 def main() -> int:
     parser = cli.parser(__doc__)
-    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="where the figures go (RUN/figures)")
     parser.add_argument(
-        "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
+        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
+    )
+    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help="default: RUN/figures")
+    parser.add_argument(
+        "-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured"
     )
     parser.add_argument(
         "--only", nargs="+", choices=PLOTS, metavar="PLOT", help=f"of {', '.join(PLOTS)}; default: all"
@@ -28,7 +30,7 @@ def main() -> int:
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
     made = draw(data, rows, args.out or data.path / "figures", args.only)
     if args.json:
-        cli.emit(made)
+        cli.emit(made, data.path)
     else:
         print("\n".join(str(path) for paths in made.values() for path in paths))
     return cli.OK

@@ -154,7 +154,7 @@ def commits_said(commits: dict[str, list[str]]) -> str:
 
 def main() -> int:
     parser = cli.parser(DESCRIPTION)
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of the run")
+    parser.add_argument("run", type=Path, metavar="RUN", help="its folder")
     parser.add_argument(
         "folder", type=Path, metavar="FOLDER", help="new, e.g. results/reference/MACHINE-DATE"
     )
@@ -174,7 +174,7 @@ def main() -> int:
     said = {"folder": args.folder, "bytes": size, "pictures": names}
     said |= {"commits": commits}
     if args.json:
-        cli.emit(said)
+        cli.emit(said, run.path)
     else:
         print(f"{args.folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}")
         print(commits_said(commits))

@@ -79,18 +79,18 @@ def newest(options: argparse.Namespace) -> tuple[Path | None, int]:
 def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
     """The largest picture whose interleaved rounds fit the time, by the sweep's own calibration.
 
-    The estimates come from frames at n = 45, which have more of edges than large ones: the sweep takes less.
+    The estimate comes from frames at n = 45, which have more of edges than large ones: the sweep takes less.
+    Time goes with the number of pixels.
     """
-    for height in HEIGHTS:
-        plan = sweep_plan(height, scenes, launches)
-        said = run_command("sweep", *plan, "--dry-run", "--json", capture=True)
-        if json.loads(said.stdout)["estimated_s"] <= seconds:
-            return height
-    return HEIGHTS[-1]
+    plan = sweep_plan(HEIGHTS[0], scenes, launches)
+    said = run_command("sweep", *plan, "--dry-run", "--json", capture=True)
+    largest = json.loads(said.stdout)["result"]["estimated_s"]
+    fits = (height for height in HEIGHTS if largest * (height / HEIGHTS[0]) ** 2 <= seconds)
+    return next(fits, HEIGHTS[-1])
 
 
 def sweep(options: argparse.Namespace) -> dict[str, Any]:
-    """Times every phase into a new run: what the sweep says of it, and the headline's height."""
+    """Times every phase into a new run: its folder, what crashed, and the headline's height."""
     if options.depth == "full":
         height = FULL["height"]
         arguments = ["--scene", *options.scene, "-n", *FULL["sizes"], "--launches", FULL["launches"]]
@@ -101,12 +101,15 @@ def sweep(options: argparse.Namespace) -> dict[str, Any]:
         arguments += ["--long", str(LONG_FRAME)]
     else:
         launches = LAUNCHES[options.depth]
-        height = choose_height(options.scene, options.seconds, launches)
-        arguments = [*sweep_plan(height, options.scene, launches), "--budget", str(options.seconds)]
-    cli.say(f"headline at n = {height}; a kill loses one frame, scripts/stepwise sweep --run goes on")
+        height = choose_height(options.scene, options.budget, launches)
+        arguments = [*sweep_plan(height, options.scene, launches), "--budget", str(options.budget)]
+    cli.say(
+        f"headline at n = {height}; a kill loses one frame, scripts/stepwise sweep --run DIR --resume goes on"
+    )
     arguments += ["--results", str(options.results), "--json"]
     done = run_command("sweep", *arguments, capture=True, accepted=CHECKED)
-    return json.loads(done.stdout) | {"height": height}
+    said = json.loads(done.stdout)
+    return {"run": said["run"], "failures": said["result"]["failures"], "height": height}
 
 
 def measure(one: Experiment, study: Study) -> bool:
@@ -141,12 +144,12 @@ def arguments() -> argparse.Namespace:
     add("--depth", choices=DEPTHS, default="quick", help=about)
     about = "only this, for the newest run (a small one is made where there is none), and the report"
     add("--part", action="append", choices=experiment.find_all(), metavar="NAME", help=about)
-    add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="NAME", help="scenes to time")
+    add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="SCENE", help="scenes to time")
     about = "for the sweep; default: 120 (quick), 240 (standard)"
-    add("--seconds", type=cli.at_least(1, float), help=about)
+    add("--budget", type=cli.at_least(1, float), metavar="SECONDS", help=about)
     add("--results", type=Path, default=ROOT / "results", metavar="DIR", help="parent of the run's folder")
     options = parser.parse_args()
-    options.seconds = options.seconds or SWEEP_SECONDS.get(options.depth)
+    options.budget = options.budget or SWEEP_SECONDS.get(options.depth)
     return options
 
 
@@ -217,6 +220,6 @@ def main() -> int:
     for sentence in wrong.crashed:
         cli.say(f"study: {sentence}")
     if options.json:
-        about = {"run": run, "report": str(PAGE), "height": height}
-        cli.emit(about | {"failed": bool(wrong.failed), "crashed": wrong.crashed})
+        about = {"report": PAGE, "height": height}
+        cli.emit(about | {"failed": wrong.failed, "crashed": wrong.crashed}, run)
     return wrong.status()

@@ -3,6 +3,8 @@ and what became of the papers' claims."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -13,10 +15,10 @@ from study.core.cli import StudyError
 from study.core.marked_blocks import between
 from study.core.registry import ROOT
 from study.experiments import experiment
+from study.experiments.section import Section
 from study.experiments.sweep import columns as sweep_columns
 from study.experiments.sweep import ladder
 from study.experiments.systems import tables as systems
-from study.experiments.verify import columns as verify_columns
 from study.numbers import analysis, paper
 from study.numbers.analysis import Data
 from study.report import front_page
@@ -39,20 +41,16 @@ def ladder_text(rows: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-def make(data: Data, rows: pd.DataFrame) -> table_files.Made:
-    """Every table that the run has data for."""
+def make(data: Data, rows: pd.DataFrame, sections: Sequence[Section] | None = None) -> table_files.Made:
+    """Every table that the run has data for. `sections`: its chapters, where they are known."""
     theirs = paper.ladder()
     made: table_files.Made = {
         "paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), sweep_columns.PAPER)))
     }
     if not rows.empty:
         made["ladder"] = rows[rows["headline"]], ladder_text(rows)
-        made["runtime"] = rows, show.markdown(show.table(rows.to_dict("records"), sweep_columns.RUNTIME))
-    if data.pairs:
-        pairs = pd.DataFrame(data.pairs).drop(columns=["tolerance"], errors="ignore")
-        made["verification"] = pairs, show.markdown(show.table(data.pairs, verify_columns.VERIFICATION))
-    for section in experiment.sections(data):
-        made |= {part.name: (part.frame, part.markdown) for part in section.parts}
+    for section in experiment.sections(data) if sections is None else sections:
+        made |= {part.name: (part.frame, part.markdown) for part in section.parts if part.name}
     found = claims.check(data, rows)
     made["claims"] = claims.frame(found), show.markdown(show.table(found, claims.COLUMNS))
     return made
@@ -94,10 +92,12 @@ def systems_page(text: str, data: Data) -> str:
 
 def main() -> int:
     parser = cli.parser(__doc__)
-    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="where the tables go (RUN/tables)")
     parser.add_argument(
-        "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
+        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
+    )
+    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help="default: RUN/tables")
+    parser.add_argument(
+        "-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured"
     )
     parser.add_argument(
         "--readme", action="store_true", help="rewrite the ladder between the marks in README.md"
@@ -109,8 +109,8 @@ def main() -> int:
         "--machines", action="store_true", help="rewrite the tables of results/reference/machines.md"
     )
     args = parser.parse_args()
-    data = analysis.load(args.run)
-    rows = ladder.rows(data, args.n)
+    data = dataclasses.replace(analysis.load(args.run), height=args.n)
+    rows = ladder.rows(data)
     if not rows["headline"].any():
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
     made = make(data, rows)
@@ -127,7 +127,9 @@ def main() -> int:
     for note in data.notes:
         cli.say(note)
     if args.json:
-        cli.emit({name: rows.to_dict("records") for name, (rows, _) in made.items()} | {"files": paths})
+        cli.emit(
+            {name: rows.to_dict("records") for name, (rows, _) in made.items()} | {"files": paths}, data.path
+        )
     else:
         print("\n".join(map(str, paths)))
     return cli.OK

@@ -24,8 +24,12 @@ def table(found: list[truth.Summary]) -> str:
 def main() -> int:
     parser = cli.parser(__doc__, {1: "a ray of a scene without a Mandelbulb stayed undecided"})
     parser.add_argument("scene", nargs="*", metavar="SCENE", help="default: all")
-    parser.add_argument("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
-    parser.add_argument("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
+    parser.add_argument(
+        "-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height in pixels; default: 720"
+    )
+    parser.add_argument(
+        "-w", type=cli.at_least(1), metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square"
+    )
     args = parser.parse_args()
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
     found = []

@@ -56,9 +56,9 @@ class Sides:
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "the phase is outside its tolerance"})
     add = parser.add_argument
-    add("name", metavar="NAME", help="a phase, or an ablation like opt2+title")
-    add("--against", metavar="SPEC", help="default: the parent that its phase.json names")
-    add("--scene", default="scene0", metavar="NAME", help="default: scene0")
+    add("name", metavar="PHASE", help="a phase, or an ablation like opt2+title")
+    add("--against", metavar="PHASE", help="default: the parent that its phase.json names")
+    add("--scene", default="scene0", metavar="SCENE", help="default: scene0")
     add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
     add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
     add("--seed", type=int, help="of order and padding; default: random")
@@ -71,7 +71,7 @@ def arguments() -> argparse.Namespace:
 def sides(name: str, against: str | None) -> Sides:
     """Raises StudyError for a phase without a parent, and for one that this CPU cannot run."""
     mine = Spec.parse(name)
-    parent = against or ("+" in name and name.partition("+")[0]) or registry.find_phase(mine.phase).parent
+    parent = against or registry.parent_of(name)
     if not parent:
         raise StudyError(f"{name} has no parent; name one with --against")
     both = Sides(Spec.parse(parent), mine)
@@ -183,6 +183,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
             **found[spec],
             "flops": counts[spec] and counts[spec]["flops"]["machine"],
             "lanes_at_work": counts[spec] and share(counts[spec]),
+            "parts": counts[spec] and {name: f["parts"] for name, f in counts[spec]["by_function"].items()},
         }
         for spec in both.both
     ]
@@ -247,11 +248,13 @@ def speed_up(ratio: stats.Interval) -> str:
 
 
 def files(both: Sides) -> dict[Path, float]:
-    """The sources of both, with the time of their last change."""
+    """The sources, patches and phase.json of both, and their folders, with the time of their last change."""
     found = {}
     for spec in both.both:
-        name = spec.phase
-        for path in [*patches.files(name.partition("+")[0]).values(), registry.find_phase(name).path]:
+        base = spec.phase.partition("+")[0]
+        folder = registry.find_phase(base).path
+        changes = [patch.path for patch in patches.chain(spec.phase)]
+        for path in [*patches.files(base).values(), *changes, folder, folder / "phase.json"]:
             with contextlib.suppress(OSError):
                 found[path] = path.stat().st_mtime
     return found

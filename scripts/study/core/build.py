@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from study.core import progress
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import ROOT, Spec
 
@@ -53,7 +54,12 @@ def build_together(tasks: Sequence[tuple[Spec, str]], jobs: int) -> None:
     with _one_at_a_time, contextlib.ExitStack() as stack, contextlib.suppress(FileNotFoundError):
         for name in sorted(names):
             stack.enter_context(_alone(ROOT / "build" / name))
-        subprocess.run(command, capture_output=True)
+        paths = [ROOT / "build" / str(spec) / target for spec, target in tasks]
+        missing = [path for path in paths if not path.exists()]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        with subprocess.Popen(command, **quiet) as make:
+            total = len(missing) or None
+            progress.until(make, "build", lambda: sum(path.exists() for path in missing), total)
 
 
 @functools.cache

@@ -111,7 +111,7 @@ def parser(description: str, statuses: dict[int, str] | None = None) -> argparse
         epilog=f"exit status:\n{lines}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    made.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    made.add_argument("--json", action="store_true", help="one JSON object: command, status, run, result")
     return made
 
 
@@ -135,6 +135,9 @@ def _ended(number: int, frame: object) -> None:
     sys.exit(128 + number)
 
 
+_emitted: list[dict[str, Any]] = []
+
+
 def _name() -> str:
     """Of the command as it was called, `stepwise sweep`: it stands where the script's path did."""
     return Path(sys.argv[0]).name
@@ -144,7 +147,7 @@ def main(run: Callable[[], int | None]) -> None:
     """Run a script's main function and exit with its status (STATUSES). Errors are one line on stderr."""
     before = signal.signal(signal.SIGTERM, _ended)
     try:
-        status = run() or OK
+        status = finish(run() or OK)
         sys.stdout.flush()
     except StudyError as error:
         print(f"{_name()}: {error}", file=sys.stderr)
@@ -182,9 +185,17 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def emit(value: Any) -> None:
-    """Write one JSON object to standard output."""
-    print(json.dumps(plain(value), allow_nan=False))
+def emit(result: Any, run: Path | str | None = None) -> None:
+    """What a command found, for --json; `run`: the folder that it read or wrote. See `finish`."""
+    command = _name().removeprefix("stepwise ")
+    _emitted[:] = [{"command": command, "status": None, "run": plain(run), "result": plain(result)}]
+
+
+def finish(status: int) -> int:
+    """Writes what was emitted as one JSON object to standard output, with how the command ended."""
+    if _emitted:
+        print(json.dumps(_emitted.pop() | {"status": "failed" if status else "ok"}, allow_nan=False))
+    return status
 
 
 def say(text: str) -> None:

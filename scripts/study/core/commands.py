@@ -20,6 +20,24 @@ from study.core import cli
 from study.core.cli import StudyError
 
 STUDY = Path(__file__).resolve().parents[1]
+OPTIONS = {  # one meaning in every command that has it: placeholder and what it is
+    "--run": ("DIR", "the folder of the run that is read or added to"),
+    "--resume": (None, "go on with the interrupted run at `--run`"),
+    "--budget": ("SECONDS", "the time for measuring; what does not fit is left out and said"),
+    "--phase": ("PHASE", "a phase, `opt2@opt4` (opt2 with opt4's flags) or an ablation `opt2+title`"),
+    "--scene": ("SCENE", "a scene by its name"),
+    "-n": ("HEIGHT", "the height of the pictures, in pixels"),
+    "-w": ("WIDTH", "their width; 16:9 if it is not given"),
+    "--threads": ("THREADS", "the threads that a phase renders with"),
+    "--launches": ("LAUNCHES", "process launches of each program"),
+    "--seed": ("SEED", "of everything that is random"),
+    "--cpu": ("CPU", "the CPU that a program is pinned to"),
+    "--jobs": ("JOBS", "what is done at a time where nothing is timed"),
+    "-o": ("PATH", "where the result goes"),
+    "--results": ("DIR", "the folder in which a new run is made"),
+    "--json": (None, "one JSON object on standard output, always with these keys: `command`, `status`"
+               " (`ok` or `failed`), `run` (its folder or null) and `result`"),
+}  # fmt: skip
 USAGE = """\
 scripts/stepwise NAME [options]     runs a command; NAME -h explains it
 scripts/stepwise list               the commands"""
@@ -96,6 +114,7 @@ def main() -> int:
         print(listing(found))
         return cli.OK
     if name == "list" and rest == ["--json"]:
+        sys.argv[:] = ["stepwise list"]
         cli.emit({c.name: {"what": c.what, "experiment": c.experiment} for c in found.values()})
         return cli.OK
     if name not in found:

@@ -88,6 +88,13 @@ class Phase:
         except patches.PatchError as error:
             raise StudyError(str(error)) from None
 
+    def inherits(self, name: str) -> str | None:
+        """The ancestor whose file `name` the phase has; None where it is its own or there is none."""
+        path = self.file(name)
+        if not path.exists() or path.is_relative_to(self.path):
+            return None
+        return path.relative_to(self.path.parent).parts[0]
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -229,6 +236,12 @@ def _ablation(name: str, root: Path) -> Phase:
         return Phase(**patches.described(name, root), path=root / "build" / name / "source")
     except patches.PatchError as error:
         raise StudyError(str(error)) from None
+
+
+def parent_of(name: str, root: Path = ROOT) -> str | None:
+    """What NAME is a change of: a phase's parent, the phase of NAME+TITLE, the sources of NAME@FLAGS."""
+    base = re.split("[@+]", name)[0]
+    return base if base != name else find_phase(name, root).parent
 
 
 def find_scene(name: str, root: Path = ROOT) -> Scene:

@@ -15,8 +15,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from tqdm import tqdm
-
+from study.core import progress
 from study.core.build import build
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
 from study.core.registry import Spec
@@ -275,7 +274,7 @@ def interleaved(
     if others := set(USABLE) - {cpu}:
         os.sched_setaffinity(0, others)
     try:
-        for item in tqdm(order, about, leave=False, disable=None):
+        for item in progress.each(order, about):
             values[item].append(once(item, dice.randint(0, 4096)))
     finally:
         os.sched_setaffinity(0, here)

@@ -10,6 +10,16 @@ from typing import Any
 import pandas as pd
 
 NOTHING = "–"
+LONG = (
+    "in its words",
+    "in words",
+    "why",
+    "what",
+    "without the idea",
+    "added or removed",
+    "to test it",
+    "here",
+)
 MOST_DB = 150  # of a PSNR: floats in [0, 1] are rounded at 2^-25 of themselves, 150 dB
 Row = Mapping[str, Any]
 
@@ -27,6 +37,11 @@ class Column:
     def wraps(self) -> bool:
         """Whether its cells may break into lines: intervals and words, never plain numbers."""
         return "[95" in self.name or self.name in ("tolerance", "flags", "implementations")
+
+    @property
+    def long(self) -> bool:
+        """Whether its cells are sentences."""
+        return self.name in LONG
 
 
 def yes(value: Any) -> bool:
@@ -61,6 +76,13 @@ def interval(row: Row, name: str, digits: int = 4, unit: str = "") -> str:
     places = _places(value, digits)
     ends = "insufficient" if pd.isna(low) else f"[{low:,.{places}f},\u00a0{high:,.{places}f}]"
     return f"{value:,.{places}f}{unit} {ends}"
+
+
+def spread(found: Any, digits: int = 3, unit: str = "") -> str:
+    """`12.3× [12.1, 12.6]` of an Interval, or of one as files have it: value, low and high, null for NaN."""
+    some = found if isinstance(found, Mapping) else vars(found)
+    ends = {f"v{end}": some[key] for end, key in (("", "value"), ("_low", "low"), ("_high", "high"))}
+    return interval({k: math.nan if v is None else v for k, v in ends.items()}, "v", digits, unit)
 
 
 def speedup(name: str, base: str) -> Callable[[Row], str]:
@@ -103,13 +125,21 @@ def psnr(row: Row, name: str) -> str:
     return "identical" if math.isinf(value) else number(value)
 
 
+def decibels(text: str) -> str:
+    """A PSNR's cell in a sentence: `60.9 (4×4 means)` is `60.9 dB (4×4 means)`; words stay words."""
+    value, _, means = text.partition(" (")
+    if not value[:1].isdigit():
+        return text
+    return f"{value} dB ({means}" if means else f"{value} dB"
+
+
 def gate(row: Row) -> str:
     """In words and a sign, so that colour is not needed to tell."""
     if yes(row.get("is_reference")):
         return "reference"
     within = row.get("within_tolerance")
     if within is None or pd.isna(within):
-        return "by truth alone" if isinstance(row.get("left_to"), str) else "not verified"
+        return "by ground truth alone" if isinstance(row.get("left_to"), str) else "not verified"
     height = row.get("error_height")
     other = "" if pd.isna(height) or height == row.get("height") else f" (at n = {height:.0f})"
     if within:
@@ -146,6 +176,11 @@ def word(name: str) -> Callable[[Row], str]:
 
 def whole(name: str) -> Callable[[Row], str]:
     return lambda row: NOTHING if row.get(name) is None or pd.isna(row[name]) else f"{row[name]:.0f}"
+
+
+def picture(row: Row) -> str:
+    """The scene with the size of its picture in pixels: `scene0, 1280×720`."""
+    return f"{row['scene']}, {row['width']}×{row.get('height') or row['n']}"
 
 
 @dataclass(frozen=True)

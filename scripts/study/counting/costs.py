@@ -3,6 +3,10 @@
 A line of residues.def, RESIDUE(build, function, part, kind, least, most) // why, says where a compiler's code
 does otherwise than costs.def: so many operations more per lane and execution of the part. No count has it in.
 Of kind `call`: so many of the declared calls of math.h fewer go to libm, since they are an instruction.
+RESIDUES_OF(opt4) // confirmed how: the lines of opt4 hold here too.
+
+A derived phase without a residues.def of its own has its ancestor's. That was read in other code: it explains
+nothing until the phase has a file of its own. An empty one says that no residue is known.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from study.core import registry
 from study.core.cli import StudyError
 
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare", "call")
@@ -20,6 +25,7 @@ _RESIDUE = re.compile(
     rf"RESIDUE\(\s*(shipped|calls|both),\s*(\w+),\s*(\w+),\s*({'|'.join((*CLASSES[:7], 'call'))}),"
     r"\s*(-?\d+),\s*(-?\d+)\s*\)\s*(//.*)?"
 )
+_SAME = re.compile(r"RESIDUES_OF\(\s*(\w+)\s*\)\s*//.+")
 
 
 @dataclass(frozen=True)
@@ -66,14 +72,29 @@ class Residue:
     most: int
 
 
+def residues_of(phase: registry.Phase, lines: Iterable[Cost]) -> list[Residue]:
+    """Of the phase's residues.def. Of an ancestor's, what is about parts that the phase has too."""
+    path, lines = phase.file("residues.def"), list(lines)
+    if not phase.inherits("residues.def"):
+        return residues(path, lines)
+    known = {(cost.function, cost.part) for cost in lines}
+    ancestor = registry.find_phase(phase.inherits("residues.def"))
+    every = residues(path, read(ancestor.file("costs.def")))
+    return [one for one in every if (one.function, one.part) in known]
+
+
 def residues(path: Path, costs: Iterable[Cost]) -> list[Residue]:
     """The explained residues of a phase; none without the file. Raises StudyError with file and line."""
     if not path.exists():
         return []
+    costs = list(costs)
     known = {(cost.function, cost.part) for cost in costs}
-    found = []
+    found: list[Residue] = []
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("//"):
+            continue
+        if same := _SAME.fullmatch(line.strip()):
+            found += residues(registry.find_phase(same[1]).file("residues.def"), costs)
             continue
         match = _RESIDUE.fullmatch(line.strip())
         if not match or int(match[5]) > int(match[6]):

@@ -114,7 +114,7 @@ def explained(stated: Row, variant: str) -> dict[str, dict[str, Range]]:
     phase = registry.find_phase(stated["phase"])
     lines = {(c.function, c.part): c for c in costs.read(phase.file("costs.def"))}
     found: dict[str, dict[str, Range]] = defaultdict(dict)
-    for residue in costs.residues(phase.file("residues.def"), lines.values()):
+    for residue in costs.residues_of(phase, lines.values()):
         if residue.build in (variant, "both") and residue.kind != "call":
             width = lanes_of(stated) if lines[residue.function, residue.part].width == "LANES" else 1
             times = stated["by_function"][residue.function]["parts"][residue.part] * width
@@ -179,13 +179,16 @@ def row(
     doublings: int = 0,
 ) -> Row:
     """Kind is held against kind: what explains a missing minimum explains no missing product. Up to
-    `doublings` of the measured sums are x + x and may be declared as products 2·x.
+    `doublings` of the measured sums are x + x and may be declared as products 2·x. Residues that the phase
+    inherits are shown (`inherited_from`) and explain nothing: they were read in its ancestor's code.
     """
     known = residues or {}
+    some = any(end for ends in known.values() for end in ends)
+    ancestor = registry.find_phase(stated["phase"]).inherits("residues.def") if some else None
     if by.backend in LIBM_INSIDE or "any" in measured:  # these do not tell kinds apart, or not as others do
         measured = {"any": sum(measured.values())}
         counted, known = {"any": sum(counted.values())}, {"any": _total(known)}
-    left = _left(counted, measured, known, doublings)
+    left = _left(counted, measured, {} if ancestor else known, doublings)
     declared, found = sum(counted.values()), sum(measured.values())
     scale = found or math.nan
     return {
@@ -203,8 +206,9 @@ def row(
         "relative_difference": 0.0 if declared == found else (declared - found) / scale,
         "residue_low": _total(known)[0],
         "residue_high": _total(known)[1],
+        "inherited_from": ancestor,
         "unexplained": 0.0 if left == 0 else left / scale,
-        "explained_to": (_total(known)[1] - _total(known)[0]) / scale if found else 0.0,
+        "explained_to": (_total(known)[1] - _total(known)[0]) / scale if found and not ancestor else 0.0,
         "judged": judged,
         "within": left == 0 or left / scale <= TOLERANCE,
     }

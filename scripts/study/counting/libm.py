@@ -38,7 +38,7 @@ def _declared_calls(stated: flops.Row, variant: str) -> dict[str, tuple[int, flo
     for cost in lines:
         calls, known = found.get(cost.function, (0, (0, 0)))
         found[cost.function] = calls + cost.per_lane["call"] * parts[cost.function][cost.part], known
-    for residue in costs.residues(phase.file("residues.def"), lines):
+    for residue in costs.residues_of(phase, lines):
         if residue.kind == "call" and residue.build in (variant, "both"):
             calls, (low, high) = found[residue.function]
             times = parts[residue.function][residue.part]

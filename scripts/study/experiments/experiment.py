@@ -17,6 +17,15 @@ from study.experiments.section import Section
 from study.numbers.analysis import Data
 
 FOLDER = Path(__file__).resolve().parent
+QUESTIONS = {  # of the report, in their order
+    1: "How fast is each phase here, and at what error?",
+    2: "What bounds it?",
+    3: "Does it reproduce the paper?",
+    4: "What did each idea give?",
+    5: "Where does it fail?",
+    6: "More",
+    7: "What was run, and how",
+}
 DEPTHS = ("quick", "standard", "full")  # of a study: ten minutes, forty, hours
 
 
@@ -55,7 +64,8 @@ class Call:
 class Experiment:
     """`what`: a few words for progress and lists. `files`: that it writes into a run. `turn`: its place in a
     study. `depth`: the least depth of a study that has it; None: only by its name. `calls`: its commands in a
-    study. `sections`: chapters of the report, each with its place there.
+    study. `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS
+    it answers.
     """
 
     name: str
@@ -80,7 +90,12 @@ def find_all(folder: Path = FOLDER) -> dict[str, Experiment]:
     return {one.name: one for one in sorted(found, key=lambda one: (one.turn, one.name))}
 
 
-def sections(data: Data) -> list[Section]:
-    """The chapters of a run's page, in their order. Raises StudyError for a broken file."""
+def placed(data: Data) -> list[tuple[int, Section]]:
+    """The chapters of a run's page with their places, in order. Raises StudyError for a broken file."""
     made = [(place, make) for one in find_all().values() for place, make in one.sections]
-    return [make(data) for _, make in sorted(made, key=lambda each: each[0])]
+    return [(place, make(data)) for place, make in sorted(made, key=lambda each: each[0])]
+
+
+def sections(data: Data) -> list[Section]:
+    """The chapters alone."""
+    return [section for _, section in placed(data)]

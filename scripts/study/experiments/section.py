@@ -21,15 +21,15 @@ from study.pictures.draw import Drawing
 
 @dataclass(frozen=True)
 class Part:
-    """A table. `name` is its file's; `folded`: behind a summary on the page; `foot`: what stands under it,
-    on the page and in its Markdown file."""
+    """A table, behind its caption on the page unless `open`. `name` is its file's (empty: none); `foot`:
+    what stands under it, on the page and in its Markdown file, a paragraph a line."""
 
     name: str
     caption: str
     rows: list[Row]
     table: Table
-    folded: bool = False
     foot: str = ""
+    open: bool = False
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -37,14 +37,16 @@ class Part:
 
     @property
     def markdown(self) -> str:
-        return show.markdown(self.table) + (f"\n{self.foot}\n" if self.foot else "")
+        return show.markdown(self.table) + "".join(f"\n{line}\n" for line in self.foot.splitlines())
 
 
 @dataclass(frozen=True)
 class Section:
-    """A chapter of the page. `lacking`: the command that would fill it, where there is nothing; `remarks`:
-    how to read the tables, and what was left out; `details`: more of that, behind a summary; `figures`: names
-    of the plots that belong above them; `drawn`: file names and figures made from `file` by `script`.
+    """A chapter of the page. `answer`: what came out, in a sentence with its number, unit and interval or
+    error; empty where there is no data. `lacking`: the command that would fill it. `drawn`: file names and
+    figures, made by `script` from `file`; the first opens the chapter, the others are behind a summary.
+    `failing`: what is not as it should be, in red; `remarks`: what the reader must know at once, a line each;
+    `details`: what was sampled and left out, behind a summary.
     """
 
     id: str
@@ -53,12 +55,13 @@ class Section:
     parts: list[Part]
     remarks: list[str] = field(default_factory=list)
     details: list[str] = field(default_factory=list)
-    figures: Sequence[str] = ()
+    answer: str = ""
+    failing: list[str] = field(default_factory=list)
     file: Path | None = None
     script: str = ""
     drawn: dict[str, Drawing] = field(default_factory=dict)
     images: dict[Path, str] = field(default_factory=dict)  # pictures, which no figure replaces; captions
-    html: str = ""  # a fragment of its own, in place of tables
+    html: str = ""  # a fragment of its own, behind the tables
 
 
 @contextlib.contextmanager
@@ -82,12 +85,12 @@ def part(
     caption: str,
     rows: Sequence[Row],
     shown: Sequence[Column],
-    folded: bool = False,
     foot: str = "",
+    open: bool = False,
 ) -> list[Part]:
     rows = list(rows)
     if not rows:
         return []
-    made = Part(name, caption, rows, show.table(rows, shown), folded, foot)
+    made = Part(name, caption, rows, show.table(rows, shown), foot, open)
     _ = made.markdown  # here, where a cell that is no text is still known to be the file's
     return [made]

@@ -68,6 +68,7 @@ class Data:
     cells: list[Cell]
     pairs: list[dict[str, Any]]
     notes: list[str]
+    height: int | None = None  # of the ladder's pictures; None: the best measured
     kept: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)  # worked out once, by name
 
     def cell(self, scene: str, spec: str, height: int, width: int, threads: int = 1) -> Cell | None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,7 +20,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
+from study.core import store
 from study.core.cli import StudyError
 from study.pictures import contents, labels
 
@@ -45,11 +48,24 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown."""
+    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown.
+
+    `hover`: puts what a point says under the pointer into the SVG's text. The page has such a figure as SVG,
+    every other as PNG.
+    """
 
     caption: str
     note: str  # stands under it
     make: Callable[[], Figure]
+    hover: Callable[[str], str] | None = None
+
+    def write(self, stem: Path) -> list[Path]:
+        """STEM.svg and STEM.png."""
+        with matplotlib.rc_context(STYLE):
+            paths = save(self.make(), stem, self.note)
+        if self.hover:
+            store.write_text(paths[0], self.hover(paths[0].read_text(encoding="utf-8")))
+        return paths
 
 
 def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
@@ -127,6 +143,27 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     The PNG of lines and text has a palette of 256 colours: half the bytes and less. It keeps the figure's
     numbers and words (study.pictures.contents).
     """
+    said = _ready(figure, note)
+    try:
+        stem.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
+        made = _pixels(figure, 130)
+        made.save(stem.with_suffix(".png"), optimize=True, pnginfo=said)
+    except OSError as error:
+        raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
+    return [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+
+
+def thumbnail(figure: Figure, note: str) -> bytes:
+    """The figure as a PNG of half the size, for a page that has many."""
+    _ready(figure, note)
+    made = io.BytesIO()
+    _pixels(figure, 75).save(made, format="png", optimize=True)
+    return made.getvalue()
+
+
+def _ready(figure: Figure, note: str) -> PngInfo:
+    """Puts the note under the figure and everything in its place; the figure's numbers and words."""
     across = int(figure.get_figwidth() * 17)  # characters of this size
     note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
@@ -134,20 +171,17 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     FigureCanvasAgg(figure)
     labels.settle(figure)
     _lay_out(figure)
-    try:
-        stem.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
-        drawn = io.BytesIO()
-        figure.savefig(drawn, format="png", dpi=130)
-        made = _few_colours(Image.open(drawn).convert("RGB"))
-        made.save(stem.with_suffix(".png"), optimize=True, pnginfo=said)
-    except OSError as error:
-        raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
-    return [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+    return said
+
+
+def _pixels(figure: Figure, dpi: int) -> Image.Image:
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=dpi)
+    return _few_colours(Image.open(drawn).convert("RGB"))
 
 
 def _few_colours(picture: Image.Image) -> Image.Image:
-    """With those of the rungs and its commonest, 256 in all, others as the nearest of these; as it is if
+    """With those of the phases and its commonest, 256 in all, others as the nearest of these; as it is if
     that are under 97 % of the pixels."""
     pixels = np.asarray(picture).reshape(-1, 3).astype(np.uint32) @ np.uint32([1 << 16, 1 << 8, 1])
     packed = np.unique(pixels)  # numbers: rows of three take seconds

@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
+from study.core import progress
 from study.core.build import build
 from study.core.cli import BAD_INPUT, StudyError
 from study.core.registry import Scene, Spec
@@ -75,5 +75,5 @@ class Gallery:
 
         once = list({self.path(*task): task for task in tasks}.values())
         with ThreadPoolExecutor(jobs) as pool:
-            outcomes = list(tqdm(pool.map(one, once), "render", len(once), leave=False, disable=None))
+            outcomes = list(progress.each(pool.map(one, once), "render", len(once)))
         return {(task[0], task[1].name): error for task, error in zip(once, outcomes, strict=True) if error}

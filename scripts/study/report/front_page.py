@@ -57,8 +57,9 @@ def originals(folder: Path) -> list[list[str]]:
         return []
     rows = {(row["phase"], row["scene"]): row for row in store.read_json(file)["rows"]}
     made = []
-    for phase in dict.fromkeys(name for name, _ in rows):
-        cells = [f"the paper's {phase}", "its own program", ""]
+    phases = list(dict.fromkeys(name for name, _ in rows))
+    for phase in dict.fromkeys([*phases[:1], *phases[-1:]]):  # its first step and its last
+        cells = [f"the paper's {phase}", "Its own program", show.NOTHING]
         for scene in SCENES:
             one, base = rows.get((phase, scene)), rows.get((ladder.BASE, scene))
             if not one or not base or one["n"] != base["n"]:
@@ -68,8 +69,10 @@ def originals(folder: Path) -> list[list[str]]:
             time = stats.median_interval(theirs)
             ratio = stats.ratio_interval(ours, theirs, rounds=phase == ladder.BASE)
             psnr = one["psnr_display_db"]
-            error = "identical to ours" if psnr is None else f"{psnr:.1f} to ours, displayed"
-            cells += [time.text(",.4g"), ratio.text(".3g").replace(" ", "× ", 1), error]
+            error = "as ours" if psnr is None else f"{psnr:.1f} to ours"
+            ends = {"ms": time.value, "ms_low": time.low, "ms_high": time.high}
+            ends |= {"ratio": ratio.value, "ratio_low": ratio.low, "ratio_high": ratio.high}
+            cells += [show.interval(ends, "ms"), show.interval(ends, "ratio", 3, "×"), error]
         made.append(cells)
     return made
 
@@ -99,6 +102,8 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
         "over process launches.\nIntervals hold 95 %. dB: PSNR to the ground truth "
         f"(linear RGB, pictures{at or ' not measured'};\nmandelbulb: 4×4 means). "
         "Bound by: the lowest roof of the roofline on scene0.\n"
+        + "“To ours”: between the displayed pictures of the paper's step and of ours.\n"
+        * ratios
     )
     return f"{table}\n{note}"
 

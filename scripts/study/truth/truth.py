@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from study.core import run, store
+from study.core import cli, run, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene
@@ -95,6 +95,7 @@ def make(scene: Scene, size: Size) -> Path:
     if path.exists():
         return path
     store.writable(CACHE)
+    cli.say(f"truth of {scene.name}, {size[0]}×{size[1]}: made once, then kept")
     _sweep()
     begun = time.monotonic()
     # Of this process by its name: a killed run's folder is known for what it is, and swept by the next one.

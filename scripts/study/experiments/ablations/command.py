@@ -31,16 +31,16 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     statuses = {1: "an ablation does not apply, build or run, or is outside its tolerance"}
     parser = cli.parser(DESCRIPTION, statuses | {3: "nothing could run on this CPU"})
     add = parser.add_argument
-    add("--phase", nargs="+", metavar="NAME", help="opt2, or an ablation like opt2+horizontal; default: all")
+    add("--phase", nargs="+", metavar="PHASE", help="opt2, or an ablation like opt2+horizontal; default: all")
     add("--ideas", action="store_true", help="only ideas of phases, into ideas.json; no FLOPs")
     about = f"default: {' '.join(SCENES)}; with --ideas: those that each patch names"
-    add("--scene", nargs="+", metavar="NAME", help=about)
-    add("-n", type=cli.at_least(1), default=120, help="height in pixels; default: 120")
+    add("--scene", nargs="+", metavar="SCENE", help=about)
+    add("-n", type=cli.at_least(1), default=120, metavar="HEIGHT", help="height in pixels; default: 120")
     add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
     add("--no-flops", action="store_true", help="do not count FLOPs (saves the counting builds)")
-    add("--run", type=Path, metavar="DIR", help="where the file goes; default: build/ablations")
+    add("--run", type=Path, metavar="DIR", help="for ablations.json or ideas.json; default: build/ablations")
     cores = len(os.sched_getaffinity(0))
     add(
         "--jobs",
@@ -179,16 +179,16 @@ def main() -> int:
     folder = args.run or registry.ROOT / "build" / "ablations"
     path = folder / (ideas.FILE if args.ideas else "ablations.json")
     store.write_json(path, result)
-    report(result, args.json)
+    report(result, folder, args.json)
     outside = any(row["verdict"] == "OUTSIDE" for row in rows)
     return cli.FAILED if outside or study.failures else cli.OK
 
 
-def report(result: dict, as_json: bool) -> None:
+def report(result: dict, folder: Path, as_json: bool) -> None:
     """The table, or everything as JSON; then what each step is, and what failed."""
     rows = result["rows"]
     if as_json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         print(summary.table(ablations.shown(rows), ablations.COLUMNS) if rows else "nothing was measured")
         print(

@@ -19,7 +19,7 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="standard",
     sections=[
-        (90, lambda data: chapter.steps(data.path)),
-        (100, lambda data: negative.section(data.path)),
+        (410, lambda data: chapter.steps(data.path)),
+        (420, lambda data: negative.section(data.path)),
     ],
 )

@@ -16,9 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
-from study.core import cli, patches, registry, run, store
+from study.core import cli, patches, progress, registry, run, show, store
 from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
@@ -137,7 +135,7 @@ def build_all(specs: Sequence[Spec], targets: Sequence[str], jobs: int) -> dict[
     alone = [one(task) for task in tasks[: len(targets)]]  # what all share is built once
     with ThreadPoolExecutor(jobs) as pool:
         rest = pool.map(one, tasks[len(targets) :])
-        outcomes = [*alone, *tqdm(rest, "build", len(tasks) - len(alone), leave=False, disable=None)]
+        outcomes = [*alone, *progress.each(rest, "build", len(tasks) - len(alone))]
     return {task: error for task, error in zip(tasks, outcomes, strict=True) if error}
 
 
@@ -197,7 +195,7 @@ def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, dict[str,
         return None
 
     with ThreadPoolExecutor(jobs) as pool:
-        counts = list(tqdm(pool.map(one, cases), "count", len(cases), leave=False, disable=None))
+        counts = list(progress.each(pool.map(one, cases), "count", len(cases)))
     return {case: n for case, n in zip(cases, counts, strict=True) if n is not None}
 
 
@@ -297,6 +295,7 @@ def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "claim": said(row),
             "short": row["paper"].partition(" (")[0],
             "psnr": decibels(row["psnr_db"]),
+            "picture": show.picture(row),
             "against_psnr": decibels(row["against_psnr_db"]),
             "over": f"{100 * row['fraction_over_1_255']:.3g}",
             "flops_text": None if row["flops_ratio"] is None else f"{row['flops_ratio']:.3f}",
@@ -305,7 +304,7 @@ def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-COLUMNS = [("ablation", "ablation"), ("step", "step"), ("against", "against"), ("scene", "scene")]
+COLUMNS = [("ablation", "ablation"), ("step", "step"), ("against", "against"), ("picture", "scene")]
 COLUMNS += [("gain", "step's gain × [95 %]"), ("short", "paper"), ("claim", "paper's claim")]
 COLUMNS += [
     ("psnr", "PSNR dB"),

@@ -26,17 +26,12 @@ COLUMNS = ("idea", "phase", "expected", "measured", "machine", "why")  # of its 
 PAYS, COSTS, NOTHING_GAINED, SLOWER = "pays", "pays, at that error", "no gain", "slower"
 UNTOLD = verdicts.UNSURE  # 1 is in the interval, and so is a gain
 ABOUT = (
-    "Steps that are described as faster and are not here, or are faster for another picture. Each is a patch "
-    "(phases/NAME/ablations) timed in this run, interleaved with what it is put into; shown are all scenes "
-    "of a step whose gain is not clear on every one of them, or whose picture is only approximate. “No "
-    f"gain”: all of the interval is below {verdicts.NO_GAIN:g}; “{verdicts.UNSURE}”: it holds 1 and reaches "
-    "beyond that, and what the table below says of the same step stands. PSNR is "
-    "of single samples, which on the Mandelbulb are chaotic: there the verdict is by 4×4 means."
+    "Shown are all scenes of a step whose gain is not clear on every one of them, or whose picture is only "
+    f"approximate. “No gain”: all of the interval is below {verdicts.NO_GAIN:g}; “{verdicts.UNSURE}”: it "
+    "holds 1 and reaches beyond that.\n"
+    "PSNR is of single samples, which on the Mandelbulb are chaotic: there the verdict is by 4×4 means."
 )
-TRIED = (
-    "Ideas that were tried, from docs/what-did-not-pay.md. Each was measured once, on the machine that its "
-    "row names, and not again in this run."
-)
+TRIED = "Each was measured once, on the machine that its row names, and not again in this run."
 Row = dict[str, Any]
 
 
@@ -151,7 +146,11 @@ def as_html(rows: Sequence[Mapping[str, str]]) -> str:
     markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
     lines = [COLUMNS, ["---"] * len(COLUMNS), *(list(row.values()) for row in rows)]
     table = markdown.render("\n".join(f"| {' | '.join(line)} |" for line in lines))
-    return f'<p>{TRIED}</p>\n<div class="scroll">{table}</div>'
+    summary = f"Ideas that were tried, from docs/what-did-not-pay.md: {len(rows)}"
+    return (
+        f'<details><summary>{summary}</summary><div class="scroll prose">{table}</div>'
+        f'<p class="small">{TRIED}</p></details>'
+    )
 
 
 def section(path: Path, document: Path = DOCUMENT) -> Section:
@@ -166,15 +165,31 @@ def section(path: Path, document: Path = DOCUMENT) -> Section:
             drawn = {"negative": Drawing(caption, _note(ablations.read(file)), lambda: draw(rows))}
     with reading(path / ideas.FILE, f"scripts/stepwise ablations --ideas --run {path}"):
         both = [*rows, *chosen(ablations.read(path / ideas.FILE)["rows"])]
-        parts = part("negative", "Steps that did not plainly pay", both, STEPS)
-        remarks = [ABOUT] * bool(both)
+        parts = part("negative", "Steps that did not plainly pay", both, STEPS, ABOUT)
     about = {
         "file": file,
         "script": "scripts/stepwise ablations",
         "drawn": drawn,
         "html": as_html(tried(document)),
     }
-    return Section("negative", "What did not pay", "make hotspots", parts, remarks, **about)
+    answer = _answer(both)
+    return Section("negative", "What did not pay", "make ablations", parts, answer=answer, **about)
+
+
+def _answer(rows: Sequence[Row]) -> str:
+    """How many steps did not plainly pay, how many are slower, and the slowest."""
+    if not rows:
+        return ""
+    names = {row["ablation"] for row in rows}
+    slower = [row for row in rows if row["outcome"] == SLOWER]
+    text = f"{len(names)} steps do not plainly pay on each of their scenes"
+    if slower:
+        worst = min(slower, key=lambda row: row["gain"]["value"])
+        text += (
+            f"; {len({row['ablation'] for row in slower})} of them are slower somewhere, most of all "
+            f"{worst['ablation']} on {worst['scene']}: {_gain(worst)}"
+        )
+    return f"{text}."
 
 
 def _note(result: Mapping[str, Any]) -> str:

@@ -8,9 +8,8 @@ from itertools import product
 from pathlib import Path
 
 import matplotlib
-from tqdm import tqdm
 
-from study.core import cli, registry, store
+from study.core import cli, progress, registry, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
@@ -37,10 +36,12 @@ def arguments() -> argparse.Namespace:
     about = "a gated phase is further from truth than baseline, or a picture is not finite or not there"
     parser = cli.parser(DESCRIPTION, {1: about, 3: "no phase could run on this CPU"})
     add = parser.add_argument
-    add("--phase", nargs="+", metavar="SPEC", help="e.g. opt4, or opt2@opt4; default: all")
-    add("--scene", nargs="+", metavar="NAME", help="default: all")
-    add("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
-    add("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
+    add("--phase", nargs="+", metavar="PHASE", help="e.g. opt4, or opt2@opt4; default: all")
+    add("--scene", nargs="+", metavar="SCENE", help="default: all")
+    add("-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height in pixels; default: 720")
+    add(
+        "-w", type=cli.at_least(1), metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square"
+    )
     add("--run", type=Path, metavar="DIR", help="for accuracy.json and images/; default: build/accuracy")
     add(
         "--jobs",
@@ -49,7 +50,7 @@ def arguments() -> argparse.Namespace:
         help="pictures rendered at a time; default: CPUs",
     )
     add("--convergence", action="store_true", help="the Mandelbulb's table too: precision × hit distance")
-    add("--convergence-n", type=cli.at_least(1), default=90, metavar="N", help="its height; default: 90")
+    add("--convergence-n", type=cli.at_least(1), default=90, metavar="HEIGHT", help="its height; default: 90")
     return parser.parse_args()
 
 
@@ -151,7 +152,7 @@ def judge(
         return rows, missing
     known = scene.fractal and FLOAT in gallery.hashes and not trouble(FLOAT)
     subject = Subject(gallery, scene, plain, size, [FLOAT] if known else [])
-    for spec in tqdm(specs, f"compare {scene.name}", leave=False, disable=None):
+    for spec in progress.each(specs, f"compare {scene.name}"):
         if error := trouble(spec):
             missed(spec, error.message, error.status not in (NO_ISA, UNSUPPORTED))
         else:
@@ -193,23 +194,21 @@ def main() -> int:
     if args.convergence:
         result["convergence"] = converge.study(args.convergence_n, folder / "convergence")
     store.write_json(folder / accuracy.FILE, result)
-    report(args, result, folder, alone=len(specs) == len(scenes) == len(rows) == 1)
+    report(args, result, folder)
     if not rows:
         return cli.CANNOT_RUN if not any(item["failed"] for item in skipped) else cli.FAILED
     return cli.FAILED if any(item["failed"] for item in (*rows, *skipped)) else cli.OK
 
 
-def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) -> None:
-    """JSON (a flat object for a row asked for alone) or tables; then what was skipped and what failed."""
+def report(args: argparse.Namespace, result: dict, folder: Path) -> None:
+    """JSON or tables; then what was skipped and what failed."""
     figures = []
     if result["rows"]:
         with matplotlib.rc_context(draw.STYLE):
             for name, make in accuracy_page.drawings(result).items():
                 figures += draw.save(make(), folder / "figures" / name, accuracy_page.note(result))
     if args.json:
-        tools = {key: value for key, value in result.items() if key.endswith("_tool")}
-        more = {"convergence": result["convergence"]} if args.convergence else {}
-        cli.emit({**result["rows"][0], **tools, **more} if alone else result)
+        cli.emit(result, folder)
     elif result["rows"]:
         print(accuracy_page.text(result))
         print(f"FLIP: {images.FLIP_TOOL}.\nPictures: {folder}/images, figures: {folder}/figures")

@@ -23,5 +23,5 @@ EXPERIMENT = Experiment(
     files=("accuracy.json",),
     calls=calls,
     depth="quick",
-    sections=[(20, lambda data: chapter.errors(data.path))],
+    sections=[(520, lambda data: chapter.errors(data.path))],
 )

@@ -1,4 +1,4 @@
-"""The tables and figures of the errors to truth, made from accuracy.json alone."""
+"""The tables and figures of the errors to ground truth, made from accuracy.json alone."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _worse(*names: str):
 
 
 def _marked(text: str, row: Row, name: str) -> str:
-    """The cell with a sign where baseline is nearer to truth: colour alone would not tell all readers."""
+    """The cell with a sign where baseline is nearer to ground truth: colour alone does not tell all."""
     return f"{text} {MARK}" if name in row["worse"] else text
 
 
@@ -63,7 +63,7 @@ def _proved(row: Row) -> str:
     return f"{text}; rest converged only" if row["converged_only"] else text
 
 
-HEAD = [Column("", "scene", lambda r: r["scene"]), Column("", "phase", lambda r: r["phase"])]
+HEAD = [Column("", "scene", show.picture), Column("", "phase", lambda r: r["phase"])]
 ERRORS = [
     *HEAD,
     Column("", "precision", lambda r: r["precision"]),
@@ -137,22 +137,20 @@ CONVERGENCE = [
         )
     ),
 ]
-REMARKS = (
-    f"{MARK}: further from truth than baseline's picture, by a digit that is shown (gated phases: by more "
-    "than their phase.json grants, by default nothing). Hits are judged where truth is proved; |Δt| and "
-    "normals where both hit the same shape. Three truths of the colours: without any shadow, with the "
-    "paper's shadow estimator in exact arithmetic, and with the ideal soft shadow, which judges the method.",
+WORSE = (
+    f"{MARK}: further from ground truth than baseline's picture by a digit that is shown, and by more than "
+    "the phase grants itself."
+)
+BAD = (
     "Bad: off by more than 1/255 in any channel (linear), or a wrong hit. Each bad pixel counts once, in the "
-    f"first of: {'; '.join(where.MEANING[name] for name in where.CLASSES)}.",
+    f"first of: {'; '.join(where.MEANING[name] for name in where.CLASSES)}."
 )
-
-
 CONVERGED = (
-    "The Mandelbulb: double-double (104 bits, about 31 digits) is truth's arithmetic. Truth's plane is hit "
-    "exactly and has its own normal, the phases' normals are differences and their plane is hit within the "
-    "hit distance: against truth that is compared too; float against double is arithmetic alone. A hit "
-    "distance no less than the scene's surface offset ends shadow rays where they start."
+    "Ground truth is double-double here (104 bits). Its plane is hit exactly and has its own normal: against "
+    "it that is compared too, float against double is arithmetic alone.\n"
+    "A hit distance no less than the scene's surface offset ends shadow rays where they start."
 )
+FEET = {"accuracy": WORSE, "accuracy-where": BAD, "accuracy-convergence": CONVERGED}
 
 
 def tables(result: dict[str, Any]) -> list[tuple[str, str, list[Row], list[Column]]]:
@@ -162,10 +160,10 @@ def tables(result: dict[str, Any]) -> list[tuple[str, str, list[Row], list[Colum
     converged = (result.get("convergence") or {}).get("rows", [])
     heights = " and ".join(map(str, sorted({row["height"] for row in rows})))
     made = [
-        ("accuracy", f"Error to truth, at n = {heights}", rows, ERRORS),
+        ("accuracy", f"Error to ground truth, at n = {heights}", rows, ERRORS),
         (
             "accuracy-averaged",
-            "Where truth is converged only: depth and averaged pictures",
+            "Where ground truth is converged only: depth and averaged pictures",
             fractal,
             AVERAGED,
         ),
@@ -201,12 +199,7 @@ def text(result: dict[str, Any]) -> str:
         parts.append(_spread(groups, widths))
         parts += ["  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)).rstrip() for line in lines]
         parts.append("")
-    return "\n".join([*parts, *remarks(result)])
-
-
-def remarks(result: dict[str, Any]) -> list[str]:
-    """How to read the tables."""
-    return [*REMARKS, *([CONVERGED] if result.get("convergence") else [])]
+    return "\n".join([*parts, *(FEET[name] for name, *_ in tables(result) if name in FEET)])
 
 
 def places(rows: Sequence[Row]) -> Figure:
@@ -242,7 +235,7 @@ LINES = {
 
 
 def convergence(table: dict[str, Any]) -> Figure:
-    """Depth against truth's arithmetic, averaged pictures against double and the finest march."""
+    """Depth against ground truth's arithmetic, averaged pictures against double and the finest march."""
     made = Figure(figsize=(11, 4.6), layout="constrained")
     names = list(dict.fromkeys(row["precision"] for row in table["rows"]))
     looks = look(pd.DataFrame({"phase": names, "threads": 1}))
@@ -288,7 +281,6 @@ def note(result: dict[str, Any]) -> str:
     """What stands under the figures."""
     heights = sorted({row["height"] for row in result["rows"]})
     return (
-        f"n = {', '.join(map(str, heights))}. Truth: proved hits, analytic normals, the paper's shadow "
-        "estimator in exact arithmetic; the Mandelbulb's is converged only, in double-double (104 bits, "
-        "about 31 digits)."
+        f"n = {', '.join(map(str, heights))}. The Mandelbulb's ground truth is converged only, in "
+        "double-double (104 bits)."
     )

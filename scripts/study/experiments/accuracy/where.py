@@ -153,7 +153,7 @@ def _notes(metrics: dict) -> tuple[str, str]:
     if metrics["converged_only"]:
         mean, agree = metrics["antialiased"], 100 * metrics["depth_agree_fraction"]
         mine = (
-            f"4×4 averaged: PSNR to truth {_decibels(mean['psnr_db'])}; with the ideal shadow "
+            f"4×4 averaged: PSNR to ground truth {_decibels(mean['psnr_db'])}; with the ideal shadow "
             f"{_decibels(mean['psnr_ideal_db'])}\n"
             f"depth agrees within 0.1 % in {agree:.6g} % of the pixels"
         )
@@ -162,7 +162,7 @@ def _notes(metrics: dict) -> tuple[str, str]:
         return mine, f"{status}\n{share}: hits are judged on these alone"
     text = {name: show.number(value) for name, value in metrics.items() if isinstance(value, float)}
     mine = (
-        f"PSNR to truth {_decibels(metrics['psnr_db'])}; with the ideal shadow "
+        f"PSNR to ground truth {_decibels(metrics['psnr_db'])}; with the ideal shadow "
         f"{_decibels(metrics['psnr_ideal_db'])}\n"
         f"ppm: false hits {text['false_hits_ppm']}, false misses {text['false_misses_ppm']}, "
         f"wrong shape {text['wrong_shape_ppm']}\n"

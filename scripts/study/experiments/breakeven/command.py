@@ -24,13 +24,17 @@ SECONDS = 90
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a kernel's picture has samples that are not finite"})
     add = parser.add_argument
-    add("--phase", default=breakeven.PHASE, metavar="SPEC", help="default: %(default)s")
-    add("--against", default=breakeven.AGAINST, metavar="SPEC", help="default: %(default)s")
-    add("--scene", nargs="+", default=list(breakeven.SCENES), metavar="NAME", help="default: %(default)s")
-    add("-n", type=cli.at_least(1), default=720, help="height; default: 720, the paper's")
+    add("--phase", default=breakeven.PHASE, metavar="PHASE", help="default: %(default)s")
+    add("--against", default=breakeven.AGAINST, metavar="PHASE", help="default: %(default)s")
+    add("--scene", nargs="+", default=list(breakeven.SCENES), metavar="SCENE", help="default: %(default)s")
+    add("-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height; default: 720, the paper's")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add(
-        "--seconds", type=cli.at_least(1, float), default=SECONDS, help="for everything; default: %(default)s"
+        "--budget",
+        type=cli.at_least(1, float),
+        default=SECONDS,
+        metavar="SECONDS",
+        help="for everything; default: %(default)s",
     )
     add("--seed", type=int, help="of order and padding; default: random")
     add("--run", type=Path, metavar="DIR", help="for breakeven.json; default: build/breakeven")
@@ -52,14 +56,14 @@ def main() -> int:
     for spec in specs:
         build(spec)
     begun = time.monotonic()
-    settings = breakeven.Settings(args.n, args.launches, args.seconds, args.seed)
+    settings = breakeven.Settings(args.n, args.launches, args.budget, args.seed)
     found = breakeven.study(specs, scenes, settings)
-    about = {"launches": args.launches, "seconds": args.seconds, "seed": args.seed}
+    about = {"launches": args.launches, "seconds": args.budget, "seed": args.seed}
     about |= {"took_s": time.monotonic() - begun, "context": machine.context()}
     result = cli.plain({"schema": 1, **about, **found})
     store.write_json(folder / breakeven.FILE, result)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         for row in result["rows"]:
             print(breakeven_page.sentence(row, result["against"]))

@@ -17,5 +17,5 @@ EXPERIMENT = Experiment(
     files=("breakeven.json",),
     calls=calls,
     depth="standard",
-    sections=[(140, lambda data: tables.section(data.path))],
+    sections=[(150, lambda data: tables.section(data.path))],
 )

@@ -6,10 +6,14 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from study.core import machine, show
 from study.core.show import Column
 from study.experiments.breakeven.measure import FILE, SMALL, Row, read
 from study.experiments.section import Section, part, reading
+from study.pictures import dots
+from study.pictures.draw import Drawing
 
 
 def _interval(name: str, unit: str = "") -> Callable[[Row], str]:
@@ -79,15 +83,15 @@ NONE = [
 ]
 
 
-def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column], bool]]:
-    """Name, caption, rows, columns, and whether it is folded."""
+def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column]]]:
+    """Name, caption, rows and columns."""
     made = [row for row in result["rows"] if row["generated"]]
     without = [row for row in result["rows"] if not row["generated"]]
     caption = "When a kernel generated for a scene has paid for its compilation"
     return [
-        ("breakeven", caption, made, columns(result.get("against", "general code")), False),
-        ("breakeven-none", "No kernel: the general code runs", without, NONE, False),
-        ("breakeven-left-out", "Not measured", result["left_out"], NONE, True),
+        ("breakeven", caption, made, columns(result.get("against", "general code"))),
+        ("breakeven-none", "No kernel: the general code runs", without, NONE),
+        ("breakeven-left-out", "Not measured", result["left_out"], NONE),
     ]
 
 
@@ -97,21 +101,61 @@ def note(result: Row) -> str:
     by = f"; kernels by {', '.join(compilers)}" if compilers else ""
     return (
         f"{cpu}; one thread, {result['launches']} interleaved launches{by}. {result['phase']} compiles its "
-        "code anew for a scene, once, while it sets up, and keeps that in a cache: no frame's time, in any "
-        "table, has this in it. Frames to break even: all of the first set-up over what a frame gains; in "
-        "brackets by both intervals' ends. Later launches find the kernel in the cache and gain from their "
-        f"first frame on. Pictures of both at n = {SMALL} are compared in linear RGB."
+        "code anew for a scene, once, while it sets up, and keeps that in a cache: no frame's time has this "
+        f"in it. Pictures of both at n = {SMALL} are compared in linear RGB."
+    )
+
+
+FOOT = (
+    "Frames to break even: all of the first set-up over what a frame gains. Later launches find the kernel "
+    "in the cache and gain from their first frame on."
+)
+
+
+def _draw(result: Row) -> Figure:
+    rows = [
+        dots.of(
+            row["gain"],
+            "",
+            f"{row['scene']}, n = {row['n']}",
+            f"paid after {frames_needed(row)} frames",
+            True,
+        )
+        for row in result["rows"]
+        if row["generated"]
+    ]
+    return dots.draw(
+        rows, "Gain of a kernel generated for the scene", "times as fast as the general code", True
+    )
+
+
+def answer(result: Row) -> str:
+    """When the first scene's kernel has paid; on how many scenes one gains."""
+    made = [row for row in result["rows"] if row["generated"]]
+    if not made:
+        return ""
+    first = made[0]
+    gaining = sum((row["gain"]["low"] or 0) > 1 for row in made)
+    return (
+        f"On {first['scene']} at n = {first['n']} the kernel is {_interval('gain', '×')(first)} as fast as "
+        f"the general code, {show.decibels(_psnr(first))} apart. It has paid for its "
+        f"{first['compile_s']:.1f} s of compilation after {frames_needed(first)} frames. "
+        f"Kernels gain on {gaining} of {len(made)} scenes "
+        "and sizes."
     )
 
 
 def section(path: Path) -> Section:
     """Kernels for scenes: what they gain, what compiling costs, after how many frames it has paid."""
     file = path / FILE
-    parts, remarks = [], []
+    parts, said, drawn = [], "", {}
     with reading(file, f"scripts/stepwise breakeven --run {path}"):
         result = read(file)
-        for name, caption, rows, shown, folded in tables(result):
-            parts += part(name, caption, rows, shown, folded)
-        remarks = [note(result)] if parts else []
-    about = {"file": file, "script": "scripts/stepwise breakeven"}
-    return Section("breakeven", "Code generated for a scene", "make breakeven", parts, remarks, **about)
+        for name, caption, rows, shown in tables(result):
+            parts += part(name, caption, rows, shown, FOOT if name == "breakeven" else "")
+        said = answer(result)
+        if said:
+            caption = "What a generated kernel gains, and when it has paid"
+            drawn = {"breakeven": Drawing(caption, note(result), lambda: _draw(result))}
+    about = {"file": file, "script": "scripts/stepwise breakeven", "drawn": drawn}
+    return Section("breakeven", "Code generated for a scene", "make breakeven", parts, answer=said, **about)

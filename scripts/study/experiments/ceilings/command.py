@@ -12,8 +12,8 @@ from study.experiments.roofline import tables as roof_tables
 
 def main() -> int:
     parser = cli.parser(__doc__ or "")
-    parser.add_argument("--run", type=Path, metavar="RUN", help="folder of the run (the newest one)")
-    parser.add_argument("--cpu", type=int, metavar="C", help="CPU to pin to; default: the last one")
+    parser.add_argument("--run", type=Path, metavar="DIR", help="for ceilings.json; default: the newest run")
+    parser.add_argument("--cpu", type=int, help="CPU to pin to; default: the last one")
     parser.add_argument("--samples", type=int, metavar="N", help="of each ceiling, 5 to 1000; default: 30")
     args = parser.parse_args()
     target = store.Run.open(args.run) if args.run else store.latest()
@@ -23,7 +23,7 @@ def main() -> int:
     measured = ceilings.measure(args.cpu, args.samples)
     path = ceilings.write(target.path, measured)
     if args.json:
-        cli.emit(measured.data | {"file": path})
+        cli.emit(measured.data | {"file": path}, target.path)
     else:
         for by, title, columns in (
             ("precision", "flop per core cycle", roof_tables.COMPUTE),

@@ -29,14 +29,14 @@ def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {3: "drjit or LLVM is missing, or cannot run here"})
     add = parser.add_argument
     every = list(drjit_measure.GOALS)
-    add("--phase", nargs="+", metavar="SPEC", help="default: every phase with threads")
-    add("--scene", nargs="+", default=every, choices=every, help="default: both")
-    add("-n", type=cli.at_least(16), default=720, help="height; default: 720")
+    add("--phase", nargs="+", metavar="PHASE", help="default: every phase with threads")
+    add("--scene", nargs="+", default=every, choices=every, metavar="SCENE", help="default: both")
+    add("-n", type=cli.at_least(16), default=720, metavar="HEIGHT", help="height; default: 720")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
     add("--python", type=Path, metavar="FILE", help="a Python with drjit; default: one in build/drjit")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="first CPU to pin to; default: the last")
+    add("--cpu", type=int, default=run.USABLE[-1], help="first CPU to pin to; default: the last")
     add("--run", type=Path, metavar="DIR", help="for drjit.json; default: build/drjit")
     args = parser.parse_args()
     args.threads = args.threads or [1, len(run.USABLE)]
@@ -80,7 +80,7 @@ def main() -> int:
     result = cli.plain({"schema": 1, **settings, **about, **found})
     store.write_json(folder / drjit_measure.FILE, result)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         columns = drjit_page.COLUMNS
         shown = [{column.name: column.text(row) for column in columns} for row in result["rows"]]

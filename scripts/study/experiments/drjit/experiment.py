@@ -17,5 +17,5 @@ EXPERIMENT = Experiment(
     files=("drjit.json",),
     calls=calls,
     depth="full",
-    sections=[(150, lambda data: chapter.rival(data.path))],
+    sections=[(160, lambda data: chapter.rival(data.path))],
 )

@@ -20,24 +20,32 @@ DESCRIPTION = """\
 spheres40 by the integer ray tracer: the article's way, one lane, 8 and 16, and the same in floats, timed in
 interleaved launches with the error of each to truth; bits of fraction from 8 to 28 with the article's
 roots, two Newton steps and three; which pixels the article's four-corner test clears wrongly; and the frame
-times of the animation beside the article's 14.29 ms on 35 cores. Interrupted in the animation it goes on
-behind the last frame when it is started again with the same --run."""
+times of the animation beside the article's 14.29 ms on 35 cores. Interrupted in the animation, it goes
+on behind the last frame with the same --run and --resume."""
 
 
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
     add = parser.add_argument
-    add("-n", type=cli.at_least(16), default=180, help="height of the pictures; default: 180")
+    add(
+        "-n",
+        type=cli.at_least(16),
+        default=180,
+        metavar="HEIGHT",
+        help="height of the pictures; default: 180",
+    )
     add("--sizes", nargs="+", type=cli.at_least(16), default=[90, 180, 360, 1080], metavar="N",
         help=f"heights at which blocks are cleared, those over {fixed.TRUTH_HEIGHT} against the picture "
         "without clearing in place of truth; default: 90 180 360 1080")  # fmt: skip
     add("--frames", type=cli.at_least(2), default=900,
         help="of the animation in lanes on every core; on one thread and by the article's program "
         "fewer, as the table says; default: 900, the article's")  # fmt: skip
-    add("--frame-n", type=cli.at_least(16), default=1080, metavar="N", help="its height; default: 1080")
+    add("--frame-n", type=cli.at_least(16), default=1080, metavar="HEIGHT", help="its height; default: 1080")
     add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of the order; default: random")
     add("--run", type=Path, metavar="DIR", help="for fixed.json, images/, figures/; default: build/systems")
+    about = "go on with the animation of a run that was interrupted: its frames are kept in --run"
+    add("--resume", action="store_true", help=about)
     args = parser.parse_args()
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
@@ -46,6 +54,8 @@ def arguments() -> argparse.Namespace:
 def main() -> int:
     args = arguments()
     folder = store.writable(args.run or registry.ROOT / "build" / "systems")
+    if not args.resume:
+        moving.forget(folder, fixed.ANIMATED)
     begun = time.monotonic()
     found = fixed.study(args.n, args.sizes, args.frames, args.frame_n, args.launches, args.seed, folder)
     about = {"launches": args.launches, "seed": args.seed, "took_s": time.monotonic() - begun}
@@ -57,7 +67,7 @@ def main() -> int:
         for name, drawing in fixed_page.drawings(result).items():
             paths += save(drawing.make(), folder / "figures" / name, drawing.note)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         lines = [*map(fixed_page.sentence, result["rows"]), *map(moving.sentence, result["animation"])]
         print("\n".join([*lines, *map(str, paths)]))

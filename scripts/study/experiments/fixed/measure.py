@@ -218,6 +218,9 @@ def share(frames: int, article: bool, threads: int, shadows: bool) -> int:
     return frames if every else max(2, frames // QUARTER)
 
 
+ANIMATED = ("fixed", "fixed_simd", "fixed_float")
+
+
 def animations(frames: int, n: int, keep: Path, simd: bool) -> list[Row]:
     """The article's program first, then ours in lanes and in floats; then both integers without shadows, as
     the article's picture is, on every core. Raises StudyError."""

@@ -50,9 +50,9 @@ CASES = [
     Column("", "× the article's on one lane [95 %]", _base_or("gain")),
     Column("", "× float in the most lanes that ran [95 %]", _base_or("over_float")),
     Column("", "× float in as many lanes [95 %]", _base_or("over_like_float")),
-    Column("to truth", "wrong hits, ppm", _wrong),
-    Column("to truth", "|Δt| 99 %", _shown("dt_p99", 2)),
-    Column("to truth", "PSNR, dB", _shown("psnr_db")),
+    Column("to ground truth", "wrong hits, ppm", _wrong),
+    Column("to ground truth", "|Δt| 99 %", _shown("dt_p99", 2)),
+    Column("to ground truth", "PSNR, dB", _shown("psnr_db")),
 ]
 SWEEP = [
     Column("", "bits of fraction", lambda r: str(r["bits"])),
@@ -60,10 +60,10 @@ SWEEP = [
         "", "roots", lambda r: "the article's" if r["roots"] == "article" else f"{r['roots']} Newton steps"
     ),
     Column("", "ms [95 %]", _ms),
-    Column("to truth", "wrong hits, ppm", _wrong),
-    Column("to truth", "|Δt| 50 %", _shown("dt_p50", 2)),
-    Column("to truth", "99 %", _shown("dt_p99", 2)),
-    Column("to truth", "PSNR, dB", _shown("psnr_db")),
+    Column("to ground truth", "wrong hits, ppm", _wrong),
+    Column("to ground truth", "|Δt| 50 %", _shown("dt_p50", 2)),
+    Column("to ground truth", "99 %", _shown("dt_p99", 2)),
+    Column("to ground truth", "PSNR, dB", _shown("psnr_db")),
     Column("", "refused", lambda r: r.get("refused", show.NOTHING)),
 ]
 MEANING = {
@@ -109,14 +109,14 @@ CLEARING = [
     Column("", "ms [95 %]", _ms),
     Column("", "cleared, % of the pixels", lambda r: show.number(100 * r["cleared"])),
     Column("", "wrongly cleared, ppm", lambda r: show.number(r["wrongly_cleared_ppm"])),
-    Column("", "as seen by", lambda r: "truth" if "against" not in r else "itself without clearing"),
-    Column("to truth", "PSNR, dB", _shown("psnr_db")),
+    Column("", "as seen by", lambda r: "ground truth" if "against" not in r else "itself without clearing"),
+    Column("to ground truth", "PSNR, dB", _shown("psnr_db")),
 ]
 NOTE = (
     "The article's program shades otherwise (no shadow, no falloff, mirrors of full weight) and moves its "
-    "spheres otherwise; here is this house's shading, so that truth can judge it, and once without shadows. "
-    "Its time is the mean of 900 frames on 35 cores of a CPU without vectors: core·ns a pixel are the mean "
-    "of a frame's time, times cores, over pixels. On one core and by the article's program fewer "
+    "spheres otherwise; here is this house's shading, so that ground truth can judge it, and once without "
+    "shadows. Its time is the mean of 900 frames on 35 cores of a CPU without vectors: core·ns a pixel are "
+    "the mean of a frame's time, times cores, over pixels. On one core and by the article's program fewer "
     "frames are timed, from the first on; the table has how many. What the frames show drifts "
     "along the animation: compare programs by the mean of the frames that all rows have. They are measured "
     "one after the other here, not interleaved, and a mean of frames has no interval: what the machine did "
@@ -215,21 +215,21 @@ def parts(result: Row) -> list[Part]:
     if not result["rows"]:
         return []
     tables = [
-        ("fixed", "Rays in integers: lanes, floats", case_rows(result), CASES, False),
+        ("fixed", "Rays in integers: lanes, floats", case_rows(result), CASES, ""),
         (
             "fixed-animation",
             "Rays in integers: the article's animation, beside what it says of its own CPU",
             animation_rows(result),
             ANIMATION,
-            False,
+            NOTE,
         ),
-        ("fixed-clearing", "Rays in integers: which blocks are cleared", result["clearing"], CLEARING, False),
-        ("fixed-bits", "Rays in integers: bits of fraction × roots", result["sweep"], SWEEP, True),
+        ("fixed-clearing", "Rays in integers: which blocks are cleared", result["clearing"], CLEARING, ""),
+        ("fixed-bits", "Rays in integers: bits of fraction × roots", result["sweep"], SWEEP, ""),
     ]
     return [
         one
-        for name, caption, rows, columns, folded in tables
-        for one in part(name, caption, rows, columns, folded=folded)
+        for name, caption, rows, columns, foot in tables
+        for one in part(name, caption, rows, columns, foot)
     ]
 
 
@@ -239,7 +239,7 @@ def draw(result: Row) -> Figure:
     panels = figure.subplots(1, 2)
     names = {"article": "the article's roots", "2": "two Newton steps", "3": "three Newton steps"}
     for panel, (key, label) in zip(
-        panels, {"psnr_db": "PSNR to truth, dB", "ms": "ms a frame, one thread"}.items(), strict=True
+        panels, {"psnr_db": "PSNR to ground truth, dB", "ms": "ms a frame, one thread"}.items(), strict=True
     ):
         for colour, (roots, name) in zip(COLOURS, names.items(), strict=False):
             mine = [r for r in result["sweep"] if r["roots"] == roots and r.get(key)]

@@ -3,44 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
+from math import isnan
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
+from study.core import show
 from study.core.show import Row
 from study.counting import flops, libm
 from study.experiments.flops import columns as flops_columns
 from study.experiments.flops import table1
 from study.experiments.section import Section, part, reading
+from study.pictures import dots
+from study.pictures.draw import Drawing
 
-CONVENTIONS = (
-    "Two conventions. The paper's: one FLOP for each addition, multiplication, division, root, and for each "
-    "call of math.h. The machine's, which hardware and emulators count: the same without the calls (an FMA "
-    "is two, a minimum or maximum one), libm's inside apart. Comparisons are FLOPs in neither. All lanes are "
-    "counted; the useful share is that of lanes whose ray is still under way."
-)
-
-
+CONVENTIONS = "All lanes are counted; the useful share is that of lanes whose ray is still under way."
 RULE = (
-    "Table 1 is judged by the paper's rule: calls of each function times the FLOPs of that function, by the "
-    "paper's convention. A call of the Mandelbulb's distance then has all of its iterations; “as entered” "
-    "counts those that were entered. The rule says nothing of a phase that evaluates a Mandelbulb in pieces."
+    "The paper's rule: calls of each function times the FLOPs of that function. A call of the Mandelbulb's "
+    "distance then has all of its iterations; “as entered” counts those that were entered."
 )
-
-
 VALIDATION = (
-    "Declared: costs.def, derived by hand from the source and committed before it was first compared, times "
-    "the calls that the counting build makes. Measured: by {backends}. “The compiler's doing, known”: "
-    "phases/NAME/residues.def, where the compiled code does otherwise than the source says; what is left is "
-    "judged. Functions under 0.1 % of the picture are not shown. This is the machine's convention; the calls "
-    "of math.h that the paper's adds are held against the calls into libm. fabs and floor are instructions "
-    "there: they, and the comparisons, are as the source has them and not measured."
+    "Declared: costs.def times the calls that the counting build makes. Measured: by {backends}. “The "
+    "compiler's doing, known”: residues.def; what is left is judged. Functions under 0.1 % of the picture "
+    "are not shown."
 )
-
-
-GENERAL = (
-    "{phases}: counted is the general code, with no kernel generated for the scene (STEPWISE_CC=none). A "
-    "kernel does the same operations but for products with 0 and 1, and for highlights, where it has no "
-    "logarithm."
-)
+GENERAL = "{phases}: counted is the general code, with no kernel generated for the scene."
 
 
 # How each back end comes by its figure, beside its name.
@@ -88,14 +76,19 @@ def _said(rows: Sequence[Row], calls: Sequence[Row], math: Sequence[Row] = ()) -
 
 def counted(path: Path) -> Section:
     """Table 1, what its difference from the paper's is made of, and the validation."""
-    remarks, parts = [], []
+    parts, answer, drawn = [], "", {}
     file = path / "counts.json"
     with reading(file, f"scripts/stepwise flops --run {path}"):
         first = _pictures(flops.read(file)[0])
-        remarks += [CONVENTIONS, RULE] if first else []
         general = dict.fromkeys(one["phase"] for one in first if one.get("kernel"))
-        remarks += [GENERAL.format(phases=", ".join(general))] if general else []
-        parts += part("table1", "Table 1: FLOPs of a picture", table1.rows(first), flops_columns.TABLE1)
+        about = [CONVENTIONS, RULE, *([GENERAL.format(phases=", ".join(general))] if general else [])]
+        rows = table1.rows(first)
+        foot = "\n".join(about)
+        parts += part("table1", "Table 1: FLOPs of a picture", rows, flops_columns.TABLE1, foot)
+        answer = _answer(rows)
+        if any(row["paper_convention_gflop"] for row in rows):
+            caption = "FLOPs of a picture by phase, and the share of lanes at useful work"
+            drawn = {"flops": Drawing(caption, CONVENTIONS, partial(_draw, rows))}
         parts += part(
             "table1-readings",
             "Table 1 by the paper's rule, and by others: baseline's FLOPs. The paper's text states the rule; "
@@ -103,9 +96,7 @@ def counted(path: Path) -> Section:
             table1.readings(first),
             flops_columns.READINGS,
         )
-        parts += part(
-            "table1-terms", "Where the FLOPs are", table1.terms(first), flops_columns.TERMS, folded=True
-        )
+        parts += part("table1-terms", "Where the FLOPs are", table1.terms(first), flops_columns.TERMS)
     file = path / "validation.json"
     with reading(file, f"scripts/stepwise flops --validate --run {path}"):
         rows = flops.read_validation(file)
@@ -114,9 +105,48 @@ def counted(path: Path) -> Section:
         math = [r for r in judged if r["scope"].startswith(libm.MATH)]
         judged = [r for r in judged if not r["scope"].startswith(("calls of", libm.MATH))]
         totals = [r for r in judged if r["scope"] == "total"]
-        remarks += _said([r for r in rows if not r["scope"].startswith(libm.MATH)], calls, math)
+        said = _said([r for r in rows if not r["scope"].startswith(libm.MATH)], calls, math)
         caption = "Declared against measured, whole pictures"
-        parts += part("validation", caption, totals, flops_columns.VALIDATION)
+        parts += part("validation", caption, totals, flops_columns.VALIDATION, "\n".join(said))
+        within = [row["within"] for row in totals]
+        if within:
+            answer += (
+                f" Declared and executed FLOPs agree within 1 % in {sum(within)} of {len(within)} pictures."
+            )
         caption = "Declared against measured, by function"
-        parts += part("validation-functions", caption, judged, flops_columns.VALIDATION, folded=True)
-    return Section("flops", "FLOPs: declared, counted, measured", "make flops", parts, remarks)
+        parts += part("validation-functions", caption, judged, flops_columns.VALIDATION)
+    about = {"file": path / "counts.json", "script": "scripts/stepwise flops", "drawn": drawn}
+    title = "FLOPs: declared, counted, measured"
+    return Section("flops", title, "make flops", parts, answer=answer.strip(), **about)
+
+
+def _draw(rows: Sequence[Row]) -> Figure:
+    made = []
+    for row in rows:
+        share = row["useful_share"]
+        text = "" if isnan(share) else f"{100 * share:.0f} % of lanes used"
+        panel = f"{row['scene']}, {row['width']}×{row['height']}"
+        made.append(dots.Dot(panel, row["phase"], row["paper_convention_gflop"], text=text))
+    return dots.draw(made, "FLOPs of a picture, all lanes: left is less", "GFLOP, by the paper's convention")
+
+
+def _answer(rows: Sequence[Row]) -> str:
+    """What baseline costs beside the paper's figure, and what the leanest phase saves of it."""
+    said = []
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        mine = [row for row in rows if row["scene"] == scene]
+        stated = any(row["paper_gflop"] for row in mine)
+        if said and not stated:
+            continue
+        base = next((row for row in mine if row["phase"] == table1.BASE), None)
+        if base is None:
+            continue
+        flop = base["paper_rule_gflop"] or base["paper_convention_gflop"]
+        text = f"baseline's {scene} at n = {base['height']} takes {show.number(flop, 4)} GFLOP"
+        if base["difference"] is not None and not isnan(base["difference"]):
+            text += f" by the paper's rule, {100 * base['difference']:+.1f} % of the paper's own figure"
+        least = max((row for row in mine if row["cut"]), key=lambda row: row["cut"], default=None)
+        text += f"; {least['phase']} saves {show.percent(least['cut'])} of them" if least else ""
+        said.append(text)
+    text = "; ".join(said)
+    return f"{text[0].upper()}{text[1:]}." if said else ""

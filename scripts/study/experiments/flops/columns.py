@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from study.core.show import NOTHING, Column, Row, percent, plain, word
+from study.core.show import NOTHING, Column, Row, percent, picture, plain, word
 from study.experiments.sweep.columns import _phase
 
 
@@ -20,7 +20,9 @@ def _residue(row: Row) -> str:
     low, high = (100 * row[name] / (row["measured"] or math.nan) for name in ("residue_low", "residue_high"))
     if not (low or high):
         return NOTHING
-    return f"{low:+.2f}\u00a0%" if low == high else f"{low:+.2f} … {high:+.2f}\u00a0%"
+    text = f"{low:+.2f}\u00a0%" if low == high else f"{low:+.2f} … {high:+.2f}\u00a0%"
+    ancestor = row.get("inherited_from")
+    return f"{text} (inherited from {ancestor}: not confirmed)" if ancestor else text
 
 
 def _within(row: Row) -> str:
@@ -69,7 +71,7 @@ TABLE1 = [
 
 
 TERMS = [
-    Column("", "scene", word("scene")),
+    Column("", "scene", picture),
     Column("", "phase", _phase),
     Column("", "term", word("term")),
     Column("", "GFLOP, paper's convention", plain("gflop", 4)),
@@ -79,7 +81,7 @@ TERMS = [
 
 
 READINGS = [
-    Column("", "scene", word("scene")),
+    Column("", "scene", picture),
     Column("", "baseline's FLOPs under the rule", word("rule")),
     Column("", "GFLOP", plain("gflop", 4)),
     Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
@@ -101,7 +103,7 @@ MEASURED = [
 
 
 VALIDATION = [
-    Column("", "scene", word("scene")),
+    Column("", "scene", picture),
     Column("", "phase", _phase),
     Column("", "build", lambda r: {"shipped": "shipped", "calls": "without inlining"}[r["variant"]]),
     Column("", "what", word("scope")),

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from study.core import cli, registry, show, store
+from study.core import cli, progress, registry, show, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
@@ -45,7 +45,7 @@ def pairs(phases: Iterable[str] | None, scenes: Iterable[str]) -> list[tuple[Spe
     return list(itertools.product(found, [registry.find_scene(name) for name in scenes]))
 
 
-def in_parallel(work: list, jobs: int) -> list:
+def in_parallel(work: list, jobs: int, about: str) -> list:
     """Results of the calls in order: counts do not depend on what else runs. What a phase refuses is None."""
 
     def one(call):
@@ -58,7 +58,7 @@ def in_parallel(work: list, jobs: int) -> list:
             return None
 
     with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(one, work))
+        return list(progress.each(pool.map(one, work), about, len(work)))
 
 
 def measurements(
@@ -67,7 +67,9 @@ def measurements(
     """Variant → one measurement per pair."""
     return {
         variant: in_parallel(
-            [lambda p=p, v=variant: flops.measure(backend, *p, height, v) for p in chosen], jobs
+            [lambda p=p, v=variant: flops.measure(backend, *p, height, v) for p in chosen],
+            jobs,
+            f"measure {variant}",
         )
         for variant in variants
     }
@@ -75,9 +77,9 @@ def measurements(
 
 def main() -> int:
     parser = cli.parser(__doc__, {1: "a count is further than 1 % from what was measured"})
-    parser.add_argument("--phase", nargs="+", metavar="NAME", help="default: all; also opt2@opt4, opt1+bulb")
+    parser.add_argument("--phase", nargs="+", metavar="PHASE", help="default: all; also opt2@opt4, opt1+bulb")
     parser.add_argument(
-        "--scene", nargs="+", metavar="NAME", help="default: scene0 mandelbulb, and trio with --validate"
+        "--scene", nargs="+", metavar="SCENE", help="default: scene0 mandelbulb, and trio with --validate"
     )
     heights = f"picture height ({HEIGHT}; {QEMU_HEIGHT} with qemu, which is a hundred times slower)"
     parser.add_argument("-n", type=int, metavar="HEIGHT", help=heights)
@@ -86,8 +88,10 @@ def main() -> int:
         "--backend", choices=BACKENDS, help="what measures, with --validate or --measure (blocks)"
     )
     parser.add_argument("--measure", action="store_true", help="also measure the shipped build")
-    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), metavar="N")
-    parser.add_argument("--run", type=Path, metavar="RUN", help="add to this run's counts.json")
+    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument(
+        "--run", type=Path, metavar="DIR", help="for counts.json and validation.json; default: none"
+    )
     args = parser.parse_args()
     if args.backend and not (args.validate or args.measure):
         raise StudyError(f"--backend {args.backend} measures nothing by itself: add --validate or --measure")
@@ -106,7 +110,9 @@ def main() -> int:
     if not chosen:
         raise StudyError("no phase can be counted here", cli.CANNOT_RUN)
     stated = in_parallel(
-        [lambda p=p: flops.declared(p[0], p[1], *reversed(p[1].size(args.n))) for p in chosen], args.jobs
+        [lambda p=p: flops.declared(p[0], p[1], *reversed(p[1].size(args.n))) for p in chosen],
+        args.jobs,
+        "count",
     )
     for name in dict.fromkeys(one["phase"] for one in stated if one is not None and one.get("kernel")):
         cli.say(f"{name}: its general code is counted, no kernel is generated for a scene (STEPWISE_CC=none)")
@@ -138,12 +144,8 @@ def main() -> int:
     bad = flops.failures(rows)
     table = table1.rows(counted)
     if args.json:
-        cli.emit(
-            {"table1": table, "rows": rows, "failed": len(bad)}
-            if args.validate
-            else {"table1": table, "declared": counted}
-            | ({"measured": [one.to_json() for one in made]} if made else {})
-        )
+        found = {"table1": table, "declared": counted, "measured": [one.to_json() for one in made]}
+        cli.emit(found | {"rows": rows, "failed": len(bad)}, args.run)
     elif args.validate:
         apart = ("calls of", libm.MATH)
         listed = [row for row in rows if row["judged"] and not row["scope"].startswith(apart)]

@@ -276,7 +276,7 @@ def readings(declared: Iterable[Row]) -> list[Row]:
                 continue
             made.append(
                 {
-                    "scene": one["scene"],
+                    **{key: one[key] for key in ("scene", "width", "height")},
                     "rule": rule,
                     "gflop": flop / 1e9,
                     "flop_per_evaluation": flop / count if count else None,

@@ -10,14 +10,14 @@ from study.experiments.section import Section, part, reading
 
 
 def rates(path: Path) -> Section:
-    """Frames a second, presenting included, against the two goals."""
+    """Finished frames a second on every core, presenting included."""
     file = path / frames.FILE
-    parts, remarks, drawn = [], [], {}
+    parts, answer, drawn = [], "", {}
     with reading(file, f"scripts/stepwise frames --run {path}"):
         result = frames.read(file)
         if result["rows"]:
-            for name, caption, rows, columns, folded in frames_page.tables(result):
-                parts += part(name, caption, rows, columns, folded=folded)
-            remarks, drawn = [frames_page.note(result)], frames_page.drawings(result)
+            for name, caption, rows, columns in frames_page.tables(result):
+                parts += part(name, caption, rows, columns, frames_page.FEET.get(name, ""))
+            answer, drawn = frames_page.answer(result), frames_page.drawings(result)
     about = {"file": file, "script": "scripts/stepwise frames", "drawn": drawn}
-    return Section("frames", "Frame rates", "make frames", parts, remarks, **about)
+    return Section("frames", "Frame rates", "make frames", parts, answer=answer, **about)

@@ -27,12 +27,23 @@ def arguments() -> argparse.Namespace:
         DESCRIPTION, {1: "a picture has samples that are not finite, or is displayed as another"}
     )
     add = parser.add_argument
-    add("--phase", nargs="+", metavar="SPEC", help="default: every phase with threads")
-    add("--scene", nargs="+", default=list(frames.GOALS), metavar="NAME", help="default: %(default)s")
-    add("-n", type=cli.at_least(16), help="height; default: 1080 and 720, which the goals are for")
+    add("--phase", nargs="+", metavar="PHASE", help="default: every phase with threads")
+    add("--scene", nargs="+", default=list(frames.GOALS), metavar="SCENE", help="default: %(default)s")
+    add(
+        "-n",
+        type=cli.at_least(16),
+        metavar="HEIGHT",
+        help="height; default: 1080 and 720, which the goals are for",
+    )
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--threads", type=cli.at_least(1), default=len(run.USABLE), help="default: all CPUs")
-    add("--seconds", type=cli.at_least(1, float), default=SECONDS, help="for all; default: %(default)s")
+    add(
+        "--budget",
+        type=cli.at_least(1, float),
+        default=SECONDS,
+        metavar="SECONDS",
+        help="for all; default: %(default)s",
+    )
     add("--seed", type=int, help="of order and padding; default: random")
     add("--run", type=Path, metavar="DIR", help="for frames.json and figures/; default: build/frames")
     args = parser.parse_args()
@@ -49,8 +60,8 @@ def main() -> int:
     )
     begun = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
-        keys = ("launches", "threads", "seed", "seconds")
-        settings = {key: getattr(args, key) for key in keys}
+        settings = {key: getattr(args, key) for key in ("launches", "threads", "seed")}
+        settings["seconds"] = args.budget
         found = frames.study(specs, wanted, frames.Settings(**settings, scratch=Path(scratch)))
     about = {"took_s": time.monotonic() - begun, "context": machine.context()}
     result = cli.plain({"schema": 1, **settings, **about, **found})
@@ -60,7 +71,7 @@ def main() -> int:
         for name, drawing in frames_page.drawings(result).items():
             paths += save(drawing.make(), folder / "figures" / name, drawing.note)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         for row in result["rows"]:
             print(frames_page.sentence(row))

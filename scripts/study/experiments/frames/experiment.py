@@ -11,7 +11,7 @@ SECONDS, WHOLE_SECONDS = "45", "600"
 def calls(study: Study) -> list[Call]:
     """The newest phases; all with threads where it was asked for."""
     seconds = WHOLE_SECONDS if study.whole else SECONDS
-    return [Call("frames", ["--seconds", seconds, "--run", str(study.run)])]
+    return [Call("frames", ["--budget", seconds, "--run", str(study.run)])]
 
 
 EXPERIMENT = Experiment(
@@ -21,5 +21,5 @@ EXPERIMENT = Experiment(
     files=("frames.json",),
     calls=calls,
     depth="standard",
-    sections=[(130, lambda data: chapter.rates(data.path))],
+    sections=[(140, lambda data: chapter.rates(data.path))],
 )

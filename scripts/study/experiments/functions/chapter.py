@@ -14,29 +14,34 @@ from study.experiments.section import Section, part, reading
 def approximations(path: Path) -> Section:
     """Functions: ns against ulp, the normalisation of 20 million vectors, the reciprocal root's tables."""
     file = path / functions.FILE
-    parts, remarks, drawn = [], [], {}
+    parts, answer, drawn = [], "", {}
     with reading(file, f"scripts/stepwise functions --run {path}"):
         if file.exists():
             result = functions.read(path)
             caption = "The fronts of each function: nothing is nearer and faster, by throughput or by latency"
-            parts += part("functions", caption, functions_page.fronts(result), functions_page.ON_FRONTS)
+            parts += part(
+                "functions",
+                caption,
+                functions_page.fronts(result),
+                functions_page.ON_FRONTS,
+                functions_figures.note(result),
+            )
+            edges = functions_edges_page.remark(result) or ""
             for name, of in functions_edges_page.TABLES.items():
                 rows = functions_edges_page.rows(result, of)
                 caption = functions_edges_page.caption(result, of)
-                parts += part(name, caption, rows, functions_edges_page.columns(rows))
+                parts += part(name, caption, rows, functions_edges_page.columns(rows), edges)
             vectors = result["normalise"]
-            parts += part("normalise", "Vectors normalised", vectors, functions_page.NORMALISE)
+            foot = functions_figures.normalise_note(result) if vectors else ""
+            parts += part("normalise", "Vectors normalised", vectors, functions_page.NORMALISE, foot)
             caption = "Approximate reciprocal roots, by CPU: IEEE does not say what they are"
-            parts += part("rsqrt", caption, functions_page.tables(result), functions_page.TABLES, folded=True)
+            parts += part("rsqrt", caption, functions_page.tables(result), functions_page.TABLES)
             caption = "What each function is tried and timed on"
-            parts += part(
-                "functions-targets", caption, result["targets"], functions_page.TARGETS, folded=True
-            )
+            parts += part("functions-targets", caption, result["targets"], functions_page.TARGETS)
             caption = "Every implementation"
-            parts += part("functions-all", caption, result["entries"], functions_page.ENTRIES, folded=True)
-            remarks = [functions_edges_page.remark(result), functions_figures.note(result)]
-            remarks += [functions_figures.normalise_note(result)] if vectors else []
+            parts += part("functions-all", caption, result["entries"], functions_page.ENTRIES)
+            answer = functions_page.answer(result)
             drawn = functions_figures.drawings(result)
     about = {"file": file, "script": "scripts/stepwise functions", "drawn": drawn}
-    remarks = [remark for remark in remarks if remark]
-    return Section("functions", "Functions: speed against ulp", "make functions", parts, remarks, **about)
+    title = "Functions: speed against ulp"
+    return Section("functions", title, "make functions", parts, answer=answer, **about)

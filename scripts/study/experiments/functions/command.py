@@ -36,11 +36,9 @@ def arguments() -> argparse.Namespace:
     add("--quick", action="store_true", help="one float in thousands, few rounds, small arrays")
     add("--rounds", type=whole(1, 1000), help=f"of timing; default: {functions.ROUNDS}")
     add("--vectors", type=whole(1024, 1 << 30), help=f"to normalise at most; default: {functions.VECTORS}")
-    add("--threads", type=whole(1, 1024), help="of the error search; default: all CPUs")
+    add("--jobs", type=whole(1, 1024), help="threads of the error search; default: all CPUs")
     add("--seed", type=whole(0, 2**63), help="of samples and order; default: random")
-    add(
-        "--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin timing to; default: the last"
-    )
+    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin timing to; default: the last")
     add("--run", type=Path, metavar="DIR", help="for functions.json and figures/; default: build/functions")
     add("--derive", action="store_true", help="only write common/functions/coefficients.h again")
     return parser.parse_args()
@@ -59,7 +57,7 @@ def main() -> int:
         quick,
         args.rounds or (functions.QUICK_ROUNDS if quick else functions.ROUNDS),
         args.vectors or (functions.QUICK_VECTORS if quick else functions.VECTORS),
-        args.threads or len(os.sched_getaffinity(0)),
+        args.jobs or len(os.sched_getaffinity(0)),
         secrets.randbelow(2**32) if args.seed is None else args.seed,
         args.cpu,
         cli.say,
@@ -68,7 +66,7 @@ def main() -> int:
     with matplotlib.rc_context(STYLE):
         files = functions_figures.save_all(result, folder / "figures")
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         print(show.markdown(show.table(functions_page.fronts(result), functions_page.ON_FRONTS)))
         print("\n".join(map(str, files)))

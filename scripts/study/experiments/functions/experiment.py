@@ -17,5 +17,5 @@ EXPERIMENT = Experiment(
     files=("functions.json",),
     calls=calls,
     depth="standard",
-    sections=[(110, lambda data: chapter.approximations(data.path))],
+    sections=[(620, lambda data: chapter.approximations(data.path))],
 )

@@ -29,6 +29,7 @@ def judged(result: Row, function: str, precision: str, time: str = "stream_ns") 
     return sorted(rows, key=lambda r: r[time]["value"])
 
 
+NEAR = 4  # ulp
 FRONTS = {"stream_ns": "throughput", "latency_ns": "latency"}
 
 
@@ -154,3 +155,18 @@ TARGETS = [
     Column("errors", "double, samples of", _both("double")),
     Column("", "timed on", _both("timed")),
 ]
+
+
+def answer(result: Row) -> str:
+    """1/√x in float: the fastest that is off by NEAR ulp at most, and libm's, each with its largest error."""
+    rows = judged(result, "rsqrt", "float")
+    if not rows:
+        return f"{len(result['entries'])} implementations were timed." if result["entries"] else ""
+    near = [row for row in rows if row["max_ulp"] <= NEAR] or rows
+    libm = [row for row in rows if row["family"] == "libm"]
+    said = [
+        f"{row['name']} ({row['isa']}) takes {_figure('stream_ns')(row)} ns, off by at most "
+        f"{show.number(row['max_ulp'], 4)} ulp"
+        for row in (near[0], *libm[:1])
+    ]
+    return f"Of 1/√x in float, {'; '.join(dict.fromkeys(said))}."

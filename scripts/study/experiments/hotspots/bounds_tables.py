@@ -82,13 +82,12 @@ COLUMNS = [
 ]
 
 
-ABOUT = """A model is no measurement: it takes every load as a hit in L1, every branch as foreseen and every
-instruction as there in time, so that front end, bad speculation and cache misses are not in it, and its
-split is of the cycles that it knows. It follows a region as a straight line through all blocks that hold
-samples, without the calls, so a switch looks like one chain of its cases. “Core” is waiting for ports and
-for results. “Over measured”: predicted cycles of the counted instructions over sampled cycles, when passes
-overlap fully, and when each waits for the one before.
-"""
+ABOUT = (
+    "A model is no measurement: it takes every load as a hit in L1 and every branch as foreseen. Front end, "
+    "bad speculation and cache misses are not in it.\n"
+    "“Core” is waiting for ports and for results. “Over measured”: predicted over sampled cycles, when "
+    "passes overlap fully, and when each waits for the one before."
+)
 
 
 def _osaca(row: Row) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from study.bounds import profiles
 from study.bounds import topdown as bounds
-from study.core import cli, machine, registry, run, show, store
+from study.core import cli, machine, progress, registry, run, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.counting import perf, symbols
@@ -83,7 +83,7 @@ def measure(pairs: Sequence[tuple[Spec, Scene]], args: Any) -> Row:
     """Everything of one call, as hotspots.json has it."""
     record: Row = {"schema": 1, "profiles": [], "beside": {}, "bounds": []}
     said: set[str] = set()
-    for spec, scene in pairs:
+    for spec, scene in progress.each(pairs, "sample"):
         try:
             by = {
                 variant: profiles.measure(spec, scene, args.n, None, variant, args.samples, args.cpu)
@@ -132,14 +132,16 @@ def text(record: Row) -> str:
 
 def main() -> int:
     parser = cli.parser(__doc__)
-    parser.add_argument("--phase", nargs="+", metavar="NAME", help="phases, or opt2@opt3 (all of the ladder)")
-    parser.add_argument("--scene", nargs="+", default=["scene0"], metavar="NAME", help="scenes (scene0)")
+    parser.add_argument(
+        "--phase", nargs="+", metavar="PHASE", help="phases, or opt2@opt3 (all of the ladder)"
+    )
+    parser.add_argument("--scene", nargs="+", default=["scene0"], metavar="SCENE", help="scenes (scene0)")
     parser.add_argument("-n", type=int, default=240, metavar="HEIGHT", help="picture height (%(default)s)")
     parser.add_argument(
         "--samples", type=int, default=3000, metavar="K", help="at least, of each build (%(default)s)"
     )
-    parser.add_argument("--cpu", type=int, metavar="CPU", help="pin to this CPU")
-    parser.add_argument("--run", type=Path, metavar="RUN", help="add to this run's hotspots.json")
+    parser.add_argument("--cpu", type=int, help="pin to this CPU")
+    parser.add_argument("--run", type=Path, metavar="DIR", help="for hotspots.json; default: none")
     parser.add_argument("--no-bounds", action="store_true", help="without Table 3")
     parser.add_argument("--no-osaca", action="store_true", help="Table 3 without OSACA, half a minute faster")
     args = parser.parse_args()
@@ -168,7 +170,7 @@ def main() -> int:
             cli.say(f"{one['phase']} {one['scene']} {one['variant']}: {one['samples']} samples only")
     if args.json:
         rows = {"hotspots": table(record), "bounds": bounds_page.rows(record)}
-        cli.emit(rows | {"regions": bounds_page.region_rows(record), "record": record})
+        cli.emit(rows | {"regions": bounds_page.region_rows(record), "record": record}, args.run)
     else:
         print(text(record), end="")
     return cli.OK

@@ -33,5 +33,5 @@ EXPERIMENT = Experiment(
     files=("hotspots.json",),
     calls=calls,
     depth="quick",
-    sections=[(80, section)],
+    sections=[(230, section)],
 )

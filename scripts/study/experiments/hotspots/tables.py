@@ -161,16 +161,11 @@ COLUMNS = [
 ]
 
 
-ABOUT = """CPU time of one frame while it is sampled. “Shipped build”: the code that is timed, inlined code
-counted to the function of the source that it is from. “Without inlining”: every function a function, as
-the paper's were, at the price of the calls: where that frame takes much longer than the shipped one's, its
-shares are those of another program. Shares sum to the frame. A sample is at the instruction that was about
-to retire: waiting for a result shows where it is used, so that a small function can seem to run more
-instructions per cycle than it does, and the next one fewer; what would be more than the core takes in (6 a
-cycle of Intel's Golden Cove and its kin and of AMD's Zen 2 to Zen 4, else 8, as Zen 5) is not shown. The
-paper's seconds are of another machine and size, its share is of the ten functions that it lists, and its
-usage is VTune's.
-"""
+ABOUT = (
+    "“Without inlining”: every function a function, as the paper's were, at the price of the calls.\n"
+    "A sample is at the instruction that was about to retire: waiting for a result shows where it is used. "
+    "More instructions per cycle than the core takes in are not shown."
+)
 
 
 def _hundred(share: float | None) -> float | None:

@@ -22,13 +22,25 @@ CPU-RTRM's own program, which were measured on another machine."""
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
     add = parser.add_argument
-    add("--phase", nargs="+", metavar="NAME", help="default: the ladder")
-    add("-n", type=cli.at_least(9), nargs="+", help="heights, 16:9; default: 1000×562 and 1280×720")
-    add("--error-n", type=cli.at_least(9), default=180, metavar="N", help="height for errors; default: 180")
+    add("--phase", nargs="+", metavar="PHASE", help="default: the ladder")
+    add(
+        "-n",
+        type=cli.at_least(9),
+        nargs="+",
+        metavar="HEIGHT",
+        help="heights, 16:9; default: 1000×562 and 1280×720",
+    )
+    add(
+        "--error-n",
+        type=cli.at_least(9),
+        default=180,
+        metavar="HEIGHT",
+        help="height for errors; default: 180",
+    )
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1, 2 and all CPUs")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="first CPU to pin to; default: the last")
+    add("--cpu", type=int, default=run.USABLE[-1], help="first CPU to pin to; default: the last")
     add("--run", type=Path, metavar="DIR", help="for lattice.json; default: build/systems")
     args = parser.parse_args()
     args.threads = args.threads or sorted({1, min(2, len(run.USABLE)), len(run.USABLE)})
@@ -56,7 +68,7 @@ def main() -> int:
     result = cli.plain({"schema": 1, **settings, **about, **found})
     store.write_json(folder / lattice.FILE, result)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         print("\n".join([*map(lattice_page.sentence, result["rows"]), lattice_page.note(result)]))
     bad = {row["phase"] for row in result["rows"] if row["non_finite"]}

@@ -22,9 +22,9 @@ COLUMNS = [
     ),
     Column("", "shading's share of the FLOPs", lambda r: counted(r)),
     Column("", "time less without the light [95 %]", lambda r: share(r)),
-    Column("to truth", "PSNR, dB", show.plain("psnr_db")),
-    Column("to truth", "wrong hits, ppm", show.plain("wrong_ppm")),
-    Column("to truth", "|Δt| 99 %", show.plain("dt_p99", 2)),
+    Column("to ground truth", "PSNR, dB", show.plain("psnr_db")),
+    Column("to ground truth", "wrong hits, ppm", show.plain("wrong_ppm")),
+    Column("to ground truth", "|Δt| 99 %", show.plain("dt_p99", 2)),
 ]
 
 
@@ -76,7 +76,7 @@ def sentence(row: Row) -> str:
     )
     return (
         f"{row['phase']} {row['width']}×{row['n']}, threads {row['threads']}: "
-        f"{show.interval(row, 'ms', 3)} ms{than}; {show.number(row['psnr_db'])} dB to truth, "
+        f"{show.interval(row, 'ms', 3)} ms{than}; {show.number(row['psnr_db'])} dB to ground truth, "
         f"{show.number(row['wrong_ppm'])} ppm wrong hits"
     )
 

@@ -139,6 +139,7 @@ def _measured(
             cli.say(f"{file}: {min(done, frames)} of {frames} frames are there{rest}")
         if done < frames:
             first = {"first_frame": done} if done else {}
+            cli.say(f"{phase}: {frames - done} frames of {size[0]}×{size[1]}, {threads} threads")
             about = {"animation": frames, "warmup": 2, "threads": threads, "timed": False}
             about["cpu"] = run.USABLE[-1]
             run.frames_into(end, phase, scene.path, size[1], size[0], **about, **first)

@@ -23,9 +23,15 @@ def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION)
     add = parser.add_argument
     phases, scenes = list(original.COMMITS), list(original.SCENES)
-    add("--phase", nargs="+", choices=phases, default=phases, metavar="NAME", help="default: all five")
-    add("--scene", nargs="+", choices=scenes, default=scenes, metavar="NAME", help="default: both")
-    add("-n", type=cli.at_least(2), default=720, help="height of the pictures; default: 720, the paper's")
+    add("--phase", nargs="+", choices=phases, default=phases, metavar="PHASE", help="default: all five")
+    add("--scene", nargs="+", choices=scenes, default=scenes, metavar="SCENE", help="default: both")
+    add(
+        "-n",
+        type=cli.at_least(2),
+        default=720,
+        metavar="HEIGHT",
+        help="height of the pictures; default: 720, the paper's",
+    )
     add("--launches", type=cli.at_least(1), default=6, help="of each program; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--repository", default=original.REPOSITORY, metavar="URL", help="default: %(default)s")
@@ -57,7 +63,7 @@ def main() -> int:
             result |= {"seed": args.seed, "rows": kept + rows, "context": machine.context()}
             store.write_json(folder / original.FILE, result)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         print(folder / original.FILE)
     return cli.OK

@@ -31,12 +31,24 @@ pictures beside their difference to truth."""
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite, or hits differ"})
     add = parser.add_argument
-    add("--ray-n", type=cli.at_least(16), default=360, metavar="N", help="height of the rays' picture: 360")
-    add("-n", type=cli.at_least(16), default=180, help="height of the pictures; default: 180")
+    add(
+        "--ray-n",
+        type=cli.at_least(16),
+        default=360,
+        metavar="HEIGHT",
+        help="height of the rays' picture: 360",
+    )
+    add(
+        "-n",
+        type=cli.at_least(16),
+        default=180,
+        metavar="HEIGHT",
+        help="height of the pictures; default: 180",
+    )
     add("--frames", type=cli.at_least(2), default=900,
         help="of the animation by the phase's own tree on every core, a quarter of them else; default: 900, "
         "as scripts/stepwise fixed has")  # fmt: skip
-    add("--frame-n", type=cli.at_least(16), default=1080, metavar="N", help="its height; default: 1080")
+    add("--frame-n", type=cli.at_least(16), default=1080, metavar="HEIGHT", help="its height; default: 1080")
     add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
     add("--reps", type=cli.at_least(1), default=5, help="of the rays in each; default: 5")
     add(
@@ -48,6 +60,8 @@ def arguments() -> argparse.Namespace:
     )
     add("--seed", type=int, help="of rays and order; default: random")
     add("--run", type=Path, metavar="DIR", help="for packets.json, images/, figures/; default: build/systems")
+    about = "go on with the animation of a run that was interrupted: its frames are kept in --run"
+    add("--resume", action="store_true", help=about)
     args = parser.parse_args()
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
@@ -56,6 +70,8 @@ def arguments() -> argparse.Namespace:
 def main() -> int:
     args = arguments()
     folder = store.writable(args.run or registry.ROOT / "build" / "systems")
+    if not args.resume:
+        moving.forget(folder, ["packets"])
     begun = time.monotonic()
     made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
     animation = packets_moving.study(args.frames, args.frame_n, folder)  # first: may refuse a size
@@ -72,7 +88,7 @@ def main() -> int:
         for name, drawing in packets_figures.drawings(result).items():
             paths += save(drawing.make(), folder / "figures" / name, drawing.note)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         lines = [*packets_page.sentences(result), *packets_moving.sentences(result), *map(str, paths)]
         print("\n".join(lines))

@@ -66,7 +66,7 @@ def draw_rays(result: Row) -> Figure:
 
 
 def draw_equal(result: Row) -> Figure:
-    """Time on one thread against error to truth, a panel a scene."""
+    """Time on one thread against error to ground truth, a panel a scene."""
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     panels = figure.subplots(1, len(result["drawn"]), squeeze=False)[0]
     names = list(dict.fromkeys(row["phase"] for d in result["drawn"] for row in d["rows"]))
@@ -89,7 +89,7 @@ def draw_equal(result: Row) -> Figure:
         panel.set(xscale="log", title=drawn["scene"], xlabel="ms a frame, one thread", ylim=(20, 165))
         panel.margins(x=0.25)
         plain_log(panel.xaxis)
-    panels[0].set_ylabel("PSNR to truth, dB (dotted: nobody sees more)")
+    panels[0].set_ylabel("PSNR to ground truth, dB (dotted: nobody sees more)")
     marks = [Line2D([], [], label=name, **looks[name]) for name in names]
     figure.legend(handles=marks, loc="outside upper center", ncols=len(names), frameon=False, fontsize=9)
     return figure

@@ -60,7 +60,9 @@ def parts(result: Row) -> list[Part]:
     """Its table; none in a file of before there was one."""
     caption = "Packet ray tracing: an animation, the tree built anew for each frame"
     rows = fixed.with_common(result.get("animation", []))
-    return part("packets-animation", caption, rows, COLUMNS, foot=foot(rows) if rows else "")
+    return part(
+        "packets-animation", caption, rows, COLUMNS, f"{foot(rows)}\n{moving.NOTE}".strip() if rows else ""
+    )
 
 
 def sentences(result: Row) -> list[str]:

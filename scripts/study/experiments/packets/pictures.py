@@ -13,7 +13,7 @@ from study.truth import truth
 PICTURES = "packets-pictures"
 CAPTION = (
     "Phase packets on spheres40, trio without its torus under hard shadows, and 4,096 spheres; below, in "
-    "half as many lines, the largest difference to truth of R, G, B in each pixel"
+    "half as many lines, the largest difference to ground truth of R, G, B in each pixel"
 )
 
 
@@ -21,7 +21,7 @@ def title_of(made: images.Picture, exact: images.Picture) -> str:
     """Size and error of a difference."""
     off, (high, wide) = rods.errors(exact, made), made["R"].shape
     psnr = "identical" if off["psnr_db"] is None else f"{off['psnr_db']:.1f} dB"
-    return f"to truth, {wide}×{high}: {psnr}, {off['wrong_ppm']:,.0f} ppm wrong hits"
+    return f"to ground truth, {wide}×{high}: {psnr}, {off['wrong_ppm']:,.0f} ppm wrong hits"
 
 
 def write_pictures(folder: Path, scenes: Sequence[Scene], n: int) -> list[Path]:

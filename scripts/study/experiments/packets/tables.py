@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from study.core import show
 from study.core.show import Column
-from study.experiments.moving import measure as moving
 from study.experiments.packets.measure import EMBREE, Row, reached, target_of
 from study.experiments.section import Part, part
-from study.numbers import verdicts
-from study.numbers.stats import Interval
 
 OF_KIND = {
     "primary": "camera",
@@ -53,17 +48,6 @@ def over_fastest(row: Row) -> str:
     return f"{_ratio(f'{way}_ratio')(row)} over Embree by {WAYS[way]} ({row['embree']})"
 
 
-def verdict(row: Row, goals: Row) -> str:
-    """Of the goal for this kind of rays, against the fastest of Embree's ways."""
-    goal, way = goals[row["kind"]], fastest(row)
-    if goal is None or way is None:
-        return show.NOTHING
-    ends = [row[f"{way}_ratio{end}"] for end in ("", "_low", "_high")]
-    known = [math.nan if end is None else end for end in ends]
-    ratio = Interval(*known, launches=0, sufficient=None not in ends)
-    return f"≥ {goal:g}×: {verdicts.goal(ratio, goal)}"
-
-
 def agreement(row: Row) -> str:
     """How many hits are others than Embree's, and how far off the same ones are in scene units."""
     found = row["agreement"]
@@ -73,20 +57,18 @@ def agreement(row: Row) -> str:
     return f"{found['other_shape']} of {found['compared']:,} others{off}"
 
 
-def ray_columns(goals: Row) -> list[Column]:
-    many = "million rays a second [95 %]"
-    return [
-        Column("", "scene", lambda r: r["scene"]),
-        Column("", "rays", lambda r: f"{OF_KIND[r['kind']]} ({r['rays']:,})"),
-        Column(many, "here", _of("own")),
-        *(Column(many, f"Embree, {text}", lambda r, w=way: rate(r.get(w))) for way, text in WAYS.items()),
-        *(
-            Column("here over Embree [95 %]", text, _ratio(f"{way}_ratio"))
-            for way, text in zip(EMBREE, ("packets", "single", "256 a call"), strict=True)
-        ),
-        Column("", "goal, by the fastest", lambda r: verdict(r, goals)),
-        Column("", "hits, ours and Embree's", agreement),
-    ]
+MANY = "million rays a second [95 %]"
+RAYS = [
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "rays", lambda r: f"{OF_KIND[r['kind']]} ({r['rays']:,})"),
+    Column(MANY, "here", _of("own")),
+    *(Column(MANY, f"Embree, {text}", lambda r, w=way: rate(r.get(w))) for way, text in WAYS.items()),
+    *(
+        Column("here over Embree [95 %]", text, _ratio(f"{way}_ratio"))
+        for way, text in zip(EMBREE, ("packets", "single", "256 a call"), strict=True)
+    ),
+    Column("", "hits, ours and Embree's", agreement),
+]
 
 
 VARIANTS = [
@@ -112,8 +94,8 @@ ROOTS = [
     Column("", "root", lambda r: {"newton": "approximate, one Newton step"}.get(r["root"], r["root"])),
     Column("", "ms a frame, one thread [95 %]", lambda r: show.interval(r, "ms", 3)),
     Column("", "gain [95 %]", lambda r: "base" if r["gain"] is None else show.interval(r, "gain", 3, "×")),
-    Column("to truth", "PSNR, dB", lambda r: show.number(r["psnr_db"])),
-    Column("to truth", "wrong hits, ppm", lambda r: show.number(r["wrong_ppm"])),
+    Column("to ground truth", "PSNR, dB", lambda r: show.number(r["psnr_db"])),
+    Column("to ground truth", "wrong hits, ppm", lambda r: show.number(r["wrong_ppm"])),
 ]
 
 
@@ -150,8 +132,8 @@ DRAWN = [
     Column("", "ms a frame [95 %]", lambda r: show.interval(r, "ms", 3)),
     Column("", "packets is faster by [95 %]", lambda r: _gain(r)),
     Column("", "equal error", lambda r: r["equal"]),
-    Column("to truth", "PSNR, dB", lambda r: show.number(r["psnr_db"])),
-    Column("to truth", "wrong hits, ppm", lambda r: show.number(r["wrong_ppm"])),
+    Column("to ground truth", "PSNR, dB", lambda r: show.number(r["psnr_db"])),
+    Column("to ground truth", "wrong hits, ppm", lambda r: show.number(r["wrong_ppm"])),
 ]
 
 
@@ -217,20 +199,16 @@ def parts(result: Row) -> list[Part]:
     if not result["rays"]:
         return []
     caption = "Packet ray tracing: rays a second, beside Embree on the same rays"
-    found = part("packets", caption, result["rays"], ray_columns(result["goals"]))
+    found = part("packets", caption, result["rays"], RAYS, beside(result))
     caption = "Ray tracing against sphere tracing: time to equal error"
-    found += part("packets-equal-error", caption, drawn_rows(result), DRAWN)
+    found += part("packets-equal-error", caption, drawn_rows(result), DRAWN, NOTE)
     caption = "Packet ray tracing: trees, lanes, roots"
-    found += part("packets-variants", caption, result["rays"], VARIANTS, folded=True)
+    found += part("packets-variants", caption, result["rays"], VARIANTS)
     caption = "Packet ray tracing: the exact root and the approximate one in whole frames"
-    return found + part("packets-roots", caption, result.get("roots", []), ROOTS, folded=True)
+    return found + part("packets-roots", caption, result.get("roots", []), ROOTS)
 
 
-def remarks(result: Row) -> list[str]:
-    """How to read them."""
-    if not result["rays"]:
-        return []
-    which = {r["embree"] for r in result["rays"]}  # or why there is none
-    beside = [BESIDE] * any(r["embree16"] is not None for r in result["rays"])
-    moved = [f"The animation: {moving.NOTE}"] * bool(result.get("animation"))
-    return [*beside, NOTE, *moved, *(f"Embree: {text}." for text in sorted(which))]
+def beside(result: Row) -> str:
+    """How rays are traced by both, and which Embree that is, or why there is none."""
+    which = sorted({f"Embree: {row['embree']}." for row in result["rays"]})
+    return "\n".join([*([BESIDE] * any(r["embree16"] is not None for r in result["rays"])), *which])

@@ -1,4 +1,4 @@
-"""The chapter of speed against error to truth."""
+"""The chapter of speed against error to ground truth."""
 
 from __future__ import annotations
 
@@ -12,35 +12,37 @@ from study.experiments.section import Section, part, reading
 from study.pictures.draw import Drawing
 
 SPEED = {  # captions
-    "psnr_db": "Speed against error to truth; the front is the line",
-    "psnr_ideal_db": "Speed against error to truth with the ideal shadow",
+    "psnr_db": "Speed against error to ground truth; the front is the line",
+    "psnr_ideal_db": "The same with the ideal shadow",
     "false_ppm": "Speed against false hits and misses",
     "dt_p99": "Speed against |Δt|",
 }
 
 
 def headline(path: Path) -> Section:
-    """Speed against error to truth: the figure, the sentences, the fastest at each level."""
+    """Speed against error to ground truth: the figure, the sentences, the fastest at each level."""
     file = path / pareto.FILE
-    parts, remarks, drawn = [], [], {}
+    parts, answer, drawn = [], "", {}
     with reading(file, f"scripts/stepwise pareto --run {path}"):
         result = pareto.read(file)
         if result["rows"]:
             winners, rows = result["winners"], result["rows"]
-            caption = "The fastest at a stated nearness to truth; “or”: not told apart from it"
-            parts += part("pareto", caption, pareto_page.by_level(winners), pareto_page.LEVELS)
+            size = f" (n = {result['n']})"
+            answer = pareto.answer(winners)
+            caption = "The fastest at a stated PSNR to ground truth; “or”: not told apart from it"
+            foot = "\n".join(pareto.summary(winners, rows))
+            parts += part("pareto", caption + size, pareto_page.by_level(winners), pareto_page.LEVELS, foot)
             own = [row for row in rows if row["own_parameters"]]
             caption = "With each scene's own parameters: evaluations per pixel × ns per evaluation"
-            parts += part("pareto-own", caption, own, pareto_page.POINTS)
+            parts += part("pareto-own", caption + size, own, pareto_page.POINTS)
             caption = "The fastest, with its parameters and what it is not told apart from"
-            parts += part("pareto-winners", caption, winners, pareto_page.WINNERS, folded=True)
+            parts += part("pareto-winners", caption + size, winners, pareto_page.WINNERS)
             caption = "Every point of the grid"
-            parts += part("pareto-points", caption, rows, pareto_page.POINTS, folded=True)
-            remarks = [*pareto.summary(winners, rows), pareto_page.note(result), pareto_page.ABOUT["dt_p99"]]
+            parts += part("pareto-points", caption + size, rows, pareto_page.POINTS)
             for measure, name in pareto_page.FIGURES.items():
                 able = [row for row in rows if not math.isnan(pareto.badness(row, measure))]
                 if able:
                     draw = partial(pareto_page.figure, able, measure)
                     drawn[name] = Drawing(SPEED[measure], pareto_page.note(result, measure), draw)
     about = {"file": file, "script": "scripts/stepwise pareto", "drawn": drawn}
-    return Section("pareto", "Speed against error", "make pareto", parts, remarks, **about)
+    return Section("pareto", "Speed against error", "make pareto", parts, answer=answer, **about)

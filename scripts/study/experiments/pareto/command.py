@@ -47,20 +47,20 @@ def arguments() -> argparse.Namespace:
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
     switches = [name for name in measuring.SWITCHES if name.partition("+")[0] in ladder]
     about = "default: the ladder, and the ablations that switch an approximation"
-    add("--phase", nargs="+", default=ladder + switches, metavar="SPEC", help=about)
-    add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: every scene")
+    add("--phase", nargs="+", default=ladder + switches, metavar="PHASE", help=about)
+    add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: every scene")
     about = "besides the scene's own; default: %(default)s"
     add("--hit-distance", nargs="+", type=length, default=list(measuring.HIT_DISTANCES), help=about)
     add("--max-steps", nargs="+", type=cli.at_least(1), default=list(measuring.STEPS), help=about)
     sizes = ", ".join(map(str, measuring.HEIGHTS))
     about = f"height in pixels; default: the first of {sizes} that the budget has time for"
-    add("-n", type=cli.at_least(1), help=about)
+    add("-n", type=cli.at_least(1), metavar="HEIGHT", help=about)
     about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
-    add("--antialias-n", type=cli.at_least(1), help=about)
-    add("--budget", type=cli.at_least(1, float), default=600, metavar="S", help="seconds; default: 600")
+    add("--antialias-n", type=cli.at_least(1), metavar="HEIGHT", help=about)
+    add("--budget", type=cli.at_least(1, float), default=600, metavar="SECONDS", help="seconds; default: 600")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
     add("--run", type=Path, metavar="DIR", help="for pareto.json and figures/; default: build/pareto")
     return parser.parse_args()
 
@@ -157,7 +157,7 @@ def main() -> int:
     store.write_json(folder / pareto.FILE, result)
     drawn = figures(result, folder / "figures")
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         print("\n".join([*result["sentences"], *result["summary"], *map(str, drawn)]))
     pareto.say_missing(skipped)

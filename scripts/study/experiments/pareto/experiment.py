@@ -21,5 +21,5 @@ EXPERIMENT = Experiment(
     files=("pareto.json",),
     calls=calls,
     depth="standard",
-    sections=[(10, lambda data: chapter.headline(data.path))],
+    sections=[(120, lambda data: chapter.headline(data.path))],
 )

@@ -1,9 +1,10 @@
 """Speed against error: fronts, the fastest at each level, and the sentences that they support.
 
-A row is a point of the grid (experiments.pareto.measure): its errors to truth (truth.truth), the same for all
-points of a scene, and its time. Proved hits know nothing of hit distance and step cap; the shadow estimator
-and the Mandelbulb, which truth marches, have the scene's own. The parameters are changed for this study
-alone, and every point names its own. Only points that were timed in full stand on a front or win a level.
+A row is a point of the grid (experiments.pareto.measure): its errors to ground truth (truth.truth), the
+same for all points of a scene, and its time. Proved hits know nothing of hit distance and step cap; the
+shadow estimator and the Mandelbulb, which ground truth marches, have the scene's own. The parameters are
+changed for this study alone, and every point names its own. Only points that were timed in full stand on a
+front or win a level.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ FILE = "pareto.json"
 TRUTHS = {"psnr_db": "the paper's estimator", "psnr_ideal_db": "the ideal shadow"}
 # What a front is drawn over. The first two are better when larger.
 MEASURES = {
-    "psnr_db": "error: PSNR to truth, dB (linear RGB)",
-    "psnr_ideal_db": "PSNR to truth with the ideal shadow, dB (linear)",
+    "psnr_db": "PSNR to ground truth, dB (linear)",
+    "psnr_ideal_db": "PSNR to ground truth, ideal shadow, dB",
     "false_ppm": "false hits and misses, ppm",
     "dt_p99": "|Δt|, 99th percentile, scene units",
 }
@@ -175,6 +176,25 @@ def summary(winners: Sequence[Row], rows: Sequence[Row]) -> list[str]:
             elif lacking:
                 made.append(f"Nothing reaches {level} dB to {about}{size} on {lacking}.")
     return made
+
+
+def answer(winners: Sequence[Row], level: int = 50) -> str:
+    """The fastest of each scene at that level to the paper's shadow; the highest level that any reaches."""
+    metric = next(iter(TRUTHS))
+    reached = [w for w in winners if w["metric"] == metric and w["best"]]
+    if not reached:
+        return ""
+    at = min((w["level_db"] for w in reached), key=lambda one: (abs(one - level), one))
+    said = []
+    for one in (w for w in reached if w["level_db"] == at):
+        ends = ends_of(one["best"])
+        spread = f" [{ends[0]:.3g}, {ends[1]:.3g}]" if ends else ""
+        said.append(
+            f"on {one['scene']} {one['best']['phase']} ({pace_of(one['best']):.3g}{spread} ns per pixel, "
+            f"{level_of(one['best'], metric):.1f} dB)"
+        )
+    size = f" at n = {reached[0]['n']}" if reached[0].get("n") else ""
+    return f"The fastest at {at} dB or more to ground truth{size}: {'; '.join(said)}."
 
 
 def left_out(rows: Sequence[Row]) -> str:

@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from study.core import run
+from study.core import progress, run
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments.accuracy import measure as accuracy
@@ -139,7 +138,7 @@ def judge(
             return error
 
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        about = tqdm(pool.map(one, points), f"errors {scene.name}", len(points), leave=False, disable=None)
+        about = progress.each(pool.map(one, points), f"errors {scene.name}", len(points))
         made = dict(zip(points, about, strict=True))
     skipped = [
         {"phase": str(point.spec), "scene": scene.name, "reason": error.message}
@@ -153,7 +152,7 @@ def count(points: Sequence[Point], scene: Scene, height: int) -> dict[Point, flo
     """`evaluations` of every point, on every core."""
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         made = pool.map(lambda point: evaluations(point, scene, height), points)
-        about = tqdm(made, f"count {scene.name}", len(points), leave=False, disable=None)
+        about = progress.each(made, f"count {scene.name}", len(points))
         return dict(zip(points, about, strict=True))
 
 
@@ -247,7 +246,7 @@ def study_scene(
 def trial(specs: Sequence[Spec], scenes: Sequence[Scene]) -> dict[tuple[Spec, str], float]:
     """Seconds of one small frame of each program, by its scene; what is refused has none."""
     found = {}
-    for scene in tqdm(scenes, "trial", leave=False, disable=None):
+    for scene in progress.each(scenes, "trial"):
         for spec in specs:
             with contextlib.suppress(DriverError):
                 said = run.render(spec, scene.path, TRIAL, scene.size(TRIAL)[0])

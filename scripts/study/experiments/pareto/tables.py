@@ -115,15 +115,15 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
 
 
 def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
-    """A panel per scene, all of one scale: ns per pixel against an error to truth.
+    """A panel per scene, all of one scale: ns per pixel against an error to ground truth.
 
     Marks: the scene's own parameters; dots: others.
     """
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
-    # A switch looks like its phase, drawn hollow: the shape says which rung it stands on.
+    # A switch looks like its phase, drawn hollow: the shape says which phase it is of.
     looks = look(frame.assign(phase=frame["phase"].str.partition("+")[0]))
     made, grid = panels(frame, 4.2, 5.4)
-    title = "Speed against error: left is faster, up is nearer to the exact picture (truth)"
+    title = "Speed against error: left is faster, up is nearer to the ground truth"
     # over one panel it would go on into the legend beside it
     lines = textwrap.wrap(title, 60) if len(grid) == 1 else [title]
     made.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12)
@@ -135,7 +135,7 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
         _panel(axes, scene, mine, measure, looks)
         axes.set_xlim(min(paces) / 1.5, max(paces) * 1.5)
     dots = {"marker": "o", "markersize": 4, "color": "#555555", "linestyle": "none"}
-    kinds = {"a rung by other hit distances, step caps": 0.9, "the same, timed by one launch only": 0.25}
+    kinds = {"a phase by other hit distances, step caps": 0.9, "the same, timed by one launch only": 0.25}
     legend(
         made, grid, tuple(Line2D([], [], label=text, alpha=alpha, **dots) for text, alpha in kinds.items())
     )
@@ -162,13 +162,12 @@ def note(result: dict[str, Any], measure: str = FIRST) -> str:
     averaged = result.get("antialias_n", result["n"])
     return (
         f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches on one thread, also "
-        "of phases that could use more: equal resources. Marks: a rung by the scene's parameters; dots: by "
+        "of phases that could use more: equal resources. Marks: a phase by the scene's parameters; dots: by "
         "other hit distances and step caps, in its colour; hollow: an approximated root"
         f"{', named beside it' if measure == FIRST else ''}. "
         f"{pareto.left_out(result.get('rows', ()))} {_unfinished(result)}"
-        "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the "
-        "Mandelbulb's, in double-double (104 bits, about 31 digits), is converged only, by the scene's own "
-        f"hit distance and steps, and pictures of it are judged as 4 × 4 averages at n = {averaged}. "
+        "The Mandelbulb's ground truth is converged only; its pictures are judged as 4 × 4 averages "
+        f"at n = {averaged}. "
         f"{ABOUT.get(measure, '')}"
     ).strip()
 
@@ -255,16 +254,16 @@ POINTS = [
     Column("work", "evaluations per camera ray", _of_camera_rays),
     Column("work", "per pixel, all rays and normals", _counted("evals_per_pixel")),
     Column("work", "ns per evaluation", _of_evaluations),
-    Column("error to truth", "false hits, ppm", lambda r: show.number(r.get("false_hits_ppm"))),
-    Column("error to truth", "false misses, ppm", lambda r: show.number(r.get("false_misses_ppm"))),
-    Column("error to truth", "|Δt| p99", lambda r: show.number(r.get("dt_p99"))),
-    Column("error to truth", "PSNR dB, estimator", _decibels("psnr_db")),
-    Column("error to truth", "PSNR dB, ideal", _decibels("psnr_ideal_db")),
+    Column("error to ground truth", "false hits, ppm", lambda r: show.number(r.get("false_hits_ppm"))),
+    Column("error to ground truth", "false misses, ppm", lambda r: show.number(r.get("false_misses_ppm"))),
+    Column("error to ground truth", "|Δt| p99", lambda r: show.number(r.get("dt_p99"))),
+    Column("error to ground truth", "PSNR dB, estimator", _decibels("psnr_db")),
+    Column("error to ground truth", "PSNR dB, ideal", _decibels("psnr_ideal_db")),
     Column("", "timed", _timed),
 ]
 WINNERS = [
     Column("", "scene", lambda r: r["scene"]),
-    Column("", "truth", lambda r: r["truth"]),
+    Column("", "ground truth with", lambda r: r["truth"]),
     Column("", "at least, dB", lambda r: str(r["level_db"])),
     Column("", "fastest", lambda r: r["best"]["phase"] if r["best"] else "none reaches it"),
     Column("", "ns/pixel [95 %]", lambda r: _ns(r["best"]) if r["best"] else show.NOTHING),

@@ -24,9 +24,21 @@ that the article left open: starting rods × step cap → time and error."""
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
     add = parser.add_argument
-    add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
-    add("-n", type=cli.at_least(16), default=180, help="height of every scene's pictures; default: 180")
-    add("--article-n", type=cli.at_least(16), default=rods.ARTICLE["size"], metavar="N", help="default: 800")
+    add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: all")
+    add(
+        "-n",
+        type=cli.at_least(16),
+        default=180,
+        metavar="HEIGHT",
+        help="height of every scene's pictures; default: 180",
+    )
+    add(
+        "--article-n",
+        type=cli.at_least(16),
+        default=rods.ARTICLE["size"],
+        metavar="HEIGHT",
+        help="default: 800",
+    )
     add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of the order; default: random")
     add("--run", type=Path, metavar="DIR", help="for rods.json, images/, figures/; default: build/systems")
@@ -49,7 +61,7 @@ def main() -> int:
         for name, drawing in rods_page.drawings(result).items():
             paths += save(drawing.make(), folder / "figures" / name, drawing.note)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         print("\n".join([*map(rods_page.sentence, [result["own"], *result["rows"]]), *map(str, paths)]))
     bad = [

@@ -23,8 +23,8 @@ from study.truth import truth
 PICTURES = "rods-pictures"
 CAPTION = (
     "two_spheres, above by rays, below by rods: march steps (white: one), distance to the hit in scene units "
-    "(white: near; black: no hit), and how far from truth (white: 1e-4 and less, black: 0.1 and more; red: a "
-    "wrong hit)"
+    "(white: near; black: no hit), and how far from ground truth (white: 1e-4 and less, black: 0.1 and more; "
+    "red: a wrong hit)"
 )
 FAR = 0.85  # black of the farthest hit; all of it stands for no hit
 
@@ -72,7 +72,7 @@ def scales(cap: int, near: float, far: float) -> tuple[Bar, Bar, Bar]:
             Normalize(near, max(far, near + 1e-9)),
             "distance, scene units (black: no hit)",
         ),
-        Bar(grey("error", ["1", "0"]), LogNorm(1e-4, 0.1), "|Δt| to truth, scene units (red: wrong hit)"),
+        Bar(grey("error", ["1", "0"]), LogNorm(1e-4, 0.1), "|Δt| to ground truth, scene units (red: wrong)"),
     )
 
 

@@ -60,9 +60,9 @@ SCENES = [
     Column("evaluations a pixel", "per pixel", _of("pixels", "evaluations")),
     Column("evaluations a pixel", "rods", _of("rods", "evaluations")),
     Column("evaluations a pixel", "fewer", lambda r: show.number(r["fewer"]) + "×"),
-    *_errors("rods", "rods to truth"),
-    Column("per pixel to truth", "wrong hits, ppm", _hits("pixels", "wrong_ppm")),
-    Column("per pixel to truth", "PSNR, dB", _of("pixels", "psnr_db")),
+    *_errors("rods", "rods to ground truth"),
+    Column("per pixel to ground truth", "wrong hits, ppm", _hits("pixels", "wrong_ppm")),
+    Column("per pixel to ground truth", "PSNR, dB", _of("pixels", "psnr_db")),
 ]
 TRADES = [
     Column("", "starting rods down", lambda r: str(r["down"])),
@@ -72,9 +72,9 @@ TRADES = [
     Column("", "ms [95 %]", _ms),
     Column("", "over per pixel [95 %]", lambda r: _gain(r) if "gain" in r else show.NOTHING),
     Column("", "evaluations a pixel", show.plain("evaluations")),
-    Column("to truth", "wrong hits, ppm", hits),
-    Column("to truth", "|Δt| 50 %", show.plain("dt_p50", 2)),
-    Column("to truth", "99 %", show.plain("dt_p99", 2)),
+    Column("to ground truth", "wrong hits, ppm", hits),
+    Column("to ground truth", "|Δt| 50 %", show.plain("dt_p50", 2)),
+    Column("to ground truth", "99 %", show.plain("dt_p99", 2)),
 ]
 
 
@@ -117,14 +117,14 @@ THROTTLE = [
     Column("larger", "against packets alone", _large(apart)),
     Column("evaluations a pixel", "rods first", _chosen("evaluations")),
     Column("evaluations a pixel", "packets alone", lambda r: show.number(r["plain"]["evaluations"])),
-    Column("rods first, to truth", "PSNR, dB", _chosen("psnr_db")),
+    Column("rods first, to ground truth", "PSNR, dB", _chosen("psnr_db")),
     Column(
-        "rods first, to truth",
+        "rods first, to ground truth",
         "wrong hits, ppm",
         lambda r: hits(r["chosen"]) if r["chosen"] else show.NOTHING,
     ),
-    Column("packets alone, to truth", "PSNR, dB ", lambda r: show.number(r["plain"]["psnr_db"])),
-    Column("packets alone, to truth", "wrong hits, ppm ", lambda r: hits(r["plain"])),
+    Column("packets alone, to ground truth", "PSNR, dB ", lambda r: show.number(r["plain"]["psnr_db"])),
+    Column("packets alone, to ground truth", "wrong hits, ppm ", lambda r: hits(r["plain"])),
 ]
 
 
@@ -300,9 +300,12 @@ def draw(result: Row) -> Figure:
     """Time against wrong hits and |Δt|, a line for each number of starting rods along the step caps."""
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     panels = figure.subplots(1, 2)
-    goals = {"wrong_ppm": "wrong hits to truth, ppm", "dt_p99": "|Δt| to truth, 99 %, scene units"}
+    axes_of = {
+        "wrong_ppm": "wrong hits to ground truth, ppm",
+        "dt_p99": "|Δt| to ground truth, 99 %, scene units",
+    }
     marks = []
-    for panel, (key, label) in zip(panels, goals.items(), strict=True):
+    for panel, (key, label) in zip(panels, axes_of.items(), strict=True):
         for number, (down, step) in enumerate(
             [*((d, "whole") for d in rods.DOWN), (rods.ARTICLE["down"], "safe")]
         ):

@@ -14,9 +14,11 @@ from study.numbers import analysis
 
 def main() -> int:
     parser = cli.parser(__doc__ or "")
-    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
     parser.add_argument(
-        "-o", "--out", type=Path, metavar="DIR", help="where figures/ and tables/ go; default: RUN"
+        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
+    )
+    parser.add_argument(
+        "-o", "--out", type=Path, metavar="PATH", help="where figures/ and tables/ go; default: RUN"
     )
     args = parser.parse_args()
     data = analysis.load(args.run)
@@ -33,7 +35,9 @@ def main() -> int:
     paths = table_files.write(made, out / "tables")
     if args.json:
         assert limits
-        cli.emit(roof.to_json(table, limits) | {"files": [*itertools.chain(*figures.values()), *paths]})
+        cli.emit(
+            roof.to_json(table, limits) | {"files": [*itertools.chain(*figures.values()), *paths]}, data.path
+        )
     else:
         print(made["roofline"][1])
         print("\n".join(str(path) for path in [*itertools.chain(*figures.values()), *paths]))

@@ -22,5 +22,5 @@ EXPERIMENT = Experiment(
     files=(),
     calls=calls,
     depth="quick",
-    sections=[(50, chapter.roofline)],
+    sections=[(210, chapter.roofline)],
 )

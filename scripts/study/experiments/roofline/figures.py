@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import re
 import textwrap
+from functools import partial
 from html import escape
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -18,12 +18,12 @@ from matplotlib.lines import Line2D
 from study.bounds import roof, roof_shares
 from study.bounds.ceilings import LEVELS, Ceilings
 from study.bounds.roof import Row
-from study.core import cli, machine, show, store
+from study.core import cli, machine, show
 from study.experiments.roofline import tables as roof_tables
 from study.experiments.sweep import figures as sweep_figures
 from study.numbers.analysis import Data
 from study.pictures import labels
-from study.pictures.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
+from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
 
 CAPTIONS = {
     "roofline": "Every phase below the measured roofs of one core, by bytes as the core sees them; the dash "
@@ -239,19 +239,6 @@ def titled(svg: str, table: pd.DataFrame) -> str:
     return svg
 
 
-def inline(path: Path) -> str:
-    """An SVG for use inside a page: no prolog, ids of its own. Pictures in <img> show no hover text."""
-    try:
-        svg = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise cli.StudyError(f"{path}: {error.strerror}") from None
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    for before in ('id="', "url(#", 'href="#'):
-        svg = svg.replace(before, f"{before}{path.stem}-")
-    return svg
-
-
 def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
     """Machine, clock, what counted, and what the roofs (where there are any) and whiskers are."""
     cpu = machine.name(data.context)
@@ -281,20 +268,25 @@ def lacking(name: str, table: pd.DataFrame, limits: Ceilings | None) -> str | No
     return None
 
 
+def drawings(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> dict[str, Drawing]:
+    """Of each figure that the run has data for, with what its points say under the pointer."""
+    made = {}
+    for name, about in CAPTIONS.items():
+        if lacking(name, table, limits):
+            continue
+        hover = partial(titled, table=table)
+        if name == "roofline" and limits:
+            shown = roof.headline(table[table["intensity"] > 0])
+            made[name] = Drawing(about, caption(data, shown, limits), partial(roofline, shown, limits), hover)
+        else:
+            made[name] = Drawing(about, caption(data, table, None), partial(performance, table), hover)
+    return made
+
+
 def draw(data: Data, table: pd.DataFrame, limits: Ceilings | None, folder: Path) -> dict[str, list[Path]]:
     """Name → SVG and PNG of each figure that the run has data for; the others are named on stderr."""
-    made = {}
-    with matplotlib.rc_context(STYLE):
-        for name in CAPTIONS:
-            if why := lacking(name, table, limits):
-                cli.say(f"{name}: left out, {why}")
-                continue
-            if name == "roofline" and limits:
-                shown = roof.headline(table[table["intensity"] > 0])
-                figure, note = roofline(shown, limits), caption(data, shown, limits)
-            else:
-                figure, note = performance(table), caption(data, table, None)
-            made[name] = save(figure, folder / name, note)
-            svg = made[name][0]
-            store.write_text(svg, titled(svg.read_text(encoding="utf-8"), table))
-    return made
+    able = drawings(data, table, limits)
+    for name in CAPTIONS:
+        if name not in able:
+            cli.say(f"{name}: left out, {lacking(name, table, limits)}")
+    return {name: drawing.write(folder / name) for name, drawing in able.items()}

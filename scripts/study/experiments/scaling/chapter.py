@@ -11,20 +11,15 @@ from study.experiments.section import Section, part, reading
 
 
 def growth(path: Path) -> Section:
-    """How cost grows: exponents beside the paper's law, the two goals, the generated scenes."""
+    """How cost grows: exponents beside the paper's law, many shapes, memory, the generated scenes."""
     file = path / scaling.FILE
-    parts, remarks, images = [], [], {}
+    parts, answer, drawn = [], "", {}
     with reading(file, f"scripts/stepwise scaling --run {path}"):
         result = scaling.read(file)
         if result["rows"]:
-            for name, caption, rows, columns, folded in scaling_tables.tables(result):
-                parts += part(name, caption, rows, columns, folded=folded)
-            remarks = [text for text in (scaling_page.without(result), scaling_page.note(result)) if text]
-            captions = {
-                "scaling-time": "Time of a frame against what it depends on, with fitted power laws",
-                "scaling-evals": "Evaluations of a camera ray's march against the same",
-                "scaling-error": "Error against the same",
-                "scaling-scenes": "The generated scenes: the same share of the picture covered by any number",
-            }
-            images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
-    return Section("scaling", "How cost grows", "make scaling", parts, remarks, images=images)
+            for name, caption, rows, columns in scaling_tables.tables(result):
+                foot = scaling_page.without(result) or "" if name == "scaling-left-out" else ""
+                parts += part(name, caption, rows, columns, foot)
+            answer, drawn = scaling_tables.answer(result), scaling_page.drawings(result, path)
+    about = {"file": file, "script": "scripts/stepwise scaling", "drawn": drawn}
+    return Section("scaling", "How cost grows", "make scaling", parts, answer=answer, **about)

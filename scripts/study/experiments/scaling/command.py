@@ -34,18 +34,25 @@ def arguments() -> argparse.Namespace:
     add = parser.add_argument
     about = "all, or by name or its beginning: n, shapes, shapes-scattered, steps, bounces, threads, memory"
     add("--series", nargs="+", metavar="NAME", help=about)
-    add("--phase", nargs="+", default=list(registry.ladder()), metavar="SPEC", help="default: the ladder")
-    add("-n", type=cli.at_least(16), help=f"height where it is not what varies; default: {HEIGHT}")
+    add("--phase", nargs="+", default=list(registry.ladder()), metavar="PHASE", help="default: the ladder")
+    add(
+        "-n",
+        type=cli.at_least(16),
+        metavar="HEIGHT",
+        help=f"height where it is not what varies; default: {HEIGHT}",
+    )
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
-    add("--seconds", type=cli.at_least(1, float), help=f"for everything; default: {SECONDS}")
+    add(
+        "--budget", type=cli.at_least(1, float), metavar="SECONDS", help=f"for everything; default: {SECONDS}"
+    )
     add("--full", action="store_true", help=f"n = {FULL_HEIGHT} and {FULL_SECONDS} s: nearly every point")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--scene-seed", type=int, default=1, help="of the generated scenes; default: 1")
-    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
     add("--run", type=Path, metavar="DIR", help="for scaling.json, figures/, images/; default: build/scaling")
     args = parser.parse_args()
     args.n = args.n or (FULL_HEIGHT if args.full else HEIGHT)
-    args.seconds = args.seconds or (FULL_SECONDS if args.full else SECONDS)
+    args.budget = args.budget or (FULL_SECONDS if args.full else SECONDS)
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
 
@@ -81,7 +88,7 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
     known = scaling_series.series(args.n, args.scene_seed, scenes)
     names = args.series or [*known, "memory"]
     chosen = scaling_series.chosen(known, [name for name in names if name != "memory"])
-    left = args.seconds * (1 - MEMORY_SHARE if "memory" in names and chosen else 1)
+    left = args.budget * (1 - MEMORY_SHARE if "memory" in names and chosen else 1)
     rows, thumbnails = [], []
     with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
         settings = scaling.Settings(args.launches, args.seed, args.cpu, Path(scratch), folder)
@@ -94,7 +101,7 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
             cli.say(f"{series.name}: {len(found.rows)} points in {found.seconds:.0f} s")
     memory: list[dict] = []
     if "memory" in names:
-        seconds = max(left, 0) + MEMORY_SHARE * args.seconds
+        seconds = max(left, 0) + MEMORY_SHARE * args.budget
         memory, without = scaling_goals.memory(specs, rows, seconds, args.scene_seed, scenes)
         left_out += without
     if not rows:
@@ -117,7 +124,8 @@ def main() -> int:
     folder = store.writable(args.run or registry.ROOT / "build" / "scaling")
     run.cpu_set(args.cpu, 1)
     begun = time.monotonic()
-    settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "scene_seed", "cpu", "seconds")}
+    settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "scene_seed", "cpu")}
+    settings["seconds"] = args.budget
     found = measured(args, folder)
     about = {"coverage_wanted": scaling_goals.scaling_scenes.COVERAGE, "took_s": time.monotonic() - begun}
     result = cli.plain({"schema": 1, **settings, **about, "context": machine.context(), **found})
@@ -128,7 +136,7 @@ def main() -> int:
             text = "" if name == scaling_page.SHEET else scaling_page.note(result)
             figures += save(figure, folder / "figures" / name, text)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         for fit in result["fits"]:
             law = scaling_fit.text(fit["time"]["exponent"])

@@ -12,7 +12,7 @@ SECONDS = "300"
 def calls(study: Study) -> list[Call]:
     """The growth of every program, or in five minutes that of the first and the last two rungs."""
     names = [name for name in ladder() if cpu_supports(Spec.parse(name))]
-    quick = ["--phase", *dict.fromkeys([names[0], *names[-2:]]), "--seconds", SECONDS]
+    quick = ["--phase", *dict.fromkeys([names[0], *names[-2:]]), "--budget", SECONDS]
     depth = ["--full"] if study.depth == "full" else [] if study.asked else quick
     return [Call("scaling", [*depth, "--run", str(study.run)])]
 
@@ -24,5 +24,5 @@ EXPERIMENT = Experiment(
     files=("scaling.json",),
     calls=calls,
     depth="standard",
-    sections=[(160, lambda data: chapter.growth(data.path))],
+    sections=[(610, lambda data: chapter.growth(data.path))],
 )

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from study.core import machine, registry
 from study.experiments.scaling.series import LAW, Row
 from study.numbers import power_laws as scaling_fit
-from study.pictures.draw import legend, look, panels, plain_log
+from study.pictures.draw import Drawing, legend, look, panels, plain_log
 
 APART = 0.052  # of a panel's height: labels that are nearer would overlap
 TOP = 120  # dB: what is nearer is drawn here
@@ -60,14 +60,17 @@ def _several(rows: Iterable[Row]) -> set[str]:
     return {series for (series, _), across in found.items() if len(across) > 1}
 
 
+def _lines(rows: Sequence[Row], value: Callable[[Row], float | None]) -> list[Row]:
+    """Rows with a value, of the series in which it can be seen to grow."""
+    several = _several(row for row in rows if value(row))
+    return [row for row in rows if value(row) and row["series"] in several]
+
+
 def _grown(
     result: dict[str, Any], value: Callable[[Row], float | None], kind: str, title: str, axis: str
-) -> Figure | None:
+) -> Figure:
     """A panel per series that has a line, log-log: each program's points, fitted law (dashed), exponent."""
-    several = _several(row for row in result["rows"] if value(row))
-    rows = [row for row in result["rows"] if value(row) and row["series"] in several]
-    if not rows:
-        return None
+    rows = _lines(result["rows"], value)
     named = [row | {"scene": result["titles"][row["series"]]} for row in rows]
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in named])
     figure, grid = panels(frame, 3.1, 4.3)
@@ -124,11 +127,9 @@ def level(row: Row) -> float | None:
     return TOP if row["psnr_db"] is None else min(row["psnr_db"], TOP)
 
 
-def errors(result: dict[str, Any]) -> Figure | None:
-    """A panel per series: PSNR to truth (filled) or to the finest picture there is (hollow)."""
+def errors(result: dict[str, Any]) -> Figure:
+    """A panel per series: PSNR to ground truth (filled) or to the finest picture there is (hollow)."""
     rows = [r | {"scene": result["titles"][r["series"]]} for r in result["rows"] if level(r) is not None]
-    if not rows:
-        return None
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
     figure, grid = panels(frame, 3.1, 4.3)
     title = f"Error: up is nearer to the reference ({TOP} dB: that or nearer)"
@@ -186,23 +187,35 @@ def _evaluations(row: dict[str, Any]) -> float | None:
     return None if registry.is_exact(row["phase"]) else row.get("evals_per_ray")
 
 
+CAPTIONS = {
+    "scaling-time": "Time of a frame against what it depends on, with fitted power laws",
+    "scaling-evals": "Evaluations of a camera ray's march against the same",
+    "scaling-error": "Error against the same",
+    SHEET: "The generated scenes: the same share of the picture covered by any number",
+}
+
+
+def drawings(result: dict[str, Any], folder: Path) -> dict[str, Drawing]:
+    """What scaling.json suffices for, and the sheet where the run's folder has its thumbnails."""
+    time, evals = "Time of a frame, log-log", "Evaluations of the whole scene by a camera ray, log-log"
+    able = {
+        "scaling-time": lambda: _grown(result, milliseconds, "time", time, "ms a frame"),
+        "scaling-evals": lambda: _grown(result, _evaluations, "evals", evals, "evaluations per ray"),
+        "scaling-error": lambda: errors(result),
+        SHEET: lambda: sheet(result, folder),
+    }
+    there = {
+        "scaling-time": bool(_lines(result["rows"], milliseconds)),
+        "scaling-evals": bool(_lines(result["rows"], _evaluations)),
+        "scaling-error": any(level(row) is not None for row in result["rows"]),
+        SHEET: any((folder / one["picture"]).is_file() for one in result["thumbnails"]),
+    }
+    return {name: Drawing(CAPTIONS[name], note(result), make) for name, make in able.items() if there[name]}
+
+
 def figures(result: dict[str, Any], folder: Path) -> dict[str, Figure]:
     """Every figure that there is something for. `folder`: of the run, where the thumbnails are."""
-    made = {
-        "scaling-time": _grown(result, milliseconds, "time", "Time of a frame, log-log", "ms a frame"),
-        "scaling-evals": _grown(
-            result,
-            _evaluations,
-            "evals",
-            "Evaluations of the whole scene by a camera ray, log-log",
-            "evaluations per ray",
-        )
-        if any(map(_evaluations, result["rows"]))
-        else None,
-        "scaling-error": errors(result),
-        SHEET: sheet(result, folder),
-    }
-    return {name: figure for name, figure in made.items() if figure is not None}
+    return {name: drawing.make() for name, drawing in drawings(result, folder).items()}
 
 
 def without(result: dict[str, Any]) -> str | None:
@@ -237,11 +250,9 @@ def note(result: dict[str, Any]) -> str:
     cpu = machine.name(result.get("context"))
     return (
         f"{cpu}; median of {result['launches']} interleaved launches; n = {result['n']} where it is not what "
-        f"varies (twice that in threads; 720 in crowd, as in the goal). Dashed: least squares in log-log; "
+        "varies (twice that in threads; 720 in crowd). Dashed: least squares in log-log; "
         f"*: some point is over "
         f"{100 * (scaling_fit.OFF - 1):.0f} % off the law, beyond its launches' noise: the exponent is then "
-        "a mean slope and no law. Dotted: the paper's law from the first program's first point on. Generated "
-        "scenes cover the same share of the picture. Filled marks: error to truth; hollow: to the finest "
-        "picture there is, which the table names. Rungs with closed forms have no evaluations here: their "
-        "plane holds a 1 for every camera ray, marched or not; counts.json has their work by function."
+        "a mean slope and no law. Dotted: the paper's law from the first program's first point on. Filled "
+        "marks: error to ground truth; hollow: to the finest picture there is, which the table names."
     )

@@ -9,8 +9,7 @@ from typing import Any
 from study.core import registry, show
 from study.core.show import Column
 from study.experiments.scaling.figures import level
-from study.experiments.scaling.goals import MOST_MIB, MOST_TIMES, OPEN, memory_goal
-from study.experiments.scaling.series import CROWD_HEIGHT, LAW, Row
+from study.experiments.scaling.series import LAW, Row
 from study.numbers import power_laws as scaling_fit
 
 
@@ -53,15 +52,6 @@ def _both(row: Row, name: str, form: str) -> str:
     return " and ".join(form.format(one) for one in row[name])
 
 
-def _mark(name: str) -> Callable[[Row], str]:
-    return lambda row: {"met": "good", "missed": "bad"}.get(row[name].partition(",")[0], "")
-
-
-def _at_its_size(row: Row) -> bool:
-    """Whether the ratio is of the goal's size, or there is none; older runs judged it at any."""
-    return row["n"] in (None, CROWD_HEIGHT)
-
-
 CLOSED = "none: closed forms count 1 for every camera ray"
 
 
@@ -82,7 +72,7 @@ EXPONENTS = [
     Column("does a law fit?", "verdict", lambda r: r["verdict"]),
     Column("", "exponent of evaluations per ray", _evaluations(_exponent("evals.exponent"), CLOSED)),
 ]
-GOALS = [
+CROWDS = [
     Column("", "program", lambda r: r["phase"]),
     Column(
         "shapes", "scattered, against 16", lambda r: show.NOTHING if not r["shapes"] else f"{r['shapes']:,}"
@@ -97,16 +87,7 @@ GOALS = [
         "share of pixels hit, 16 and many",
         lambda r: " and ".join(f"{c:.3f}" for c in r["coverage"] or () if c) or show.NOTHING,
     ),
-    Column(
-        "shapes",
-        f"4,096 at most {MOST_TIMES:g}×",
-        lambda r: r["shapes_goal"] if _at_its_size(r) else OPEN,
-        lambda r: _mark("shapes_goal")(r) if _at_its_size(r) else "",
-    ),
     Column("memory at 3840×2160", "MiB above the frame", _plain("above_frame_mib")),
-    Column(
-        "memory at 3840×2160", f"under {MOST_MIB:g} MiB", lambda r: r["memory_goal"], _mark("memory_goal")
-    ),
 ]
 POINTS = [
     Column("", "series", lambda r: r["series"]),
@@ -139,13 +120,29 @@ LEFT_OUT = [
 ]
 
 
-def tables(result: dict[str, Any]) -> list[tuple[str, str, list[Row], list[Column], bool]]:
-    """Name, caption, rows, columns, and whether it is folded."""
-    goals = [r | {"memory_goal": memory_goal(result["memory"], r["phase"])} for r in result["goals"]]
+def tables(result: dict[str, Any]) -> list[tuple[str, str, list[Row], list[Column]]]:
+    """Name, caption, rows and columns."""
     return [
-        ("scaling", f"Exponents of the time of a frame beside {LAW}", result["fits"], EXPONENTS, False),
-        ("scaling-goals", "Two goals: many shapes, and memory", goals, GOALS, False),
-        ("scaling-memory", "Peak memory at 3840×2160", result["memory"], MEMORY, True),
-        ("scaling-points", "Every point", result["rows"], POINTS, True),
-        ("scaling-left-out", "Points left out", result["left_out"], LEFT_OUT, True),
+        ("scaling", f"Exponents of the time of a frame beside {LAW}", result["fits"], EXPONENTS),
+        ("scaling-crowds", "Many shapes, and memory", result["goals"], CROWDS),
+        ("scaling-memory", "Peak memory at 3840×2160", result["memory"], MEMORY),
+        ("scaling-points", "Every point", result["rows"], POINTS),
+        ("scaling-left-out", "Points left out", result["left_out"], LEFT_OUT),
     ]
+
+
+def answer(result: dict[str, Any]) -> str:
+    """The fastest program's exponents of picture height and of shapes, beside the paper's law."""
+    said = []
+    for series in ("n-scene0", "shapes-scattered"):
+        title = result["titles"].get(series)
+        fits = [one for one in result["fits"] if one["title"] == title and one["time"]["exponent"]]
+        if fits:
+            last = fits[-1]
+            law = f" (the paper's law: {show.number(last['paper'], 1)})" if last["paper"] is not None else ""
+            said.append(
+                f"{last['phase']}'s time grows with {title} to the power "
+                f"{scaling_fit.text(last['time']['exponent'])}{law}"
+            )
+    text = "; ".join(said)
+    return f"{text}." if said else f"{len(result['rows'])} points were timed; no series has a fit."

@@ -30,7 +30,7 @@ def arguments() -> argparse.Namespace:
     cores = len(os.sched_getaffinity(0))
     parser = cli.parser(__doc__, {1: "a phase wrote NaN, crashed or hung, or a case cannot run"})
     add = parser.add_argument
-    add("--phase", nargs="+", metavar="SPEC", help=f"e.g. opt4, or opt2@opt4; default: the {measure.FAMILY}")
+    add("--phase", nargs="+", metavar="PHASE", help=f"e.g. opt4, or opt2@opt4; default: the {measure.FAMILY}")
     add("--case", nargs="+", metavar="NAME", help="names or numbers; default: all")
     add("--strengths", choices=("few", "all"), default="all", help="few: the first, the middle, the last")
     add("--run", type=Path, metavar="DIR", help="for stability.json and curves; default: build/stability")
@@ -99,9 +99,9 @@ def main() -> int:
     written = hard_page.read(folder / "stability.json")
     for case in written["cases"]:
         hard_page.draw(written, case, folder / "figures")
-    index = hard_page.write(written, folder / "pages", folder / "figures")
+    index = hard_page.write(written, folder / "pages")
     if args.json:
-        cli.emit(rows[0] if len(rows) == 1 else result)
+        cli.emit(result, folder)
     else:
         print(table(rows, chosen, names))
         print("·: right at every strength that was run; else the first strength that fails.")

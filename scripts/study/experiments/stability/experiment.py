@@ -17,5 +17,5 @@ EXPERIMENT = Experiment(
     files=("stability.json",),
     calls=calls,
     depth="standard",
-    sections=[(30, lambda data: chapter.hard(data.path))],
+    sections=[(530, lambda data: chapter.hard(data.path))],
 )

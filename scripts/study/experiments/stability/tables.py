@@ -4,9 +4,7 @@ its curve and what each phase does. HTML fragments for the report, or whole page
 
 from __future__ import annotations
 
-import base64
 import math
-import tempfile
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.stability.cases import curves
+from study.pictures import embed
 
 CASE_KEYS = {"number", "name", "title", "what", "why", "source", "known", "strength", "strengths", "metric",
              "unit", "fails_above", "limit", "own"}  # fmt: skip
@@ -183,20 +182,18 @@ def draw(data: dict, case: dict, folder: Path) -> Path:
     return curves.draw(case, rows_of(data, case), names, folder / anchor(case))[0]
 
 
-def curve(data: dict, case: dict, figures: Path | None) -> str:
-    """The case's figure inside the page, drawn now unless it is in `figures`."""
-    with tempfile.TemporaryDirectory(prefix="stepwise-hard-") as folder:
-        drawn = figures / f"{anchor(case)}.svg" if figures else None
-        svg = drawn if drawn and drawn.is_file() else draw(data, case, Path(folder))
-        uri = f"data:image/svg+xml;base64,{base64.b64encode(svg.read_bytes()).decode()}"
+def curve(data: dict, case: dict) -> str:
+    """The case's figure inside the page: a small PNG."""
+    names = [p["name"] for p in data["phases"]]
+    uri = embed.exact(curves.small(case, rows_of(data, case), names))
     about = f"{case['metric']} against {case['strength']}, one line per phase, the limit dashed"
     return (
         f'<figure><img src="{uri}" alt="{escape(about)}"><figcaption>{escape(about)}.</figcaption></figure>'
     )
 
 
-def page(data: dict, case: dict, figures: Path | None = None) -> str:
-    """The fragment of one case: text, curve (of `figures`, if it is there), what each phase does."""
+def page(data: dict, case: dict) -> str:
+    """The fragment of one case: text, curve, what each phase does."""
     rows = rows_of(data, case)
     parts = [f'<article id="{anchor(case)}"><h3>{case["number"]}. {escape(case["title"])}</h3><dl>']
     parts += [f"<dt>{head}</dt><dd>{prose(case[key])}</dd>" for key, head in TEXTS]
@@ -206,23 +203,31 @@ def page(data: dict, case: dict, figures: Path | None = None) -> str:
     for r in rows:
         doing.setdefault(sentence(r, case), []).append(escape(r["phase"]))
     parts.append(f"<dt>What is measured</dt><dd>{limit}{prose(case['limit'])}</dd></dl>")
-    parts.append(curve(data, case, figures))
+    parts.append(curve(data, case))
     doings = "".join(f"<li><strong>{', '.join(who)}:</strong> {text}</li>" for text, who in doing.items())
     parts.append(f"<h4>What each phase does</h4><ul>{doings}</ul>{errors_table(case, rows)}</article>")
     return "".join(parts)
 
 
-def section(data: dict, figures: Path | None = None) -> str:
-    """Everything as one fragment: the table, then each case behind its title."""
+def section(data: dict) -> str:
+    """Everything as one fragment: the table, then each case, all behind their titles."""
     shown = "".join(
-        f"<details><summary>{c['number']}. {escape(c['title'])}</summary>{page(data, c, figures)}</details>"
+        f"<details><summary>{c['number']}. {escape(c['title'])}</summary>{page(data, c)}</details>"
         for c in data["cases"]
     )
     skipped = "".join(
         f'<p class="notice">{escape(s["phase"])} did not run: {escape(s["reason"])}</p>'
         for s in data.get("skipped", [])
     )
-    return f"<p>{escape(INTRO)}</p>{skipped}{table(data)}{shown}"
+    heads = (
+        "All cases: the first strength at which a phase fails",
+        "Each case: what it is, why it is hard, what each phase does",
+    )
+    folded = "".join(
+        f"<details><summary>{head}</summary>{body}</details>"
+        for head, body in zip(heads, (table(data), shown), strict=True)
+    )
+    return skipped + folded
 
 
 def whole(title: str, body: str) -> str:
@@ -233,13 +238,11 @@ def whole(title: str, body: str) -> str:
     return f"{head}{view}<style>{style}</style></head><body>{body}</body></html>\n"
 
 
-def write(data: dict, folder: Path, figures: Path | None = None) -> Path:
+def write(data: dict, folder: Path) -> Path:
     """FOLDER/index.html with the table, and one page a case beside it; the index."""
     body = f"<h1>Hard cases</h1><p>{escape(INTRO)}</p>{table(data, '{}.html')}"
     for case in data["cases"]:
         back = '<p><a href="index.html">All cases</a></p>'
-        store.write_text(
-            folder / f"{anchor(case)}.html", whole(case["title"], back + page(data, case, figures))
-        )
+        store.write_text(folder / f"{anchor(case)}.html", whole(case["title"], back + page(data, case)))
     store.write_text(folder / "index.html", whole("Hard cases", body))
     return folder / "index.html"

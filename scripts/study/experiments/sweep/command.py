@@ -10,14 +10,11 @@ import os
 import random
 import re
 import secrets
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
-from study.core import cli, machine, run, store
+from study.core import cli, machine, progress, run, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Spec, find_scene, ladder
@@ -29,11 +26,11 @@ from study.numbers import stats
 DESCRIPTION = """\
 Times phases on scenes and sizes. A round launches every configuration once, in random order, pinned
 to one CPU and with an environment of random size, so that all phases of a comparison share the same
-stretch of time; rounds go on to --launches or to the end of --budget. Where the flags of a phase
-differ from opt2's, opt2 is measured with those flags too (the second base).
+stretch of time; rounds go on to --launches or to the end of --budget. When all
+phases of the ladder are swept, opt2 is measured with the flags of the others too (the second base).
 
 Each frame is a line of results/MACHINE/RUN/frames.jsonl, on disk before the next one. After a kill,
-`--run DIR` goes on: a launch that was cut off keeps its whole frames, and a further process measures
+`--run DIR --resume` goes on: a launch that was cut off keeps its whole frames, and a further process measures
 only the timed frames that it lacks."""
 MOST_CRASHES = 2  # of one configuration in one session, then it is given up
 LARGEST_SIDE, LARGEST_PIXELS = 32768, 1 << 28  # the driver's
@@ -59,12 +56,12 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     )
     whole, natural = cli.at_least(1), cli.at_least(0)
     plan = parser.add_argument_group("plan")
-    plan.add_argument("--phase", nargs="+", metavar="SPEC", help="like opt3 or opt2@opt4; default: all")
-    plan.add_argument("--scene", nargs="+", metavar="NAME", help="default: scene0 mandelbulb")
+    plan.add_argument("--phase", nargs="+", metavar="PHASE", help="like opt3 or opt2@opt4; default: all")
+    plan.add_argument("--scene", nargs="+", metavar="SCENE", help="default: scene0 mandelbulb")
     plan.add_argument("-n", nargs="+", type=size, metavar="HEIGHT", help="or WIDTHxHEIGHT; default: 180")
-    plan.add_argument("--threads", nargs="+", type=whole, metavar="T", help="default: 1")
+    plan.add_argument("--threads", nargs="+", type=whole, help="default: 1")
     plan.add_argument("--reps", type=whole, metavar="R", help="timed frames per launch; default: 3")
-    plan.add_argument("--launches", type=whole, metavar="L", help="process launches; default: 10")
+    plan.add_argument("--launches", type=whole, help="process launches; default: 10")
     plan.add_argument("--warmup", type=natural, metavar="K", help="frames before those; default: 1")
     plan.add_argument(
         "--long",
@@ -72,16 +69,20 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         metavar="SECONDS",
         help="a frame longer than that warms itself up: one per launch, no warm-up",
     )
-    plan.add_argument("--seed", type=natural, metavar="S", help="of order and padding; default: random")
-    plan.add_argument("--cpu", type=natural, metavar="C", help="CPU to pin to; default: the last one")
+    plan.add_argument("--seed", type=natural, help="of order and padding; default: random")
+    plan.add_argument("--cpu", type=natural, help="CPU to pin to; default: the last one")
     plan.add_argument("--hit-distance", type=cli.at_least(1e-300, float), metavar="X", help="in scene units")
     plan.add_argument("--max-steps", type=whole, metavar="K", help="evaluations per ray")
-    plan.add_argument("--no-second-base", action="store_true", default=None, help="add no opt2@PHASE")
+    about = "opt2@PHASE beside each PHASE with other flags; default: where all of the ladder is swept"
+    plan.add_argument("--second-base", action=argparse.BooleanOptionalAction, help=about)
     plan.add_argument("--results", type=Path, metavar="DIR", help="parent of the run's folder")
-    parser.add_argument("--run", type=Path, metavar="DIR", help="go on with this run, by its own plan")
+    parser.add_argument("--run", type=Path, metavar="DIR", help="the run to go on with, by its own plan")
+    parser.add_argument("--resume", action="store_true", help="go on with the run at --run")
     parser.add_argument("--budget", type=cli.at_least(0, float), metavar="SECONDS", help="stop after that")
     parser.add_argument("--dry-run", action="store_true", help="print plan and duration, measure nothing")
     options = parser.parse_args(argv)
+    if options.resume != (options.run is not None):
+        parser.error("--run DIR --resume goes on with a run; without both, a new run is made below --results")
     defaults: dict[str, Any] = {
         "phase": list(ladder()),
         "scene": ["scene0", "mandelbulb"],
@@ -91,11 +92,12 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     defaults |= {"cpu": run.USABLE[-1], "results": store.RESULTS}
     for action in plan._group_actions:
         if options.run and getattr(options, action.dest) is not None:
-            parser.error(
-                f"--run goes on by the run's own plan, which {action.option_strings[0]} cannot change"
-            )
+            name = action.option_strings[0]
+            parser.error(f"--resume goes on by the run's own plan, which {name} cannot change")
         if getattr(options, action.dest) is None:
             setattr(options, action.dest, defaults.get(action.dest))
+    if options.second_base is None:
+        options.second_base = set(ladder()) <= set(options.phase)
     return options
 
 
@@ -212,9 +214,7 @@ class Sweep:
         """All rounds, with a progress bar in seconds. A crash is recorded, and the rest goes on."""
         work, budget = self.remaining(), self.budget()
         total, by_clock = min(work, budget), budget < work
-        form = "{percentage:3.0f}% |{bar:30}| {elapsed} < {remaining}  {desc}"
-        pause = 0.1 if sys.stderr.isatty() else 10
-        with tqdm(total=total, bar_format=form, mininterval=pause, dynamic_ncols=True) as bar:
+        with progress.Progress("sweep", total, share=True) as bar:
             for number in itertools.count():
                 self.now = self.rounds + number
                 chosen = self.round(number)
@@ -223,7 +223,7 @@ class Sweep:
                 for config in chosen:
                     if self.expected(config) > self.budget():
                         continue
-                    bar.set_description_str(f"round {number + 1}: {config}", False)
+                    bar.to(bar.done, f"round {number + 1}: {config}")
                     before, begin = self.expected(config), time.monotonic()
                     try:
                         self.launch(config)
@@ -233,8 +233,8 @@ class Sweep:
                         fail(self.plan, dataclasses.asdict(config) | launch, error)
                         store.write_json(self.run.path / "plan.json", self.plan)
                     step = time.monotonic() - begin if by_clock else before
-                    bar.update(min(step, bar.total - bar.n))
-            bar.update(bar.total - bar.n)
+                    bar.to(min(bar.done + step, total))
+            bar.to(total)
 
     def finish(self) -> None:
         """Write what the budget did not reach, and that the run is over."""
@@ -250,7 +250,7 @@ class Sweep:
 
 
 def resume(options: argparse.Namespace) -> Sweep:
-    """The run of --run; refused where machine or programs are not what they were."""
+    """The run at --run; refused where machine or programs are not what they were."""
     target = store.Run.open(options.run)
     plan, cpu = target.plan, target.context["cpu"]
     if (cpu["model"], target.context["machine"]) != (machine.cpu()["model"], machine.slug()):
@@ -282,16 +282,11 @@ def unfinished(plan: dict[str, Any], results: Path) -> str | None:
 def start(plan: dict[str, Any], options: argparse.Namespace) -> Sweep:
     """A new run, with its folder and context."""
     if other := unfinished(plan, options.results):
-        cli.say(f"note: {other} measures the same and is unfinished; --run {other} would go on with it")
+        cli.say(f"note: {other} measures the same and is unfinished; --run {other} --resume goes on with it")
     target = store.Run.create(options.results, machine.slug())
     target.lock()
     store.write_json(target.path / "context.json", machine.context())
     return Sweep(target, plan, options.budget)
-
-
-def duration(seconds: float) -> str:
-    minutes, seconds = divmod(round(seconds), 60)
-    return f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
 
 
 def dry_run(sweep: Sweep, as_json: bool) -> int:
@@ -303,7 +298,8 @@ def dry_run(sweep: Sweep, as_json: bool) -> int:
     ]
 
     if as_json:
-        cli.emit(plan | {"estimated_s": seconds, "launches_to_do": sum(row["launches"] for row in rows)})
+        todo = sum(row["launches"] for row in rows)
+        cli.emit(plan | {"estimated_s": seconds, "launches_to_do": todo}, sweep.run and sweep.run.path)
         return cli.OK
     print(summary.table(rows, [("name", "configuration"), ("launches", "launches"), ("s", "s per launch")]))
     frames = f"{plan['reps']} timed frames and {plan['warmup']} of warm-up each"
@@ -312,8 +308,8 @@ def dry_run(sweep: Sweep, as_json: bool) -> int:
     print(
         f"{sum(row['launches'] for row in rows)} launches, {frames}; CPU {plan['cpu']}, seed {plan['seed']}"
     )
-    limit = f", cut off after {duration(sweep.budget())}" if seconds > sweep.budget() else ""
-    print(f"estimated duration: {duration(seconds)}{limit}")
+    limit = f", cut off after {progress.duration(sweep.budget())}" if seconds > sweep.budget() else ""
+    print(f"estimated duration: {progress.duration(seconds)}{limit}")
     return cli.OK
 
 
@@ -326,7 +322,7 @@ def report(sweep: Sweep, as_json: bool) -> int:
         warnings.append(f"budget: {entry['name']} has {entry['launches']} of {plan['launches']} launches")
     if as_json:
         notes = {key: plan[key] for key in ("skipped", "failures", "not_reached")}
-        cli.emit({"run": str(sweep.run), "rows": rows, "warnings": warnings} | notes)
+        cli.emit({"rows": rows, "warnings": warnings} | notes, sweep.run.path)
     else:
         print(summary.table(rows, summary.SPEED) if rows else "nothing was measured")
     for warning in warnings:
@@ -353,7 +349,7 @@ def main() -> int:
     try:
         sweep.measure()
     except KeyboardInterrupt:
-        cli.say(f"to go on: scripts/stepwise sweep --run {sweep.run}")
+        cli.say(f"to go on: scripts/stepwise sweep --run {sweep.run} --resume")
         raise
     sweep.finish()
     return report(sweep, options.json)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.sweep import rungs
+from study.experiments.sweep import chapter, rungs
 
 
 def calls(study: Study) -> list[Call]:
@@ -17,5 +17,5 @@ EXPERIMENT = Experiment(
     files=("frames.jsonl", "plan.json", "context.json"),
     calls=calls,
     depth="quick",
-    sections=[(60, rungs.section)],
+    sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],
 )

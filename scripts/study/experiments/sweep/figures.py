@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -17,7 +17,7 @@ from matplotlib.ticker import NullLocator
 from study.core import cli, machine, registry, show
 from study.experiments.sweep import ladder
 from study.numbers.analysis import Data
-from study.pictures.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
+from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
 
 SAME = 150  # dB; a difference below is less than what float holds of a colour near 1
 
@@ -121,8 +121,8 @@ def speedups(rows: pd.DataFrame) -> Figure:
         plain_log(axes.xaxis)
         axes.set_title(f"{scene}, {group['width'][0]}×{group['height'][0]}", loc="left")
         heads = {"transform": axes.transAxes, "fontsize": 8, "va": "bottom", "color": "#444444"}
-        axes.text(1.19, 1.0, "PSNR, linear,\nto baseline", **heads)
-        axes.text(1.43, 1.0, "to truth", **heads)
+        axes.text(1.19, 1.0, "PSNR to\nbaseline", **heads)
+        axes.text(1.43, 1.0, "to ground\ntruth", **heads)
         axes.grid(False, axis="y")
         if group["implied"].notna().any():
             axes.legend(loc="upper right", fontsize=8, title="the paper, over its baseline", title_fontsize=8)
@@ -143,7 +143,7 @@ def paper_marks(axes: Axes, group: pd.DataFrame) -> None:
 
 
 def truth_text(row: pd.Series) -> str:
-    """PSNR to truth, a fractal's of 4×4 means; – where it was not measured."""
+    """PSNR to ground truth, a fractal's of 4×4 means; – where it was not measured."""
     found = row.get("truth_psnr_db")
     if found is None or pd.isna(found):
         return show.NOTHING
@@ -220,6 +220,13 @@ PLOTS: dict[str, Callable[[pd.DataFrame], Figure]] = {
     "ns-per-pixel": pace,
     "speed-against-error": error,
 }
+CAPTIONS = {
+    "speedup-ladder": "Speed-up over baseline, the paper's own values as marks, the error beside each",
+    "runtime": "Runtime of a frame against picture height n, one line per phase (the paper's Fig. 7 in form)",
+    "cycles-per-pixel": "Core cycles per pixel against picture height n",
+    "ns-per-pixel": "Nanoseconds per pixel against picture height n",
+    "speed-against-error": "Nanoseconds per pixel against PSNR to baseline: how much of the picture changed",
+}
 
 
 def lacking(name: str, rows: pd.DataFrame) -> str | None:
@@ -231,15 +238,24 @@ def lacking(name: str, rows: pd.DataFrame) -> str | None:
     return None
 
 
+def drawings(data: Data, rows: pd.DataFrame) -> dict[str, Drawing]:
+    """Of each plot that the run has data for."""
+    note = caption(data, rows)
+    return {
+        name: Drawing(CAPTIONS[name], note, partial(plot, rows))
+        for name, plot in PLOTS.items()
+        if not lacking(name, rows)
+    }
+
+
 def draw(
     data: Data, rows: pd.DataFrame, folder: Path, only: list[str] | None = None
 ) -> dict[str, list[Path]]:
     """Name → files of each plot that the run has data for; the others are named on stderr."""
-    made = {}
-    with matplotlib.rc_context(STYLE):
-        for name in only or PLOTS:
-            if why := lacking(name, rows):
-                cli.say(f"{name}: left out, {why}")
-            else:
-                made[name] = save(PLOTS[name](rows), folder / name, caption(data, rows))
+    made, able = {}, drawings(data, rows)
+    for name in only or PLOTS:
+        if name in able:
+            made[name] = able[name].write(folder / name)
+        else:
+            cli.say(f"{name}: left out, {lacking(name, rows)}")
     return made

@@ -55,7 +55,7 @@ def error_of(data: Data, cell: Cell) -> dict[str, Any]:
     }
 
 
-TRUTH = ("psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99")  # of accuracy.json, to truth
+TRUTH = ("psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99")  # of accuracy.json, to ground truth
 
 
 def truth_errors(data: Data) -> pd.DataFrame:
@@ -173,6 +173,13 @@ def rows(data: Data, height: int | None = None) -> pd.DataFrame:
     `headline` marks the rows of each scene's ladder. `implied`, `stated` and `rerun` are the paper's
     speed-ups over its own baseline (study.numbers.paper.ladder), for its phases on one thread.
     """
+    height = data.height if height is None else height
+    if (name := f"ladder at {height}") not in data.kept:
+        data.kept[name] = _rows(data, height)
+    return data.kept[name]
+
+
+def _rows(data: Data, height: int | None) -> pd.DataFrame:
     sizes = {
         scene: headline_size(data, scene, height) for scene in dict.fromkeys(c.scene for c in data.cells)
     }

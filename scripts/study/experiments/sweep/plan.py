@@ -14,9 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
-from study.core import cli, run
+from study.core import cli, progress, run
 from study.core.build import build
 from study.core.registry import Spec, cpu_supports, find_phase, find_scene, missing_isa, phases
 from study.core.run import DriverError
@@ -124,7 +122,7 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
         "not_reached": [],
     }
     specs = []
-    for spec in wanted_specs(options.phase, not options.no_second_base):
+    for spec in wanted_specs(options.phase, options.second_base):
         if cpu_supports(spec):
             plan["binaries"][str(spec)] = sha256(build(spec))
             specs.append(spec)
@@ -134,7 +132,7 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
             skip(plan, {"spec": str(spec)}, f"this CPU lacks {', '.join(missing_isa(spec))}")
     scenes = [find_scene(name) for name in dict.fromkeys(options.scene)]
     cases = list(itertools.product(specs, scenes, dict.fromkeys(options.threads)))
-    for spec, scene, threads in tqdm(cases, "calibrate", leave=False, disable=None):
+    for spec, scene, threads in progress.each(cases, "calibrate"):
         tiny, _ = scene.size(CALIBRATION_HEIGHT)
         case = {"spec": str(spec), "scene": scene.name, "threads": threads}
         how = {"threads": threads, "cpu": options.cpu, **overrides(plan)}

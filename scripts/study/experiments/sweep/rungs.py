@@ -1,4 +1,4 @@
-"""The rungs beside one another, a line each: how fast, for how much work, in how full lanes, how near the
+"""The phases beside one another, a line each: how fast, for how much work, in how full lanes, how near the
 roof of their own operations, how far from truth. All of it is in other tables; here it is joined.
 
 Evaluations are those of one solid or Mandelbulb, of all rays of a picture: distances, estimates, and entries
@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 from study.bounds import roof
 from study.core import registry, show
@@ -21,6 +22,8 @@ from study.counting import flops
 from study.experiments.section import Part, Section, part, reading
 from study.experiments.sweep import ladder
 from study.numbers.analysis import Data
+from study.pictures import dots
+from study.pictures.draw import Drawing
 
 DISTANCES = "sdf_"  # functions: one solid's distance
 PLANE = "sdf_plane"
@@ -30,12 +33,10 @@ ESTIMATED = "sdf_mandelbulb"  # is one of those, or calls it
 ENTRIES = "enter"  # a ray's entry into one solid, in closed form
 GENERAL = "of its general code"
 NOTE = (
-    "Ratio, time and errors as in the ladder (baseline and rung in one interleaved run, one thread; errors "
-    "to truth's picture, the Mandelbulb's of 4×4 means). Evaluations: distances of one solid, estimates of "
-    "one Mandelbulb and entries in closed form of all rays over pixels; a plane's is counted in none. Lane "
-    "efficiency: FLOPs of lanes whose result is used over FLOPs executed, of the whole phase. Share of the "
-    "roof of its own operations: as in the roofline. “"
-    f"{GENERAL}”: a counting build generates no kernel; the kernel does the same on fewer operations. "
+    "Evaluations: distances of one solid, estimates of one Mandelbulb and entries in closed form, of all "
+    "rays of a picture; a plane's is counted in none.\n"
+    "Lane efficiency: FLOPs of lanes whose result is used over FLOPs executed.\n"
+    f"“{GENERAL}”: a counting build generates no kernel; the kernel does the same on fewer operations.\n"
     "“counted at n = …”: of a picture of that height, the nearest counted, not of the row's."
 )
 Row = dict[str, Any]
@@ -126,7 +127,7 @@ def _plain(name: str) -> Any:
 
 COLUMNS = [
     Column("", "scene", lambda r: f"{r['scene']}, {r['width']}×{r['height']}"),
-    Column("", "rung", lambda r: r["phase"]),
+    Column("", "phase", lambda r: r["phase"]),
     Column(
         "",
         "× baseline [95 %]",
@@ -140,19 +141,48 @@ COLUMNS = [
         "share of the roof of its own operations",
         _work("share_of_mix_roof", lambda v: f"{100 * v:.1f} %", "roof_counted_at"),
     ),
-    Column("to truth", "PSNR, dB", _plain("truth_psnr_db")),
-    Column("to truth", "wrong hits, ppm", _plain("truth_wrong_ppm")),
+    Column("to ground truth", "PSNR, dB", _plain("truth_psnr_db")),
+    Column("to ground truth", "wrong hits, ppm", _plain("truth_wrong_ppm")),
 ]
 
 
 def section(data: Data) -> Section:
     """From counts.json, ceilings.json and the frames."""
     parts: list[Part] = []
+    drawn, answer = {}, ""
     path = data.path
     with reading(f"{path / 'counts.json'} or ceilings.json", f"scripts/stepwise flops --run {path}"):
         declared, _ = flops.read(path / "counts.json")
         if declared:
             found, limits, _ = roof.read(path, strict=False)
             made = rows(ladder.rows(data), declared, roof.rows(data, found, limits), list(registry.ladder()))
-            parts = part("rungs", "The rungs, a line each", made, COLUMNS)
-    return Section("rungs", "The rungs beside one another", "make flops", parts, [NOTE] if parts else [])
+            parts = part("rungs", "Time, work, lanes, roof and error, a line a phase", made, COLUMNS, NOTE)
+            answer = _answer(made)
+            if any(row.get("evals_per_pixel", 0) > 0 for row in made):
+                caption = "Evaluations per pixel of each phase, and its lane efficiency"
+                drawn = {"rungs": Drawing(caption, NOTE.partition("\n")[0], lambda: _draw(made))}
+    about = {"file": path / "counts.json", "script": "scripts/stepwise flops", "drawn": drawn}
+    return Section("rungs", "Work and lanes of each phase", "make flops", parts, answer=answer, **about)
+
+
+def _draw(made: Sequence[Row]) -> Figure:
+    rows = []
+    for row in made:
+        lanes = row.get("lane_efficiency")
+        text = "" if lanes is None or math.isnan(lanes) else f"{100 * lanes:.0f} % of lanes used"
+        value = row.get("evals_per_pixel") or math.nan
+        rows.append(dots.Dot(row["scene"], row["phase"], value, text=text))
+    return dots.draw(rows, "Work of each phase: left is less", "evaluations of a solid per pixel")
+
+
+def _answer(made: Sequence[Row]) -> str:
+    """The first and the last phase of each scene: evaluations per pixel and the lanes that they are in."""
+    said = []
+    for scene in dict.fromkeys(row["scene"] for row in made):
+        mine = [row for row in made if row["scene"] == scene and row.get("evals_per_pixel", 0) > 0]
+        if len(mine) > 1:
+            few = min(mine, key=lambda row: row["evals_per_pixel"])
+            first, last = (show.number(row["evals_per_pixel"]) for row in (mine[0], few))
+            used = f", {show.percent(few['lane_efficiency'])} of whose lanes' work is used"
+            said.append(f"on {scene} from {first} of {mine[0]['phase']} to {last} of {few['phase']}{used}")
+    return f"Evaluations of a solid per pixel fall {'; '.join(said)}." if said else ""

@@ -15,14 +15,18 @@ fixed_float: each picture over its difference to truth. scripts/stepwise report 
 def main() -> int:
     parser = cli.parser(DESCRIPTION, {})
     parser.add_argument(
-        "-n", type=cli.at_least(16), default=systems_pictures.HEIGHT, help="height; default: 180"
+        "-n",
+        type=cli.at_least(16),
+        default=systems_pictures.HEIGHT,
+        metavar="HEIGHT",
+        help="height; default: 180",
     )
     parser.add_argument("--run", type=Path, metavar="DIR", help="for images/; default: build/systems")
     args = parser.parse_args()
     folder = store.writable(args.run or registry.ROOT / "build" / "systems")
     (path,) = systems_pictures.write_pictures(folder, args.n)
     if args.json:
-        cli.emit({"picture": str(path)})
+        cli.emit({"picture": path}, folder)
     else:
         print(path)
     return cli.OK

@@ -18,7 +18,8 @@ from study.truth import truth
 PICTURES = "systems-pictures"
 CAPTION = (
     "CPU-RTRM's scene by opt9_convex; trio by rods_simd and where its rods let each pixel's ray begin; "
-    "spheres40 in integers and in floats; below, the largest difference to truth of R, G, B in each pixel"
+    "spheres40 in integers and in floats; below, the largest difference to ground truth of R, G, B in each "
+    "pixel"
 )
 HEIGHT, HYBRID, SPHERES = 180, "trio", "spheres40"
 
@@ -29,9 +30,9 @@ def start_map(start: np.ndarray) -> np.ndarray:
 
 
 def error_of(made: Picture, exact: Picture) -> str:
-    """In dB to truth."""
+    """In dB to ground truth."""
     psnr = rods.errors(exact, made)["psnr_db"]
-    return "identical" if psnr is None else f"{psnr:.1f} dB to truth"
+    return "identical" if psnr is None else f"{psnr:.1f} dB to ground truth"
 
 
 def _starts(place: Any, made: Picture) -> None:
@@ -52,7 +53,7 @@ def write_pictures(folder: Path, n: int = HEIGHT) -> list[Path]:
         ("fixed_float", SPHERES),
     )
     columns = [one for one in wanted if registry.cpu_supports(registry.find_phase(one[0]))]
-    title = "Systems beside the ladder; below, the difference to truth (black: none over 10⁻⁶), and rods' map"
+    title = "Systems beside the ladder; below, the difference to ground truth (black: none), and rods' map"
     figure, spots, bar = panels.two_rows(len(columns), (5, 6.9), title, 0.87)
     for column, (phase, name) in enumerate(columns):
         above, below = (figure.add_subplot(spots[row, column]) for row in (0, 1))

@@ -31,7 +31,7 @@ ROWS = [
     Column("", "the article", lambda r: r["article"]),
     Column("", "here", lambda r: r["ours"]),
     Column("", "ratio", lambda r: r["ratio"]),
-    Column("", "error to truth", lambda r: r["error"]),
+    Column("", "error to ground truth", lambda r: r["error"]),
 ]
 
 
@@ -72,16 +72,15 @@ def section(path: Path) -> Section:
     Another system adds its rows and parts here, and its script to SYSTEMS of scripts/stepwise study.
     """
     file = path / rods.FILE
-    parts, remarks, pictures = [], [], {}
+    parts, pictures = [], {}
     with reading(file, f"scripts/stepwise rods --run {path}"):
         result = rods.read(file)
         drawn = rods_page.drawings(result)
         if result["rows"]:
             caption = "Rod marching against per-pixel marching: time, evaluations, error"
-            parts += part("rods", caption, result["rows"], rods_page.SCENES)
+            parts += part("rods", caption, result["rows"], rods_page.SCENES, rods_page.NOTE)
             caption = "Rod marching: starting rods × step cap on two_spheres"
-            parts += part("rods-trade", caption, result["trade"], rods_page.TRADES, folded=True)
-            remarks.append(rods_page.NOTE)
+            parts += part("rods-trade", caption, result["trade"], rods_page.TRADES)
             pictures[path / "images" / f"{rods_pictures.PICTURES}.png"] = rods_pictures.CAPTION
     with reading(path / rods.THROTTLE, f"scripts/stepwise throttle --run {path}"):
         throttled = rods.read(path / rods.THROTTLE)
@@ -94,9 +93,8 @@ def section(path: Path) -> Section:
         latticed = lattice.read(path / lattice.FILE)
         if latticed["rows"]:
             caption = "CPU-RTRM's scene by every phase of the ladder"
-            foot = lattice_page.foot(latticed["rows"])
+            foot = f"{lattice_page.foot(latticed['rows'])}\n{lattice_page.note(latticed)}".strip()
             parts += part("lattice", caption, latticed["rows"], lattice_page.COLUMNS, foot=foot)
-            remarks.append(lattice_page.note(latticed))
             rows += lattice_page.system_rows(latticed)
     with reading(path / fixed.FILE, f"scripts/stepwise fixed --run {path}"):
         integers = fixed.read(path / fixed.FILE)
@@ -104,13 +102,11 @@ def section(path: Path) -> Section:
         rows += fixed_page.system_rows(integers)
         if integers["rows"]:
             drawn |= fixed_page.drawings(integers)
-            remarks.append(fixed_page.NOTE)
             pictures[path / "images" / f"{fixed_pictures.PICTURES}.png"] = fixed_pictures.CAPTION
     with reading(path / packets.FILE, f"scripts/stepwise packets --run {path}"):
         traced = packets.read(path / packets.FILE)
         drawn = drawn | packets_figures.drawings(traced)
         parts += packets_page.parts(traced) + packets_moving.parts(traced)
-        remarks += packets_page.remarks(traced)
         rows += packets_systems.system_rows(traced) + packets_moving.system_rows(traced)
         if traced["rays"]:
             pictures[path / "images" / f"{packets_pictures.PICTURES}.png"] = packets_pictures.CAPTION
@@ -121,8 +117,25 @@ def section(path: Path) -> Section:
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS, foot=foot) + parts
     about = {
         "file": file,
-        "script": "scripts/stepwise rods, fixed.py, packets.py",
+        "script": "scripts/stepwise systems",
         "drawn": drawn,
         "images": pictures,
     }
-    return Section("systems", "Other systems", "make systems", parts, remarks, **about)
+    return Section("systems", "Other systems", "make systems", parts, answer=_answer(rows), **about)
+
+
+def _answer(rows: Sequence[dict[str, str]]) -> str:
+    """The span of the ratios to Embree, measured beside it, and of those to what articles state of theirs."""
+    said = []
+    for mark, what in (
+        (" over Embree", "as fast as Embree's, side by side on this machine"),
+        (" its speed", "as fast as the articles' own figures, of other machines"),
+    ):
+        found = {}
+        for row in rows:
+            ratio = RATIO.match(row["ratio"])
+            if ratio and mark in row["ratio"]:
+                found[float(ratio[1].replace(",", ""))] = row["ratio"].partition(mark)[0]
+        if found:
+            said.append(f"{found[min(found)]} to {found[max(found)]} {what}")
+    return f"Our systems are {'; '.join(said)}." if said else ""

@@ -25,8 +25,8 @@ def arguments() -> argparse.Namespace:
         DESCRIPTION, {1: "no setting is within the error of a scene", 3: "the CPU lacks what it needs"}
     )
     add = parser.add_argument
-    add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
-    add("-n", type=cli.at_least(16), default=90, help="height in pixels; default: 90")
+    add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: all")
+    add("-n", type=cli.at_least(16), default=90, metavar="HEIGHT", help="height in pixels; default: 90")
     add(
         "--psnr",
         type=cli.at_least(0, float),
@@ -41,7 +41,13 @@ def arguments() -> argparse.Namespace:
         metavar="PPM",
         help="wrong hits, at most; default: 1000",
     )
-    add("--large", type=cli.at_least(16), default=360, metavar="N", help="height of the larger; default: 360")
+    add(
+        "--large",
+        type=cli.at_least(16),
+        default=360,
+        metavar="HEIGHT",
+        help="height of the larger; default: 360",
+    )
     add("--launches", type=cli.at_least(2), default=6, help="of finalists and choice; default: 6")
     add("--seed", type=int, help="of the order; default: random")
     add("--run", type=Path, metavar="DIR", help="for throttle.json; default: build/systems")
@@ -66,7 +72,7 @@ def main() -> int:
     result = cli.plain({"schema": 1, **about, "context": machine.context(), "rows": rows})
     store.write_json(folder / rods.THROTTLE, result)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         print("\n".join(map(rods_page.choice, result["rows"])))
     none = [row["scene"] for row in rows if row["chosen"] is None]

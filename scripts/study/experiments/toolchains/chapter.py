@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from study.core import show
 from study.core.show import Column
 from study.experiments.pareto.fronts import Row
 from study.experiments.section import Section, part, reading
 from study.experiments.toolchains import measure as toolchains
+from study.pictures import dots
+from study.pictures.draw import Drawing
 
 
 def _number(name: str):
@@ -40,9 +44,9 @@ CHAINS = [
     Column("", "speed over gcc as shipped [95 %]", _interval("speedup", "×")),
     Column("what changes", "pixels with any bit changed", lambda r: show.percent(r["changed_fraction"])),
     Column("what changes", "PSNR to shipped, dB", _psnr),
-    Column("error to truth", "PSNR, dB", _number("truth_psnr_db")),
-    Column("error to truth", "false hits, ppm", _number("truth_false_hits_ppm")),
-    Column("error to truth", "false misses, ppm", _number("truth_false_misses_ppm")),
+    Column("error to ground truth", "PSNR, dB", _number("truth_psnr_db")),
+    Column("error to ground truth", "false hits, ppm", _number("truth_false_hits_ppm")),
+    Column("error to ground truth", "false misses, ppm", _number("truth_false_misses_ppm")),
 ]
 
 
@@ -54,16 +58,46 @@ CHAINS_ABOUT = (
 
 
 def compilers(path: Path) -> Section:
-    """Compilers and flags: time, pixels that change, error to truth."""
+    """Compilers and flags: time, pixels that change, error to ground truth."""
     file = path / "toolchains.json"
-    parts, remarks = [], []
+    parts, answer, drawn = [], "", {}
     with reading(file, f"scripts/stepwise toolchains --run {path}"):
         if file.exists():
             result = toolchains.read(file)
-            parts = part("toolchains", "Each phase by each compiler and set of flags", result["rows"], CHAINS)
             native = "; ".join(f"{name}: {flags or 'not told'}" for name, flags in result["native"].items())
-            remarks = [CHAINS_ABOUT.format(**result | {"native": native})]
-            remarks += [
+            note = CHAINS_ABOUT.format(**result | {"native": native})
+            skipped = [
                 f"skipped {one.get('compiler') or one['phase']}: {one['reason']}" for one in result["skipped"]
             ]
-    return Section("toolchains", "Compilers and flags", "make toolchains", parts, remarks)
+            rows = result["rows"]
+            caption = f"Each phase by each compiler and set of flags, n = {result['n']}"
+            parts = part("toolchains", caption, rows, CHAINS, "\n".join([note, *skipped]))
+            answer = _answer(rows)
+            if rows:
+                caption = "Speed of each build over gcc's with the phase's own flags"
+                drawn = {"toolchains": Drawing(caption, note, lambda: _draw(rows))}
+    about = {"file": file, "script": "scripts/stepwise toolchains", "drawn": drawn}
+    return Section("toolchains", "Compilers and flags", "make toolchains", parts, answer=answer, **about)
+
+
+def _draw(rows: list[Row]) -> Figure:
+    made = [
+        dots.of(row["speedup"], f"{row['scene']}, {row['phase']}", f"{row['compiler']}, {row['flags']}",
+                f"{_psnr(row)} to shipped", True)
+        for row in rows
+    ]  # fmt: skip
+    return dots.draw(made, "What another compiler or other flags give", "speed over gcc as shipped", True)
+
+
+def _answer(rows: list[Row]) -> str:
+    """The largest gain and the largest loss against what is shipped, with what they do to the picture."""
+    able = [row for row in rows if row["speedup"]["value"]]
+    if not able:
+        return ""
+    best, worst = (pick(able, key=lambda row: row["speedup"]["value"]) for pick in (max, min))
+    said = [
+        f"{_interval('speedup', '×')(row)}, {row['phase']} on {row['scene']} by {row['compiler']} with "
+        f"{row['flags']} ({_psnr(row)} to the shipped picture)"
+        for row in (best, worst)
+    ]
+    return f"Against gcc with the phase's own flags the most is {said[0]}, the least {said[1]}."

@@ -27,16 +27,16 @@ def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a phase cannot be built, crashes, or writes what is not finite"})
     add = parser.add_argument
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
-    add("--phase", nargs="+", default=ladder, metavar="NAME", help="default: the ladder")
-    add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="NAME", help="default: %(default)s")
+    add("--phase", nargs="+", default=ladder, metavar="PHASE", help="default: the ladder")
+    add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="SCENE", help="default: %(default)s")
     add(
         "--compiler", nargs="+", default=list(toolchains.COMPILERS), metavar="CC", help="default: %(default)s"
     )
     add("--flags", nargs="+", default=list(SETS), choices=SETS, metavar="SET", help="default: all four")
-    add("-n", type=cli.at_least(1), default=90, help="height in pixels; default: 90")
+    add("-n", type=cli.at_least(1), default=90, metavar="HEIGHT", help="height in pixels; default: 90")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
     add("--no-truth", action="store_true", help="do not compare with truth (saves rendering it)")
     add("--run", type=Path, metavar="DIR", help="for toolchains.json; default: build/toolchains")
     return parser.parse_args()
@@ -95,7 +95,7 @@ def main() -> int:
     result = study(args)
     store.write_json(folder / "toolchains.json", result)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     elif result["rows"]:
         print(summary.table(toolchains.shown(result["rows"]), toolchains.COLUMNS))
         print(f"n = {args.n}, {args.launches} launches of one frame; -march=native here:")

@@ -17,5 +17,5 @@ EXPERIMENT = Experiment(
     files=("toolchains.json",),
     calls=calls,
     depth="full",
-    sections=[(170, lambda data: chapter.compilers(data.path))],
+    sections=[(630, lambda data: chapter.compilers(data.path))],
 )

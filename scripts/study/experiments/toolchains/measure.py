@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from study.core import cli, run, store
+from study.core import cli, progress, run, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.experiments.accuracy import measure as accuracy
@@ -107,7 +106,7 @@ def build_all(programs: list[Program], jobs: int) -> dict[Program, str]:
         folders.setdefault(program.folder, []).append(program)
     with ThreadPoolExecutor(jobs) as pool:
         made = pool.map(lambda group: [(p, build(p)) for p in group], folders.values())
-        done = list(tqdm(made, "build", len(folders), leave=False, disable=None))
+        done = list(progress.each(made, "build", len(folders)))
     return {program: why for group in done for program, why in group if why}
 
 

@@ -7,9 +7,7 @@ import os
 from itertools import product
 from pathlib import Path
 
-from tqdm import tqdm
-
-from study.core import cli, registry, store
+from study.core import cli, progress, registry, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
@@ -73,6 +71,16 @@ def judge(
     return found
 
 
+def with_parents(names: list[str], reference: Spec) -> tuple[list[Spec], set[Spec]]:
+    """Each phase behind its parent, and those that were not asked for: rows to compare with, not judged."""
+    asked = [Spec.parse(name) for name in names]
+    both: list[Spec] = []
+    for spec in asked:
+        parent = registry.parent_of(str(spec))
+        both += [Spec.parse(parent), spec] if parent and parent != str(reference) else [spec]
+    return list(dict.fromkeys(both)), set(both) - set(asked)
+
+
 COLUMNS = (  # head, metric, format, factor
     ("mask ppm", "mask_mismatch_ppm", "{:.0f}", 1),
     ("id ppm", "id_mismatch_ppm", "{:.0f}", 1),
@@ -109,13 +117,16 @@ def arguments() -> argparse.Namespace:
     cores = len(os.sched_getaffinity(0))
     parser = cli.parser(__doc__, {1: "a pair is outside its tolerance", 3: "no phase could run on this CPU"})
     add = parser.add_argument
-    add("--reference", default="baseline", metavar="SPEC", help="default: baseline")
-    add("--phase", nargs="+", metavar="SPEC", help="e.g. opt4, or opt2@opt4; default: all")
-    add("--scene", nargs="+", metavar="NAME", help="default: all")
-    add("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
-    add("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
+    add("--reference", default="baseline", metavar="PHASE", help="default: baseline")
+    about = "e.g. opt4, or opt2@opt4; default: all. The row of its parent stands beside, not judged"
+    add("--phase", nargs="+", metavar="PHASE", help=about)
+    add("--scene", nargs="+", metavar="SCENE", help="default: all")
+    add("-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height in pixels; default: 720")
+    add(
+        "-w", type=cli.at_least(1), metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square"
+    )
     about = f"height of fractal scenes' means of {FACTOR}x{FACTOR} pixels; default: 180"
-    add("--antialias-n", type=cli.at_least(1), default=180, metavar="N", help=about)
+    add("--antialias-n", type=cli.at_least(1), default=180, metavar="HEIGHT", help=about)
     add("--run", type=Path, metavar="DIR", help="for verify.json and images/; default: build/verify")
     add(
         "--jobs",
@@ -129,9 +140,9 @@ def arguments() -> argparse.Namespace:
 
 def main() -> int:
     args = arguments()
+    asked = args.phase or [phase.name for phase in registry.ladder().values() if phase.parent]
     reference = Spec.parse(args.reference)
-    names = args.phase or [phase.name for phase in registry.ladder().values() if phase.parent]
-    specs = [Spec.parse(name) for name in dict.fromkeys(names)]
+    specs, extra = with_parents(asked, reference)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
     for spec in specs:
         gate.check(registry.find_phase(spec.phase))
@@ -154,11 +165,12 @@ def main() -> int:
     refused = gallery.render_all(tasks, args.jobs)
 
     pairs = []
-    for scene, spec in tqdm(list(product(scenes, able)), "compare", leave=False, disable=None):
-        about = subject(reference, spec, scene, sizes[scene.name][0])
+    for scene, spec in progress.each(list(product(scenes, able)), "compare"):
+        about = {**subject(reference, spec, scene, sizes[scene.name][0]), "beside": spec in extra}
         error = refused.get((reference, scene.name)) or refused.get((spec, scene.name))
         if error is None:
-            pairs.append(judge(gallery, reference, spec, scene, *sizes[scene.name], args.heatmaps))
+            found = judge(gallery, reference, spec, scene, *sizes[scene.name], args.heatmaps)
+            pairs.append({**about, **found})
         elif error.status in (NO_ISA, UNSUPPORTED):
             skipped.append({"phase": str(spec), "scene": scene.name, "reason": error.message})
         else:
@@ -167,17 +179,17 @@ def main() -> int:
     tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
     result = {"schema": 1, "reference": str(reference), **tools, "pairs": pairs, "skipped": skipped}
     store.write_json(folder / "verify.json", result)
-    report(args, result, folder, alone=len(specs) == len(scenes) == len(pairs) == 1)
-    if not pairs:
+    report(args, result, folder)
+    judged = [pair for pair in pairs if not pair["beside"]]
+    if not judged:
         return cli.CANNOT_RUN
-    return cli.FAILED if any(pair["within_tolerance"] is False for pair in pairs) else cli.OK
+    return cli.FAILED if any(pair["within_tolerance"] is False for pair in judged) else cli.OK
 
 
-def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) -> None:
-    """JSON (a flat object for a pair asked for alone) or a table; then what was skipped and what failed."""
+def report(args: argparse.Namespace, result: dict, folder: Path) -> None:
+    """JSON or a table; then what was skipped and what failed."""
     if args.json:
-        tools = {key: value for key, value in result.items() if key.endswith("_tool")}
-        cli.emit({**result["pairs"][0], **tools} if alone else result)
+        cli.emit(result, folder)
     elif result["pairs"]:
         print(table(result["pairs"]))
         print(f"Linear RGB in [0, 1] where not called display; FLIP: {images.FLIP_TOOL}.")
@@ -188,6 +200,6 @@ def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) ->
         if pair.get("left_to"):
             about = f"{pair['phase']} on {pair['scene']} is left to {TRUTH}"
             cli.say(f"{about}: it declares tolerance.truth alone; here only that all samples are finite")
-        if pair["within_tolerance"] is False:
+        if pair["within_tolerance"] is False and not pair["beside"]:
             where = f" (heat map: {folder / pair['heatmap']})" if "heatmap" in pair else ""
             cli.say(f"FAIL {pair['phase']} on {pair['scene']}: {'; '.join(pair['why'])}{where}")

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.verify import chapter
 from study.numbers import analysis
+
+LEAST = 180  # pixels of height
 
 
 def calls(study: Study) -> list[Call]:
-    """On every scene. The averaged pictures of fractals are higher in a full study."""
+    """On every scene. Shares of pixels need pictures that are not too small."""
     specs = dict.fromkeys(cell.spec for cell in analysis.load(study.run).cells if cell.spec != "baseline")
     averaged = "180" if study.depth == "full" else "90"
-    size = ["-n", str(study.height), "--antialias-n", averaged]
+    size = ["-n", str(max(study.height, LEAST)), "--antialias-n", averaged]
     run = ["--run", str(study.run)]
     sheet = [] if study.asked else [Call("pictures", run)]
     return [Call("verify", ["--phase", *specs, *size, *run]), *sheet]
@@ -23,5 +26,5 @@ EXPERIMENT = Experiment(
     files=("verify.json",),
     calls=calls,
     depth="quick",
-    sections=[],
+    sections=[(510, chapter.verification)],
 )

@@ -35,10 +35,16 @@ SECONDS = 150
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a program crashed, or a picture has samples that are not finite"})
     add = parser.add_argument
-    add("--phase", nargs="+", default=list(registry.ladder()), metavar="NAME", help="rungs; default: all")
-    add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
-    add("-n", type=cli.at_least(8), default=90, help="height of what is timed; default: 90")
-    add("--error-n", type=cli.at_least(8), default=45, metavar="N", help="of what is held against truth: 45")
+    add("--phase", nargs="+", default=list(registry.ladder()), metavar="PHASE", help="rungs; default: all")
+    add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: all")
+    add("-n", type=cli.at_least(8), default=90, metavar="HEIGHT", help="height of what is timed; default: 90")
+    add(
+        "--error-n",
+        type=cli.at_least(8),
+        default=45,
+        metavar="HEIGHT",
+        help="of what is held against truth: 45",
+    )
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add(
         "--reps",
@@ -46,13 +52,15 @@ def arguments() -> argparse.Namespace:
         default=1,
         help="timed frames of a launch at least, and 20 ms of them; default: 1",
     )
-    add("--seconds", type=cli.at_least(1, float), help=f"for everything; default: {SECONDS}")
+    add(
+        "--budget", type=cli.at_least(1, float), metavar="SECONDS", help=f"for everything; default: {SECONDS}"
+    )
     add("--full", action="store_true", help="every rung, however long that takes")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
     add("--run", type=Path, metavar="DIR", help="for views.json, figures/, images/; default: build/views")
     args = parser.parse_args()
-    args.seconds = args.seconds or (float("inf") if args.full else SECONDS)
+    args.budget = args.budget or (float("inf") if args.full else SECONDS)
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
 
@@ -93,11 +101,8 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
             left_out.append({"phase": "all", "scene": name, "view": "all", "reason": str(error)})
     with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
         settings = views_measure.Settings(
-            **{
-                key: getattr(args, key)
-                for key in ("n", "error_n", "launches", "reps", "seed", "cpu", "seconds")
-            },
-            **{"jobs": len(run.USABLE), "scratch": Path(scratch)},
+            **{key: getattr(args, key) for key in ("n", "error_n", "launches", "reps", "seed", "cpu")},
+            **{"seconds": args.budget, "jobs": len(run.USABLE), "scratch": Path(scratch)},
         )
         found = views_measure.study(rungs, scenes, settings)
     found["left_out"] = left_out + found["left_out"]
@@ -109,10 +114,11 @@ def main() -> int:
     folder = store.writable(args.run or registry.ROOT / "build" / "views")
     run.cpu_set(args.cpu, 1)
     begun = time.monotonic()
-    keys = ("n", "error_n", "launches", "reps", "seed", "cpu", "seconds")
+    keys = ("n", "error_n", "launches", "reps", "seed", "cpu")
     found = measured(args, folder)
     about = {"reference": BASELINE, "took_s": time.monotonic() - begun, "context": machine.context()}
-    result = cli.plain({"schema": 1, **{key: getattr(args, key) for key in keys}, **about, **found})
+    settings = {key: getattr(args, key) for key in keys} | {"seconds": args.budget}
+    result = cli.plain({"schema": 1, **settings, **about, **found})
     store.write_json(folder / views_measure.FILE, result)
     figures = []
     with matplotlib.rc_context(STYLE):
@@ -120,7 +126,7 @@ def main() -> int:
             text = "" if name == views_page.SHEET else views_page.note(result)
             figures += save(figure, folder / "figures" / name, text)
     if args.json:
-        cli.emit(result)
+        cli.emit(result, folder)
     else:
         for rung in result["rungs"]:
             cells = [column.text(rung) for column in views_tables.RUNGS]

@@ -17,5 +17,5 @@ EXPERIMENT = Experiment(
     files=("views.json",),
     calls=calls,
     depth="standard",
-    sections=[(120, lambda data: chapter.elsewhere(data.path))],
+    sections=[(430, lambda data: chapter.elsewhere(data.path))],
 )

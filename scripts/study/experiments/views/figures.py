@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import matplotlib.image
@@ -9,20 +10,21 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from study.core import machine
+from study.core import machine, show
 from study.experiments.views.gains import ends
 from study.experiments.views.measure import BASE, Row
 from study.experiments.views.views import CLEAR
 from study.numbers.stats import Interval
+from study.pictures.draw import Drawing
 
 SHEET, RATIOS = "views-sheet", "views-ratios"
 
 
 def ratios(result: Row) -> Figure:
-    """A column a rung: a mark for each view, the median of the others as a bar."""
+    """A column a phase: a mark for each view, the median of the others as a bar."""
     found = result["rungs"]
     figure = Figure(figsize=(max(8, 1.5 * len(found) + 2.6), 4.4), layout="constrained")
-    title = "Gain of each rung over its parent, view by view; by name: the view of least gain (scene, place)"
+    title = "Gain of each phase over its parent, view by view; by name: the view of least gain (scene, place)"
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     axes = figure.subplots()
     axes.axhline(1, color="#888888", linewidth=1)
@@ -79,8 +81,33 @@ def sheet(result: Row, folder: Path) -> Figure | None:
 
 def figures(result: Row, folder: Path) -> dict[str, Figure]:
     """Every figure that there is something for. `folder`: of the run, where the thumbnails are."""
-    made = {RATIOS: ratios(result) if result["rungs"] else None, SHEET: sheet(result, folder)}
-    return {name: figure for name, figure in made.items() if figure is not None}
+    return {name: drawing.make() for name, drawing in drawings(result, folder).items()}
+
+
+def drawings(result: Row, folder: Path) -> dict[str, Drawing]:
+    """What views.json suffices for, and the sheet where the run's folder has its thumbnails."""
+    made = {}
+    if result["rungs"]:
+        about = "Gain of each phase over its parent on every view"
+        made[RATIOS] = Drawing(about, note(result), lambda: ratios(result))
+    if any((folder / one["picture"]).is_file() for one in result.get("thumbnails", ())):
+        about = "The views: each scene's own and three further ones"
+        made[SHEET] = Drawing(about, note(result), lambda: sheet(result, folder))
+    return made
+
+
+def answer(result: Row) -> str:
+    """How many phases gain in the median of views that nothing was tuned on, and the least of all gains."""
+    gains = [(ends({"ratio": one["median"]}), one) for one in result["rungs"]]
+    found = [one for one in gains if math.isfinite(one[0][1])]
+    if not found:
+        return ""
+    wins = [one for one in found if one[0][1] > 1]
+    least = min(found, key=lambda one: one[0][0])[1]
+    return (
+        f"{len(wins)} of {len(found)} phases are faster than their parent in the median of views that "
+        f"nothing was tuned on; the least gain is {least['phase']}'s, {show.spread(least['median'], 3, '×')}."
+    )
 
 
 def note(result: Row) -> str:
@@ -89,9 +116,7 @@ def note(result: Row) -> str:
         f"{cpu}; one thread, n = {result['n']}, median of {result['launches']} interleaved launches. "
         "Constants may be tuned on the own views of scene0 and mandelbulb; the others are only measured. "
         "Each scene is also seen after 40° round the mean distance of its shapes to either side, and from "
-        f"0.6 of that distance (less where a shape would be within {CLEAR:g} of the way: stated); "
-        f"shapes and light are the same. Errors: pictures at n = {result['error_n']}, linear RGB, to truth "
-        f"while a share of the time lasts, else to {BASE}; fractals to {BASE}, both rendered four times as "
-        "large and averaged. A rung that generates kernels runs its parent's code where it has none: what is "
-        "measured there is noise, counted as no gain and in no median."
+        f"0.6 of that distance (less where a shape would be within {CLEAR:g} of the way). Errors: pictures "
+        f"at n = {result['error_n']}, linear RGB, to ground truth while the time lasts, else to {BASE}. "
+        "A phase that generates kernels runs its parent's code where it has none: no gain, and in no median."
     )

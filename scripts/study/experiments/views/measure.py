@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from study.core import cli, registry, run, store
+from study.core import cli, progress, registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
@@ -218,7 +217,7 @@ class Errors:
     def find_references(self, views: Sequence[View], seconds: float) -> None:
         """Truth's picture of every view as far as the seconds go, the tuned first; else the baseline's."""
         begun, others = time.monotonic(), []
-        for view in tqdm(sorted(views, key=lambda v: not v.tuned), "references", leave=False, disable=None):
+        for view in progress.each(sorted(views, key=lambda v: not v.tuned), "references"):
             size = self.size(view)
             if not view.scene.fractal:
                 left = seconds - (time.monotonic() - begun)

@@ -65,7 +65,7 @@ def _mark(row: Row) -> str:
 
 
 RUNGS = [
-    Column("", "rung", lambda r: r["phase"]),
+    Column("", "phase", lambda r: r["phase"]),
     Column("", "parent", lambda r: r["parent"]),
     Column("times as fast as its parent", "tuned views [95 %]", _tuned),
     Column("times as fast as its parent", "median of the other views [95 %]", lambda r: _text(r["median"])),
@@ -75,7 +75,7 @@ RUNGS = [
         "times as fast as its parent", "of them by its parent's code", lambda r: str(r.get("general") or 0)
     ),
     Column("", "verdict", lambda r: r["verdict"], _mark),
-    Column("lowest PSNR of all views, dB", "to truth", _db("to_truth")),
+    Column("lowest PSNR of all views, dB", "to ground truth", _db("to_truth")),
     Column("lowest PSNR of all views, dB", f"to {BASE} (fractals: 4×4 averaged)", _db("to_base")),
     Column("", "most wrong hits, ppm", show.plain("wrong_ppm")),
 ]
@@ -90,7 +90,7 @@ def _psnrs(row: Row) -> str:
 
 
 SCENES = [
-    Column("", "rung", lambda r: r["phase"]),
+    Column("", "phase", lambda r: r["phase"]),
     Column("", "scene", lambda r: r["scene"]),
     *[
         Column("times as fast as its parent", f"{name} [95 %]", _of_view(name))
@@ -101,7 +101,7 @@ SCENES = [
 ]
 POINTS = [
     Column("", "program", lambda r: r["phase"]),
-    Column("", "scene", lambda r: r["scene"]),
+    Column("", "scene", show.picture),
     Column("", "view", lambda r: f"{r['view']}: {r['change']}"),
     Column("", "ms a frame [95 %]", lambda r: _text(r["ms"], "")),
     Column("", "× parent [95 %]", lambda r: _text(r["ratio"])),
@@ -119,18 +119,18 @@ LEFT_OUT = [
 ]
 
 
-def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column], bool]]:
-    """Name, caption, rows, columns, and whether it is folded."""
+def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column]]]:
+    """Name, caption, rows and columns."""
     left_out = [*result["failures"], *result["left_out"]]
+    size = f"times at n = {result['n']}, errors at n = {result['error_n']}"
     return [
         (
             "views",
-            "Each rung against its parent, on views it was not tuned on",
+            f"Each phase against its parent, on views it was not tuned on; {size}",
             result["rungs"],
             RUNGS,
-            False,
         ),
-        ("views-scenes", "The same scene by scene", by_scene(result["rows"]), SCENES, True),
-        ("views-points", "Every program on every view", result["rows"], POINTS, True),
-        ("views-left-out", "Not measured", left_out, LEFT_OUT, True),
+        ("views-scenes", f"The same scene by scene; {size}", by_scene(result["rows"]), SCENES),
+        ("views-points", "Every program on every view", result["rows"], POINTS),
+        ("views-left-out", "Not measured", left_out, LEFT_OUT),
     ]

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
-from study.pictures.draw import BAD, COLOURS, MARKERS, STYLE, save
+from study.pictures.draw import BAD, COLOURS, MARKERS, STYLE, save, thumbnail
 
 MARK = {
     "not finite": "NaN",
@@ -72,48 +72,56 @@ def _strength_axis(axes: Axes, case: dict) -> None:
     axes.set_xlabel(f"{case['strength']}: harder to the right →")
 
 
-def draw(case: dict, rows: list[dict], names: list[str], stem: Path) -> list[Path]:
-    """STEM.svg and STEM.png of a case, from stability.json: its `about` and its rows; `names`: all phases."""
+def _figure(case: dict, rows: list[dict], names: list[str]) -> tuple[Figure, str]:
+    """The figure of a case and its note, from its `about` and rows in stability.json; `names`: all phases."""
     limit = case["fails_above"]
+    figure = Figure(figsize=(8.2, 4.4), layout="constrained")
+    axes = figure.subplots()
+    axes.set_yscale("log")
+    floor, ceiling = _span(rows, limit)
+    for place, r in enumerate(rows):
+        look = names.index(r["phase"])
+        colour, marker = COLOURS[look % len(COLOURS)], MARKERS[look % len(MARKERS)]
+        nested = 12 - 8 * place / max(1, len(rows) - 1)  # phases that agree stay visible, one in another
+        points = [
+            (s, max(e, floor) if _finite(e) else ceiling)
+            for s, e, state in zip(r["strengths"], r["errors"], r["states"], strict=True)
+            if state != "refused"
+        ]
+        label = r["phase"] + (" (refuses)" if r["refused"] else "")
+        drawn = {"color": colour, "marker": marker, "label": label, "lw": 0.6 + nested / 8}
+        axes.plot(*zip(*points, strict=True) if points else ([], []), ms=nested, mfc="none", mew=1.4, **drawn)
+    lost = _lost(axes, rows, ceiling)
+    if limit > 0:
+        axes.axhline(limit, color=BAD, lw=1.4, ls="--")
+        axes.axhspan(limit, ceiling * 2, color=BAD, alpha=0.05)
+    else:
+        axes.axhspan(floor * 1.8, ceiling * 2, color=BAD, alpha=0.05)
+    _strength_axis(axes, case)
+    _error_axis(axes, floor, ceiling, lost)
+    unit = f", {case['unit']}" if case["unit"] and case["unit"] not in case["metric"] else ""
+    axes.set_ylabel(textwrap.fill(f"{case['metric']}{unit}", 44))
+    figure.suptitle(f"{case['number']}. {case['title']}", x=0.01, ha="left", fontsize=11, fontweight="bold")
+    handles, _ = axes.get_legend_handles_labels()
+    if limit > 0:
+        said = f"limit {number(limit)} {case['unit']}".strip()
+        handles.append(Line2D([], [], color=BAD, ls="--", label=said))
+    figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=9)
+    fails = "fails" if limit > 0 else "fails (anything above 0)"
+    return figure, f"Shaded: {fails}. Markers one in another: phases that agree."
+
+
+def draw(case: dict, rows: list[dict], names: list[str], stem: Path) -> list[Path]:
+    """STEM.svg and STEM.png of a case."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(8.2, 4.4), layout="constrained")
-        axes = figure.subplots()
-        axes.set_yscale("log")
-        floor, ceiling = _span(rows, limit)
-        for place, r in enumerate(rows):
-            look = names.index(r["phase"])
-            colour, marker = COLOURS[look % len(COLOURS)], MARKERS[look % len(MARKERS)]
-            nested = 12 - 8 * place / max(1, len(rows) - 1)  # phases that agree stay visible, one in another
-            points = [
-                (s, max(e, floor) if _finite(e) else ceiling)
-                for s, e, state in zip(r["strengths"], r["errors"], r["states"], strict=True)
-                if state != "refused"
-            ]
-            label = r["phase"] + (" (refuses)" if r["refused"] else "")
-            drawn = {"color": colour, "marker": marker, "label": label, "lw": 0.6 + nested / 8}
-            axes.plot(
-                *zip(*points, strict=True) if points else ([], []), ms=nested, mfc="none", mew=1.4, **drawn
-            )
-        lost = _lost(axes, rows, ceiling)
-        if limit > 0:
-            axes.axhline(limit, color=BAD, lw=1.4, ls="--")
-            axes.axhspan(limit, ceiling * 2, color=BAD, alpha=0.05)
-        else:
-            axes.axhspan(floor * 1.8, ceiling * 2, color=BAD, alpha=0.05)
-        _strength_axis(axes, case)
-        _error_axis(axes, floor, ceiling, lost)
-        unit = f", {case['unit']}" if case["unit"] and case["unit"] not in case["metric"] else ""
-        axes.set_ylabel(textwrap.fill(f"{case['metric']}{unit}", 44))
-        figure.suptitle(
-            f"{case['number']}. {case['title']}", x=0.01, ha="left", fontsize=11, fontweight="bold"
-        )
-        handles, _ = axes.get_legend_handles_labels()
-        if limit > 0:
-            said = f"limit {number(limit)} {case['unit']}".strip()
-            handles.append(Line2D([], [], color=BAD, ls="--", label=said))
-        figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=9)
-        fails = "fails" if limit > 0 else "fails (anything above 0)"
-        return save(figure, stem, f"Shaded: {fails}. Markers one in another: phases that agree.")
+        figure, note = _figure(case, rows, names)
+        return save(figure, stem, note)
+
+
+def small(case: dict, rows: list[dict], names: list[str]) -> bytes:
+    """The figure of a case as a small PNG."""
+    with matplotlib.rc_context(STYLE):
+        return thumbnail(*_figure(case, rows, names))
 
 
 def _lost(axes: Axes, rows: list[dict], ceiling: float) -> bool:

@@ -8,9 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
-from tqdm import tqdm
-
-from study.core import cli, registry
+from study.core import cli, progress, registry
 from study.experiments.stability.cases import Case, Crashed, Hung, Outcome, Phase, Refused
 
 FAMILY = "ladder"  # of the phases that run unless others are named
@@ -97,7 +95,7 @@ def sweep(
     with ThreadPoolExecutor(jobs) as pool:
         running = {pool.submit(measure_point, Phase(n, **options), c, s): (c, n, s) for c, n, s in tasks}
         try:
-            for future in tqdm(as_completed(running), "hard cases", len(tasks), leave=False, disable=None):
+            for future in progress.each(as_completed(running), "hard cases", len(tasks)):
                 case, name, strength = running[future]
                 points[case.number, name, strength] = future.result()
         except BaseException:

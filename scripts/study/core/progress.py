@@ -1,0 +1,98 @@
+"""Progress of long work on standard error: a bar with the time left on a terminal, else a line at times."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from types import TracebackType
+from typing import Any, TypeVar
+
+from tqdm import tqdm
+
+from study.core import cli
+
+T = TypeVar("T")
+PAUSE = 10  # s between two lines
+LOOK = 0.2  # s between two looks at a child's work
+BAR = "{desc}: {percentage:3.0f}% |{bar:30}| {elapsed} < {remaining}  {postfix}"
+
+
+def duration(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    return f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+
+
+class Progress:
+    """Of `about`; `total` steps, None where that is not known. `share`: in percent, and the end is said.
+
+    Lines come every PAUSE seconds, so that work of a few seconds says nothing.
+    """
+
+    def __init__(self, about: str, total: float | None, share: bool = False) -> None:
+        self.about, self.total, self.share = about, total, share
+        self.done: float = 0
+        self.begun = self.said = time.monotonic()
+        form = {"bar_format": BAR} if share else {}
+        self.bar: Any = None
+        if sys.stderr.isatty():
+            self.bar = tqdm(total=total, desc=about, leave=share, dynamic_ncols=True, **form)
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.bar is not None:
+            self.bar.close()
+        elif self.share and not kind:
+            cli.say(self.text())
+
+    def text(self) -> str:
+        """`build: 12 of 80, after 14 s, 1 min 19 s left`."""
+        spent = time.monotonic() - self.begun
+        if self.total is None:
+            return f"{self.about}: after {duration(spent)}"
+        percent = 100 * self.done / self.total if self.total else 100
+        far = f"{percent:.0f} %" if self.share else f"{self.done:g} of {self.total:g}"
+        left = ""
+        if 0 < self.done < self.total:
+            left = f", {duration(spent * (self.total - self.done) / self.done)} left"
+        return f"{self.about}: {far}, after {duration(spent)}{left}"
+
+    def to(self, done: float, doing: str = "") -> None:
+        """So much is done; `doing`: what comes now."""
+        step, self.done = done - self.done, done
+        if self.bar is not None:
+            if doing:
+                self.bar.set_postfix_str(doing, refresh=False)
+            self.bar.update(step)
+        elif time.monotonic() - self.said >= PAUSE:
+            self.said = time.monotonic()
+            cli.say(self.text() + (f"; {doing}" if doing else ""))
+
+
+def each(items: Iterable[T], about: str, total: int | None = None) -> Iterator[T]:
+    """The items, counted when each has been dealt with. `total`: how many, where len() does not say."""
+    if total is None and hasattr(items, "__len__"):
+        total = len(items)  # type: ignore[arg-type]
+    with Progress(about, total) as progress:
+        for number, item in enumerate(items, 1):
+            yield item
+            progress.to(number)
+
+
+def until(child: subprocess.Popen[Any], about: str, done: Callable[[], int], total: int | None) -> None:
+    """Waits for the child's end; `done` says how far it is."""
+    try:
+        with Progress(about, total) as progress:
+            while child.poll() is None:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    child.wait(LOOK)
+                progress.to(done())
+    except BaseException:
+        child.kill()
+        raise

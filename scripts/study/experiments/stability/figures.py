@@ -1,0 +1,80 @@
+"""All hard cases as one figure, made from stability.json alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from study.experiments.stability.cases import curves
+
+CAPTION = "How far each phase gets in each hard case before it first fails"
+COLOURS = ("#7a0c05", "#d9694f", "#f6d5c3")  # fails at the first strength … at the last
+RIGHT, REFUSES = "#bfe3d6", "#dddddd"
+
+
+def reached(row: dict[str, Any]) -> float:
+    """The share of its strengths that a phase gets right before it first fails; 1: it never does."""
+    if row["first_failure"] is None:
+        return 1.0
+    return row["strengths"].index(row["first_failure"]) / len(row["strengths"])
+
+
+def draw(data: dict[str, Any]) -> Figure:
+    """A line a case, a column a phase: the first strength that fails, darker the easier it is."""
+    names = [phase["name"] for phase in data["phases"]]
+    figure = Figure(figsize=(3.6 + 0.72 * len(names), 0.235 * len(data["cases"]) + 1.9), layout="constrained")
+    figure.suptitle(
+        "The first strength of each hard case at which a phase fails", x=0.01, ha="left", fontsize=12
+    )
+    axes = figure.subplots()
+    fading = LinearSegmentedColormap.from_list("failures", COLOURS)
+    found = {(row["number"], row["phase"]): row for row in data["results"]}
+    for line, case in enumerate(data["cases"]):
+        for column, name in enumerate(names):
+            row = found[case["number"], name]
+            share = reached(row)
+            colour = REFUSES if row["refused"] else RIGHT if share == 1 else fading(share)
+            axes.barh(line, 0.94, 0.9, column - 0.47, color=colour)
+            if share < 1 and not row["refused"]:
+                ink = "white" if share < 0.4 else "black"
+                text = curves.number(row["first_failure"])
+                axes.text(column, line, text, fontsize=7, ha="center", va="center", color=ink)
+    axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(data["cases"]) - 0.5, -0.5))
+    axes.set_yticks(
+        range(len(data["cases"])), [f"{c['number']}. {c['title']}" for c in data["cases"]], fontsize=8
+    )
+    axes.set_xticks(range(len(names)), names, rotation=45, ha="right", rotation_mode="anchor", fontsize=8.5)
+    axes.grid(False)
+    axes.tick_params(length=0)
+    kinds = (
+        ("never fails", RIGHT),
+        ("fails late", COLOURS[2]),
+        ("fails at once", COLOURS[0]),
+        ("refuses", REFUSES),
+    )
+    marks = [Patch(color=colour, label=text) for text, colour in kinds]
+    figure.legend(handles=marks, loc="outside right upper", frameon=False, fontsize=8.5)
+    return figure
+
+
+def answer(data: dict[str, Any]) -> str:
+    """How many cases each of the phases fails, from fewest to most, and whether any gave no number at all."""
+    failed: dict[str, int] = {phase["name"]: 0 for phase in data["phases"]}
+    for row in data["results"]:
+        failed[row["phase"]] += row["first_failure"] is not None
+    if not failed:
+        return ""
+    order = sorted(failed, key=lambda name: failed[name])
+    broken = [
+        row for row in data["results"] if {"not finite", "crashed", "hung", "broken"} & set(row["states"])
+    ]
+    names = dict.fromkeys(row["phase"] for row in broken)
+    what = (
+        f"{', '.join(names)} wrote NaN, crashed or hung" if broken else "no phase wrote NaN, crashed or hung"
+    )
+    few, many = (f"{failed[name]} ({name})" for name in (order[0], order[-1]))
+    said = f"between {few} and {many}" if failed[order[0]] != failed[order[-1]] else f"{failed[order[0]]}"
+    return f"Of {len(data['cases'])} hard cases a phase fails {said} at some strength; {what}."

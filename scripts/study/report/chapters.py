@@ -1,0 +1,158 @@
+"""Chapters of the report that belong to no experiment: claims, pictures, phases, machine, units."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import markdown_it
+import pandas as pd
+from matplotlib.figure import Figure
+
+from study.claims import claims
+from study.core import registry
+from study.experiments.section import Section, part
+from study.experiments.sweep import columns
+from study.numbers import analysis, paper, verdicts
+from study.numbers.analysis import Data
+from study.pictures import embed
+from study.pictures.draw import Drawing
+from study.report import facts, lessons
+
+PICTURES = {  # of stepwise pictures
+    "contact-sheet.png": "Every scene by every phase, with its error against baseline",
+    "evaluations.png": "Distance evaluations of each camera ray of baseline: where the time goes",
+}
+COLOURS = dict(
+    zip(verdicts.WORDS, ("#009E73", "#8CCFB9", "#b3261e", "#E69F00", "#e0e0e0", "#bdbdbd"), strict=True)
+)
+PAPERS = (
+    "P1: Isik, El Okaili, Cavaleri and Graf, A highly optimized CPU rendering engine using raymarcher based "
+    "on sphere tracing (ETH Zurich, 2020), on an i7-7700 at 3.6 GHz. P2: a real-time ray tracer. P3: an "
+    "integer ray tracer on the TILE-Gx. P4: rod marching. Lines: of the texts that results/paper names.\n"
+    "A figure within 10 % of the stated one holds. “In part”: the same direction and less of it. What does "
+    "not hold here is not thereby refuted there: machine, compiler and program are others."
+)
+RERUN = (
+    "By its tables: cycles = FLOPs / (FLOPs per cycle). “Its program, run again”: the authors' public "
+    "program at 1280×720 on one thread of a Zen 5 virtual machine, errors against its own baseline. Its opt4 "
+    "changes the hit distance, the fog and the bounds; here no phase changes a parameter of a scene."
+)
+
+
+def by_paper(found: Sequence[Mapping[str, Any]]) -> dict[str, Counter[str]]:
+    """Paper → how many of its claims have which verdict."""
+    counts: dict[str, Counter[str]] = {}
+    for claim in found:
+        word = next(word for word in verdicts.WORDS if claim["verdict"].startswith(word))
+        counts.setdefault(claim["text"], Counter())[word] += 1
+    return dict(sorted(counts.items()))
+
+
+def _draw(found: Sequence[Mapping[str, Any]]) -> Figure:
+    counts = by_paper(found)
+    figure = Figure(figsize=(9, 0.5 * len(counts) + 1.5), layout="constrained")
+    figure.suptitle("What became of the papers' claims here", x=0.01, ha="left", fontsize=12)
+    axes = figure.subplots()
+    left = dict.fromkeys(counts, 0)
+    for word, colour in COLOURS.items():
+        many = [counts[name][word] for name in counts]
+        if any(many):
+            bars = axes.barh(list(counts), many, 0.7, list(left.values()), color=colour, label=word)
+            axes.bar_label(bars, [str(one) if one else "" for one in many], label_type="center", fontsize=8)
+        left = {name: left[name] + counts[name][word] for name in counts}
+    axes.invert_yaxis()
+    axes.set_xlabel("claims")
+    axes.grid(False, axis="y")
+    figure.legend(loc="outside right upper", frameon=False, fontsize=8.5)
+    return figure
+
+
+def reproduced(data: Data, rows: pd.DataFrame) -> Section:
+    """The claims register, and the paper's own ladder."""
+    found = claims.check(data, rows)
+    totals = sum(by_paper(found).values(), Counter())
+    said = [f"{totals[word]} “{word}”" for word in verdicts.WORDS if totals[word]]
+    measured = any(word not in (verdicts.OPEN, verdicts.NEVER) for word in totals)
+    answer = f"Of {len(found)} claims, here: {', '.join(said)}." if measured else ""
+    about = "The claims register: what the papers say, and what this run says"
+    parts = part("", about, found, claims.COLUMNS, PAPERS)
+    theirs = paper.ladder().to_dict("records")
+    parts += part("", "The paper's ladder, by its tables and by its program", theirs, columns.PAPER, RERUN)
+    note = "Each claim is judged by this run's own numbers; results/paper/README.md has the rules."
+    drawn = {"claims": Drawing("The papers' claims by verdict", note, lambda: _draw(found))}
+    title, make = "The papers' numbers and claims", "make study"
+    return Section("claims", title, make, parts, answer=answer, script="scripts/stepwise report", drawn=drawn)
+
+
+def pictures(data: Data) -> Section:
+    """What stepwise pictures draws."""
+    images = {data.path / "figures" / name: text for name, text in PICTURES.items()}
+    images = {path: text for path, text in images.items() if path.is_file()}
+    answer = f"{next(iter(images.values()))}." if images else ""
+    lacking = "scripts/stepwise pictures --run RUN"
+    return Section("pictures", "Pictures", lacking, [], answer=answer, images=images)
+
+
+def notes_html(text: str) -> str:
+    """A phase's NOTES.md as HTML below the page's own headings; neither HTML nor pictures pass through, and
+    a link to a file of the project is its words alone."""
+    text = re.sub(r"^!\[[^\]]*\]\([^)]*\)$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"\[([^\]]*)\]\((?![a-z]+://)[^)]*\)", r"\1", text)
+    markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
+    tokens = markdown.parse(text)
+    for token in tokens:
+        if token.type in ("heading_open", "heading_close"):
+            token.tag = f"h{min(int(token.tag[1]) + 3, 6)}"
+    return markdown.renderer.render(tokens, markdown.options, {})
+
+
+def described(data: Data) -> list[dict[str, Any]]:
+    """What each phase of the run is, as recorded with it, and its NOTES.md as it is now. Of one that is built
+    for several numbers of lanes, what ran: lanes, instruction sets, flags.
+    """
+    about = analysis.described(data.plan)
+    if not about:
+        measured = {cell.spec.partition("@")[0] for cell in data.cells}
+        about = {name: vars(phase) for name, phase in registry.phases().items() if name in measured}
+    ran = {cell.spec: cell.facts for cell in data.cells}
+    made = []
+    for name, phase in about.items():
+        if phase.get("variants") and name in ran:
+            own = ran[name]
+            phase = {
+                **phase,
+                "lanes": int(own["lanes"]),
+                "isa": own["isa"].split("+"),
+                "cflags": own["flags"],
+            }
+        file = registry.ROOT / "phases" / name / "NOTES.md"
+        notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
+        figure = file.with_name(lessons.NAME)
+        lesson = embed.data_uri(figure.read_bytes(), "svg") if notes and figure.is_file() else None
+        made.append({**phase, "notes": notes, "lesson": lesson})
+    return made
+
+
+def phases(data: Data) -> Section:
+    """A line a phase, and its lesson behind its title."""
+    found = described(data)
+    answer = ""
+    if found:
+        last = f", from {found[0]['name']} to {found[-1]['name']}" if len(found) > 1 else ""
+        answer = f"The run has {len(found)} phase{'s' * (len(found) > 1)}{last}; each has a lesson."
+    return Section("phases", "The phases", "make sweep", [], answer=answer)
+
+
+def ran(data: Data) -> Section:
+    """Machine, noise, what was left out, the commands that make it again."""
+    known = dict(facts.machine(data))
+    said = [known[label] for label in ("CPU", "compiler", "measured frames") if label in known]
+    answer = f"{'; '.join(said)}." if said else ""
+    return Section("machine", "Machine, noise, commands", "make study", [], answer=answer)
+
+
+def units() -> Section:
+    return Section("units", "Units and method", "", [])

@@ -1,0 +1,92 @@
+"""A chapter's figures and pictures for the page, with copies beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from study.core import store
+from study.core.cli import StudyError
+from study.experiments.section import Section, reading
+from study.pictures import embed
+
+Shown = dict[str, str]  # name, caption, and uri or svg
+
+
+def read(path: Path) -> bytes:
+    """Raises StudyError if it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise StudyError(f"{path}: {error.strerror}") from None
+
+
+def picture(path: Path) -> str:
+    """A rendered picture's data URI. The PNG itself lies beside the page."""
+    try:
+        return embed.rendered(read(path))
+    except OSError as error:
+        raise StudyError(f"{path}: {error}") from None
+
+
+def inline(path: Path) -> str:
+    """An SVG for use inside a page: no prolog, ids of its own. Pictures in <img> show no hover text."""
+    svg = read(path).decode("utf-8")
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    for before in ('id="', "url(#", 'href="#'):
+        svg = svg.replace(before, f"{before}{path.stem}-")
+    return svg
+
+
+def content(section: Section) -> str:
+    """Hexadecimal digits of what a chapter shows: its tables and the notes of its figures."""
+    texts = [part.markdown for part in section.parts]
+    texts += [f"{name}\n{drawing.caption}\n{drawing.note}" for name, drawing in section.drawn.items()]
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
+
+
+def figures(section: Section, folder: Path, reuse: bool = False) -> list[Shown]:
+    """Draws a chapter's figures into `folder`, from its file alone: PNG, and the first as SVG where its
+    points say something under the pointer.
+
+    Never those that the run's own figures/ may have: they can be of an older file. `reuse`: of a page that is
+    written several times, what was drawn of the same tables stays.
+    """
+    made = []
+    known, key = folder / f".{section.id}", content(section)
+    stays = reuse and known.is_file() and known.read_text() == key
+    for name, drawing in section.drawn.items():
+        paths = [folder / f"{name}.svg", folder / f"{name}.png"]
+        if not (stays and all(path.is_file() for path in paths)):
+            with reading(section.file or section.id, f"{section.script} --run {folder}"):
+                paths = drawing.write(folder / name)
+        svg, png = paths
+        shown = {"name": name, "caption": drawing.caption}
+        if drawing.hover and not made:
+            made.append({**shown, "svg": inline(svg)})
+        else:
+            made.append({**shown, "uri": embed.exact(read(png))})
+    if section.drawn:
+        store.write_text(known, key)
+    return made
+
+
+def copied(wanted: Mapping[Path, str], folder: Path) -> list[Shown]:
+    """Copies the pictures that exist to `folder`."""
+    made = []
+    for path, text in wanted.items():
+        if path.is_file():
+            folder.mkdir(parents=True, exist_ok=True)
+            if folder.resolve() != path.parent.resolve():  # of a page in the run's own folder
+                shutil.copyfile(path, folder / path.name)
+            made.append({"name": path.stem, "caption": text, "uri": picture(path)})
+    return made
+
+
+def absent(section: Section) -> list[str]:
+    """Captions of the chapter's pictures that are not with its files."""
+    return [caption for path, caption in section.images.items() if not path.is_file()]

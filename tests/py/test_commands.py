@@ -1,0 +1,76 @@
+"""scripts/stepwise: its commands are found by their files, and docs/commands.md is what they say."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import started
+
+from study.commands import docs
+from study.core import cli, commands
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments import experiment
+
+STEPWISE = ROOT / "scripts" / "stepwise"
+DOORS = ("sweep", "verify", "flops", "tables", "plots", "report")
+
+
+def stepwise(*words: str) -> subprocess.CompletedProcess:
+    return started.run([sys.executable, STEPWISE, *words])
+
+
+def test_the_list_names_every_command_and_what_it_does() -> None:
+    done = stepwise("list")
+    assert done.returncode == 0
+    lines = [line.split(maxsplit=1) for line in done.stdout.splitlines() if line.startswith("  ")]
+    assert dict(lines) == {name: one.what for name, one in commands.find_all().items()}
+    assert {"sweep", "try", "new-phase", "report", "study"} <= {name for name, _ in lines}
+
+
+def test_every_experiment_has_a_command_of_its_name() -> None:
+    found = {name for name, one in commands.find_all().items() if one.experiment}
+    assert found == set(experiment.find_all())
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["sweeep"], "no command 'sweeep'; did you mean sweep?"),
+        (["zzz"], "no command 'zzz'; `scripts/stepwise list` names them all"),
+        ([], "which command? `scripts/stepwise list` names them all"),
+    ],
+)
+def test_another_name_is_one_line_with_what_would_be_right(words: list[str], said: str) -> None:
+    done = stepwise(*words)
+    assert (done.returncode, done.stdout, done.stderr) == (cli.BAD_INPUT, "", f"stepwise: {said}\n")
+
+
+def test_a_module_that_does_not_say_what_it_does_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "command.py"
+    path.write_text("import os\n")
+    with pytest.raises(StudyError, match=r"command\.py: its first line must say what the command does"):
+        _ = commands.Command("x", path, True).what
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_the_best_known_ones_have_a_short_door(name: str) -> None:
+    path = ROOT / "scripts" / f"{name}.py"
+    assert len(path.read_text().splitlines()) <= 30
+    assert started.run([sys.executable, path, "-h"]).stdout == stepwise(name, "-h").stdout
+
+
+def test_the_page_of_commands_is_what_the_commands_say() -> None:
+    """`scripts/stepwise docs` writes it again."""
+    assert docs.FILE.read_text(encoding="utf-8") == docs.page()
+    assert all(len(line) <= docs.WIDTH for line in docs.page().splitlines())
+
+
+def test_help_is_wrapped_but_for_what_is_indented() -> None:
+    long = "word " * 40
+    text = docs.filled(f"{long}\n\n  {long}")
+    first, second = text.split("\n\n")
+    assert max(map(len, first.splitlines())) <= docs.WIDTH and second == f"  {long}"

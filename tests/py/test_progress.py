@@ -1,0 +1,104 @@
+"""Progress: lines every ten seconds without a terminal, a bar with the time left on one."""
+
+import os
+import pty
+import subprocess
+import sys
+import termios
+import threading
+
+import pytest
+
+from study.core import progress
+from study.core.registry import ROOT
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Its time, in a list; every item that is dealt with takes three seconds."""
+    now = [100.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_lines_come_every_ten_seconds_with_what_is_left(clock, capsys):
+    seen = []
+    for item in progress.each("abcdefgh", "render"):
+        seen.append(item)
+        clock[0] += 3
+    assert "".join(seen) == "abcdefgh"
+    out, err = capsys.readouterr()
+    assert (out, err.splitlines()) == (
+        "",
+        ["render: 4 of 8, after 12 s, 12 s left", "render: 8 of 8, after 24 s"],
+    )
+
+
+def test_work_of_seconds_says_nothing(clock, capsys):
+    for _ in progress.each(range(3), "render"):
+        clock[0] += 3
+    assert capsys.readouterr().err == ""
+
+
+def test_a_share_says_what_comes_and_its_end(clock, capsys):
+    with progress.Progress("sweep", 200, share=True) as bar:
+        clock[0] += 20
+        bar.to(50, "round 1: opt4 trio 16x9")
+        clock[0] += 61
+        bar.to(200)
+    assert capsys.readouterr().err.splitlines() == [
+        "sweep: 25 %, after 20 s, 1 min 0 s left; round 1: opt4 trio 16x9",
+        "sweep: 100 %, after 1 min 21 s",
+        "sweep: 100 %, after 1 min 21 s",
+    ]
+
+
+def test_nothing_to_do_is_all_done(capsys):
+    with progress.Progress("sweep", 0, share=True):
+        pass
+    assert capsys.readouterr().err == "sweep: 100 %, after 0 s\n"
+
+
+def test_a_child_is_waited_for_and_looked_at(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "PAUSE", 0)
+    monkeypatch.setattr(progress, "LOOK", 0.02)
+    with subprocess.Popen(["sleep", "0.2"]) as child:
+        progress.until(child, "build", lambda: 1, 3)
+    assert child.returncode == 0
+    assert "build: 1 of 3, after 0 s" in capsys.readouterr().err
+
+
+def test_an_interrupted_wait_ends_the_child(monkeypatch):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(progress, "LOOK", 0.02)
+    monkeypatch.setattr(progress.Progress, "to", lambda *_: interrupted())
+    with subprocess.Popen(["sleep", "60"]) as child, pytest.raises(KeyboardInterrupt):
+        progress.until(child, "build", lambda: 1, 3)
+    assert child.returncode < 0
+
+
+def test_a_terminal_has_a_bar_with_the_time_left():
+    """Of a process whose standard error is a terminal."""
+    script = "from study.core import progress, cli\nimport time\n"
+    script += "for _ in progress.each(range(4), 'render'): time.sleep(0.15)"
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    said = []
+
+    def read() -> None:
+        try:
+            while text := os.read(ours, 4096):
+                said.append(text.decode())
+        except OSError:  # the other end is closed
+            pass
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    env = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
+    subprocess.run([sys.executable, "-c", script], stderr=theirs, env=env, check=True, timeout=60)
+    os.close(theirs)
+    reader.join(10)
+    text = "".join(said)
+    assert "render:" in text and "2/4 [00:00<00:00" in text

@@ -1,0 +1,201 @@
+"""scripts/stepwise try: a phase beside its parent."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import emitted
+import pytest
+import started
+
+from study.commands import try_
+from study.core import cli, patches, registry
+from study.core.registry import ROOT, Spec
+from study.numbers import stats
+
+SMALL = ("--scene", "trio", "-n", "18", "--launches", "2", "--seed", "1")
+
+
+@pytest.fixture
+def tried(monkeypatch, capsys):
+    """Runs it in this process: exit status, standard output."""
+    monkeypatch.setattr(try_, "SIZES", (45,))
+
+    def call(*words: str) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["stepwise try", *words, *SMALL])
+        return cli.finish(try_.main()), capsys.readouterr().out
+
+    return call
+
+
+def test_an_ablation_beside_its_phase_as_json(tried):
+    """One object; the step that is taken out of opt1 changes no bit and costs calls."""
+    status, out = tried("opt2+norm_bounds", "--json")
+    said = emitted.whole(out)
+    assert (status, said["command"], said["status"], said["run"]) == (0, "try", "ok", None)
+    result = said["result"]
+    assert result.keys() == {
+        *("schema", "scene", "width", "height", "timed_width", "timed_height", "launches", "seed", "ratio"),
+        *("sides", "calls", "picture"),
+    }
+    assert (result["scene"], result["width"], result["height"], result["timed_height"]) == (
+        "trio",
+        32,
+        18,
+        45,
+    )
+    parent, mine = result["sides"]
+    assert (parent["name"], mine["name"]) == ("opt2", "opt2+norm_bounds")
+    keys = {"name", "ms", "truth", "baseline", "fails", "evaluations", "flops", "lanes_at_work", "parts"}
+    assert parent.keys() == mine.keys() == keys
+    assert mine["baseline"]["identical"] and mine["fails"] == [] and mine["lanes_at_work"] == 1
+    assert result["ratio"]["value"] == pytest.approx(parent["ms"]["value"] / mine["ms"]["value"], rel=0.2)
+    assert mine["flops"] > parent["flops"] and mine["parts"].keys() == parent["parts"].keys()
+    changed = {name: (old, new) for name, old, new in result["calls"]}
+    for name, (old, new) in changed.items():
+        assert (old, new) == (parent["parts"][name]["call"], mine["parts"][name]["call"]) and old != new
+    assert Path(result["picture"]).is_file()
+
+
+@pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()["opt4"])), reason="the CPU lacks what opt4 needs"
+)
+def test_a_phase_outside_its_tolerance_ends_with_status_1_and_says_which(tried, monkeypatch):
+    """opt4's floats, if they had to be identical to baseline's doubles."""
+    demanding = {"smooth": {"identical": True, "reason": "a test"}}
+    strict = dataclasses.replace(registry.phases()["opt4"], tolerance=demanding)
+    monkeypatch.setitem(registry.phases(ROOT), "opt4", strict)
+    status, out = tried("opt4")
+    lines = out.splitlines()
+    where = lines.index("opt4 is outside its tolerance:")
+    assert status == cli.FAILED and lines[where + 1].startswith("  identical: ")
+    status, out = tried("opt4", "--json")
+    said = emitted.whole(out)
+    assert (status, said["status"]) == (cli.FAILED, "failed")
+    assert [bool(side["fails"]) for side in said["result"]["sides"]] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["opt11"], "no phase 'opt11'; did you mean opt1"),
+        (["opt1+nothing"], "no ablation of opt1 'nothing'"),
+        (["opt11", "--watch"], "no phase 'opt11'; did you mean opt1"),
+        (["baseline"], "baseline has no parent; name one with --against"),
+        (["opt1", "--scene", "scene00"], "no scene 'scene00'; did you mean scene0"),
+    ],
+)
+def test_a_bad_name_is_one_line(words, said):
+    done = started.run([sys.executable, ROOT / "scripts" / "stepwise", "try", *words])
+    assert (done.returncode, done.stdout) == (cli.BAD_INPUT, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("stepwise try: ") and said in line
+
+
+# --- by hand
+
+
+def counted(**calls: int) -> dict:
+    return {"by_function": {name: {"calls": n} for name, n in calls.items()}}
+
+
+def test_calls_that_changed_the_largest_difference_first():
+    parent = counted(same=5, less=1000, more=10, gone=3, near=1_000_000)
+    mine = counted(same=5, less=400, more=90, new=7, near=1_000_900)
+    assert try_.calls(parent, mine) == [("less", 1000, 400), ("more", 10, 90), ("new", 0, 7), ("gone", 3, 0)]
+
+
+def side(**changed: object) -> dict:
+    """80 pixels, 4,000 FLOPs of which three quarters at work."""
+    truth = {"psnr_db": 54.54, "width": 10, "height": 8, "converged_only": False}
+    truth |= {"false_hits_ppm": 1000.0, "false_misses_ppm": 200.0, "wrong_shape_ppm": 34.0}
+    base = {"identical": False, "psnr_db": 61.25, "fraction_over_1_255": 0.025}
+    one = {"truth": truth, "baseline": base, "ms": stats.Interval(12.5, 12.25, 12.75, 10, True)}
+    return one | {"evaluations": 17.25, "flops": 4000, "lanes_at_work": 0.75} | changed
+
+
+def test_cells_of_a_side():
+    assert try_.cells(side()) == {
+        "time of a frame, ms [95 %]": "12.50 [12.25,\u00a012.75]",
+        "PSNR to ground truth, dB": "54.5",
+        "wrong hits, ppm of the pixels": "1,234",
+        "PSNR to baseline, dB": "61.2",
+        "pixels off by more than 1/255 to baseline": "2.5\u00a0%",
+        "evaluations of a camera ray": "17.25",
+        "FLOPs a pixel": "50.00",
+        "lanes at work": "75\u00a0%",
+    }
+
+
+def test_cells_of_a_fractal_that_is_the_same_and_was_not_counted():
+    one = side(flops=None, lanes_at_work=None)
+    one["truth"] |= {"converged_only": True, "antialiased": {"psnr_db": 90.04}}
+    one["baseline"]["identical"] = True
+    found = try_.cells(one)
+    assert found["PSNR to ground truth, dB"] == "90.0 (4×4 means)"
+    assert found["PSNR to baseline, dB"] == "identical"
+    assert (found["FLOPs a pixel"], found["lanes at work"]) == ("–", "–")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "told"), [(1.1, 1.3, True), (0.7, 0.9, True), (0.9, 1.3, False), (1.0, 1.3, False)]
+)
+def test_a_ratio_whose_interval_holds_one_tells_nothing(low, high, told):
+    said = try_.speed_up(stats.Interval((low + high) / 2, low, high, 10, True))
+    assert ("no difference" not in said) is told and "×" in said
+
+
+# --- --watch
+
+
+@pytest.fixture
+def watched(monkeypatch, tmp_path):
+    """`watch` of two phases whose only source is a file here; the runs, with the time of each."""
+    source = tmp_path / "march.c"
+    source.write_text("")
+    monkeypatch.setattr(try_, "POLL", 0.01)
+    monkeypatch.setattr(patches, "files", lambda name: {"march.c": source})
+    runs: list[tuple[float, list]] = []
+
+    def start(touched: Path, after: float) -> list[tuple[float, list]]:
+        """Watches until the second run; `touched` is saved `after` seconds behind the first."""
+
+        def save() -> None:
+            time.sleep(after)
+            os.utime(touched, (1, 1))
+
+        def run(command: list, check: bool) -> None:
+            runs.append((time.monotonic(), command))
+            if len(runs) == 2:
+                raise KeyboardInterrupt
+            threading.Thread(target=save).start()
+
+        monkeypatch.setattr(subprocess, "run", run)
+        monkeypatch.setattr(sys, "argv", ["stepwise try", "opt2+norm_bounds", "--watch", "--scene", "trio"])
+        with pytest.raises(KeyboardInterrupt):
+            try_.main()
+        return runs
+
+    return start
+
+
+def test_watch_runs_again_after_a_save_and_not_before(watched, tmp_path):
+    (first, command), (second, again) = watched(tmp_path / "march.c", 0.3)
+    assert 0.3 <= second - first < 5
+    assert command == again and command[2:] == ["try", "opt2+norm_bounds", "--scene", "trio"]
+
+
+def test_the_patch_of_an_ablation_is_watched_and_its_phase_json():
+    both = try_.Sides(Spec.parse("opt2"), Spec.parse("opt2+norm_bounds"))
+    names = {str(path.relative_to(ROOT)) for path in try_.files(both)}
+    assert {
+        "phases/opt2/ablations/norm_bounds.patch",
+        "phases/opt2/phase.json",
+        "phases/opt2/march.c",
+    } <= names
