@@ -81,6 +81,7 @@ def test_notes_are_a_fresh_skeleton(root):
     assert headings == ["# x: FILL IN the idea in a few words", *(f"## {title}" for title in wanted)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["", "Opt", "4opt", "opt-4", "opt4@opt2", "../opt", "opt 4", "a/b", "öpt", "a\n"]
 )

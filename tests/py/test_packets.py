@@ -153,6 +153,7 @@ def deepest(data, origin, direction, low, high):
     return -least
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", ["", "none"])
 @pytest.mark.parametrize("kind", ["sphere", "box", "cone", "plane"])
 def test_closed_forms_hit_where_truth_proves(kind, limit, written):
@@ -215,6 +216,7 @@ def bundle(count, seed, spread=7.0):
     return np.hstack([o, d, dice.uniform(0, 12, (len(o), 1))]).astype("<f4")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in SCENES if n not in ("room", "close")])
 def test_every_way_meets_the_same_to_the_bit(name, written):
     path, rays = written(name, SCENES[name]), bundle(512, 11)

@@ -622,6 +622,7 @@ def test_tables_have_the_papers_values_and_no_nan(run: Path) -> None:
     assert pd.read_csv(folder / "table6.csv")["flops_per_core_cycle"].max() == pytest.approx(2)
 
 
+@pytest.mark.slow
 def test_figures_are_the_same_each_time_and_have_hover_text(run: Path, tmp_path: Path) -> None:
     for out in ("one", "two"):
         assert script(run, "-o", tmp_path / out).returncode == 0

@@ -180,6 +180,7 @@ def broken(name: str, where: tuple, value: Any) -> Any:
     return whole[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, where, value", BROKEN)
 def test_a_broken_file_is_one_line_with_its_name(
     loaded: analysis.Data, run: Path, name: str, where: tuple, value: Any

@@ -138,6 +138,7 @@ def test_ratio_interval_covers_the_true_ratio_19_times_in_20():
     assert 0.92 <= covered <= 0.985
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["lognormal", "two states"])
 def test_ratios_of_six_launches_hold_the_true_one_92_to_95_times_of_100(monkeypatch, noise):
     """As results/README.md says: less than 95. Two states: a launch is slower by half, two times of five."""

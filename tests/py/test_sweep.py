@@ -362,6 +362,7 @@ def wait_for(condition, seconds: float = 60) -> None:
         time.sleep(0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [1, 2, 3])
 def test_a_cut_off_launch_is_completed(tmp_path, kept):
     """Cut after the warm-up frame, after one and after two of its three timed frames."""

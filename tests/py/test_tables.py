@@ -545,6 +545,7 @@ def test_machines_have_ratios_only_beside_the_papers_program(run: Path) -> None:
 PUBLISHED = sorted(file.parent for file in (ROOT / "results" / "reference").glob("*/context.json"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", PUBLISHED, ids=lambda folder: folder.name)
 def test_a_published_run_says_what_made_it_and_has_tables(folder: Path) -> None:
     said = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))

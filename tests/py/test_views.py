@@ -358,6 +358,7 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
     refused(command.main, "stepwise views", ["--run", "{tmp}/out", *words], said)
 
 
+@pytest.mark.slow
 def test_from_end_to_end(tmp_path: Path) -> None:
     words = ["--phase", "opt1", "--scene", "two_spheres", "-n", "8", "--error-n", "8", "--launches", "1"]
     words += ["--budget", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
