@@ -21,13 +21,13 @@ help: ## this list
 	@echo "make NAME PHASE=opt4 SCENE=scene0 N=360 runs it alone, for that."
 	@for name in $(EXPERIMENTS); do printf "  make %-10s %s\n" $$name "$$(sed -n '1s/^"""//;1s/"""$$//;1p' scripts/study/experiments/$$name/experiment.py)"; done
 
-study: setup ## install what is needed, build, time, verify, count, write report/out/index.html (DEPTH=quick: ten minutes; standard: forty; full: hours)
+study: setup ## install what is needed, build, time, verify, count, write report/out/index.html (DEPTH=quick: 20 minutes; standard: 40 minutes; full: hours)
 	@$(PY) scripts/stepwise study $(if $(DEPTH),--depth $(DEPTH)) $(if $(FULL),--depth full) $(ARGS)
 
 demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
 	@$(PY) scripts/stepwise demo $(ARGS)
 
-test: setup-test ## install what is needed and run the tests that guard a change (8 minutes on 2 cores)
+test: setup-test ## install what is needed and run the tests that guard a change (10 minutes on 2 cores)
 	@$(MAKE) --no-print-directory check
 
 test-rest: setup-test ## the tests that `make test` leaves out

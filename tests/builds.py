@@ -7,6 +7,7 @@ Standard library only.
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import re
 import shutil
@@ -54,6 +55,7 @@ def run(command: Sequence[str | Path], **environment: str) -> bool:
         raise
 
 
+@functools.cache
 def phases(file: str = "phase.json") -> list[str]:
     """Names of the phases whose tree has that file, the longest first: no core waits for the last of them."""
     names = [path.parent.name for path in (ROOT / "phases").glob("*/phase.json")]
@@ -66,10 +68,12 @@ def phases(file: str = "phase.json") -> list[str]:
     return sorted(sizes, key=lambda name: (-sizes[name], name))
 
 
+@functools.cache
 def of_family(family: str) -> set[str]:
     return {name for name in phases() if patches.about(name).get("family", "ladder") == family}
 
 
+@functools.cache
 def derived_last() -> set[str]:
     """Phases from which no other one derives: what its parents do, it does too."""
     return set(phases()) - {patches.about(name).get("derives") for name in phases()}

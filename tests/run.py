@@ -131,7 +131,8 @@ def main() -> int:
     parser.add_argument("half", choices=HALVES)
     parser.add_argument("--part", action="append", choices=PARTS, help="only this one")
     arguments = parser.parse_args()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: ends what was started
+    for end in (signal.SIGINT, signal.SIGTERM):  # ends what was started, though a shell had it ignored
+        signal.signal(end, signal.default_int_handler)
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else each script that a test starts is compiled anew
     total, took = Tally(), {}
     for part in arguments.part or PARTS:

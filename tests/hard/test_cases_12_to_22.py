@@ -33,6 +33,8 @@ from study.experiments.stability.cases.shapes import c13_no_lipschitz_bound as c
 from study.experiments.stability.cases.shapes import c14_mandelbulb_poles as c14
 from study.experiments.stability.cases.shapes import c17_torus_rim as c17
 
+pytestmark = pytest.mark.slow
+
 mpmath.mp.dps = 60
 
 

@@ -10,6 +10,8 @@ from study.core import registry
 from study.experiments.stability import cases as hard
 from study.experiments.stability.cases import measure
 
+pytestmark = pytest.mark.slow
+
 PHASES = [name for name, phase in registry.phases().items() if phase.family == measure.FAMILY]
 
 

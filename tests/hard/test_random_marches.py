@@ -19,6 +19,8 @@ from conformance import harness
 from study.core import registry
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 WIDTH, HEIGHT = 40, 24
 CLOSE = 1 / 50  # of a colour, as displayed
 ALLOWED = 3  # of 960 pixels, on top of opt4's own

@@ -22,6 +22,8 @@ from study.core import registry
 from study.experiments.stability.cases import measure
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 SIZE = 8  # pixels a side
 LADDER = [
     name

@@ -33,6 +33,8 @@ from study.experiments.ablations.measure import Ablation
 from study.numbers import paper, stats, verdicts
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 NAMES = [f"{phase}+{title}" for phase in registry.phases() for title in patches.titles(phase)]
 BASES = sorted({name.partition("+")[0] for name in NAMES} - {"baseline"})
 HEIGHT = 36
@@ -666,8 +668,9 @@ def test_a_cpu_without_the_instructions_is_said():
 def other(tmp_path_factory) -> Path:
     """A tree of its own with opt1: an ablation that is wrong, and one that does not apply any more."""
     root = tmp_path_factory.mktemp("other")
-    for name in ("common", "scripts", "phases/baseline"):
-        shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__", "ablations"))
+    for name, without in (("common", ()), ("scripts", ()), ("phases/baseline", ("ablations",))):
+        ignore = shutil.ignore_patterns("__pycache__", *without)
+        shutil.copytree(ROOT / name, root / name, ignore=ignore)
     shutil.copy(ROOT / "Makefile", root)
     for name in ("baseline", "opt1"):
         build(name)

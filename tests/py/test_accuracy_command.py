@@ -108,6 +108,7 @@ def test_nobody_need_copy_baselines_errors(command, house, disc):
     assert status == 0 and emitted.result(out)["rows"][0]["false_hits_ppm"] == 0
 
 
+@pytest.mark.slow
 def test_a_fractal_may_be_as_far_as_opt4_and_no_other_scene(command, house, disc):
     house.pictures["opt4"] = house.pictures["opt5"] = lambda: disc(1)
     assert command("--phase", "opt5", "--scene", "mandelbulb")[0] == 0
@@ -122,6 +123,7 @@ def test_a_fractal_may_be_as_far_as_opt4_and_no_other_scene(command, house, disc
     assert status == 1 and "baseline has" in err
 
 
+@pytest.mark.slow
 def test_outlines_as_fat_as_declared_are_granted(command, house, disc):
     """And what lies beyond them is not: a false hit in the corner, far from the disc, and that one alone."""
     granted = dict.fromkeys(gate.TRUTH_METRICS, 1e6) | {"false_hits_ppm": 0, "outline_pixels": 2}

@@ -12,6 +12,8 @@ import pytest
 from study.core import generated_scenes as scaling_scenes
 from study.core.build import build
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 
 

@@ -192,6 +192,7 @@ def size_of(path: Path) -> int:
         return 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 @pytest.mark.parametrize("ending", ["exr", "ppm"])
 def test_what_ends_the_program_takes_the_half_picture_along(
@@ -228,6 +229,7 @@ def small_disk() -> list[str] | None:
     return None
 
 
+@pytest.mark.slow
 def test_full_disk(tmp_path: Path) -> None:
     """The picture does not fit: one line, and neither it nor a temporary file is left."""
     unshare = small_disk()

@@ -31,6 +31,8 @@ from study.counting.counts import Counts, Measured
 from study.counting.decode import Disassembler
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 COMPILERS = {"gcc": "build", "clang": "build/clang"}
 PHASES = list(registry.ladder())
 # By clang too, but for a phase that compiles itself where it runs: its parent's code is counted there again.

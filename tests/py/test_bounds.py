@@ -212,6 +212,7 @@ def test_code_that_is_none_is_refused():
         analysers.run_mca("\tnonsense %ymm0\n", "skylake")
 
 
+@pytest.mark.slow
 @needs_osaca
 def test_osaca_agrees_on_the_chain():
     chain, apart = analysers.run_osaca(CHAIN, "SKX"), analysers.run_osaca(APART, "SKX")

@@ -132,6 +132,7 @@ lacking = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 @lacking
 def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     """With a compiler two_spheres has a kernel, spheres40, a crowd, none; without it neither."""
@@ -163,6 +164,7 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     assert [r["generated"] for r in rows] == [False, False] and "STEPWISE_CC" in rows[0]["reason"]
 
 
+@pytest.mark.slow
 @lacking
 @pytest.mark.parametrize("target", ["render-count", "render-blocks"])
 def test_what_counts_runs_the_general_code(target: str, tmp_path: Path, monkeypatch) -> None:

@@ -189,7 +189,7 @@ LOST = [  # part of what was measured is gone, or is no measurement
     ("frames", ("rows",), []),
     ("frames", ("rows", 0, "frames_per_s", "value"), "del"),
     ("frames", ("rows", 0, "p99_ms"), "del"),
-    ("frames", ("rows", 0, "median_ms"), "del"),
+    ("frames", ("rows", 0, "hit_distance"), "del"),
     ("scaling", ("rows",), []),
     ("scaling", ("rows", 0, "ns"), "del"),
     ("scaling", ("fits", 0, "time"), "del"),

@@ -85,6 +85,7 @@ def test_a_missing_make_is_named(root, monkeypatch):
     assert error.value.exit_status == CANNOT_RUN
 
 
+@pytest.mark.slow
 def test_two_scripts_make_nothing_in_one_folder_at_once(root):
     made = module.build("baseline")
     made.unlink()  # to be linked again: a moment
@@ -109,6 +110,7 @@ def test_presenting_leaves_no_upper_half_in_use():
         pytest.skip(skipped[1])
 
 
+@pytest.mark.slow
 def test_only_what_changed_is_compiled_again(root):
     """An object is kept while its command and all that it includes are as they were."""
     command = ["make", "-C", str(root), "build/baseline/render"]
@@ -134,6 +136,7 @@ def derive(root, name, **keys):
     return root / "phases" / name
 
 
+@pytest.mark.slow
 def test_a_derived_phase_is_its_folder_laid_over_its_parents(root):
     """A mend in the parent reaches it, and the compiler names the file that a person edits."""
     derive(root, "child")
@@ -154,6 +157,7 @@ def test_a_derived_phase_is_its_folder_laid_over_its_parents(root):
         module.build("grandchild")
 
 
+@pytest.mark.slow
 def test_a_file_that_left_the_folder_leaves_the_tree(root):
     child = derive(root, "child")
     (child / "more.c").write_text("int more;\n")

@@ -109,6 +109,7 @@ def test_every_kernel_passes_its_check(program: Path) -> None:
     assert done.stdout.endswith("0 wrong\n") and int(done.stdout.split()[0]) >= 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "old", "new"),
     [
@@ -139,6 +140,7 @@ def test_a_kernel_whose_work_is_wrong_is_noticed(tmp_path: Path, what: str, old:
         assert (done.returncode, done.stdout) == (1, "")
 
 
+@pytest.mark.slow
 def test_figures_are_for_as_much_work_as_a_loop_holds(loops: dict, output: dict) -> None:
     scalar = {("double", 64): "sd_128", ("single", 32): "ss_128"}
     for row in output["ceilings"]:
@@ -406,6 +408,7 @@ def test_issue_is_the_best_of_any_mix() -> None:
         assert ceilings.check(data, "test").issue("double", 256) == 2 + number / 4
 
 
+@pytest.mark.slow
 def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
     command = [
         sys.executable,

@@ -191,6 +191,7 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     assert child.wait() == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_names_its_exit_statuses(name):
     done = started.run([sys.executable, STEPWISE, name, "-h"])
@@ -199,6 +200,7 @@ def test_every_command_names_its_exit_statuses(name):
     assert "--json" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_refuses_an_unknown_option(name):
     done = started.run([sys.executable, STEPWISE, name, "--no-such-option"])

@@ -71,6 +71,7 @@ def draw(tmp_path_factory):
     return one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", [*AWAKE, *LADDER])
 def test_they_are_one_sphere_and_the_first(draw, phase):
     needs.cpu_for(phase)
@@ -84,6 +85,7 @@ def test_they_are_one_sphere_and_the_first(draw, phase):
         assert np.isfinite(many[plane][there]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["octahedron", "box", "sphere"])
 @pytest.mark.parametrize("phase", [phase for phase in LADDER if phase not in ("baseline", "opt4")])
 def test_mirrors_in_one_place_in_soft_light(phase: str, kind: str, tmp_path: Path) -> None:

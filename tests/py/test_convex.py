@@ -299,6 +299,7 @@ REPEATED |= {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REPEATED)
 def test_repeated_shapes_are_truths(name: str, tmp_path: Path) -> None:
     """Silhouettes too: no ray is decided otherwise."""
@@ -428,6 +429,7 @@ DOWN = {"position": [0, 0, 0], "look_at": [0, 0, 1], "vertical_fov_degrees": 30}
 WIDTHS = ("opt8_streams", PHASE, "opt10_scene")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", WIDTHS)
 @pytest.mark.parametrize("strength", [1e-9, 0.3, 1, 1.00001, 1.001])
 def test_weak_shadows_are_truths(strength: float, phase: str, tmp_path: Path) -> None:
@@ -443,6 +445,7 @@ def test_weak_shadows_are_truths(strength: float, phase: str, tmp_path: Path) ->
 
 
 # Walls about and behind a Mandelbulb: far from it its estimate grows as steps do, and a term may be anything.
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", WIDTHS)
 @pytest.mark.parametrize("wall", [-4, -5, -6, -7, -8, -9])
 def test_shadows_past_a_mandelbulb_take_its_steps(wall: float, phase: str, tmp_path: Path) -> None:
@@ -469,6 +472,7 @@ ASIDE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", WIDTHS)
 @pytest.mark.parametrize("count", [3, 48])
 def test_what_is_outside_of_the_bounds_casts_no_shadow(count: int, phase: str, tmp_path: Path) -> None:
@@ -510,6 +514,7 @@ def test_rays_that_meet_nothing_end(phase: str, tmp_path: Path) -> None:
     assert np.abs(images.rgb(mine) - images.rgb(exact)).max() < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", WIDTHS[1:])
 @pytest.mark.parametrize("what", ["a plane behind the light", "a light below the plane's rim"])
 def test_what_is_behind_a_mandelbulb_does_not_make_its_rays_dark(
@@ -594,6 +599,7 @@ IN_THE_WAY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", IN_THE_WAY)
 def test_what_is_not_marched_to_its_end_is_truths(name: str, tmp_path: Path) -> None:
     """Darker than 1e-4 is 0 (PROOFS.md, 4.): all else is as exact as float."""
@@ -723,6 +729,7 @@ def test_a_hit_that_marches_on_has_the_cap_to_itself(cap: int, phase: str, tmp_p
     assert capped["evals"].max() <= cap
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", WIDTHS)
 @pytest.mark.parametrize("height", [1e-3, 3e-3])
 @pytest.mark.parametrize("away", [4, 8])
@@ -756,6 +763,7 @@ BESIDE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", BESIDE)
 def test_a_mandelbulb_beside_others(what: str, tmp_path: Path) -> None:
     """What a march finds there depends on its steps: as often baseline's as opt4's is."""

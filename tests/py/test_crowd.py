@@ -17,9 +17,12 @@ from study.pictures import images
 
 PHASE, MARCHED = "opt9_convex", "opt6_wide"
 
-pytestmark = pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
+    ),
+]
 
 
 def picture(phase: str, data: dict[str, Any], tmp_path: Path, n: int = 48, **more: Any) -> images.Picture:

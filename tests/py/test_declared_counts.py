@@ -26,6 +26,8 @@ from study.core import build, patches, registry, run, store
 from study.core.registry import ROOT
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 DECLARED = {name: p for name, p in registry.phases().items() if p.file("costs.def").exists()}
 SCALAR = [name for name, phase in DECLARED.items() if phase.lanes == 1 and phase.family == "ladder"]
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare", "call")

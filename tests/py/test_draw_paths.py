@@ -29,9 +29,12 @@ VARIABLE = "STEPWISE_PATH"
 PATHS = ("list", "bvh", "march")
 HEIGHT = 36
 
-pytestmark = pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
+    ),
+]
 
 
 def spheres(count: int, shadows: str = "soft") -> dict:

@@ -21,6 +21,8 @@ from study.experiments.packets import figures as packets_figures
 from study.experiments.packets import measure as packets
 from study.experiments.packets import rays as packets_rays
 
+pytestmark = pytest.mark.slow
+
 BASES = (Path("/usr/include"), Path("/usr/local/include"))
 HEADERS = [base / f"embree{version}" / "rtcore.h" for version in (4, 3) for base in BASES]
 EMBREE = pytest.mark.skipif(

@@ -21,6 +21,8 @@ from study.core.build import build
 from study.core.registry import ROOT
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 LANES = np.arange(16)
 GIVEN = np.dtype(
     [(name, "f4", 16) for name in "abc"]

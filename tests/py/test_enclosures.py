@@ -16,6 +16,8 @@ import pytest
 
 from study.core.build import build
 
+pytestmark = pytest.mark.slow
+
 COUNT = int(os.environ.get("STEPWISE_RAYS", "10000"))
 CHUNK = 1000
 FRAMES = {  # share of the rays, the shape's frame

@@ -29,9 +29,12 @@ WORDS = {
 }
 TILE = "lanes1_render_tile"  # a frame without the threads and the scene's conversion
 
-pytestmark = pytest.mark.skipif(
-    not (shutil.which("valgrind") and shutil.which("objdump")), reason="no valgrind or objdump"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (shutil.which("valgrind") and shutil.which("objdump")), reason="no valgrind or objdump"
+    ),
+]
 
 
 def profile(program: Path, words: str, out: Path, *more: str) -> str:

@@ -24,6 +24,8 @@ from study.experiments.fixed import tables as fixed_page
 from study.experiments.moving import schema as moving_schema
 from study.experiments.systems import tables as systems
 
+pytestmark = pytest.mark.slow
+
 IN_LANES = {  # what may be timed on a CPU of so many
     1: ["article, 1 lane", "1 lane"],
     8: ["article, 1 lane", "1 lane", "8 lanes", "float, 8 lanes"],

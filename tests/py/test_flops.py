@@ -24,6 +24,8 @@ from study.counting.counts import Counts, Measured
 from study.experiments.flops import columns as flops_columns
 from study.experiments.flops import table1
 
+pytestmark = pytest.mark.slow
+
 
 def counts(calls: int, adds: int, load: int = 0) -> Counts:
     return Counts(calls=calls, instructions=adds, lanes=Counter({("add", "double", 64): adds}), load=load)

@@ -190,6 +190,7 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
     refused(command.main, "stepwise frames", ["--run", "{tmp}/out", *words], said)
 
 
+@pytest.mark.slow
 def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     words = ["--phase", "opt4", "--scene", "scene0", "-n", "16", "--launches", "1", "--budget", "3600"]
     assert run_command(monkeypatch, *words, "--run", str(tmp_path), "--json") == cli.OK
@@ -203,6 +204,7 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     assert (own["presented_by"], own["displayed_otherwise"]) == ("driver", 0)
 
 
+@pytest.mark.slow
 def test_what_is_displayed_otherwise_fails(tmp_path: Path, monkeypatch, capsys) -> None:
     def another(path: Path) -> np.ndarray:
         found = images.read_ppm.__wrapped__(path).copy()

@@ -17,6 +17,8 @@ from study.experiments.functions import coefficients as functions_coefficients
 from study.experiments.functions import edges as functions_edges
 from study.experiments.functions import measure as functions
 
+pytestmark = pytest.mark.slow
+
 QUICK_STRIDE = 12289  # of common/functions/exhaustive.c
 # One in 16, at another place of each 16: every value of the upper 20 bits, in both exponents.
 ONE_TO_FOUR = np.arange(0x3F800000, 0x40800000, 16, dtype=np.uint32)

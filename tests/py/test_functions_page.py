@@ -18,6 +18,8 @@ from study.experiments.functions import figures as functions_figures
 from study.experiments.functions import measure as functions
 from study.experiments.functions import tables as functions_page
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 SCRIPT = (ROOT / "scripts" / "stepwise", "functions")
 

@@ -22,6 +22,8 @@ from study.numbers import analysis
 from study.numbers.stats import Interval
 from study.report import goals, goals_page
 
+pytestmark = pytest.mark.slow
+
 
 def timed(phase: str, speedup: tuple[float, float, float], lanes: int = 16, **more: object) -> dict:
     value, low, high = speedup

@@ -26,6 +26,8 @@ from study.counting import perf, symbols
 from study.counting.symbols import Program
 from study.experiments.hotspots import tables as hotspots
 
+pytestmark = pytest.mark.slow
+
 FIXTURES = Path(__file__).parents[1] / "fixtures" / "hotspots"
 SCRIPT = (ROOT / "scripts" / "stepwise", "hotspots")
 RECORDED = (FIXTURES / "perf-script.txt").read_text()

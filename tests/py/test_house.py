@@ -135,6 +135,7 @@ MUTUAL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", registry.phases())
 def test_no_two_files_of_a_phase_call_each_other(phase: str) -> None:
     """Variants of a file define the same symbols: one variant at a time, with the files that have none."""

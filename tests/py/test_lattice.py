@@ -172,6 +172,7 @@ def test_the_unlit_scene_is_the_scene_but_for_its_light(tmp_path):
     assert lattice.still_lit(scene, planes) == pytest.approx(1 / 3)
 
 
+@pytest.mark.slow
 def test_a_small_run(tmp_path):
     words = [
         "--phase",

@@ -97,6 +97,7 @@ def test_its_excerpts_stand_in_the_code(name: str) -> None:
         assert not missing(before, sources(name)) or not missing(before, sources(parent or name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(lessons.PANELS))
 def test_its_figure_is_what_the_published_run_says(name: str) -> None:
     path = registry.find_phase(name).path / lessons.NAME

@@ -37,6 +37,7 @@ def begun(keep: Path, least: int) -> tuple[Path, bytes]:
         return file, file.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_killed_animation_goes_on_where_it_ended(tmp_path, capsys):
     file, before = begun(tmp_path, 12)
     kept = [json.loads(line) for line in before.splitlines()]

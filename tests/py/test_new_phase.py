@@ -81,6 +81,7 @@ def test_notes_are_a_fresh_skeleton(root):
     assert headings == ["# x: FILL IN the idea in a few words", *(f"## {title}" for title in wanted)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["", "Opt", "4opt", "opt-4", "opt4@opt2", "../opt", "opt 4", "a/b", "öpt", "a\n"]
 )
@@ -118,6 +119,7 @@ def test_a_failure_leaves_nothing_behind(root, monkeypatch):
     assert set((root / "phases").iterdir()) == before
 
 
+@pytest.mark.slow
 def test_the_new_phase_builds_and_renders_as_its_parent(root):
     new_phase.create("naive2", "baseline", root)
     for name in ("naive2", "baseline"):
@@ -132,6 +134,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess:
     return started.run(command)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

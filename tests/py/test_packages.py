@@ -84,6 +84,7 @@ def test_what_a_script_imports_is_declared_by_name(run_time: set[str]) -> None:
     assert not wrong, wrong
 
 
+@pytest.mark.slow
 def test_every_module_can_be_imported_with_the_run_time_packages_alone(run_time: set[str]) -> None:
     names = {module(path) for path in FILES} - {"study.experiments.drjit.render"}
     command = [sys.executable, "-c", IMPORT_ALL, forbidden(needed(run_time)), ",".join(sorted(names))]

@@ -153,6 +153,7 @@ def deepest(data, origin, direction, low, high):
     return -least
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", ["", "none"])
 @pytest.mark.parametrize("kind", ["sphere", "box", "cone", "plane"])
 def test_closed_forms_hit_where_truth_proves(kind, limit, written):
@@ -215,6 +216,7 @@ def bundle(count, seed, spread=7.0):
     return np.hstack([o, d, dice.uniform(0, 12, (len(o), 1))]).astype("<f4")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in SCENES if n not in ("room", "close")])
 def test_every_way_meets_the_same_to_the_bit(name, written):
     path, rays = written(name, SCENES[name]), bundle(512, 11)
@@ -345,6 +347,7 @@ def test_cones_thousands_of_times_wider_than_high(draw, name, limit, words):
     assert hit.sum() > 400 and np.allclose(mine["Z"][hit], truth["Z"][hit], atol=1e-5, rtol=0)
 
 
+@pytest.mark.slow
 def test_the_gate_of_accuracy_holds(written):
     """scripts/stepwise accuracy on a scene that both render: no further from truth than phase.json grants."""
     words = [sys.executable, str(ROOT / "scripts" / "stepwise"), "accuracy", "--phase", "packets"]

@@ -107,7 +107,7 @@ def test_a_file_of_before_there_were_streams_is_still_read(tmp_path):
         {k: v for k, v in r.items() if not k.startswith("embree_stream")} for r in result["rays"]
     ]
     (tmp_path / packets.FILE).write_text(complete.text(packets.FILE, result))
-    tables = {part.name: part.markdown for part in systems.section(tmp_path).parts}
+    tables = {part.name: show.markdown(part.table) for part in systems.section(tmp_path).parts}
     assert "256" not in tables["packets"] and "0.600×" in tables["packets"]
     assert packets_page.fastest(result["rays"][0]) == "embree1" and packets_figures.draw_rays(result)
     assert "256 rays a call –" in packets_page.sentences(result)[0]
@@ -352,7 +352,7 @@ def test_frames_by_root_by_hand(monkeypatch, tmp_path):
 def test_without_embree_the_page_says_so(tmp_path):
     (tmp_path / packets.FILE).write_text(complete.text(packets.FILE, made_up(embree=False)))
     section = systems.section(tmp_path)
-    assert rays_of(section).foot == "Embree: built without Embree."
+    assert rays_of(section).foot == "Embree: not compared: built without Embree."
     assert "– over not compared: built without Embree" in section.parts[0].markdown
     assert packets_page.faults(made_up(embree=False)) == []
 

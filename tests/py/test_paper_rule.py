@@ -44,6 +44,7 @@ def test_of_a_mandelbulb_in_pieces_the_rule_says_nothing() -> None:
     assert paper_rule.flop(counted("no_such_phase", "step", 10, 25)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", ["baseline", "opt1"])
 def test_what_an_iteration_calls_is_what_the_program_calls(phase: str) -> None:
     """Without inlining: once before the loop for m = w·w, then once an iteration."""
@@ -57,6 +58,7 @@ def test_what_an_iteration_calls_is_what_the_program_calls(phase: str) -> None:
     assert own == wanted and 0 < parts["step"] < 4 * parts["call"]
 
 
+@pytest.mark.slow
 def test_table1_and_its_claims_are_judged_by_the_papers_rule() -> None:
     """59.3 GFLOP, 9 % above the paper's 54.35, where iterations as entered are 34.85, 36 % below."""
     declared = [one for one in flops.read(PUBLISHED / "counts.json")[0] if one["height"] == 720]

@@ -167,6 +167,7 @@ def test_the_summary_names_every_scene_of_a_level_once() -> None:
     assert said[1].count("opt4 on scene0 (5 ns/pixel)") == 1 and len(said) == len(pareto.LEVELS)
 
 
+@pytest.mark.slow
 def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_counts(tmp_path: Path) -> None:
     """A phase that could use every core is compared at equal resources; opt1's bits are baseline's."""
     rungs = registry.ladder().items()
@@ -377,12 +378,14 @@ def test_too_few_launches_are_said(nothing: float | None) -> None:
     assert pareto.rivals(lone, "psnr_db", 60) == ["opt3"]  # without an interval nobody is told apart
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", ["inf", "nan", "0", "-1", "9e-10", "1.1e9", "near"])
 def test_a_hit_distance_that_no_loader_takes_is_an_argument_error(value: str) -> None:
     done = started.run([sys.executable, *SCRIPT, f"--hit-distance={value}"])
     assert done.returncode == cli.BAD_INPUT and "must be a length of 1e-9 to 1e9" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_written_to_is_said_at_once(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for name in ("pareto", "toolchains", "stability", "functions"):

@@ -46,6 +46,7 @@ def pair_figure(reference, image, metrics=None):
     return panels.pair((reference, image), ("baseline", "opt4"), "a title", metrics, ("one", "two", "three"))
 
 
+@pytest.mark.slow
 def test_a_single_wrong_pixel_of_a_large_picture_is_seen(tmp_path, blank):
     black, wrong = (blank(1080, 1920, grey=0) for _ in range(2))
     metrics = images.compare(blank(9, 16), blank(9, 16))  # words under the panels, which no one reads here

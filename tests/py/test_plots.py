@@ -28,6 +28,8 @@ from study.numbers.analysis import Data
 from study.pictures import contents
 from study.pictures import draw as drawing
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"
 

@@ -17,6 +17,8 @@ from study.core.run import UNTIMED
 from study.counting import pmu
 from study.counting.counts import Measured
 
+pytestmark = pytest.mark.slow
+
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "perf"
 FILES = sorted(pmu.FOLDER.glob("*.json"))
 HARDWARE = ["instructions", "cycles", "fp_scalar_double", "fp_scalar_single"]

@@ -31,6 +31,8 @@ from study.experiments.rods import pictures as rods_pictures
 from study.experiments.systems import pictures as systems_pictures
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 FIXTURE = ROOT / "tests" / "fixtures" / "run"
 
 

@@ -45,9 +45,12 @@ KNOWN = {
     "calls": (Counter({("mul", "double", 64): 3, ("add", "double", 64): 1}), 24, 24),
 }
 
-pytestmark = pytest.mark.skipif(
-    qemu.available() is not None, reason=f"{qemu.EMULATOR} is missing: counts by emulation are not tested"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        qemu.available() is not None, reason=f"{qemu.EMULATOR} is missing: counts by emulation are not tested"
+    ),
+]
 
 
 @pytest.fixture(scope="module")

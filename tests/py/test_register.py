@@ -182,6 +182,7 @@ def test_a_broken_file_is_an_error_that_names_it(data: Data, broken: str) -> Non
         register.CHECKS["never_misses"](data, {"scene": "scene0", "phase": "baseline", "n": 720})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "module", ["claims.register", "claims.systems", "claims.claims", "claims.compilers", "numbers.verdicts"]
 )

@@ -21,9 +21,13 @@ from PIL import Image
 
 from study.commands import report
 from study.core import registry
+from study.core.show import Column
+from study.experiments import section
 from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis, stats
 from study.report import chapters, facts, figures
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -309,3 +313,30 @@ def test_json_and_statuses(made: Made, run: Path, tmp_path: Path) -> None:
     (run / "context.json").write_text("{")
     done = script(run, "-o", tmp_path / "index.html")
     assert done.returncode == 2 and "context.json:1:2" in done.stderr
+
+
+def test_what_was_drawn_of_the_same_tables_stays_only_where_it_may(tmp_path: Path) -> None:
+    """Of a study's page, which is written after each part; a page that is asked for is drawn anew."""
+    written = []
+
+    class Drawn:
+        caption, note, hover = "a", "b", None
+
+        def write(self, stem: Path) -> list[Path]:
+            paths = [stem.with_suffix(suffix) for suffix in (".svg", ".png")]
+            written.append(stem.name)
+            for path in paths:
+                Image.new("RGB", (2, 2)).save(path, "PNG")
+            return paths
+
+    def shown(value: int, reuse: bool) -> None:
+        rows = [{"x": value}]
+        parts = section.part("t", "T", rows, [Column("", "x", lambda r: str(r["x"]))])
+        figures.figures(section.Section("s", "S", "", parts, drawn={"one": Drawn()}), tmp_path, reuse)
+
+    for value, reuse, count in [(1, True, 1), (1, True, 1), (2, True, 2), (2, False, 3), (2, True, 3)]:
+        shown(value, reuse)
+        assert len(written) == count
+    (tmp_path / "one.png").unlink()
+    shown(2, True)
+    assert len(written) == 4

@@ -290,6 +290,7 @@ def test_caps_are_kept(draw, name):
     assert (longer["id"] >= 0).sum() > (short["id"] >= 0).sum()
 
 
+@pytest.mark.slow
 def test_declared_costs_hold():
     """Of rods. By hand, for its builds take a minute: scripts/stepwise flops --validate --phase rods_simd."""
     words = [sys.executable, str(ROOT / "scripts" / "stepwise"), "flops", "--validate", "--phase", "rods"]
@@ -303,6 +304,7 @@ def test_declared_costs_hold():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lattice", "spheres40"])
 def test_their_hits_are_what_is_seen_within_the_footprint(name, tmp_path):
     """The gate of stepwise accuracy as declared: kept by rods down to the pixel, broken by coarse ones."""

@@ -363,6 +363,7 @@ def main_of(monkeypatch, script: str, *words: str) -> int:
     return importlib.import_module(f"study.experiments.{script}.command").main()
 
 
+@pytest.mark.slow
 def test_rods_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
     """Small, and with a corner of the trade-off: the rest is the script's own."""
     monkeypatch.setattr(rods, "DOWN", (8, 16))
@@ -411,6 +412,7 @@ def test_throttle_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
     assert "FAIL trio: no setting is within" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "arguments", "message"),
     [

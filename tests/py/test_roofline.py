@@ -225,6 +225,7 @@ def test_operations_that_hardware_tells_no_kind_of_have_no_mix_roof(limits: ceil
     assert few.roof == pytest.approx(16, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", [("any", "any", 0), ("any", "single", 256)])  # AMD's events, Intel's
 def test_hardware_counts_have_libm_inside_no_bytes_and_no_roof_of_their_mix(run: Path, key: tuple) -> None:
     pmu = measured("opt4", "scene0", 180, {key: 4000}, 0, 0, backend="pmu", calibrated=None)
@@ -266,6 +267,7 @@ def test_each_back_end_says_whether_it_saw_libms_inside(
     assert roof_tables.counted_by(opt4) == backend + ("" if seen else ", without libm's inside")
 
 
+@pytest.mark.slow
 def test_a_broken_ceilings_file_is_not_a_missing_one(run: Path) -> None:
     (run / "ceilings.json").write_text('{"schema": 1, "ceil')
     with pytest.raises(StudyError, match=r"ceilings\.json:1"):
@@ -371,6 +373,7 @@ def under_the_points(run: Path) -> str:
     return next(part for part in parts if part.name == "roofline").foot
 
 
+@pytest.mark.slow
 def test_disturbed_ceilings_are_told_under_the_tables(run: Path) -> None:
     data = record()
     for one in data["ceilings"]:
@@ -447,6 +450,7 @@ def test_a_calibrated_back_end_goes_before_another(run: Path) -> None:
 # What is of another machine or of other code
 
 
+@pytest.mark.slow
 def test_ceilings_of_another_machine_are_marked_everywhere(run: Path) -> None:
     """The fixture's context.json says Example CPU, its frames a TSC of 2.5 GHz."""
     assert rows_of(run)["foreign_ceilings"].isna().all() and roof.remarks(rows_of(run)) == []
@@ -618,6 +622,7 @@ def test_tables_have_the_papers_values_and_no_nan(run: Path) -> None:
     assert pd.read_csv(folder / "table6.csv")["flops_per_core_cycle"].max() == pytest.approx(2)
 
 
+@pytest.mark.slow
 def test_figures_are_the_same_each_time_and_have_hover_text(run: Path, tmp_path: Path) -> None:
     for out in ("one", "two"):
         assert script(run, "-o", tmp_path / out).returncode == 0

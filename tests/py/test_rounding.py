@@ -40,6 +40,7 @@ def points(count: int) -> np.ndarray:
     return p.astype(np.float32).astype(float)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", PHASES)
 def test_the_lattice_is_as_described(phase):
     """Every phase of the ladder; a system beside it may refuse the scene."""

@@ -205,6 +205,7 @@ def test_scenes_are_made_by_their_seed_alone(tmp_path: Path) -> None:
     assert scaling_scenes.of_shapes("scattered", 20, 1, tmp_path).path.stat().st_mtime_ns == stamp
 
 
+@pytest.mark.slow
 def test_the_driver_takes_the_largest_scene_and_there_is_no_larger(tmp_path: Path) -> None:
     scene = scaling_scenes.of_shapes("corridors", scaling_scenes.MOST_SHAPES, 1, tmp_path)
     assert len(scene.data["shapes"]) == 4096
@@ -414,7 +415,7 @@ def studied(monkeypatch, tmp_path: Path, seconds: float, names: list[str]) -> tu
     monkeypatch.setattr(scaling_scenes, "of_shapes", named)
     monkeypatch.setattr(scaling_goals, "memory", lambda *_: ([], []))
     monkeypatch.setattr(run, "USABLE", [0, 1])
-    about = {"phase": names, "series": None, "n": 90, "scene_seed": 1, "seconds": seconds, "seed": 1}
+    about = {"phase": names, "series": None, "n": 90, "scene_seed": 1, "budget": seconds, "seed": 1}
     args = argparse.Namespace(**about, launches=6, cpu=0)
     monkeypatch.setattr(command, "programs", lambda names: ([Spec.parse(name) for name in names], []))
     return command.measured(args, tmp_path), machine
@@ -728,6 +729,7 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
     refused(command.main, "stepwise scaling", ["--run", "{tmp}/out", *words], said)
 
 
+@pytest.mark.slow
 def test_from_end_to_end(tmp_path: Path) -> None:
     """Two small series of two programs: rows, fits, thumbnails, and truth beside them."""
     words = [

@@ -25,6 +25,7 @@ PHASE = "opt10_scene"
 SIZE = ["-n", "61", "-w", "112"]  # rows past the caches; opt9_convex has odd ones in test_convex
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.skipif(
         bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
     ),

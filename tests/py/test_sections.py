@@ -180,6 +180,7 @@ def broken(name: str, where: tuple, value: Any) -> Any:
     return whole[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, where, value", BROKEN)
 def test_a_broken_file_is_one_line_with_its_name(
     loaded: analysis.Data, run: Path, name: str, where: tuple, value: Any
@@ -195,6 +196,7 @@ def test_a_broken_file_is_one_line_with_its_name(
     assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("script", ["tables", "report"])
 @pytest.mark.parametrize("name, where, value", [BROKEN[0], ("counts.json", ("declared", 0), {})])
 def test_the_scripts_end_in_status_2(

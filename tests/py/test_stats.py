@@ -90,6 +90,7 @@ def lost(times, rounds) -> pd.Series:
     return pd.Series(times)[list(rounds)]
 
 
+@pytest.mark.slow
 def test_what_a_lost_launch_leaves_is_paired_by_its_round(monkeypatch):
     """Of eight rounds one program lost the second, the other the seventh: by their order the second to sixth
     of the seven launches of each stand beside those of another round."""
@@ -128,6 +129,7 @@ def test_launches_of_unknown_rounds_are_paired_by_their_order_if_they_are_as_man
     assert stats.ratio_interval(pd.Series(a), unknown[:7]) == stats.ratio_interval(a, b[:7], rounds=False)
 
 
+@pytest.mark.slow
 def test_ratio_interval_covers_the_true_ratio_19_times_in_20():
     random = np.random.default_rng(6)
     base, other = random.lognormal(np.log(14), 0.1, (400, 12)), random.lognormal(0, 0.2, (400, 12))
@@ -136,6 +138,7 @@ def test_ratio_interval_covers_the_true_ratio_19_times_in_20():
     assert 0.92 <= covered <= 0.985
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["lognormal", "two states"])
 def test_ratios_of_six_launches_hold_the_true_one_92_to_95_times_of_100(monkeypatch, noise):
     """As results/README.md says: less than 95. Two states: a launch is slower by half, two times of five."""
@@ -219,6 +222,7 @@ def test_what_is_far_apart_is_told_apart():
     assert stats.too_noisy({"a": a, "same": a[::-1], "far": 2 * a}) == [("a", "same")]
 
 
+@pytest.mark.slow
 def test_equal_phases_are_seldom_told_apart():
     random = np.random.default_rng(8)
     alarms = [stats.distinguishable(*random.normal(100, 3, (2, 10))) for _ in range(400)]

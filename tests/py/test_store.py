@@ -104,6 +104,7 @@ def test_broken_json_has_line_and_column(tmp_path):
         _ = Run.open(tmp_path).plan
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(40))
 @given(st.lists(st.dictionaries(st.text(min_size=1), VALUES, max_size=5), max_size=5))
 def test_lines_come_back_as_they_were(tmp_path_factory, rows):

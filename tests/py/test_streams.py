@@ -171,6 +171,7 @@ LONE = [*FRACTALS, "turned, nothing beside, hard shadows", "within its ball", "w
 LONE += ["mirrors", "few steps", "a plane through it, from below"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", EACH_WIDTH)
 @pytest.mark.parametrize("name", LONE)
 def test_a_lone_mandelbulb_is_nearer_to_the_march_in_double(name, width, tmp_path) -> None:

@@ -258,6 +258,7 @@ class Noted(dict):
 # The real driver
 
 
+@pytest.mark.slow
 def test_every_frame_once_with_its_context(measured):
     target, _ = measured
     frames, plan = target.frames(), target.plan
@@ -293,8 +294,9 @@ def test_rounds_are_interleaved(measured):
 
 def test_result_is_one_json_object(measured):
     target, done = measured
-    said = emitted.result(done.stdout)
-    assert said["run"] == str(target)
+    whole = emitted.whole(done.stdout)
+    assert (whole["command"], whole["status"], whole["run"]) == ("sweep", "ok", str(target))
+    said = whole["result"]
     assert [row["spec"] for row in said["rows"]] == ["baseline", "opt1"] * 2
     for row in said["rows"]:
         frames = target.frames()
@@ -320,6 +322,7 @@ def test_resuming_a_finished_run_measures_nothing(measured):
     assert len(rows) == 4
 
 
+@pytest.mark.slow
 def test_kill_in_mid_sweep_then_resume(tmp_path):
     """Three kills, the last with a line torn on top: every frame is there once, none was lost."""
     arguments = [*SMALL, "--launches", "6", "--reps", "6", "--results", tmp_path]
@@ -359,6 +362,7 @@ def wait_for(condition, seconds: float = 60) -> None:
         time.sleep(0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [1, 2, 3])
 def test_a_cut_off_launch_is_completed(tmp_path, kept):
     """Cut after the warm-up frame, after one and after two of its three timed frames."""
@@ -434,6 +438,7 @@ def test_a_rebuilt_driver_is_not_mixed_in(tmp_path):
         made.launch(made.configs[0])
 
 
+@pytest.mark.slow
 def test_a_killed_driver_is_recorded_and_its_launch_completed(tmp_path):
     small = ["--phase", "baseline", "--scene", "cubes", "-n", "30", "--launches", "1", "--reps", "40"]
     child = subprocess.Popen(
@@ -486,6 +491,7 @@ def test_dry_run_measures_nothing(tmp_path):
     assert not (tmp_path / "no").exists()
 
 
+@pytest.mark.slow
 def test_what_the_budget_does_not_reach_is_said(tmp_path):
     done = sweep(*SMALL, "--results", tmp_path, "--budget", "0")
     assert done.returncode == 0, done.stderr
@@ -516,6 +522,7 @@ def test_overrides_are_recorded(tmp_path):
     assert set(zip(frames["hit_distance"], frames["max_steps"], strict=True)) == {(0.25, 7)}
 
 
+@pytest.mark.slow
 def test_a_frame_longer_than_long_is_timed_once_without_warm_up(tmp_path):
     """--long 0: every frame is long. --long 1000: none is, and --reps and --warmup hold."""
     for long, per_launch in (("0", [0]), ("1000", [-1, 0, 1])):
@@ -553,7 +560,7 @@ def test_whether_a_frame_is_long_is_seen_at_its_own_size(monkeypatch, long, aske
 
 def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
     small = ["--scene", "cubes", "-n", "5", "--launches", "1", "--reps", "1"]
-    both = ["--phase", "baseline", "opt3", *small, "--results", tmp_path]
+    both = ["--phase", "baseline", "opt3", "--second-base", *small, "--results", tmp_path]
     done = sweep(*both, "--threads", "1", "2", STEPWISE_ISA_LIMIT="none")
     assert done.returncode == 0, done.stderr
     plan = only_run(tmp_path).plan

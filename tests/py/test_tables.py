@@ -370,6 +370,7 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
 # Files and command line
 
 
+@pytest.mark.slow
 def test_files_are_complete_and_hold_the_same_rows(run: Path) -> None:
     done = script(run)
     assert done.returncode == 0, done.stderr
@@ -401,6 +402,7 @@ def test_json_is_one_object_and_remarks_go_to_stderr(run: Path, tmp_path: Path) 
     assert not (run / "tables").exists()
 
 
+@pytest.mark.slow
 def test_bad_input_is_status_2_in_one_line(run: Path, tmp_path: Path) -> None:
     for arguments in ((tmp_path / "nothing",), (run, "-n", 77)):
         done = script(*arguments)
@@ -544,6 +546,7 @@ def test_machines_have_ratios_only_beside_the_papers_program(run: Path) -> None:
 PUBLISHED = sorted(file.parent for file in (ROOT / "results" / "reference").glob("*/context.json"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", PUBLISHED, ids=lambda folder: folder.name)
 def test_a_published_run_says_what_made_it_and_has_tables(folder: Path) -> None:
     said = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))

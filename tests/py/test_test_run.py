@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import signal
 import subprocess
 import sys
@@ -85,21 +86,33 @@ def test_what_was_started_ends_with_it(tmp_path: Path, how: signal.Signals) -> N
 import signal, sys
 sys.path.insert(0, {str(ROOT / "tests")!r})
 import builds
-signal.signal(signal.SIGTERM, signal.default_int_handler)
+for end in (signal.SIGINT, signal.SIGTERM):
+    signal.signal(end, signal.default_int_handler)
 builds.END = 0.5
 builds.run(["bash", {str(tmp_path / "both.sh")!r}])
 """
     process = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.DEVNULL)
     pids = tmp_path / "pids"
-    until = time.monotonic() + 30
-    while not pids.exists() or len(pids.read_text().split()) < 2:
-        assert time.monotonic() < until, "the children did not start"
-        time.sleep(0.05)
-    process.send_signal(how)
-    assert process.wait(30) != 0
-    for pid in pids.read_text().split():
-        state = Path("/proc", pid, "stat")
-        assert not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z", pid
+    try:
+        until = time.monotonic() + 30
+        while not pids.exists() or len(pids.read_text().split()) < 2:
+            assert time.monotonic() < until, "the children did not start"
+            time.sleep(0.05)
+        process.send_signal(how)
+        assert process.wait(30) != 0
+        assert [pid for pid in pids.read_text().split() if runs(pid)] == []
+    finally:  # a failure leaves none of them
+        process.kill()
+        process.wait()
+        for pid in pids.read_text().split() if pids.exists() else []:
+            if runs(pid):
+                os.kill(int(pid), signal.SIGKILL)
+
+
+def runs(pid: str) -> bool:
+    """Whether there is such a process that has not ended."""
+    state = Path("/proc", pid, "stat")
+    return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 def test_every_program_of_the_builds_is_asked_of_one_make(tmp_path: Path, monkeypatch) -> None:

@@ -31,9 +31,12 @@ CPUS = sorted(os.sched_getaffinity(0))
 THREADED = [name for name, phase in registry.phases().items() if phase.threads and name != registry.TRUTH]
 OWN_POOLS = [path.parent.name for path in sorted((ROOT / "phases").glob("*/threads.c"))]
 
-pytestmark = pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt5_threads needs"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt5_threads needs"
+    ),
+]
 
 
 def scene(name: str, folder: Path) -> Path:
@@ -77,7 +80,10 @@ def check_same(mine: dict, other: dict, where: object) -> None:
 def test_the_idea_is_in_two_files_and_the_rest_is_opt4s() -> None:
     mine, parents = (patches.files(phase) for phase in (PHASE, PARENT))
     own = {name for name in mine if mine[name] != parents.get(name)}
-    assert own == {"render.c", "threads.c", "threads.h", "costs.def"} and parents.keys() <= mine.keys()
+    assert (
+        own == {"render.c", "threads.c", "threads.h", "costs.def", "residues.def"}
+        and parents.keys() <= mine.keys()
+    )
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,7 @@ def views(scene: dict) -> dict[str, dict]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(registry.scenes()))
 def test_no_start_past_the_true_hit(name, tmp_path) -> None:
     late = {}
@@ -97,6 +98,7 @@ def test_a_mandelbulb_is_the_parents(name, width, tmp_path) -> None:
         assert np.array_equal(mine[plane][hit], parents[plane][hit]), plane
 
 
+@pytest.mark.slow
 def test_no_start_past_the_true_hit_of_any_feature(tmp_path) -> None:
     for name, scene in FEATURES.items():
         check_starts(PHASE, scene, tmp_path, name, (33, 19))

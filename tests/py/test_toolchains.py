@@ -22,6 +22,8 @@ from study.experiments.toolchains import measure as toolchains
 from study.experiments.toolchains.measure import BASE, SETS, Program
 from study.pictures import images
 
+pytestmark = pytest.mark.slow
+
 
 def picture(height: int = 4, width: int = 5) -> images.Picture:
     made = {name: np.ones((height, width), np.float32) for name in images.AOVS}

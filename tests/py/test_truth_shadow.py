@@ -131,6 +131,7 @@ def ideal(solid: Callable, p: list[mpmath.mpf], light: tuple) -> float:
     return float(np.clip(STRENGTH * (h / t).min(), 0, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLIDS)
 def test_soft_shadows(name: str, tmp_path: Path) -> None:
     mpmath.mp.dps = 50

@@ -11,6 +11,8 @@ import pytest
 
 from study.core.registry import ROOT
 
+pytestmark = pytest.mark.slow
+
 TEXT = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(sh|diff)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LEFT_OUT = (".git", ".venv", "build", "results/reference", "__pycache__")

@@ -13,6 +13,8 @@ from study.core import registry
 from study.core.build import build
 from study.core.registry import ROOT
 
+pytestmark = pytest.mark.slow
+
 PHASE = "opt6_wide"
 COUNTS = ("flops", "by_function", "by_class", "executed", "useful")  # of flops.c
 VARIANTS = {f"lanes{one['lanes']}": set(one["isa"]) for one in registry.find_phase(PHASE).variants}

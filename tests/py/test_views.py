@@ -179,13 +179,22 @@ def test_what_a_phase_refuses_is_left_out_and_a_crash_is_a_failure(tmp_path: Pat
 def row(scene: str, view: str, own: float, base: float = 100.0, phase: str = "b", **more: object) -> dict:
     times = [own * f for f in (0.995, 1, 1, 1, 1, 1.005)], [base * f for f in (0.995, 1, 1, 1, 1, 1.005)]
     return {
-        **{"phase": phase, "parent": "a", "scene": scene, "view": view, "change": "", "ns": times[0]},
+        **{
+            "phase": phase,
+            "parent": "a",
+            "scene": scene,
+            "view": view,
+            "change": "",
+            "width": 160,
+            "n": 90,
+            "ns": times[0],
+        },
         **{
             "tuned": view == "own" and scene in views.TUNED,
             "ratio": stats.ratio_interval(times[1], times[0]),
         },
         **{"ms": stats.median_interval(times[0]), "reference": "truth", "psnr_db": 60.0, "rmse": 0.001},
-        **{"wrong_ppm": 3.0, "non_finite": 0, "depth_agree_fraction": None},
+        **{"wrong_ppm": 3.0, "width": 160, "n": 90, "non_finite": 0, "depth_agree_fraction": None},
         **more,
     }
 
@@ -350,6 +359,7 @@ def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
     refused(command.main, "stepwise views", ["--run", "{tmp}/out", *words], said)
 
 
+@pytest.mark.slow
 def test_from_end_to_end(tmp_path: Path) -> None:
     words = ["--phase", "opt1", "--scene", "two_spheres", "-n", "8", "--error-n", "8", "--launches", "1"]
     words += ["--budget", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]

@@ -13,13 +13,12 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.core import machine
+from study.core import machine, temporary
 from study.core.cli import StudyError
 
 PASSES = 100
@@ -277,8 +276,8 @@ def run_osaca(text: str, arch: str, quick: bool = False) -> Osaca:
     path = osaca_program()
     if path is None:
         raise StudyError(str(osaca_missing()))
-    with tempfile.TemporaryDirectory() as folder:
-        source, out = Path(folder) / "region.s", Path(folder) / "region.yaml"
+    with temporary.folder() as folder:
+        source, out = folder / "region.s", folder / "region.yaml"
         source.write_text(text, encoding="utf-8")
         options = ["--arch", arch, "--syntax", "ATT", "--ignore-unknown", "--yaml-out", str(out)]
         options += ["--fixed", "--lcd-timeout", "0"] if quick else ["--lcd-timeout", str(LCD_SECONDS)]

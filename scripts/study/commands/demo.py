@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from pathlib import Path
 
-from study.core import cli, registry
+from study.core import cli, registry, temporary
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
@@ -76,8 +75,8 @@ def main() -> int:
     trial = shoot(reference, scene, STEP, warmup=1)
     height = height_for(trial["ns_per_pixel"], SHARE * args.budget)
     cli.say(f"rendering {scene.name} at n = {height} by {reference}, then by {spec}")
-    with tempfile.TemporaryDirectory() as folder:
-        files = Path(folder) / "a.exr", Path(folder) / "b.exr"
+    with temporary.folder() as folder:
+        files = folder / "a.exr", folder / "b.exr"
         slow, fast = shoot(reference, scene, height, files[0]), shoot(spec, scene, height, files[1], warmup=1)
         pictures = images.read(files[0]), images.read(files[1])
     metrics, ratio = images.compare(*pictures), slow["ns"] / fast["ns"]

@@ -11,10 +11,9 @@ import json
 import os
 import re
 import shutil
-import tempfile
 from pathlib import Path
 
-from study.core import cli, patches, registry
+from study.core import cli, patches, registry, temporary
 from study.core.cli import StudyError
 
 BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built too
@@ -84,22 +83,19 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
         "idea": f"FILL IN: what changes against {parent} and why that should be faster, in one sentence",
         "paper": None,
     }
-    temporary = None
     try:
-        temporary = Path(tempfile.mkdtemp(dir=root / "phases", prefix=f".{name}."))
-        for file, path in patches.files(parent, root).items() if whole else ():
-            if file == "residues.def":  # was read in the parent's code
-                continue
-            (temporary / file).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(path, temporary / file)
-        text = json.dumps(described, indent=4, ensure_ascii=False)
-        (temporary / "phase.json").write_text(text + "\n", encoding="utf-8")
-        (temporary / "NOTES.md").write_text(NOTES.format(name=name, parent=parent), encoding="utf-8")
-        os.chmod(temporary, base.path.stat().st_mode)
-        temporary.rename(target)
+        with temporary.folder(root / "phases", f".{name}.") as made:
+            for file, path in patches.files(parent, root).items() if whole else ():
+                if file == "residues.def":  # was read in the parent's code
+                    continue
+                (made / file).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(path, made / file)
+            text = json.dumps(described, indent=4, ensure_ascii=False)
+            (made / "phase.json").write_text(text + "\n", encoding="utf-8")
+            (made / "NOTES.md").write_text(NOTES.format(name=name, parent=parent), encoding="utf-8")
+            os.chmod(made, base.path.stat().st_mode)
+            made.rename(target)
     except (OSError, shutil.Error) as error:
-        if temporary:
-            shutil.rmtree(temporary, ignore_errors=True)
         raise StudyError(f"phases/{name}: {getattr(error, 'strerror', None) or error}") from None
     registry.phases.cache_clear()
     return target

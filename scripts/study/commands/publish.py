@@ -6,14 +6,13 @@ import gzip
 import json
 import os
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 
-from study.core import cli, machine, provenance, store
+from study.core import cli, machine, provenance, store, temporary
 from study.core.cli import StudyError
 from study.experiments import experiment
 from study.experiments.rods import measure as rods
@@ -131,8 +130,8 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
     beside = store.writable(folder.parent)
     try:
         # Of the same name, in a folder of its own beside it: renaming is one step.
-        with tempfile.TemporaryDirectory(dir=beside, prefix=".publish.") as apart:
-            made = Path(apart) / folder.name
+        with temporary.folder(beside, ".publish.") as apart:
+            made = apart / folder.name
             made.mkdir()
             copy_files(run, made)
             names = copy_pictures(run, made)

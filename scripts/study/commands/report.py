@@ -89,7 +89,7 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         running=list(running),
         questions=questions,
         headlines=headlines(rows),
-        figures={one.id: figures.figures(one, folder) for one in found},
+        figures={one.id: figures.figures(one, folder, reuse=bool(running)) for one in found},
         images={one.id: figures.copied(one.images, folder) for one in found},
         absent={one.id: figures.absent(one) for one in found},
         machine=facts.machine(data),

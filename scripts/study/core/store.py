@@ -10,12 +10,11 @@ import functools
 import json
 import os
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from study.core import cli
+from study.core import cli, temporary
 from study.core.cli import StudyError
 from study.core.json_files import read_json as read_json
 from study.core.json_files import stored as stored
@@ -37,19 +36,16 @@ def _problem(path: Path, error: OSError) -> StudyError:
 
 def write_text(path: Path, text: str) -> None:
     """Replace `path` by `text` in one step: a reader or a kill sees the old file or the new one."""
-    temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        with temporary.file(path.parent, f".{path.name}.") as made:
+            with made.open("w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            made.chmod(0o644)
+            made.replace(path)
     except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
         raise _problem(path, error) from None
 
 
@@ -57,9 +53,8 @@ def writable(folder: Path) -> Path:
     """`folder`, made if need be and tried with a file. Raises StudyError: before measuring, not after."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=folder, prefix=".writable.")
-        os.close(handle)
-        os.unlink(name)
+        with temporary.file(folder, ".writable."):
+            pass
     except OSError as error:
         raise StudyError(f"{folder}: cannot be written to: {error.strerror or error}") from None
     return folder

@@ -12,12 +12,11 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.core import run
+from study.core import run, temporary
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Scene, Spec
@@ -129,7 +128,7 @@ def event() -> str | None:
     perf = program()
     if perf is None:
         return None
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary.folder() as folder:
         for name in EVENTS:
             data = f"{folder}/{name}"
             command = (perf, "record", "-q", "-B", "-N", "--no-bpf-event", "-e", name, "-F", str(FREQUENCY))
@@ -174,7 +173,7 @@ def record(
     perf, binary = str(program()), build(spec, target)
     wide, high = scene.size(height, width)
     driver = [str(binary), str(scene.path), "-n", str(high), "-w", str(wide), "--reps", str(reps), "--json"]
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary.folder() as folder:
         data = f"{folder}/perf.data"
         options = ["-q", "-B", "-N", "--no-bpf-event", "-e", str(event()), "-F", str(FREQUENCY), "-o", data]
         pin = run.cpu_set(cpu, 1)

@@ -20,13 +20,12 @@ import math
 import operator
 import os
 import subprocess
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from study.core import machine, store
+from study.core import machine, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, cpu_flags
 from study.core.run import GENERAL, _arguments, cpu_set, environment, render
@@ -213,8 +212,8 @@ def _stat(
     if topdown and topdown["together"] and topdown["slots"] in names:
         asked = f"{{{asked}}}:u"  # the metrics are read with the slots or not at all
     program = tool()
-    with tempfile.TemporaryDirectory(prefix="stepwise-perf-") as folder:
-        out = Path(folder) / "perf.csv"
+    with temporary.folder(prefix="stepwise-perf-") as folder:
+        out = folder / "perf.csv"
         try:
             done = subprocess.run(
                 [program, "stat", "-x", ";", "-o", str(out), "-e", asked, "--", *command],

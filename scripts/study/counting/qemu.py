@@ -15,10 +15,9 @@ import functools
 import os
 import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 
-from study.core import store
+from study.core import store, temporary
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, find_phase
@@ -61,7 +60,7 @@ def record(arguments: list[str], region: str = REGION, *, callback: bool = False
     program = Program(arguments[0])
     begin, ends = program.find(region).start, program.returns_of(region)
     plugin = build("common", "qemu_plugin.so")  # type: ignore[arg-type]
-    with tempfile.TemporaryDirectory(prefix="stepwise-qemu-") as folder:
+    with temporary.folder(prefix="stepwise-qemu-") as folder:
         options = {
             "code": f"{program.code:x}",
             "begin": f"{begin:x}",
@@ -91,7 +90,7 @@ def record(arguments: list[str], region: str = REGION, *, callback: bool = False
         name = Path(arguments[0]).name
         if done.returncode:
             raise backend.failed(done, name, "QEMU", "; QEMU has no AVX-512")
-        out = Path(folder) / "recording"
+        out = folder / "recording"
         if not out.exists():
             said = done.stderr.strip().splitlines()
             raise StudyError(

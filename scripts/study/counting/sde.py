@@ -17,10 +17,10 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 from collections import Counter
 from pathlib import Path
 
+from study.core import temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec
 from study.core.run import GENERAL, _arguments
@@ -197,8 +197,8 @@ def count(arguments: list[str], region: str = REGION) -> tuple[Counts, str]:
     ends = program.returns_of(region)
     if len(ends) != 1:
         raise StudyError(f"{program.path}: {len(ends)} calls of {region}; SDE stops at one address only")
-    with tempfile.TemporaryDirectory(prefix="stepwise-sde-") as folder:
-        mix, masks = Path(folder) / "sde-mix-out.txt", Path(folder) / "sde-dyn-mask-profile.txt"
+    with temporary.folder(prefix="stepwise-sde-") as folder:
+        mix, masks = folder / "sde-mix-out.txt", folder / "sde-dyn-mask-profile.txt"
         control = f"start:address:{region},stop:address:{program.path.name}+{ends[0]:#x}"
         command = [str(tool()), "-iform", "1", "-mix", "-omix", str(mix)]
         command += ["-dyn_mask_profile", "-odyn_mask_profile", str(masks), "-control", control, "--"]

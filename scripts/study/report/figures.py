@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+from study.core import store
 from study.core.cli import StudyError
 from study.experiments.section import Section, reading
 from study.pictures import embed
@@ -40,21 +42,36 @@ def inline(path: Path) -> str:
     return svg
 
 
-def figures(section: Section, folder: Path) -> list[Shown]:
+def content(section: Section) -> str:
+    """Hexadecimal digits of what a chapter shows: its tables and the notes of its figures."""
+    texts = [part.markdown for part in section.parts]
+    texts += [f"{name}\n{drawing.caption}\n{drawing.note}" for name, drawing in section.drawn.items()]
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
+
+
+def figures(section: Section, folder: Path, reuse: bool = False) -> list[Shown]:
     """Draws a chapter's figures into `folder`, from its file alone: PNG, and the first as SVG where its
     points say something under the pointer.
 
-    Never those that the run's own figures/ may have: they can be of an older file.
+    Never those that the run's own figures/ may have: they can be of an older file. `reuse`: of a page that is
+    written several times, what was drawn of the same tables stays.
     """
     made = []
+    known, key = folder / f".{section.id}", content(section)
+    stays = reuse and known.is_file() and known.read_text() == key
     for name, drawing in section.drawn.items():
-        with reading(section.file or section.id, f"{section.script} --run {folder}"):
-            svg, png = drawing.write(folder / name)
+        paths = [folder / f"{name}.svg", folder / f"{name}.png"]
+        if not (stays and all(path.is_file() for path in paths)):
+            with reading(section.file or section.id, f"{section.script} --run {folder}"):
+                paths = drawing.write(folder / name)
+        svg, png = paths
         shown = {"name": name, "caption": drawing.caption}
         if drawing.hover and not made:
             made.append({**shown, "svg": inline(svg)})
         else:
             made.append({**shown, "uri": embed.exact(read(png))})
+    if section.drawn:
+        store.write_text(known, key)
     return made
 
 

@@ -13,7 +13,6 @@ import json
 import math
 import os
 import shutil
-import tempfile
 import time
 from dataclasses import dataclass
 from fractions import Fraction
@@ -23,7 +22,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from study.core import cli, run, store
+from study.core import cli, run, store, temporary
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene
@@ -97,26 +96,28 @@ def make(scene: Scene, size: Size) -> Path:
     store.writable(CACHE)
     cli.say(f"truth of {scene.name}, {size[0]}×{size[1]}: made once, then kept")
     _sweep()
-    begun = time.monotonic()
-    # Of this process by its name: a killed run's folder is known for what it is, and swept by the next one.
-    folder = Path(tempfile.mkdtemp(dir=CACHE, prefix=f".{os.getpid()}."))
     try:
-        raw = folder / "raw.exr"
-        threads = len(os.sched_getaffinity(0))
-        run.render("truth", scene.path, size[1], size[0], aov=True, out=raw, threads=threads, timed=False)
-        planes = images.read(raw)
-        decided, mended = decide(scene.data, planes)
-        facts = {"decided": decided, "mended": mended, "seconds": time.monotonic() - begun}
-        done = folder / "done.exr"
-        _write(done, planes, facts)
-        if path_of(scene, size) != path:
-            raise StudyError("build/truth/render has changed meanwhile: once more")
-        done.replace(path)
+        # Named by this process: a killed run's folder is known for what it is, and swept by the next one.
+        with temporary.folder(CACHE, f".{os.getpid()}.") as folder:
+            done = _rendered(scene, size, folder)
+            if path_of(scene, size) != path:
+                raise StudyError("build/truth/render has changed meanwhile: once more")
+            done.replace(path)
     except OSError as error:
         raise StudyError(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
     return path
+
+
+def _rendered(scene: Scene, size: Size, folder: Path) -> Path:
+    """The exact picture as a file in `folder`, with the count of pixels decided and mended."""
+    begun = time.monotonic()
+    raw, done = folder / "raw.exr", folder / "done.exr"
+    threads = len(os.sched_getaffinity(0))
+    run.render("truth", scene.path, size[1], size[0], aov=True, out=raw, threads=threads, timed=False)
+    planes = images.read(raw)
+    decided, mended = decide(scene.data, planes)
+    _write(done, planes, {"decided": decided, "mended": mended, "seconds": time.monotonic() - begun})
+    return done
 
 
 def _sweep() -> None:

@@ -11,9 +11,9 @@
 #include "random_from.h"
 #include "shadow/active_set.c"
 
-// Rays that head for a sphere of bound 0.002, 0.0021 to 0.01 from its centre: there its distance falls as fast as t
-// grows, and the bound's own slack, 6e-4 of the way to the centre, is less than a float's ulp of t. Or they pass it, up to
-// 0.02 beside, or have passed it: there the tangent is what is known of its distance, and far on the tangent's slope.
+// Rays that head for a sphere of bound 0.002, 0.0021 to 0.01 from its centre. Its distance falls as fast as t grows, and
+// the bound's own slack (6e-4 of the way to the centre) is less than a float's ulp of t. Other rays pass the sphere, up
+// to 0.02 beside, or have passed it: there the tangent bounds its distance, and far on the tangent's slope.
 enum { PLACES = 40000, AFTER = 24 };
 static const float bound = 0.002f;
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import run
+from study.core import run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.experiments.breakeven.schema import Breakeven
@@ -69,7 +68,7 @@ def break_even_interval(setup_s: float, general: Interval, generated: Interval) 
 def own_cache() -> Iterator[None]:
     """A new folder for kernels, for this process and those that it starts."""
     before = os.environ.get("STEPWISE_CACHE")
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as cache:
+    with temporary.folder() as cache:
         os.environ["STEPWISE_CACHE"] = cache
         try:
             yield
@@ -104,10 +103,10 @@ def set_up(spec: Spec, scene: Scene) -> Row:
 def apart(specs: tuple[Spec, Spec], scene: Scene) -> Row:
     """How far the kernel's picture is from the other's, in linear RGB."""
     fractal = any(shape["type"] == "mandelbulb" for shape in scene.data["shapes"])
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as folder:
+    with temporary.folder() as folder:
         made = []
         for i, spec in enumerate(specs):
-            out = Path(folder) / f"{i}.exr"
+            out = folder / f"{i}.exr"
             run.render(spec, scene.path, SMALL * (4 if fractal else 1), aov=True, out=out, timed=False)
             made.append(images.read(out))
     return against(*made, fractal)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 import secrets
-import tempfile
 import time
 from pathlib import Path
 
-from study.core import cli, machine, registry, run, store
+from study.core import cli, machine, registry, run, store, temporary
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.experiments.drjit import measure as drjit_measure
@@ -45,8 +44,8 @@ def arguments() -> argparse.Namespace:
 
 
 def measured(args: argparse.Namespace, specs: list[Spec], rival: Rival) -> dict:
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
-        work = Measuring(rival, args.n, args.cpu, Path(scratch))
+    with temporary.folder() as scratch:
+        work = Measuring(rival, args.n, args.cpu, scratch)
         points = drjit_measure.points(specs, args.scene, args.threads)
         errors = {
             alone: work.errors(alone)

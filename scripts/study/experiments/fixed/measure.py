@@ -7,12 +7,11 @@ the keys.
 from __future__ import annotations
 
 import contextlib
-import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from study.core import registry, run, store
+from study.core import registry, run, store, temporary
 from study.core.registry import Scene, find_scene
 from study.experiments.fixed.schema import Fixed
 from study.experiments.moving import measure as moving
@@ -229,8 +228,8 @@ def animations(frames: int, n: int, keep: Path, simd: bool) -> list[Row]:
     if simd:
         programs |= {"lanes": ("fixed_simd", f"roots=3 {SAFE}"), "floats": ("fixed_float", SAFE)}
     rows, shadowed = [], registry.animated()[MOVING]
-    with tempfile.TemporaryDirectory() as folder:
-        scenes = {True: shadowed, False: without_shadows(shadowed, Path(folder))}
+    with temporary.folder() as folder:
+        scenes = {True: shadowed, False: without_shadows(shadowed, folder)}
         for shadows, scene in scenes.items():
             for name, (phase, words) in programs.items():
                 if name == "floats" and not shadows:

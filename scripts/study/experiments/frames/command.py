@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import secrets
-import tempfile
 import time
 from pathlib import Path
 
 import matplotlib
 
-from study.core import cli, machine, registry, run, store
+from study.core import cli, machine, registry, run, store, temporary
 from study.experiments.frames import measure as frames
 from study.experiments.frames import tables as frames_page
 from study.pictures.draw import STYLE, save
@@ -59,10 +58,10 @@ def main() -> int:
         frames.cases(args.scene, registry.ROOT / "build" / "frames" / "scenes", args.n),
     )
     begun = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+    with temporary.folder() as scratch:
         settings = {key: getattr(args, key) for key in ("launches", "threads", "seed")}
         settings["seconds"] = args.budget
-        found = frames.study(specs, wanted, frames.Settings(**settings, scratch=Path(scratch)))
+        found = frames.study(specs, wanted, frames.Settings(**settings, scratch=scratch))
     about = {"took_s": time.monotonic() - begun, "context": machine.context()}
     result = cli.plain({"schema": 1, **settings, **about, **found})
     store.write_json(folder / frames.FILE, result)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import secrets
-import tempfile
 import time
 from pathlib import Path
 
-from study.core import cli, machine, registry, run, store
+from study.core import cli, machine, registry, run, store, temporary
 from study.core.cli import StudyError
 from study.experiments.lattice import measure as lattice
 from study.experiments.lattice import tables as lattice_page
@@ -62,8 +61,8 @@ def main() -> int:
     begun = time.monotonic()
     settings = {key: getattr(args, key) for key in ("launches", "threads", "seed", "cpu")}
     how = (args.threads, args.launches, args.seed, args.cpu, args.error_n)
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
-        found = lattice.study(names, sizes, *how, Path(scratch))
+    with temporary.folder() as scratch:
+        found = lattice.study(names, sizes, *how, scratch)
     about = {"took_s": time.monotonic() - begun, "context": machine.context()}
     result = cli.plain({"schema": 1, **settings, **about, **found})
     store.write_json(folder / lattice.FILE, result)

@@ -11,7 +11,6 @@ import fcntl
 import hashlib
 import json
 import os
-import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import cli, machine, registry, run, show
+from study.core import cli, machine, registry, run, show, temporary
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Scene
@@ -192,7 +191,7 @@ def animation(
     scene = scene or registry.animated()[MOVING]
     size = scene.size(n)
     with contextlib.ExitStack() as stack:
-        folder = keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        folder = keep or stack.enter_context(temporary.folder())
         lines, reused = _measured(phase, scene, size, frames, threads, folder)
     timed = [line for line in lines if not line["warmup"]]
     ms = np.array([line["ns"] for line in timed]) / 1e6

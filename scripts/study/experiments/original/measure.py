@@ -11,7 +11,6 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import run
+from study.core import run, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.experiments.original.schema import Original
@@ -147,8 +146,8 @@ def measure(programs: Mapping[str, Path], scene: Scene, phase: str, settings: Se
     cycles = run.interleaved(
         ("theirs", "ours"), settings.launches, settings.seed, cpu, once, f"{phase} {scene.name}"
     )
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as folder:
-        out = Path(folder) / "ours.ppm"
+    with temporary.folder() as folder:
+        out = folder / "ours.ppm"
         run.render(spec, scene.path, high, wide, out=out, timed=False, display=True)
         apart = difference(seen["picture"], images.read_ppm(out))
     ms = {who: [1e3 * one / seen["tsc_hz"] for one in values] for who, values in cycles.items()}

@@ -12,14 +12,13 @@ import math
 import os
 import re
 import subprocess
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from study.core import generated_scenes as scaling_scenes
-from study.core import run, store
+from study.core import run, store, temporary
 from study.core.build import build
 from study.core.registry import Scene, find_scene
 
@@ -154,8 +153,8 @@ def hits(
         + ["--any"] * (kind == "shadow")
         + ["--coherent"] * (kind in ("primary", "shadow"))
     )
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
-        out = Path(scratch) / "hits"
+    with temporary.folder() as scratch:
+        out = scratch / "hits"
         command = [program, scene, *options, "--reps", str(reps), "-o", out]
         done = subprocess.run(
             [str(w) for w in command],

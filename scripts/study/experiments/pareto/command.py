@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 import secrets
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib
 
-from study.core import cli, machine, registry, run, store
+from study.core import cli, machine, registry, run, store, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.experiments.pareto import fronts as pareto
@@ -89,12 +88,12 @@ def measure(
     rows: list[dict] = []
     skipped: list[dict] = []
     seconds = {}
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+    with temporary.folder() as scratch:
         for scene in scenes:
             begun = time.monotonic()
             points = measuring.grid(scene, specs, args.hit_distance, args.max_steps)
             settings = size, args.launches, args.seed, args.cpu
-            found, missing = measuring.study_scene(scene, points, *settings, Path(scratch))
+            found, missing = measuring.study_scene(scene, points, *settings, scratch)
             rows, skipped = rows + found, skipped + missing
             seconds[scene.name] = round(time.monotonic() - begun, 1)
             cli.say(f"{scene.name}: {len(found)} points, {seconds[scene.name]:.0f} s")

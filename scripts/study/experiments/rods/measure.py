@@ -8,14 +8,13 @@ import contextlib
 import itertools
 import math
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from study.core import run
+from study.core import run, temporary
 from study.core.registry import Scene, find_scene
 from study.experiments.accuracy import measure as accuracy
 from study.experiments.rods.schema import Rods
@@ -68,8 +67,8 @@ def milliseconds(
 
 def picture(phase: str, words: str, scene: Scene, size: tuple[int, int], **more: Any) -> Picture:
     """All planes of a frame. Raises StudyError."""
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch, settings(words):
-        out = Path(scratch) / "picture.exr"
+    with temporary.folder() as scratch, settings(words):
+        out = scratch / "picture.exr"
         run.render(phase, scene.path, size[1], size[0], aov=True, out=out, timed=False, **more)
         return images.read(out)
 

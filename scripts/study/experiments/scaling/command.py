@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import secrets
-import tempfile
 import time
 from pathlib import Path
 
 import matplotlib
 
-from study.core import cli, machine, registry, run, store
+from study.core import cli, machine, registry, run, store, temporary
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.experiments.scaling import figures as scaling_page
@@ -90,8 +89,8 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
     chosen = scaling_series.chosen(known, [name for name in names if name != "memory"])
     left = args.budget * (1 - MEMORY_SHARE if "memory" in names and chosen else 1)
     rows, thumbnails = [], []
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
-        settings = scaling.Settings(args.launches, args.seed, args.cpu, Path(scratch), folder)
+    with temporary.folder() as scratch:
+        settings = scaling.Settings(args.launches, args.seed, args.cpu, scratch, folder)
         for number, series in enumerate(chosen):
             share = series.weight / sum(one.weight for one in chosen[number:])
             found = scaling.study(series, specs, left * share, settings)

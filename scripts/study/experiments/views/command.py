@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import secrets
-import tempfile
 import time
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 
-from study.core import cli, machine, registry, run, store
+from study.core import cli, machine, registry, run, store, temporary
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
@@ -69,9 +68,9 @@ def thumbnails(scenes: list[View], folder: Path, height: int = 135) -> list[dict
     """A small picture of each view by the last rung that can; what none can render is left out."""
     made = []
     able = [name for name in registry.ladder() if registry.cpu_supports(Spec.parse(name))]
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+    with temporary.folder() as scratch:
         for view in scenes:
-            path = Path(scratch) / "picture.exr"
+            path = scratch / "picture.exr"
             for name in [*reversed(able)]:
                 try:
                     run.render(name, view.scene.path, height, view.size(height)[0], out=path)
@@ -99,10 +98,10 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
             if name not in registry.scenes():
                 raise
             left_out.append({"phase": "all", "scene": name, "view": "all", "reason": str(error)})
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+    with temporary.folder() as scratch:
         settings = views_measure.Settings(
             **{key: getattr(args, key) for key in ("n", "error_n", "launches", "reps", "seed", "cpu")},
-            **{"seconds": args.budget, "jobs": len(run.USABLE), "scratch": Path(scratch)},
+            **{"seconds": args.budget, "jobs": len(run.USABLE), "scratch": scratch},
         )
         found = views_measure.study(rungs, scenes, settings)
     found["left_out"] = left_out + found["left_out"]

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import build, registry
+from study.core import build, registry, temporary
 from study.core.cli import StudyError
 from study.core.run import NO_ISA, UNSUPPORTED, UNTIMED
 from study.pictures import images
@@ -96,7 +96,7 @@ class Phase:
         Overrides: hit_distance and max_steps, the driver's options; everything else is the scene's.
         Samples that are not finite are counted, not refused.
         """
-        with tempfile.TemporaryDirectory(prefix="stepwise-hard-") as folder:
+        with temporary.folder(prefix="stepwise-hard-") as folder:
             path, out = Path(folder, "scene.json"), Path(folder, "picture.exr")
             path.write_text(json.dumps(scene), encoding="utf-8")
             command = [self.program(self.renderer), path, "-n", str(size[1]), "-w", str(size[0]), "-o", out]
@@ -114,7 +114,7 @@ class Phase:
         In the arithmetic of the phase's march. The probe does not ask whether the phase supports the scene.
         """
         raw = np.ascontiguousarray(points, "<f8").tobytes()
-        with tempfile.TemporaryDirectory(prefix="stepwise-hard-") as folder:
+        with temporary.folder(prefix="stepwise-hard-") as folder:
             path = Path(folder, "scene.json")
             path.write_text(json.dumps(scene), encoding="utf-8")
             done = self.execute([self.program("probe"), path], stdin=raw)
