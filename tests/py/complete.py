@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import functools
 import json
+from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 import msgspec
 
-from study.core import cli, schema
+from study.core import cli, schema, store
 from study.core.schema import File
 from study.experiments import experiment
 
@@ -49,6 +50,11 @@ def filled(data: Any, kind: Any) -> Any:
         if isinstance(data, float) and one is int and data.is_integer():
             return int(data)
     return data
+
+
+def write(path: Path, content: Any) -> None:
+    """The run's file `path`, made whole by the schema of its name."""
+    store.write_text(path, text(path.name, content))
 
 
 def text(name: str, content: Any) -> str:

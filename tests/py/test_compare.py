@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import complete
 import emitted
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from study.commands import compare
 from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
+from study.core.run_schema import Frame
 from study.core.store import Run
 
 CONTEXT = {"cpu": {"model": "Some CPU"}, "git": {"commit": "1" * 40, "dirty": False}, "libc": "glibc 2.36"}
@@ -31,8 +33,8 @@ def make_run(folder, times, context=None, launches=8, **line) -> Run:
             for frame in (-1, 0):
                 facts = {"phase": phase, "flags_from": phase, "scene": scene, "config": phase + scene}
                 facts |= {"launch": launch, "frame": frame, "warmup": frame < 0}
-                ns = 1e9 if frame < 0 else ms * 1e6 * noise[launch]
-                made.append_frame(LINE | facts | {"ns": ns} | line)
+                ns = 1_000_000_000 if frame < 0 else round(ms * 1e6 * noise[launch])
+                made.append_frame(complete.filled(LINE | facts | {"ns": ns} | line, Frame))
     made.close()
     return made
 
@@ -137,14 +139,14 @@ def test_nothing_to_compare_is_an_error(two, tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"ns": -5}, "ns is -5; should be a number of 1 or more"),
-        ({"ns": "x"}, "ns is 'x'; should be a number"),
-        ({"ns": True}, "ns is True; should be a number"),
-        ({"width": 0}, "width is 0; should be a number of 1 or more"),
-        ({"launch": None}, "launch is None; should be a number of 0 or more"),
-        ({"flags": []}, "flags is []; should be text"),
-        ({"scene_hash": None}, "scene_hash is None; should be text"),
-        ({"warmup": "no"}, "warmup is 'no'; should be true or false"),
+        ({"ns": -5}, "$.ns: Expected `int` >= 1"),
+        ({"ns": "x"}, "$.ns: Expected `int`, got `str`"),
+        ({"ns": True}, "$.ns: Expected `int`, got `bool`"),
+        ({"width": 0}, "$.width: Expected `int` >= 1"),
+        ({"launch": None}, "$.launch: Expected `int`, got `null`"),
+        ({"flags": []}, "$.flags: Expected `str`, got `array`"),
+        ({"scene_hash": None}, "$.scene_hash: Expected `str`, got `null`"),
+        ({"warmup": "no"}, "$.warmup: Expected `bool`, got `str`"),
     ],
 )
 def test_a_damaged_figure_is_told_by_file_and_line(two, change, said):
@@ -153,7 +155,7 @@ def test_a_damaged_figure_is_told_by_file_and_line(two, change, said):
     two[0].frames_path.write_text("\n".join(whole) + "\n")
     done = run(two[0].path, two[1].path)
     assert done.returncode == 2 and "Traceback" not in done.stderr
-    assert f"frames.jsonl:3: {said}" in done.stderr
+    assert f"frames.jsonl:3: not what scripts/stepwise sweep writes ({said})" in done.stderr
 
 
 @pytest.mark.parametrize("content", ["null", "[]", "3", '{"cpu": 7}', '{"git": "x"}', "[" * 100_000])

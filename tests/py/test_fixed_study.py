@@ -60,7 +60,7 @@ def test_floats_are_compared_with_in_as_many_lanes_and_what_is_compared_with_is_
     for row in result["rows"]:
         row["launches"] = [took.get(row["case"], 20.0)] * 6
     assert "over_like_float" not in result["rows"][2]
-    (tmp_path / fixed.FILE).write_text(complete.text(fixed.FILE, result))
+    complete.write(tmp_path / fixed.FILE, result)
     (table,) = (p for p in systems.section(tmp_path).parts if p.name == "fixed")
     head, _, *lines = ([c.strip() for c in x.strip("|").split("|")] for x in table.markdown.splitlines())
     assert head[3:6] == [
@@ -90,7 +90,7 @@ def test_the_rows_of_systems_where_8_lanes_are_the_most():
 
 
 def test_the_rows_of_systems_by_hand(tmp_path):
-    (tmp_path / fixed.FILE).write_text(complete.text(fixed.FILE, made_up()))
+    complete.write(tmp_path / fixed.FILE, made_up())
     rows = fixed_page.system_rows(made_up())
     by_what = {row["what"]: row for row in rows}
     lanes = "integers in lanes (fixed_simd), spheres40_animated 1920×1080,"

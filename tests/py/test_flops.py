@@ -522,7 +522,7 @@ def test_a_published_runs_counts_are_packed_and_the_plain_file_goes_first(tmp_pa
     packed.write_bytes(packed.read_bytes()[:-9])
     with pytest.raises(StudyError, match=r"counts\.json\.gz: not a whole gzip file"):
         flops.read(plain)
-    plain.write_text(complete.text("counts.json", {"declared": [stated(8)]}))
+    complete.write(plain, {"declared": [stated(8)]})
     assert flops.read(plain)[0] == [stated(8)]
 
 

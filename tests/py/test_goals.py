@@ -197,7 +197,7 @@ def test_a_baseline_slower_than_the_papers_program_has_no_speedups(
     )
     if ratio is not None:
         rows = [{"phase": "baseline", "ours_over_theirs": {"value": value}} for value in (0.9, ratio)]
-        (tmp_path / "original.json").write_text(complete.text("original.json", {"rows": rows}))
+        complete.write(tmp_path / "original.json", {"rows": rows})
     run = SimpleNamespace(context={"time": "1"}, path=tmp_path, frames=pd.DataFrame())
     monkeypatch.setattr(goals, "of_run", lambda data: [(0, over), (0, other)])
     assert [row["goal"] for row in goals_page.rows([run], checked=True)[0]] == ["over"] * shown + ["other"]

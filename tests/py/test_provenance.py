@@ -33,7 +33,7 @@ def context(commit: str, time: str, ticks: int = 0, dirty: bool = False) -> dict
 
 
 def write(path: Path, name: str, content: dict) -> None:
-    (path / name).write_text(complete.text(name, content))
+    complete.write(path / name, content)
 
 
 @pytest.fixture

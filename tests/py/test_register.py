@@ -32,7 +32,7 @@ def data(tmp_path: Path) -> Data:
 
 
 def put(data: Data, name: str, content: object) -> None:
-    (data.path / name).write_text(complete.text(name, content))
+    complete.write(data.path / name, content)
 
 
 # Every call has all of its iterations: its FLOPs by the rule are those counted.
@@ -243,14 +243,14 @@ def test_threads_are_linear_on_the_longest_frame(data, two, verdict) -> None:
     put(
         data,
         "packets.json",
-        {"rays": [], "drawn": [drawn("short", 0.4, 0.5), drawn("long", two), drawn("other", 4.5, 9)]},
+        {"rays": [{}], "drawn": [drawn("short", 0.4, 0.5), drawn("long", two), drawn("other", 4.5, 9)]},
     )
     found = register.CHECKS["linear"](data, claim)
     assert found.verdict == verdict and found.value == pytest.approx(5 / two)
     assert "long at n = 180 (10 ms)" in found.here
     only = drawn("one", 5.0)
     only["rows"][0]["threads"].pop()
-    put(data, "packets.json", {"rays": [], "drawn": [only]})
+    put(data, "packets.json", {"rays": [{}], "drawn": [only]})
     assert register.CHECKS["linear"](data, claim).verdict == OPEN
 
 
@@ -273,7 +273,7 @@ def test_frames_of_other_cores_decide_nothing(data) -> None:
     """14.29 ms of 35 cores are 241 core·ns a pixel; 100 ms on one are 48.2."""
     (claim,) = [c for c in paper.read("claims").to_dict("records") if c["quantity"] == "integers"]
     assert register.CHECKS["integers"](data, claim).verdict == OPEN
-    row = {"phase": "fixed_simd", "n": 1080, "width": 1920, "threads": 1, "frames": 900}
+    row = {"phase": "fixed_simd", "n": 1080, "width": 1920, "threads": 1, "frames": 900, "shadows": True}
     row |= {"core_ns_per_pixel": 100e6 / (1920 * 1080)}
     row |= {"ms": {"mean": 100.0, "p50": 98.0, "p5": 90.0, "p95": 120.0}}
     others = [row | {"n": 90, "threads": 2}, row | {"shadows": False, "threads": 2}]

@@ -103,7 +103,7 @@ def run(tmp_path: Path) -> Path:
     """A run with one small row of everything that the sections show."""
     folder = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
     for name, made in CONTENTS.items():
-        (folder / name).write_text(complete.text(name, made()))
+        complete.write(folder / name, made())
     return folder
 
 
@@ -118,7 +118,7 @@ def parts_of(section: section.Section) -> dict[str, section.Part]:
 
 
 def put(run: Path, name: str, content: Any) -> None:
-    (run / name).write_text(complete.text(name, content))
+    complete.write(run / name, content)
 
 
 def test_a_sound_run_has_every_part(run: Path) -> None:

@@ -84,13 +84,11 @@ def folder(tmp_path: Path) -> Path:
     made = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
     rows = [point("baseline", 1000, 80), point("opt4", 50, 84)]
     speed = {"schema": 1, "n": 90, "launches": 6, "rows": rows, "winners": pareto.winners(rows)}
-    (made / "pareto.json").write_text(complete.text("pareto.json", speed))
-    (made / "functions.json").write_text(
-        complete.text("functions.json", approximated(LIBM, NEAR, NARROW, TRICK))
-    )
+    complete.write(made / "pareto.json", speed)
+    complete.write(made / "functions.json", approximated(LIBM, NEAR, NARROW, TRICK))
     errors = json.loads((PUBLISHED / "accuracy.json").read_text())
     kept = [r for r in errors["rows"] if r["scene"] == "trio" and r["phase"] in ("baseline", "opt4")]
-    (made / "accuracy.json").write_text(complete.text("accuracy.json", errors | {"rows": kept}))
+    complete.write(made / "accuracy.json", errors | {"rows": kept})
     return made
 
 
