@@ -12,15 +12,15 @@ import emitted
 import numpy as np
 import pytest
 import started
-from documented import keys
 from made_up import fixed_result as made_up
 
-from study.core import registry, run, show
+from study.core import registry, run, schema, show
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import pictures as fixed_pictures
 from study.experiments.fixed import tables as fixed_page
+from study.experiments.fixed.schema import Fixed
 from study.experiments.moving import schema as moving_schema
 from study.experiments.systems import tables as systems
 
@@ -357,18 +357,7 @@ def test_all_of_it_small(tmp_path):
     bare = [not row["shadows"] for row in result["animation"]]
     assert bare == [False] * (len(bare) - sum(bare)) + [True] * (2 if most > 1 else 1)
     assert not (tmp_path / "animation").exists(), "kept frames are forgotten when the file is written"
-    named = {
-        key
-        for row in (result["rows"][0], result["sweep"][-1], result["animation"][0], result["clearing"][-1])
-        for key in row
-    }
-    common = {"width", "scene", "ms_low", "ms_high"} | keys("rods.json") | keys("frames.json")
-    assert (
-        not named
-        - keys("fixed.json")
-        - common
-        - {"gain_low", "gain_high", "over_float_low", "over_float_high"}
-    )
+    assert not schema.unknown(result, Fixed)
     assert (tmp_path / "images" / "fixed-blocks.png").exists() and (
         tmp_path / "figures" / "fixed-frames.png"
     ).exists()

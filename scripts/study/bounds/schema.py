@@ -55,7 +55,7 @@ class Ceilings(Result, kw_only=True):
     """What one core does at best, measured then and there."""
 
     made_by: ClassVar[str] = "ceilings"
-    schema: Annotated[Literal[1], key("", "1")]
+    schema: Annotated[Literal[1], key("", "version of the form")]
     compiler: Annotated[str | Absent, key("", "version")] = ABSENT
     cpu: Annotated[Cpu | Absent, key("", "whose they are")] = ABSENT
     tsc_hz: Annotated[float, key("Hz", "TSC rate", gt=0)]

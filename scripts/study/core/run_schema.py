@@ -57,7 +57,7 @@ class Context(File, kw_only=True):
     """What a run stands on: machine, toolchain, commit, noise. Files of experiments hold one of their own."""
 
     made_by: ClassVar[str] = "sweep"
-    schema: Annotated[Literal[1] | Absent, key("", "1")] = ABSENT
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
     time: Annotated[str | Absent | None, key("UTC", "when it was written; ISO 8601")] = ABSENT
     machine: Annotated[str | Absent | None, key("", "short name, made from the CPU's")] = ABSENT
     cpu: Annotated[Cpu | Absent | None, key("", "the CPU")] = ABSENT
@@ -102,7 +102,7 @@ class Plan(File, kw_only=True):
     """What a sweep set out to measure."""
 
     made_by: ClassVar[str] = "sweep"
-    schema: Annotated[Literal[1] | Absent, key("", "1")] = ABSENT
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
     seed: Annotated[int | Absent | None, key("", "of the order and of the padding")] = ABSENT
     cpu: Annotated[int | Absent | None, key("", "CPU that processes of one thread are pinned to")] = ABSENT
     launches: Annotated[int | Absent | None, key("launches", "of each configuration")] = ABSENT
@@ -133,7 +133,7 @@ class Frame(File, kw_only=True):
     """One timed frame. Analysis drops a line that was cut off in mid-write; the frame is measured again."""
 
     made_by: ClassVar[str] = "sweep"
-    schema: Annotated[Literal[1] | Absent, key("", "1")] = ABSENT
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
     config: Annotated[str, key("", "hash of what was asked for: program, scene, size, threads, overrides")]
     launch: Annotated[int, key("", "number of the process launch within this configuration", ge=0)]
     round: Annotated[
@@ -230,4 +230,5 @@ class About(File, kw_only=True):
     caveat: Annotated[str, key("", "what limits its numbers")]
 
 
-SCHEMAS = {"context.json": Context, "plan.json": Plan, "frames.jsonl": Frame, "run.toml": About}
+RUN_TOML = "run.toml"
+SCHEMAS = {"context.json": Context, "plan.json": Plan, "frames.jsonl": Frame}

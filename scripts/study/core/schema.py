@@ -1,7 +1,7 @@
 """What stands in the files of a run: schemas, by which a file is checked where it is read.
 
-A schema is a class of keys, each with its type, unit and meaning. The tables of results/README.md and of
-results/keys/ are made from them (study.core.schema_pages).
+A schema is a class of keys, each with its type, unit and meaning. The pages of results/keys/ are made from
+them (study.experiments.keys).
 """
 
 from __future__ import annotations

@@ -203,7 +203,7 @@ class Run:
             self._file = None
 
     def frames(self) -> pd.DataFrame:
-        """One row per frame, columns as in results/README.md plus `spec` (opt2 or opt2@opt4).
+        """One row per frame, columns as in results/keys/frames.jsonl.md plus `spec` (opt2 or opt2@opt4).
 
         Without a frames.jsonl it is read from frames.jsonl.gz, as published runs have it. A torn last line is
         dropped with a remark on stderr; any other broken line is a StudyError that names file and line.

@@ -104,7 +104,7 @@ class Counts(Result, kw_only=True):
     """FLOPs declared and counted; FLOPs, bytes and instructions executed."""
 
     made_by: ClassVar[str] = "flops"
-    schema: Annotated[Literal[1] | Absent, key("", "1")] = ABSENT
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
     declared: Annotated[list[Declared], key("", "what the counting build printed")]
     measured: Annotated[list[Build], key("", "by back end and build")]
 
@@ -146,7 +146,7 @@ class Validation(Result, kw_only=True):
     """Declared costs against executed FLOPs, per phase, scene and function."""
 
     made_by: ClassVar[str] = "flops --validate"
-    schema: Annotated[Literal[1] | Absent, key("", "1")] = ABSENT
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
     tolerance: Annotated[float | Absent, key("share", "the greatest difference that is none")] = ABSENT
     rows: Annotated[list[Row], key("", "functions and totals")]
 

@@ -43,7 +43,7 @@ class Result(File):
 class Measured(Result, kw_only=True):
     """A file of an experiment, with what made it."""
 
-    schema: Annotated[Literal[1], key("", "1")]
+    schema: Annotated[Literal[1], key("", "version of the form")]
     launches: Annotated[int | Absent, key("launches", "of each program")] = ABSENT
     seed: Annotated[int | Absent, key("", "of the order and of the padding")] = ABSENT
     cpu: Annotated[int | Absent | None, key("", "CPU that processes of one thread were pinned to")] = ABSENT
@@ -202,10 +202,14 @@ class Pair(Record, kw_only=True):
 
 
 class Verify(Result, kw_only=True):
-    """Pictures of every phase against baseline's: hits, depths, normals, colours, FLIP."""
+    """Pictures of every phase against baseline's: hits, depths, normals, colours, FLIP.
+
+    The gate goes in this order: hash, mask and shape, depth and normal, linear picture, FLIP. NaN never
+    passes: `non_finite` must be 0, whatever a phase declares.
+    """
 
     made_by: ClassVar[str] = "verify"
-    schema: Annotated[Literal[1] | Absent, key("", "1")] = ABSENT
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
     reference: Annotated[str | Absent, key("", "the phase that all are held against")] = ABSENT
     flip_tool: Annotated[str | Absent, key("", "name and version")] = ABSENT
     picture_tool: Annotated[str | Absent, key("", "name and version")] = ABSENT

@@ -2,7 +2,7 @@
 
 Truth (truth.truth) is a picture with more planes: `ideal.*` with the ideal soft shadow, `none.*` without
 any, the `shadow` factor of the primary hit, `status` of the primary ray (2 proved, 1 converged only, 0
-undecided) and `status.all` of the pixel's whole chain. Metrics and units: results/README.md, accuracy.json.
+undecided) and `status.all` of the pixel's whole chain. Metrics and units: results/keys/accuracy.json.md.
 """
 
 from __future__ import annotations

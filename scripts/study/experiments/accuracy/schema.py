@@ -151,10 +151,14 @@ class Convergence(Record, kw_only=True):
 
 
 class Accuracy(Result, kw_only=True):
-    """Errors of each phase to ground truth, per scene."""
+    """Errors of each phase to ground truth, per scene.
+
+    A null PSNR is infinite where the RMSE beside it is a number, and no value where that is null too. A
+    phase behind opt4 fails where it is further from truth than baseline by more than its margins.
+    """
 
     made_by: ClassVar[str] = "accuracy"
-    schema: Annotated[Literal[1] | Absent, key("", "1")] = ABSENT
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
     flip_tool: Annotated[str | Absent, key("", "name and version")] = ABSENT
     picture_tool: Annotated[str | Absent, key("", "name and version")] = ABSENT
     rows: Annotated[list[Row], key("", "phases and scenes")]

@@ -1,6 +1,6 @@
 """Rays in integers (phases fixed, fixed_simd) against the same in floats (fixed_float): what fixed.json says.
 
-The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (5 June 2017); results/README.md has
+The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (5 June 2017); results/keys/ has
 the keys.
 """
 

@@ -123,7 +123,11 @@ class Table(Record, kw_only=True):
 
 
 class Functions(Measured, kw_only=True):
-    """Roots, exp, log, pow, sin …: time against ulp, values at the edges."""
+    """Roots, exp, log, pow, sin …: time against ulp, values at the edges.
+
+    Floats of one argument are tried all; other errors are of samples, whose maximum is a lower bound. So is
+    every error of a quick run. Ulp are of the exact value.
+    """
 
     made_by: ClassVar[str] = "functions"
     quick: Annotated[bool | Absent, key("", "samples alone: every maximum is a lower bound")] = ABSENT

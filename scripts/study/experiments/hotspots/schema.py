@@ -103,7 +103,7 @@ class Hotspots(Result, kw_only=True):
     """Samples by function, and a model of what bounds the hot regions."""
 
     made_by: ClassVar[str] = "hotspots"
-    schema: Annotated[Literal[1] | Absent, key("", "1")] = ABSENT
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
     profiles: Annotated[list[Profiled], key("", "by phase, scene and build")]
     beside: Annotated[dict[str, Beside] | Absent, key("", "`scene|phase|width|height` → counts")] = ABSENT
     bounds: Annotated[list[Bound] | Absent, key("", "what bounds each phase")] = ABSENT

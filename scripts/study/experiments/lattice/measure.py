@@ -1,7 +1,7 @@
 """CPU-RTRM's scene (common/scenes/lattice.json) by every phase of the ladder: what lattice.json says.
 
 The scene is made from a description of that program's: an infinite lattice of rounded cubes and spheres. What
-it takes for a frame was measured elsewhere, by others; results/README.md has the keys.
+it takes for a frame was measured elsewhere, by others; results/keys/ has the keys.
 """
 
 from __future__ import annotations

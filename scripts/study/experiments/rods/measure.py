@@ -1,5 +1,5 @@
 """Rods against rays (phase rods), and the settings of the hybrid (phase rods_simd): what rods.json and
-throttle.json say. Rod marching: the article of 6 July 2012; results/README.md has the keys.
+throttle.json say. Rod marching: the article of 6 July 2012; results/keys/ has the keys.
 """
 
 from __future__ import annotations

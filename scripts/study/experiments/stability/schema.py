@@ -67,7 +67,7 @@ class Stability(Result, kw_only=True):
     """Hard cases with a known answer, per phase. Every phase has an outcome of every case."""
 
     made_by: ClassVar[str] = "stability"
-    schema: Annotated[Literal[1], key("", "1")]
+    schema: Annotated[Literal[1], key("", "version of the form")]
     phases: Annotated[list[Phase], key("", "programs")]
     cases: Annotated[list[Case], key("", "what was tried")]
     results: Annotated[list[Outcome], key("", "cases on phases", min_length=1)]

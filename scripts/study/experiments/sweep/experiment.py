@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.core import run_schema
+from study.core.run_schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.sweep import chapter, rungs
 
@@ -15,7 +15,7 @@ EXPERIMENT = Experiment(
     name="sweep",
     what="times of every phase",
     turn=0,
-    schemas={name: run_schema.SCHEMAS[name] for name in ("frames.jsonl", "plan.json", "context.json")},
+    schemas=SCHEMAS,
     calls=calls,
     depth="quick",
     sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],
