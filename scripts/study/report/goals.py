@@ -68,11 +68,6 @@ def _given(found: Row) -> Interval:
     return Interval(**{key: math.nan if value is None else value for key, value in found.items()})
 
 
-def spread(found: Interval, unit: str) -> str:
-    """`3.86× [3.57, 4.23]`."""
-    return show.interval({"x": found.value, "x_low": found.low, "x_high": found.high}, "x", 3, unit)
-
-
 def _exact(value: float) -> Interval:
     return Interval(value, value, value, 1, True)
 
@@ -275,9 +270,9 @@ def of_growth(data: Data) -> Iterable[Goal]:
         if few > 1:
             covered = f"{few} and {many} scenes; coverage made to be {found['coverage_wanted']:g}"
             if row.get("by_medians") and row["by_medians"]["value"] is not None:
-                covered += f"; by medians {spread(_given(row['by_medians']), '×')}"
+                covered += f"; by medians {show.spread(row['by_medians'], 3, '×')}"
             others = [r for r in rows if r["phase"] != row["phase"]]
-            covered += "".join(f"; {r['phase']} {spread(_given(r['ratio']), '×')}" for r in others)
+            covered += "".join(f"; {r['phase']} {show.spread(r['ratio'], 3, '×')}" for r in others)
         yield Goal(
             name, scaling_goals.MOST_TIMES, _given(row["ratio"]), row["shapes_goal"], row["phase"],
             beside=covered, at_most=True, scenes=few if few > 1 else 0,

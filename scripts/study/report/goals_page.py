@@ -30,7 +30,7 @@ KEPT = ("from", "last")  # of a row, by machine
 def cell(goal: Goal) -> str:
     """`opt9_convex 104× [95, 115] of 65: met; 61.0 dB (4×4)`."""
     exact = goal.found.low == goal.found.high
-    text = f"{show.number(goal.found.value)}{goal.unit}" if exact else goals.spread(goal.found, goal.unit)
+    text = f"{show.number(goal.found.value)}{goal.unit}" if exact else show.spread(goal.found, 3, goal.unit)
     if goal.ours and not exact:
         text = text.replace(" [", " (ours alone [", 1) + ")"
     half = f" of {show.number(goal.asked / 2)}{goal.unit}" if goal.narrow else ""

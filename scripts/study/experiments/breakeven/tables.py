@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,13 +16,7 @@ from study.pictures.draw import Drawing
 
 
 def _interval(name: str, unit: str = "") -> Callable[[Row], str]:
-    def text(row: Row) -> str:
-        if name not in row:
-            return show.NOTHING
-        flat = {"v": row[name]["value"], "v_low": row[name]["low"], "v_high": row[name]["high"]}
-        return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", 4, unit)
-
-    return text
+    return show.spread_of(name, unit, 4)
 
 
 def frames_needed(row: Row) -> str:

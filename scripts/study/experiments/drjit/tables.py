@@ -12,18 +12,6 @@ from study.experiments.drjit.measure import DRJIT, GOALS, OWN, SAME, Row
 from study.pictures import dots
 
 
-def _interval(name: str, unit: str = "") -> object:
-    def text(row: Row) -> str:
-        found = row[name]
-        if found is None:
-            return show.NOTHING
-        some = found if isinstance(found, dict) else vars(found)
-        flat = {"v": some["value"], "v_low": some["low"], "v_high": some["high"]}
-        return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", 3, unit)
-
-    return text
-
-
 def _psnr(row: Row) -> str:
     if row["rmse"] is None:
         return "not finite"
@@ -42,8 +30,8 @@ COLUMNS = [
     Column("", "threads", lambda r: str(r["threads"])),
     Column("", "program", lambda r: r["program"]),
     Column("", "limits of the march", lambda r: r["limits"]),
-    Column("", "ms [95 %]", _interval("ms")),
-    Column("", f"times as fast as {DRJIT} [95 %]", _interval("ratio", "×")),
+    Column("", "ms [95 %]", show.spread_of("ms")),
+    Column("", f"times as fast as {DRJIT} [95 %]", show.spread_of("ratio", "×")),
     Column("", f"{DRJIT} as published, ms", _published),
     Column("error by the same limits", "to", lambda r: r["reference"]),
     Column("error by the same limits", "PSNR, dB", _psnr),

@@ -17,10 +17,7 @@ from study.pictures.draw import Drawing, plain_log
 FIGURE = "frames"
 
 
-def _rate(row: Row) -> str:
-    found = row["frames_per_s"]
-    flat = {"v": found["value"], "v_low": found["low"], "v_high": found["high"]}
-    return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", 3)
+_rate = show.spread_of("frames_per_s")
 
 
 def _p99(row: Row) -> str:
