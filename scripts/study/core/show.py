@@ -132,6 +132,16 @@ def psnr(row: Row, name: str) -> str:
     return "identical" if math.isinf(value) else number(value)
 
 
+def error_psnr(error: Row | None) -> str:
+    """Of an error as files have it: its PSNR is null where the pictures are identical."""
+    if not error:
+        return NOTHING
+    if error["rmse"] is None:
+        return "not finite"
+    same = error["psnr_db"] is None or math.isinf(error["psnr_db"])
+    return ("identical" if same else number(error["psnr_db"])) + (" (4×4 means)" if error["averaged"] else "")
+
+
 def decibels(text: str) -> str:
     """A PSNR's cell in a sentence: `60.9 (4×4 means)` is `60.9 dB (4×4 means)`; words stay words."""
     value, _, means = text.partition(" (")

@@ -7,13 +7,14 @@ lists of the documents know an experiment only through this object, and find it 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from study.core.cli import StudyError
-from study.experiments.section import Section
+from study.experiments.goal import Goal
+from study.experiments.section import Section, reading
 from study.numbers.analysis import Data
 
 FOLDER = Path(__file__).resolve().parent
@@ -65,7 +66,7 @@ class Experiment:
     """`what`: a few words for progress and lists. `files`: that it writes into a run. `turn`: its place in a
     study. `depth`: the least depth of a study that has it; None: only by its name. `calls`: its commands in a
     study. `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS
-    it answers.
+    it answers. `goals`: what was asked, with the figure that a run has of it.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Experiment:
     calls: Callable[[Study], list[Call]]
     depth: str | None = "standard"
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
+    goals: Callable[[Data], Iterable[Goal]] | None = None
 
 
 @cache
@@ -94,6 +96,16 @@ def placed(data: Data) -> list[tuple[int, Section]]:
     """The chapters of a run's page with their places, in order. Raises StudyError for a broken file."""
     made = [(place, make) for one in find_all().values() for place, make in one.sections]
     return [(place, make(data)) for place, make in sorted(made, key=lambda each: each[0])]
+
+
+def goals(data: Data) -> list[tuple[int, Goal]]:
+    """Goals that a run has a figure for, each with its experiment's place. StudyError for a broken file."""
+    made: list[tuple[int, Goal]] = []
+    for place, one in enumerate(find_all().values()):
+        if one.goals:
+            with reading(data.path / one.files[0], f"scripts/stepwise {one.name} --run {data.path}"):
+                made += [(place, goal) for goal in one.goals(data)]
+    return made
 
 
 def sections(data: Data) -> list[Section]:

@@ -33,13 +33,7 @@ def frames_needed(row: Row) -> str:
 
 
 def _psnr(row: Row) -> str:
-    error = row.get("error")
-    if not error:
-        return show.NOTHING
-    if error["rmse"] is None:
-        return "not finite"
-    value = "identical" if error["psnr_db"] is None else show.number(error["psnr_db"])
-    return value + (" (4×4 means)" if error["averaged"] else "")
+    return show.error_psnr(row.get("error"))
 
 
 def sentence(row: Row, against: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.experiments.drjit import chapter
+from study.experiments.drjit import chapter, goals
 from study.experiments.experiment import Call, Experiment, Study
 
 
@@ -18,4 +18,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="full",
     sections=[(160, lambda data: chapter.rival(data.path))],
+    goals=goals.reached,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.packets import goals
 
 
 def calls(study: Study) -> list[Call]:
@@ -16,4 +17,5 @@ EXPERIMENT = Experiment(
     files=("packets.json",),
     calls=calls,
     depth=None,
+    goals=goals.reached,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.scaling import chapter
+from study.experiments.scaling import chapter, goals
 
 SECONDS = "300"
 
@@ -25,4 +25,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="standard",
     sections=[(610, lambda data: chapter.growth(data.path))],
+    goals=goals.reached,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.sweep import chapter, rungs
+from study.experiments.sweep import chapter, goals, rungs
 
 
 def calls(study: Study) -> list[Call]:
@@ -18,4 +18,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],
+    goals=goals.reached,
 )
