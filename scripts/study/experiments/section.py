@@ -96,12 +96,13 @@ def chapter(
     file: Path,
     read: Callable[[Path], dict[str, Any]],
     found: Callable[[dict[str, Any]], Found],
+    rows: str = "rows",
 ) -> Section:
-    """The chapter of an experiment whose file has rows; without any it is empty."""
+    """The chapter of an experiment whose file has `rows`; without any it is empty."""
     made, script = Found(), f"scripts/stepwise {name}"
     with reading(file, f"{script} --run {file.parent}"):
         result = read(file)
-        if result["rows"]:
+        if result.get(rows):
             made = found(result)
     told = {"file": file, "script": script, "answer": made.answer, "drawn": made.drawn}
     return Section(name, title, f"make {name}", made.parts, **told)
