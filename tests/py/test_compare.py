@@ -193,7 +193,7 @@ def test_a_launch_with_another_clock_is_flagged_and_can_be_left_out(tmp_path):
     done = run(made.path, made.path, "--leave-out-off-clock")
     assert "left out of A: opt1 s launch 5: TSC 2.501 GHz, +0.04 % off the other launches" in done.stdout
     warnings = stats.noise_warnings(made.frames())
-    assert "2 launches ran at another clock than the others (scripts/stepwise compare names them)" in warnings
+    assert "2 launches ran at another clock than the others (scripts/stepwise compare says which)" in warnings
 
 
 def test_many_runs_beside_one_base(two, tmp_path):

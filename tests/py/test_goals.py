@@ -70,7 +70,7 @@ def test_the_whole_interval_decides_and_narrow_lanes_are_asked_half(
     text = goals_page.cell(goal)
     assert (
         text.endswith(f"**{verdict}**")
-        and f"(54.5 dB to truth; {show.number(1000 / speedup[0])} ms)" in text
+        and f"(54.5 dB to ground truth; {show.number(1000 / speedup[0])} ms)" in text
         and ("of 1,500×" in text) == (lanes == 8)
     )
     assert goals_page.asked(goal) == "≥ 3,000×"

@@ -277,8 +277,8 @@ def noise_warnings(frames: pd.DataFrame) -> list[str]:
         if far[1:].any():
             warnings.append(f"{name}: {far[1:].sum()} of {len(values)} launches are outliers")
     if not frames.empty and (off := {(one.config, one.launch) for one in clocks.off(frames)}):
-        tell = "scripts/stepwise compare names them"
-        warnings.append(f"{len(off)} launches ran at another clock than the others ({tell})")
+        ran = f"launch{'es' * (len(off) > 1)} ran at another clock than the others"
+        warnings.append(f"{len(off)} {ran} (scripts/stepwise compare says which)")
     seconds = 0 if frames.empty else float(frames["ns"].sum()) * 1e-9
     if seconds and "steal_ticks" in frames:
         steal = frames["steal_ticks"].sum() * 0.01 / seconds

@@ -18,8 +18,8 @@ NOTE = (
     "does. A CPU without AVX-512, and a run held to AVX2 (STEPWISE_ISA_LIMIT=avx2), needs half of a speed-up "
     "over baseline; the cell then names that half. Best: the last rung, unless another rung is better by "
     "intervals that do not overlap. Speed-ups over baseline are shown only where that baseline was timed "
-    "beside the paper's own program (original.json) and is no slower. Errors to truth are of the run's table "
-    "of accuracy, at the size that the cell names."
+    "beside the paper's own program (original.json) and is no slower. Errors to ground truth are of the "
+    "run's table of accuracy, at the size that the cell names."
 )
 LACKING = "make sweep N=720"
 Row = dict[str, Any]

@@ -24,6 +24,6 @@ def reached(data: Data) -> Iterable[goal.Goal]:
         ratio = Interval(*(row["program_ms"] / x for x in (ms.value, ms.high, ms.low)), 0, ms.sufficient)
         other = f"CPU-RTRM's {row['program_ms']:g} ms (another machine: the value decides)"
         name = f"lattice over {other}, threads {threads}"
-        error = f"{show.number(row['psnr_db'])} dB to truth"
+        error = f"{show.number(row['psnr_db'])} dB to ground truth"
         verdict = verdicts.MET if ratio.value >= RTRM else verdicts.MISSED
         yield goal.Goal(name, RTRM, ratio, verdict, row["phase"], beside=error, ours=True)

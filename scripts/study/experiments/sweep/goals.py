@@ -32,7 +32,7 @@ def _error(row: goal.Row) -> str:
     if found is None or math.isnan(found):
         return ""
     means = ", 4×4" if show.yes(row.get("truth_converged_only")) else ""
-    return f"{show.number(found)} dB to truth{means}"
+    return f"{show.number(found)} dB to ground truth{means}"
 
 
 def _speed(
