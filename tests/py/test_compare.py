@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import patch
 
+import complete
 import emitted
 import numpy as np
 import pytest
@@ -16,12 +17,15 @@ import pytest
 from study.commands import compare
 from study.core import cli, store
 from study.core.registry import ROOT
+from study.core.run_schema import Frame
 from study.core.store import Run
 from study.numbers import stats
 
 CONTEXT = {"cpu": {"model": "Some CPU"}, "git": {"commit": "1" * 40, "dirty": False}, "libc": "glibc 2.36"}
 LINE = {"schema": 1, "scene_hash": "aa", "width": 16, "height": 9, "threads": 1, "steal_ticks": 0}
 LINE |= {"hit_distance": 1e-6, "max_steps": 3000, "flags": "-O3", "compiler": "gcc 12", "libc": "2.36"}
+
+NO_CLOCK = dict.fromkeys(("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles"), 0.0)  # as untimed
 
 
 def make_run(folder, times, context=None, launches=8, **line) -> Run:
@@ -35,8 +39,8 @@ def make_run(folder, times, context=None, launches=8, **line) -> Run:
             for frame in (-1, 0):
                 facts = {"phase": phase, "flags_from": phase, "scene": scene, "config": phase + scene}
                 facts |= {"launch": launch, "frame": frame, "warmup": frame < 0}
-                ns = 1e9 if frame < 0 else ms * 1e6 * noise[launch]
-                made.append_frame(LINE | facts | {"ns": ns} | line)
+                ns = 1_000_000_000 if frame < 0 else round(ms * 1e6 * noise[launch])
+                made.append_frame(complete.filled(LINE | NO_CLOCK | facts | {"ns": ns} | line, Frame))
     made.close()
     return made
 
@@ -207,7 +211,7 @@ def test_many_runs_beside_one_base(two, tmp_path):
     assert [one["text"] for one in said["missing"]] == ["not in C: opt2 s 16x9", "not in C: opt1 t 16x9"]
     said = emitted.result(run(*paths, "--base", third.path, "--json").stdout)
     assert said["runs"]["A"] == str(third.path) and len(said["runs"]) == 3
-    assert {row["time"]["value"] for row in said["rows"]} == {0.25, 0.5}
+    assert sorted(row["time"]["value"] for row in said["rows"]) == pytest.approx([0.25, 0.5])
     assert "two runs or more" in run(third.path).stderr
 
 
@@ -247,7 +251,7 @@ def test_status_tells_of_something_slower(two, tmp_path):
 def verified(made, **within) -> Path:
     """With a verify.json: phase → within its tolerance on scene s, or None (not judged)."""
     pairs = [{"phase": phase, "scene": "s", "within_tolerance": value} for phase, value in within.items()]
-    store.write_json(made.path / "verify.json", {"pairs": pairs})
+    complete.write(made.path / "verify.json", {"pairs": pairs})
     return made.path
 
 
@@ -275,7 +279,10 @@ def test_a_phase_that_is_gone_or_wrong_or_unjudged_stops_the_gate(tmp_path, time
 def test_a_broken_verify_json_is_told_in_one_line(two):
     (two[1].path / "verify.json").write_text('{"pairs": 3}')
     done = run(two[0].path, two[1].path)
-    assert done.returncode == 2 and "verify.json: not what scripts/stepwise verify writes" in done.stderr
+    assert (
+        done.returncode == 2
+        and "verify.json: not what scripts/stepwise verify writes ($.pairs" in done.stderr
+    )
     assert len(done.stderr.splitlines()) == 1
 
 
@@ -292,14 +299,14 @@ def test_nothing_to_compare_is_an_error(two, tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"ns": -5}, "ns is -5; should be a number of 1 or more"),
-        ({"ns": "x"}, "ns is 'x'; should be a number"),
-        ({"ns": True}, "ns is True; should be a number"),
-        ({"width": 0}, "width is 0; should be a number of 1 or more"),
-        ({"launch": None}, "launch is None; should be a number of 0 or more"),
-        ({"flags": []}, "flags is []; should be text"),
-        ({"scene_hash": None}, "scene_hash is None; should be text"),
-        ({"warmup": "no"}, "warmup is 'no'; should be true or false"),
+        ({"ns": -5}, "$.ns: Expected `int` >= 1"),
+        ({"ns": "x"}, "$.ns: Expected `int`, got `str`"),
+        ({"ns": True}, "$.ns: Expected `int`, got `bool`"),
+        ({"width": 0}, "$.width: Expected `int` >= 1"),
+        ({"launch": None}, "$.launch: Expected `int`, got `null`"),
+        ({"flags": []}, "$.flags: Expected `str`, got `array`"),
+        ({"scene_hash": None}, "$.scene_hash: Expected `str`, got `null`"),
+        ({"warmup": "no"}, "$.warmup: Expected `bool`, got `str`"),
     ],
 )
 def test_a_damaged_figure_is_told_by_file_and_line(two, change, said):
@@ -308,7 +315,7 @@ def test_a_damaged_figure_is_told_by_file_and_line(two, change, said):
     two[0].frames_path.write_text("\n".join(whole) + "\n")
     done = run(two[0].path, two[1].path)
     assert done.returncode == 2 and "Traceback" not in done.stderr
-    assert f"frames.jsonl:3: {said}" in done.stderr
+    assert f"frames.jsonl:3: not what scripts/stepwise sweep writes ({said})" in done.stderr
 
 
 @pytest.mark.parametrize("content", ["null", "[]", "3", '{"cpu": 7}', '{"git": "x"}', "[" * 100_000])

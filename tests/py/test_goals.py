@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shutil
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import complete
 import pandas as pd
 import pytest
 import started
@@ -211,7 +211,7 @@ def test_a_baseline_slower_than_the_papers_program_has_no_speedups(
     other = Goal("other", 2.0, Interval(3.0, 3.0, 3.0, 6, True), "met")
     if ratio is not None:
         rows = [{"phase": "baseline", "ours_over_theirs": {"value": value}} for value in (0.9, ratio)]
-        (tmp_path / "original.json").write_text(json.dumps({"rows": rows}))
+        complete.write(tmp_path / "original.json", {"rows": rows})
     run = SimpleNamespace(context={"time": "1"}, path=tmp_path, frames=pd.DataFrame())
     monkeypatch.setattr(
         experiment, "goals", lambda data: [(0, g) for g in (*sweep_goals.reached(data), other)]

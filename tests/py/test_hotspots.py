@@ -316,7 +316,7 @@ def test_a_record_is_merged_by_what_it_is_of():
 
 def test_another_things_json_is_refused(tmp_path):
     (tmp_path / "hotspots.json").write_text('{"profiles": [{"phase": "opt2"}]}')
-    with pytest.raises(StudyError, match="no hotspots"):
+    with pytest.raises(StudyError, match=r"hotspots\.json: not what scripts/stepwise hotspots writes \(\$"):
         hotspots.read(tmp_path / "hotspots.json")
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import json
 import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import complete
 import pytest
 import started
 
@@ -103,7 +103,7 @@ def run(tmp_path: Path) -> Path:
     """A run with one small row of everything that the sections show."""
     folder = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
     for name, made in CONTENTS.items():
-        (folder / name).write_text(json.dumps(made()))
+        complete.write(folder / name, made())
     return folder
 
 
@@ -118,7 +118,7 @@ def parts_of(section: section.Section) -> dict[str, section.Part]:
 
 
 def put(run: Path, name: str, content: Any) -> None:
-    (run / name).write_text(json.dumps(content))
+    complete.write(run / name, content)
 
 
 def test_a_sound_run_has_every_part(run: Path) -> None:

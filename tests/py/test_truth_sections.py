@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import complete
 import documented
 import pytest
 
@@ -83,11 +84,11 @@ def folder(tmp_path: Path) -> Path:
     made = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
     rows = [point("baseline", 1000, 80), point("opt4", 50, 84)]
     speed = {"schema": 1, "n": 90, "launches": 6, "rows": rows, "winners": pareto.winners(rows)}
-    (made / "pareto.json").write_text(json.dumps(speed))
-    (made / "functions.json").write_text(json.dumps(approximated(LIBM, NEAR, NARROW, TRICK)))
+    complete.write(made / "pareto.json", speed)
+    complete.write(made / "functions.json", approximated(LIBM, NEAR, NARROW, TRICK))
     errors = json.loads((PUBLISHED / "accuracy.json").read_text())
     kept = [r for r in errors["rows"] if r["scene"] == "trio" and r["phase"] in ("baseline", "opt4")]
-    (made / "accuracy.json").write_text(json.dumps(errors | {"rows": kept, "convergence": None}))
+    complete.write(made / "accuracy.json", errors | {"rows": kept})
     return made
 
 

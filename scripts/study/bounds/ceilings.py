@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.bounds import peaks
+from study.bounds import peaks, schema
 from study.core import machine, run, store
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
@@ -30,7 +30,6 @@ TSC_TOLERANCE = 0.01  # of one machine's: a calibration of 20 ms is far better
 WIDTHS = (64, 128, 256, 512)  # of vectors; 64: scalar, 32 bits in single precision
 _ELEMENTS = (("double", 64), ("single", 32))
 _CPU = ("model", "vendor", "family", "model_number", "stepping")  # what tells machines apart
-_NUMBERS = ("value", "median", "low", "high", "per_second", "instructions_per_core_cycle")
 
 Row = dict[str, Any]
 
@@ -202,35 +201,7 @@ def refuse(folder: Path, context: Mapping[str, Any]) -> None:
 
 def check(data: Any, where: str) -> Ceilings:
     """`data` as ceilings. Raises StudyError that names what is wrong in it."""
-
-    def wrong(what: str) -> StudyError:
-        return StudyError(f"{where}: {what}; make it again with scripts/stepwise ceilings --run RUN")
-
-    if not isinstance(data, dict) or data.get("schema") != 1:
-        raise wrong("no ceilings of schema 1")
-    rows = data.get("ceilings")
-    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
-        raise wrong("no list of ceilings")
-    for key in ("tsc_hz", "core_hz"):
-        if not _positive(data.get(key)):
-            raise wrong(f"{key} is no positive number")
-    if not isinstance(data.get("cpu", {}), dict):
-        raise wrong("cpu is no object")
-    for row in rows:
-        about = " ".join(str(row.get(key)) for key in ("name", "precision", "level", "bits") if key in row)
-        if not {"name", "bits", "value", "unit"} <= row.keys() or not row.keys() & {"precision", "level"}:
-            raise wrong(f"the ceiling '{about}' lacks its name, bits, value, unit or what it is of")
-        if row["value"] is None:
-            if not row.get("reason"):
-                raise wrong(f"the ceiling '{about}' has neither value nor reason")
-        elif bad := [key for key in _NUMBERS if not _positive(row.get(key))]:
-            raise wrong(f"{bad[0]} of the ceiling '{about}' is no positive number")
-    return Ceilings(data)
-
-
-def _positive(value: Any) -> bool:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and math.isfinite(value) and value > 0
+    return Ceilings(schema.Ceilings.checked(data, where))
 
 
 def measure(cpu: int | None = None, samples: int | None = None, tries: int = TRIES) -> Ceilings:
@@ -280,7 +251,7 @@ def read(folder: Path) -> Ceilings:
     path = folder / FILE
     if not path.exists():
         raise StudyError(f"{path} is missing: no ceilings; run scripts/stepwise ceilings --run {folder}")
-    return check(store.read_json(path), str(path))
+    return Ceilings(schema.Ceilings.read(path))
 
 
 def write(folder: Path, ceilings: Ceilings) -> Path:

@@ -15,11 +15,14 @@ from typing import Any
 
 from study.bounds import roof
 from study.claims import compilers
-from study.claims.compilers import known, read
+from study.claims.compilers import known
 from study.core import show
 from study.counting import flops, paper_rule
 from study.experiments.ablations import measure as ablations
+from study.experiments.accuracy.schema import Accuracy
 from study.experiments.fixed import measure as fixed
+from study.experiments.functions.schema import Functions
+from study.experiments.hotspots.schema import Hotspots
 from study.experiments.lattice import measure as lattice
 from study.experiments.moving import measure as moving
 from study.experiments.packets import measure as packets
@@ -223,7 +226,7 @@ def _ablation(data: Data, claim: Claim) -> Found:
 
 def _hottest(data: Data, claim: Claim) -> Found:
     mine = set(claim["base"].split("|"))
-    for profile in read(data.path / "hotspots.json").get("profiles", []):
+    for profile in Hotspots.read_if_there(data.path / "hotspots.json").get("profiles", []):
         if (profile["scene"], profile["phase"], profile["variant"]) != (claim["scene"], "baseline", "calls"):
             continue
         shares = {one["function"].split(" ")[0]: one["share"] for one in profile["functions"]}
@@ -237,7 +240,7 @@ def _hottest(data: Data, claim: Claim) -> Found:
 
 
 def _never_misses(data: Data, claim: Claim) -> Found:
-    for row in read(data.path / "accuracy.json").get("rows", []):
+    for row in Accuracy.read_if_there(data.path / "accuracy.json").get("rows", []):
         if (row["scene"], row["phase"]) == (claim["scene"], claim["phase"]):
             ppm, height = row["false_misses_ppm"], row["height"]
             if not known(ppm):
@@ -249,7 +252,7 @@ def _never_misses(data: Data, claim: Claim) -> Found:
 
 
 def _normalize(data: Data, claim: Claim) -> Found:
-    rows = read(data.path / "functions.json").get("normalise", [])
+    rows = Functions.read_if_there(data.path / "functions.json").get("normalise", [])
     mine = [row for row in rows if row["isa"] == "SSE" and row["name"].endswith("+ 1")]
     mine = [row for row in mine if known((row["speedup"] or {}).get("value"))]
     if not mine:

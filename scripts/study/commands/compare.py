@@ -12,12 +12,13 @@ from typing import Any
 import pandas as pd
 
 from study.bounds import ceilings
-from study.core import cli, provenance, store
+from study.core import cli, provenance
 from study.core.cli import StudyError
 from study.core.store import Run
 from study.experiments.accuracy import measure as accuracy
 from study.experiments.sweep import summary
 from study.numbers import clocks, stats
+from study.numbers.schema import Verify
 from study.numbers.stats import Interval
 
 DESCRIPTION = """\
@@ -210,15 +211,11 @@ def warnings(base: Side, other: Side, machine_may_differ: bool) -> list[Fault]:
 
 def judged(run: Run) -> dict[tuple[str, str], bool]:
     """(phase, scene) → within its tolerance, of all sizes, against baseline and against ground truth."""
-    path = store.stored(run.path / "verify.json")
-    found: dict[tuple[str, str], bool] = {}
-    content = store.read_json(path) if path.exists() else {}
-    pairs = content.get("pairs") if isinstance(content, dict) else None
-    if path.exists() and not (isinstance(pairs, list) and all(isinstance(pair, dict) for pair in pairs)):
-        raise StudyError(f"{path}: not what scripts/stepwise verify writes; make it again with it")
-    told = [(p.get("phase"), p.get("scene"), p.get("within_tolerance")) for p in pairs or []]
+    pairs = Verify.read_if_there(run.path / "verify.json").get("pairs") or []
+    told = [(pair.get("phase"), pair.get("scene"), pair.get("within_tolerance")) for pair in pairs]
     rows = accuracy.read(run.path)["rows"]
     told += [(r.get("phase"), r.get("scene"), not r.get("failed")) for r in rows if r.get("gated")]
+    found: dict[tuple[str, str], bool] = {}
     for phase, scene, within in told:
         if within is not None:
             found[phase, scene] = found.get((phase, scene), True) and bool(within)

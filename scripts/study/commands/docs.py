@@ -37,8 +37,8 @@ def described(command: Command) -> str:
     text = filled(text)
     made = experiment.find_all().get(command.name)
     writes = (
-        f"\nWrites {', '.join(f'`{name}`' for name in made.files)} into a run.\n"
-        if made and made.files
+        f"\nWrites {', '.join(f'`{name}`' for name in made.schemas)} into a run.\n"
+        if made and made.schemas
         else ""
     )
     return f"## {command.name}\n\n{textwrap.fill(command.what, WIDTH)}\n{writes}\n```\n{text}\n```\n"

@@ -7,12 +7,13 @@ lists of the documents know an experiment only through this object, and find it 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from study.core.cli import StudyError
+from study.core.schema import File
 from study.experiments.goal import Goal
 from study.experiments.section import Section, reading
 from study.numbers.analysis import Data
@@ -63,16 +64,17 @@ class Call:
 
 @dataclass(frozen=True)
 class Experiment:
-    """`what`: a few words for progress and lists. `files`: that it writes into a run. `turn`: its place in a
-    study. `depth`: the least depth of a study that has it; None: only by its name. `calls`: its commands in a
-    study. `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS
-    it answers. `goals`: what was asked, with the figure that a run has of it.
+    """`what`: a few words for progress and lists. `turn`: its place in a study. `schemas`: what stands in
+    each file that its own command writes into a run. `depth`: the least depth of a study that has it; None:
+    only by its name. `calls`: its commands in a study. `sections`: chapters of the report, each with its
+    place there: the hundreds say which of QUESTIONS it answers. `goals`: what was asked, beside what a
+    run has of it.
     """
 
     name: str
     what: str
     turn: int
-    files: Sequence[str]
+    schemas: Mapping[str, type[File]]
     calls: Callable[[Study], list[Call]]
     depth: str | None = "standard"
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
@@ -103,7 +105,8 @@ def goals(data: Data) -> list[tuple[int, Goal]]:
     made: list[tuple[int, Goal]] = []
     for place, one in enumerate(find_all().values()):
         if one.goals:
-            with reading(data.path / one.files[0], f"scripts/stepwise {one.name} --run {data.path}"):
+            file = data.path / next(iter(one.schemas))
+            with reading(file, f"scripts/stepwise {one.name} --run {data.path}"):
                 made += [(place, goal) for goal in one.goals(data)]
     return made
 

@@ -11,10 +11,13 @@ from typing import Any
 
 import pandas as pd
 
-from study.core import provenance, store
+from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import arithmetic_flags
+from study.core.run_schema import Context, Plan
+from study.core.schema import BROKEN, File
 from study.numbers import stats
+from study.numbers.schema import Verify
 from study.numbers.stats import Interval
 
 SHARE_BESIDE = {
@@ -23,15 +26,8 @@ SHARE_BESIDE = {
     "antialiased_psnr_db": "antialiased_fraction_over_1_255",
 }
 FACTS = ("isa", "precision", "lanes", "flags", "compiler", "libc", "hit_distance", "max_steps", "kernel")
-# What reading another thing's JSON can raise, from here down to a cell's text.
-BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
 SECOND_BASE = "opt2"
 GENERATED = "generated"  # a frame's `kernel` where code generated for its scene ran
-NEEDED = {
-    *("config", "launch", "frame", "warmup", "spec", "phase", "flags_from", "scene", "scene_hash"),
-    *("width", "height", "threads", "isa", "precision", "flags", "compiler", "libc", "ns", "tsc_cycles"),
-    *("core_cycles", "tsc_hz", "core_hz_before", "core_hz_after", "prepare_ns", "present_ns"),
-}
 
 
 @dataclass(frozen=True)
@@ -100,20 +96,16 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
         raise StudyError(f"{run.path}: no such run; a run is a folder like results/MACHINE/RUN")
     notes: list[str] = []
 
-    def optional(name: str, without: str) -> dict[str, Any]:
+    def optional(name: str, kind: type[File], without: str) -> dict[str, Any]:
         file = run.path / name
         if not file.exists():
             notes.append(f"{name} is missing: {without}.")
             return {}
-        found = store.read_json(file)
-        if not isinstance(found, dict):
-            raise StudyError(f"{file}: should be a JSON object")
-        return found
+        return kind.read(file)
 
-    context = optional("context.json", "the machine and the commit are unknown")
-    provenance.check(context, run.path / "context.json")
-    plan = optional("plan.json", "what was to be measured is unknown")
-    verify = optional("verify.json", "no error stands beside the speeds; run scripts/stepwise verify")
+    context = optional("context.json", Context, "the machine and the commit are unknown")
+    plan = optional("plan.json", Plan, "what was to be measured is unknown")
+    verify = optional("verify.json", Verify, "no error stands beside the speeds; run scripts/stepwise verify")
     with _content_of(run.frames_path):
         frames = _usable(run, notes)
     if frames.empty:
@@ -142,8 +134,6 @@ def _usable(run: store.Run, notes: list[str]) -> pd.DataFrame:
     frames = run.frames()
     if frames.empty:
         return frames
-    if missing := sorted(NEEDED - set(frames)):
-        raise StudyError(f"{run.frames_path}: no column {', '.join(missing)}; see results/README.md")
     if "overridden" in frames and (changed := frames["overridden"].fillna(False).astype(bool)).any():
         notes.append(f"{int(changed.sum())} frames with changed scene parameters are left out.")
         frames = frames[~changed]

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from study.bounds import roof
-from study.core import provenance, registry, show, store
+from study.core import provenance, registry, show
 from study.experiments.original import measure as original
 from study.experiments.sweep import ladder
 from study.experiments.sweep.columns import truth_height
@@ -55,7 +55,7 @@ def originals(folder: Path) -> list[list[str]]:
     file = folder / original.FILE
     if not file.exists():
         return []
-    rows = {(row["phase"], row["scene"]): row for row in store.read_json(file)["rows"]}
+    rows = {(row["phase"], row["scene"]): row for row in original.read(file)["rows"]}
     made = []
     phases = list(dict.fromkeys(name for name, _ in rows))
     for phase in dict.fromkeys([*phases[:1], *phases[-1:]]):  # its first step and its last

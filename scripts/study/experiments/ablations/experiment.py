@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.ablations import chapter, negative
+from study.experiments.ablations.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
 
@@ -15,7 +16,7 @@ EXPERIMENT = Experiment(
     name="ablations",
     what="single steps put in and taken out",
     turn=50,
-    files=("ablations.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="standard",
     sections=[

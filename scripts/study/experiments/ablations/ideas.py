@@ -18,6 +18,7 @@ from study.core import generated_scenes as scaling_scenes
 from study.core import patches, registry, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene
+from study.experiments.ablations.schema import Ideas
 
 FILE = "ideas.json"
 REFERENCE = ROOT / "results" / "reference"
@@ -96,7 +97,7 @@ def published(phase: str, folder: Path = REFERENCE) -> Path | None:
     wanted = {patch.name for patch in of(phase)}
     for run in sorted(folder.glob("*"), key=_date, reverse=True):
         path = store.stored(run / FILE)
-        if path.exists() and wanted <= {row["ablation"] for row in store.read_json(path)["rows"]}:
+        if path.exists() and wanted <= {row["ablation"] for row in Ideas.read(path)["rows"]}:
             return run
     return None
 
@@ -119,7 +120,7 @@ def table(phase: str, run: Path | None) -> list[str]:
 
     `run`: the published run. None: the gains are not known, and a dash stands for each.
     """
-    result = store.read_json(store.stored(run / FILE)) if run else {"rows": []}
+    result = Ideas.read(run / FILE) if run else {"rows": []}
     rows = {(row["ablation"], row["scene"]): row for row in result["rows"]}
     found = []
     for patch in of(phase):

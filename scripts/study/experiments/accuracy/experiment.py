@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.accuracy import chapter, goals
+from study.experiments.accuracy.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
 HEIGHT = "180"  # scene0's truth: half a minute on two cores
@@ -20,7 +21,7 @@ EXPERIMENT = Experiment(
     name="accuracy",
     what="every phase against ground truth",
     turn=60,
-    files=("accuracy.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="quick",
     sections=[(520, lambda data: chapter.errors(data.path))],

@@ -16,6 +16,7 @@ import numpy as np
 from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import Scene
+from study.experiments.accuracy.schema import Accuracy
 from study.pictures import images
 from study.pictures.images import Picture
 
@@ -253,10 +254,8 @@ def read(run: Path) -> dict[str, Any]:
     path = Path(run) / FILE
     if not path.exists():
         return {"rows": [], "skipped": [], "convergence": None}
-    result = store.read_rows(path, "accuracy", {"false_hits_ppm"}, empty=True)
+    result = Accuracy.read(path)
     converged = result.get("convergence") or {}
-    if not isinstance(converged, dict):
-        raise StudyError(f"{path}: convergence is not what accuracy.py writes; make it again")
     for row in (*result["rows"], *(converged.get("rows") or ())):
         _restore(row)
     return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.breakeven import tables
+from study.experiments.breakeven.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
 
@@ -14,7 +15,7 @@ EXPERIMENT = Experiment(
     name="breakeven",
     what="when code generated for a scene has paid",
     turn=120,
-    files=("breakeven.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="standard",
     sections=[(150, lambda data: tables.section(data.path))],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.drjit import chapter, goals
+from study.experiments.drjit.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
 
@@ -14,7 +15,7 @@ EXPERIMENT = Experiment(
     name="drjit",
     what="our phases beside Dr.Jit",
     turn=140,
-    files=("drjit.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="full",
     sections=[(160, lambda data: chapter.rival(data.path))],

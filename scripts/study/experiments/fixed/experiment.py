@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.fixed.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -13,7 +14,7 @@ EXPERIMENT = Experiment(
     name="fixed",
     what="rays in integers",
     turn=174,
-    files=("fixed.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth=None,
 )

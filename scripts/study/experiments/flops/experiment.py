@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from study.counting.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.flops import chapter
 from study.numbers import analysis
@@ -30,7 +31,7 @@ EXPERIMENT = Experiment(
     name="flops",
     what="counting FLOPs, bytes and instructions",
     turn=20,
-    files=("counts.json", "validation.json"),
+    schemas=SCHEMAS,
     calls=calls,
     depth="quick",
     sections=[(220, lambda data: chapter.counted(data.path))],

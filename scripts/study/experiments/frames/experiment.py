@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.frames import chapter, goals
+from study.experiments.frames.schema import SCHEMAS
 
 SECONDS, WHOLE_SECONDS = "45", "600"
 
@@ -18,7 +19,7 @@ EXPERIMENT = Experiment(
     name="frames",
     what="frames a second",
     turn=110,
-    files=("frames.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="standard",
     sections=[(140, lambda data: chapter.rates(data.path))],

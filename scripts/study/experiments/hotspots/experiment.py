@@ -5,6 +5,7 @@ from __future__ import annotations
 from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.hotspots import chapter
+from study.experiments.hotspots.schema import SCHEMAS
 from study.experiments.section import Section
 from study.numbers.analysis import Data
 
@@ -30,7 +31,7 @@ EXPERIMENT = Experiment(
     name="hotspots",
     what="hotspots, and a model of what bounds them",
     turn=40,
-    files=("hotspots.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="quick",
     sections=[(230, section)],

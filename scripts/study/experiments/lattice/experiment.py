@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.lattice import goals
+from study.experiments.lattice.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,7 +15,7 @@ EXPERIMENT = Experiment(
     name="lattice",
     what="CPU-RTRM's scene",
     turn=173,
-    files=("lattice.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth=None,
     goals=goals.reached,

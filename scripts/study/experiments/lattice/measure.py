@@ -18,6 +18,7 @@ import numpy as np
 
 from study.core import registry, run, store
 from study.core.registry import Scene, Spec
+from study.experiments.lattice.schema import Lattice
 from study.experiments.rods import measure as rods
 from study.numbers import stats
 from study.truth import truth
@@ -183,7 +184,7 @@ def read(path: Path) -> Row:
     """A run's lattice.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": []}
-    return store.read_rows(path, "lattice", {"phase", "program_ms", "light"})
+    return Lattice.read(path)
 
 
 def best(result: Row, threads: int) -> Row | None:

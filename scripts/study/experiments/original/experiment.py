@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.original.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -13,7 +14,7 @@ EXPERIMENT = Experiment(
     name="original",
     what="the paper's own program",
     turn=160,
-    files=("original.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth=None,
     sections=[],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.packets import goals
+from study.experiments.packets.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,7 +15,7 @@ EXPERIMENT = Experiment(
     name="packets",
     what="packets of rays beside Embree",
     turn=175,
-    files=("packets.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth=None,
     goals=goals.reached,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.pareto import chapter
+from study.experiments.pareto.schema import SCHEMAS
 
 QUICK = ["-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
 
@@ -18,7 +19,7 @@ EXPERIMENT = Experiment(
     name="pareto",
     what="speed against error",
     turn=80,
-    files=("pareto.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="standard",
     sections=[(120, lambda data: chapter.headline(data.path))],

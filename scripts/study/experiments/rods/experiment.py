@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.rods.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -13,7 +14,7 @@ EXPERIMENT = Experiment(
     name="rods",
     what="rod marching",
     turn=171,
-    files=("rods.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth=None,
 )

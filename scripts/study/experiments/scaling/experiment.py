@@ -5,6 +5,7 @@ from __future__ import annotations
 from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.scaling import chapter, goals
+from study.experiments.scaling.schema import SCHEMAS
 
 SECONDS = "300"
 
@@ -21,7 +22,7 @@ EXPERIMENT = Experiment(
     name="scaling",
     what="how cost grows",
     turn=130,
-    files=("scaling.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="standard",
     sections=[(610, lambda data: chapter.growth(data.path))],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.stability import chapter
+from study.experiments.stability.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,7 +15,7 @@ EXPERIMENT = Experiment(
     name="stability",
     what="hard cases",
     turn=70,
-    files=("stability.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="standard",
     sections=[(530, lambda data: chapter.hard(data.path))],

@@ -11,13 +11,10 @@ from typing import Any
 from markupsafe import Markup
 
 from study.core import html, store
-from study.core.cli import StudyError
 from study.experiments.stability.cases import curves
+from study.experiments.stability.schema import Stability
 from study.pictures import embed
 
-CASE_KEYS = {"number", "name", "title", "what", "why", "source", "known", "strength", "strengths", "metric",
-             "unit", "fails_above", "limit", "own"}  # fmt: skip
-ROW_KEYS = {"number", "phase", "strengths", "errors", "states", "notes", "first_failure", "refused"}
 TEXTS = (
     ("what", "What it is"),
     ("why", "Why it is hard"),
@@ -33,33 +30,9 @@ INTRO = (
 number = curves.number
 
 
-def _whole(data: dict[str, Any]) -> bool:
-    """Whether every phase has a row for every case, and every row a value for every strength of its case."""
-    strengths = {case["number"]: case["strengths"] for case in data["cases"]}
-    rows = sorted((row["number"], row["phase"]) for row in data["results"])
-    return (
-        bool(rows)
-        and rows == sorted((number, phase["name"]) for number in strengths for phase in data["phases"])
-        and all(row["strengths"] == strengths[row["number"]] for row in data["results"])
-        and all(
-            len(row[key]) == len(row["strengths"])
-            for row in data["results"]
-            for key in ("errors", "states", "notes")
-        )
-    )
-
-
 def read(path: Path) -> dict[str, Any]:
     """stability.json; StudyError with the file if it is not what scripts/stepwise stability writes."""
-    data = store.read_json(path)
-    try:
-        sound = data["schema"] == 1 and all(c.keys() >= CASE_KEYS for c in data["cases"])
-        sound = sound and all(r.keys() >= ROW_KEYS for r in data["results"]) and _whole(data)
-    except (KeyError, TypeError, AttributeError):
-        sound = False
-    if not sound:
-        raise StudyError(f"{path}: not what scripts/stepwise stability writes; make it again with it")
-    return data
+    return Stability.read(path)
 
 
 def prose(text: str) -> Markup:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from study.core import run_schema
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.sweep import chapter, goals, rungs
 
@@ -14,7 +15,7 @@ EXPERIMENT = Experiment(
     name="sweep",
     what="times of every phase",
     turn=0,
-    files=("frames.jsonl", "plan.json", "context.json"),
+    schemas={name: run_schema.SCHEMAS[name] for name in ("frames.jsonl", "plan.json", "context.json")},
     calls=calls,
     depth="quick",
     sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],

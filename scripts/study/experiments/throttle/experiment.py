@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.throttle.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -13,7 +14,7 @@ EXPERIMENT = Experiment(
     name="throttle",
     what="rod marching's settings for a stated error",
     turn=172,
-    files=("throttle.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth=None,
 )

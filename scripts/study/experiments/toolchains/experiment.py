@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.toolchains import chapter
+from study.experiments.toolchains.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,7 +15,7 @@ EXPERIMENT = Experiment(
     name="toolchains",
     what="compilers and flags",
     turn=150,
-    files=("toolchains.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="full",
     sections=[(630, lambda data: chapter.compilers(data.path))],

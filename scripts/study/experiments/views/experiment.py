@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.views import chapter
+from study.experiments.views.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,7 +15,7 @@ EXPERIMENT = Experiment(
     name="views",
     what="views that nothing was tuned on",
     turn=100,
-    files=("views.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="standard",
     sections=[(430, lambda data: chapter.elsewhere(data.path))],
