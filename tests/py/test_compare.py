@@ -33,6 +33,7 @@ def make_run(folder, times, context=None, launches=8, **line) -> Run:
     made = Run(folder)
     store.write_json(made.path / "plan.json", {})
     store.write_json(made.path / "context.json", CONTEXT | (context or {}))
+    whole = complete.filled(LINE | NO_CLOCK, Frame)
     noise = 1 + 0.01 * np.random.default_rng(1).standard_normal(launches)
     for (phase, scene), ms in times.items():
         for launch in range(launches):
@@ -40,7 +41,7 @@ def make_run(folder, times, context=None, launches=8, **line) -> Run:
                 facts = {"phase": phase, "flags_from": phase, "scene": scene, "config": phase + scene}
                 facts |= {"launch": launch, "frame": frame, "warmup": frame < 0}
                 ns = 1_000_000_000 if frame < 0 else round(ms * 1e6 * noise[launch])
-                made.append_frame(complete.filled(LINE | NO_CLOCK | facts | {"ns": ns} | line, Frame))
+                made.append_frame(whole | facts | {"ns": ns} | line)
     made.close()
     return made
 

@@ -65,20 +65,27 @@ class Call:
 @dataclass(frozen=True)
 class Experiment:
     """`what`: a few words for progress and lists. `turn`: its place in a study. `schemas`: what stands in
-    each file that its own command writes into a run. `depth`: the least depth of a study that has it; None:
-    only by its name. `calls`: its commands in a study. `sections`: chapters of the report, each with its
-    place there: the hundreds say which of QUESTIONS it answers. `goals`: what was asked, beside what a
-    run has of it.
+    each file that its own command writes into a run. `calls`: its commands in a study; None: its own, which
+    may lack what it needs. `depth`: the least depth of a study that has it; None: only by its name.
+    `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS it
+    answers. `goals`: what was asked, beside what a run has of it.
     """
 
     name: str
     what: str
     turn: int
     schemas: Mapping[str, type[File]]
-    calls: Callable[[Study], list[Call]]
+    calls: Callable[[Study], list[Call]] | None = None
     depth: str | None = "standard"
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
     goals: Callable[[Data], Iterable[Goal]] | None = None
+
+    def __post_init__(self) -> None:
+        if self.calls is None:
+            object.__setattr__(self, "calls", self._own)
+
+    def _own(self, study: Study) -> list[Call]:
+        return [Call(self.name, ["--run", str(study.run)], may_lack=True)]
 
 
 @cache
