@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import shutil
 import sys
@@ -17,6 +18,7 @@ from study.commands import goals as script
 from study.core import show
 from study.core.cli import StudyError
 from study.core.registry import ROOT
+from study.core.schema import File
 from study.experiments import experiment
 from study.experiments.accuracy import goals as accuracy_goals
 from study.experiments.accuracy import measure as accuracy
@@ -220,6 +222,20 @@ def test_a_baseline_slower_than_the_papers_program_has_no_speedups(
     found = [row["goal"] for row in goals_page.rows([run], checked=True)[0]]
     assert found == over * shown + ["other"]
     assert len(goals_page.rows([run])[0]) == 3
+
+
+def test_an_experiments_goals_are_found_by_its_object(monkeypatch: pytest.MonkeyPatch) -> None:
+    goal = Goal("a goal", 2.0, Interval(3.0, 3.0, 3.0, 6, True), "met")
+    toy = experiment.Experiment("toy", "a toy", 1, {"toy.json": File}, goals=lambda data: [goal])
+    silent = experiment.Experiment("silent", "has none", 0, {})
+    monkeypatch.setattr(experiment, "find_all", lambda: {"silent": silent, "toy": toy})
+    run = SimpleNamespace(context={"time": "1"}, path=Path("run"), frames=pd.DataFrame())
+    assert experiment.goals(run) == [(1, goal)]
+    assert [row["goal"] for row in goals_page.rows([run])[0]] == ["a goal"]
+    broken = dataclasses.replace(toy, goals=lambda data: [{}["rows"]])
+    monkeypatch.setattr(experiment, "find_all", lambda: {"toy": broken})
+    with pytest.raises(StudyError, match=r"run/toy\.json: not what scripts/stepwise toy writes"):
+        experiment.goals(run)
 
 
 def test_a_run_without_any_figure_is_told_in_one_line(tmp_path: Path) -> None:
