@@ -8,8 +8,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from study.core import html, store
 from study.experiments.stability.cases import curves
 from study.experiments.stability.schema import Stability
@@ -35,9 +33,9 @@ def read(path: Path) -> dict[str, Any]:
     return Stability.read(path)
 
 
-def prose(text: str) -> Markup:
+def prose(text: str) -> str:
     """Markdown of one paragraph."""
-    return Markup(html.markdown().renderInline(text))
+    return html.markdown().renderInline(text)
 
 
 def anchor(case: dict) -> str:
@@ -110,12 +108,12 @@ def curve(data: dict, case: dict) -> str:
     return embed.exact(curves.small(case, rows_of(data, case), names))
 
 
-def fragment(macro: str, *about: Any) -> Markup:
+def fragment(macro: str, *about: Any) -> str:
     """What a macro of hard_cases.html.j2 makes, in one line."""
     known = {one.__name__: one for one in (number, anchor, value, prose, rows_of, row_of, doings, curve)}
     known |= {"state": state_at_failure, "texts": TEXTS}
     made = getattr(html.templates().get_template("hard_cases.html.j2", globals=known).module, macro)(*about)
-    return Markup("".join(line.strip() for line in made.splitlines()).replace("&#32;", " "))
+    return "".join(line.strip() for line in made.splitlines()).replace("&#32;", " ")
 
 
 def cell(row: dict | None) -> str:
@@ -145,5 +143,5 @@ def write(data: dict, folder: Path) -> Path:
     pages |= {anchor(case): (case["title"], fragment("alone", data, case)) for case in data["cases"]}
     for name, (title, body) in pages.items():
         whole = html.templates().get_template("hard_case.html.j2")
-        store.write_text(folder / f"{name}.html", whole.render(title=title, style=Markup(style), body=body))
+        store.write_text(folder / f"{name}.html", whole.render(title=title, style=style, body=body))
     return folder / "index.html"
