@@ -51,6 +51,12 @@ def test_every_experiment_calls_its_commands_rightly(name, depth, asked, monkeyp
     assert len(taken) == len(calls)
 
 
+def test_an_experiment_calls_its_own_command_unless_it_says_more():
+    toy = experiment.Experiment("toy", "a toy", 1, {})
+    assert toy.calls(study_of("quick")) == [Call("toy", ["--run", str(FIXTURE)], may_lack=True)]
+    assert experiment.Experiment("toy", "a toy", 1, {}, calls=lambda study: []).calls(study_of("quick")) == []
+
+
 class Parsed(Exception):
     """The command has parsed its arguments; it is not run."""
 

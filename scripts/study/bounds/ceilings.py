@@ -6,7 +6,7 @@ import json
 import math
 import os
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -50,8 +50,7 @@ class Ceilings:
         `tsc_hz` NaN: not known. What either record lacks is not compared.
         """
         own, theirs = self.data.get("cpu") or {}, context.get("cpu") or {}
-        changed = _differ(own, theirs) or abs(self.data["tsc_hz"] / tsc_hz - 1) > TSC_TOLERANCE
-        if not changed:
+        if not other_cpu(own, theirs, (self.data["tsc_hz"], tsc_hz)):
             return None
         here, there = describe(own, self.data["tsc_hz"]), describe(theirs, tsc_hz)
         return f"ceilings of another machine: {here}; what was timed ran on {there}"
@@ -181,15 +180,19 @@ def describe(cpu: Mapping[str, Any], tsc_hz: float) -> str:
     return f"{cpu.get('model') or 'a CPU that is not recorded'}{told}{clock}"
 
 
-def _differ(own: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
-    """Whether two records of a CPU are of different ones. What either lacks is not compared."""
-    return any(None not in (own.get(k), theirs.get(k)) and own[k] != theirs[k] for k in _CPU)
+def other_cpu(
+    own: Mapping[str, Any], theirs: Mapping[str, Any], tsc_hz: Sequence[float] = (math.nan, math.nan)
+) -> bool:
+    """Whether two records of a CPU are of different ones, or their TSC rates are. What either lacks, or NaN,
+    is not compared."""
+    changed = any(None not in (own.get(k), theirs.get(k)) and own[k] != theirs[k] for k in _CPU)
+    return changed or abs(tsc_hz[0] / tsc_hz[1] - 1) > TSC_TOLERANCE
 
 
 def refuse(folder: Path, context: Mapping[str, Any]) -> None:
     """StudyError if the run in `folder` was made on another machine than this one."""
     here, there = machine.cpu(), context.get("cpu") or {}
-    if _differ(here, there):
+    if other_cpu(here, there):
         raise StudyError(
             f"{folder}: a run of another machine, {describe(there, math.nan)}; its ceilings cannot be "
             f"measured here, on {describe(here, math.nan)}"

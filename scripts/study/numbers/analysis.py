@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import pandas as pd
 
 from study.core import store
 from study.core.cli import StudyError
+from study.core.registry import arithmetic_flags
 from study.core.run_schema import Context, Plan
 from study.core.schema import BROKEN, File
 from study.numbers import stats
@@ -25,6 +26,7 @@ SHARE_BESIDE = {
     "antialiased_psnr_db": "antialiased_fraction_over_1_255",
 }
 FACTS = ("isa", "precision", "lanes", "flags", "compiler", "libc", "hit_distance", "max_steps", "kernel")
+SECOND_BASE = "opt2"
 GENERATED = "generated"  # a frame's `kernel` where code generated for its scene ran
 
 
@@ -40,6 +42,15 @@ class Cell:
     threads: int
     facts: dict[str, Any]
     values: pd.DataFrame
+    config: str = ""
+
+    @property
+    def phase(self) -> str:
+        return self.spec.partition("@")[0]
+
+    @property
+    def picture(self) -> tuple[str, int, int]:
+        return self.scene, self.width, self.height
 
     @property
     def pixels(self) -> int:
@@ -104,7 +115,7 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
     with _content_of(run.path / "verify.json"):
         pairs = [_flat(pair) for pair in verify.get("pairs") or []]
     with _content_of(f"{run.path / 'plan.json'} or {run.frames_path}"):
-        cells = _cells(frames, plan)
+        cells = cells_of(frames, plan)
     return Data(run.path, context, plan, frames, cells, pairs, notes)
 
 
@@ -142,7 +153,7 @@ def described(plan: Mapping) -> dict[str, dict[str, Any]]:
     return {phase["name"]: dict(phase) for phase in found}
 
 
-def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
+def cells_of(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
     """By scene and phase in the order of the plan (phases it does not have: from slow to fast), then size."""
     if frames.empty:
         return []
@@ -182,13 +193,13 @@ def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
         facts["kernel"] = kernel_said(group)
         facts["algorithm"] = about.get(group["phase"].iloc[-1], {}).get("algorithm")
         facts["unwarmed"] = not group["warmup"].any()
-        cells.append(Cell(*key, facts, values))
+        cells.append(Cell(*key, facts, values, group["config"].iloc[-1]))
     return sorted(
         cells,
         key=lambda c: (
             scenes.index(c.scene),
             c.pixels,
-            phases.index(c.spec.partition("@")[0]),
+            phases.index(c.phase),
             c.spec,
             c.threads,
         ),
@@ -217,6 +228,18 @@ def _flat(pair: dict[str, Any]) -> dict[str, Any]:
     flat["failed"] = " ".join(flat.get("failed") or [])
     flat["why"] = "; ".join(flat.get("why") or [])
     return flat
+
+
+def flags(cell: Cell, about: Mapping[str, Mapping[str, Any]]) -> str:
+    """What the compiler was told that changes arithmetic; of a phase with variants what all of them share.
+    `about`: phase → its phase.json."""
+    return arithmetic_flags(cell.facts["flags"] or "", about.get(cell.phase, {}).get("variants") or ())
+
+
+def second_base(cell: Cell, cells: Iterable[Cell], about: Mapping[str, Mapping[str, Any]]) -> Cell | None:
+    """opt2 on one thread, built with the flags of `cell`: what its code gains alone."""
+    mine = [c for c in cells if (c.phase, c.threads, c.picture) == (SECOND_BASE, 1, cell.picture)]
+    return next((c for c in mine if flags(c, about) == flags(cell, about)), None)
 
 
 def noise(data: Data) -> dict[str, Any]:

@@ -70,9 +70,7 @@ def originals(folder: Path) -> list[list[str]]:
             ratio = stats.ratio_interval(ours, theirs, rounds=phase == ladder.BASE)
             psnr = one["psnr_display_db"]
             error = "as ours" if psnr is None else f"{psnr:.1f} to ours"
-            ends = {"ms": time.value, "ms_low": time.low, "ms_high": time.high}
-            ends |= {"ratio": ratio.value, "ratio_low": ratio.low, "ratio_high": ratio.high}
-            cells += [show.interval(ends, "ms"), show.interval(ends, "ratio", 3, "×"), error]
+            cells += [show.spread(time, 4), show.spread(ratio, 3, "×"), error]
         made.append(cells)
     return made
 

@@ -15,11 +15,7 @@ from study.experiments.section import Part, Section, part, reading
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
-
-def _gain(row: Row) -> str:
-    gain = row["gain"]
-    ends = {f"gain_{end}": gain[end] for end in ("low", "high")}
-    return show.interval({"gain": gain["value"], **ends}, "gain", 3, "×")
+_gain = show.spread_of("gain", "×")
 
 
 def _psnr(name: str) -> Callable[[Row], str]:

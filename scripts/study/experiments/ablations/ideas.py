@@ -108,8 +108,7 @@ def _date(run: Path) -> tuple[str, str]:
 
 
 def _interval(gain: Row) -> str:
-    told = show.interval({"g": gain["value"], "g_low": gain["low"], "g_high": gain["high"]}, "g", 3)
-    return told.replace("\u00a0", " ")
+    return show.spread(gain).replace("\u00a0", " ")
 
 
 def _line(cells: Sequence[str]) -> str:

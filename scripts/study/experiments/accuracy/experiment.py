@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.experiments.accuracy import chapter
+from study.experiments.accuracy import chapter, goals
 from study.experiments.accuracy.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
@@ -25,4 +25,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     sections=[(520, lambda data: chapter.errors(data.path))],
+    goals=goals.reached,
 )

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.experiment import Experiment
 from study.experiments.fixed.schema import SCHEMAS
-
-
-def calls(study: Study) -> list[Call]:
-    return [Call("fixed", ["--run", str(study.run)], may_lack=True)]
-
 
 EXPERIMENT = Experiment(
     name="fixed",
     what="rays in integers",
     turn=174,
     schemas=SCHEMAS,
-    calls=calls,
     depth=None,
 )

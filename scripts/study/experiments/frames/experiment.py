@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.frames import chapter
+from study.experiments.frames import chapter, goals
 from study.experiments.frames.schema import SCHEMAS
 
 SECONDS, WHOLE_SECONDS = "45", "600"
@@ -23,4 +23,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="standard",
     sections=[(140, lambda data: chapter.rates(data.path))],
+    goals=goals.reached,
 )

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.experiment import Experiment
+from study.experiments.lattice import goals
 from study.experiments.lattice.schema import SCHEMAS
-
-
-def calls(study: Study) -> list[Call]:
-    return [Call("lattice", ["--run", str(study.run)], may_lack=True)]
-
 
 EXPERIMENT = Experiment(
     name="lattice",
     what="CPU-RTRM's scene",
     turn=173,
     schemas=SCHEMAS,
-    calls=calls,
     depth=None,
+    goals=goals.reached,
 )

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.experiment import Experiment
+from study.experiments.packets import goals
 from study.experiments.packets.schema import SCHEMAS
-
-
-def calls(study: Study) -> list[Call]:
-    return [Call("packets", ["--run", str(study.run)], may_lack=True)]
-
 
 EXPERIMENT = Experiment(
     name="packets",
     what="packets of rays beside Embree",
     turn=175,
     schemas=SCHEMAS,
-    calls=calls,
     depth=None,
+    goals=goals.reached,
 )

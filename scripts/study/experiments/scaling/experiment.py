@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.scaling import chapter
+from study.experiments.scaling import chapter, goals
 from study.experiments.scaling.schema import SCHEMAS
 
 SECONDS = "300"
@@ -26,4 +26,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="standard",
     sections=[(610, lambda data: chapter.growth(data.path))],
+    goals=goals.reached,
 )

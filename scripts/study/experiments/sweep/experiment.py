@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.core.run_schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.sweep import chapter, rungs
+from study.experiments.sweep import chapter, goals, rungs
 
 
 def calls(study: Study) -> list[Call]:
@@ -19,4 +19,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],
+    goals=goals.reached,
 )

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.experiment import Experiment
 from study.experiments.throttle.schema import SCHEMAS
-
-
-def calls(study: Study) -> list[Call]:
-    return [Call("throttle", ["--run", str(study.run)], may_lack=True)]
-
 
 EXPERIMENT = Experiment(
     name="throttle",
     what="rod marching's settings for a stated error",
     turn=172,
     schemas=SCHEMAS,
-    calls=calls,
     depth=None,
 )

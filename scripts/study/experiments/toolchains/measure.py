@@ -204,7 +204,7 @@ COLUMNS = [
     ("speedup", "× over gcc as shipped"),
     ("changed", "pixels changed %"),
     ("to_shipped", "dB to shipped"),
-    ("to_truth", "dB to truth"),
+    ("to_truth", "dB to ground truth"),
     ("wrong", "hits and shapes wrong ppm"),
 ]
 

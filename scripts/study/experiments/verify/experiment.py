@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.verify import chapter
+from study.experiments.verify import chapter, goals
 from study.numbers import analysis
 from study.numbers.schema import Verify
 
@@ -28,4 +28,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     sections=[(510, chapter.verification)],
+    goals=goals.reached,
 )
