@@ -111,7 +111,7 @@ def _left_out(result: Row) -> str:
 TABLES = (  # file, command, column of what gains, what that is, caption, columns, how to read them
     (
         ideas.FILE,
-        "ablations --ideas",
+        "ideas",
         *("idea", "idea", "Each idea alone, against its phase without it", IDEAS, IDEAS_ABOUT),
     ),
     (

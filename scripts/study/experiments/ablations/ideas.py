@@ -1,7 +1,7 @@
 """The ideas of a phase: what each gains, what it changes in the picture, and how many lines hold it.
 
 An idea is an ablation whose head says `idea` (core.patches): the patch takes that idea out of its phase. All
-ideas together are timed by `stepwise ablations --ideas`, which writes FILE into a run. The report shows all
+ideas together are timed by `stepwise ideas`, which writes FILE into a run. The report shows all
 rows, and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
 """
 

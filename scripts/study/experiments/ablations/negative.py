@@ -161,7 +161,7 @@ def section(path: Path, document: Path = DOCUMENT) -> Section:
         if rows:
             caption = "Gain of steps that did not plainly pay, and what they do to the picture"
             drawn = {"negative": Drawing(caption, _note(ablations.read(file)), lambda: draw(rows))}
-    with reading(path / ideas.FILE, f"scripts/stepwise ablations --ideas --run {path}"):
+    with reading(path / ideas.FILE, f"scripts/stepwise ideas --run {path}"):
         both = [*rows, *chosen(ablations.read(path / ideas.FILE)["rows"])]
         parts = part("negative", "Steps that did not plainly pay", both, STEPS, ABOUT)
     about = {

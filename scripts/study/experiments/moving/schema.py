@@ -20,6 +20,13 @@ class Spread(Record, kw_only=True):
     most: Annotated[float, key("ms", "the slowest")]
 
 
+class FrameErrors(HitErrors, kw_only=True):
+    """Errors of one frame to ground truth, and its size."""
+
+    width: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
+    n: Annotated[int | Absent, key("pixels", "its height")] = ABSENT
+
+
 class Animation(Record, kw_only=True):
     """The first frames of spheres40_animated by one program. One process: no interval."""
 
@@ -35,7 +42,9 @@ class Animation(Record, kw_only=True):
     all_ms: Annotated[list[float] | Absent, key("ms", "every frame, in order")] = ABSENT
     resumed_at: Annotated[list[int] | Absent, key("frames", "at which another process went on")] = ABSENT
     reused: Annotated[int | Absent, key("frames", "that an earlier start had measured")] = ABSENT
-    error: Annotated[HitErrors | Absent | None, key("", "of the picture at its beginning, to truth")] = ABSENT
+    error: Annotated[FrameErrors | Absent | None, key("", "of the picture at its beginning, to truth")] = (
+        ABSENT
+    )
     common_frames: Annotated[int | Absent | None, key("frames", "the fewest that a row has")] = ABSENT
     common_ms: Annotated[float | Absent | None, key("ms", "mean of that many first ones")] = ABSENT
 
