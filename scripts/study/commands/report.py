@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import markupsafe
 import pandas as pd
 
 from study.commands import tables
@@ -67,6 +68,11 @@ def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:
     return made
 
 
+def ticked(text: str) -> markupsafe.Markup:
+    """The text as HTML, `words` as code."""
+    return markupsafe.Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(markupsafe.escape(text))))
+
+
 def page(data: Data, out: Path, height: int | None = None, running: Sequence[str] = ()) -> str:
     """The page's HTML; tables and figures go beside `out`. `running`: what a study still measures."""
     data = dataclasses.replace(data, height=height) if height else data
@@ -81,15 +87,17 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["ticked"] = ticked
     environment.filters["code"] = lambda text: re.fullmatch(r"`([^`]+)`", text)
     folder = out.parent / "figures"
+    figures.draw(found, folder, reuse=bool(running))
     return environment.get_template("index.html.j2").render(
         run="/".join(data.path.resolve().parts[-2:]),
         data=data,
         running=list(running),
         questions=questions,
         headlines=headlines(rows),
-        figures={one.id: figures.figures(one, folder, reuse=bool(running)) for one in found},
+        figures={one.id: figures.figures(one, folder) for one in found},
         images={one.id: figures.copied(one.images, folder) for one in found},
         absent={one.id: figures.absent(one) for one in found},
         machine=facts.machine(data),

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 from study.core.cli import StudyError
+from study.experiments import cuts
 from study.experiments.section import Section
 from study.numbers.analysis import Data
 
@@ -26,7 +27,7 @@ QUESTIONS = {  # of the report, in their order
     6: "More",
     7: "What was run, and how",
 }
-DEPTHS = ("quick", "standard", "full")  # of a study: 20 minutes, 40, hours
+DEPTHS = ("quick", "standard", "full")  # of a study: 10 minutes, 40, hours
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,11 @@ class Study:
         """Whether the experiment is to measure all that it knows."""
         return self.asked or self.depth == "full"
 
+    @property
+    def quick(self) -> bool:
+        """Whether seconds must do."""
+        return self.depth == "quick" and not self.asked
+
 
 @dataclass(frozen=True)
 class Call:
@@ -65,7 +71,7 @@ class Experiment:
     """`what`: a few words for progress and lists. `files`: that it writes into a run. `turn`: its place in a
     study. `depth`: the least depth of a study that has it; None: only by its name. `calls`: its commands in a
     study. `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS
-    it answers.
+    it answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it.
     """
 
     name: str
@@ -75,6 +81,7 @@ class Experiment:
     calls: Callable[[Study], list[Call]]
     depth: str | None = "standard"
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
+    cut: str = ""
 
 
 @cache
@@ -92,8 +99,16 @@ def find_all(folder: Path = FOLDER) -> dict[str, Experiment]:
 
 def placed(data: Data) -> list[tuple[int, Section]]:
     """The chapters of a run's page with their places, in order. Raises StudyError for a broken file."""
-    made = [(place, make) for one in find_all().values() for place, make in one.sections]
-    return [(place, make(data)) for place, make in sorted(made, key=lambda each: each[0])]
+    few = cuts.read(data.path)
+    made = []
+    for one in find_all().values():
+        line = (
+            f"{few[one.name]} The whole: `make study DEPTH=standard` or `make {one.name}`."
+            if one.name in few
+            else ""
+        )
+        made += [(place, replace(make(data), cut=line)) for place, make in one.sections]
+    return sorted(made, key=lambda each: each[0])
 
 
 def sections(data: Data) -> list[Section]:

@@ -68,7 +68,7 @@ def own_cache() -> Iterator[None]:
     """A new folder for kernels, for this process and those that it starts."""
     before = os.environ.get("STEPWISE_CACHE")
     with temporary.folder() as cache:
-        os.environ["STEPWISE_CACHE"] = cache
+        os.environ["STEPWISE_CACHE"] = str(cache)
         try:
             yield
         finally:

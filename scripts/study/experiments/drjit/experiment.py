@@ -17,5 +17,6 @@ EXPERIMENT = Experiment(
     files=("drjit.json",),
     calls=calls,
     depth="full",
+    cut="Dr.Jit is not among what `make study` installs.",
     sections=[(160, lambda data: chapter.rival(data.path))],
 )

@@ -16,4 +16,5 @@ EXPERIMENT = Experiment(
     files=("fixed.json",),
     calls=calls,
     depth=None,
+    cut="A quick study has no systems: an animation of 900 frames takes minutes.",
 )

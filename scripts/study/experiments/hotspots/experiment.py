@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from study.core.registry import Spec, cpu_supports, ladder
+from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.hotspots import chapter
 from study.experiments.section import Section
 from study.numbers.analysis import Data
 
-SAMPLES = "1500"  # of a phase
+SAMPLES, QUICK = "1500", "1000"  # of a phase
 
 
 def calls(study: Study) -> list[Call]:
     """Table 3 is about one step, structs to arrays, which the ladder's opt2 has among others."""
     scenes = study.scenes if study.depth == "full" else study.scenes[:1]
-    quick = [] if study.depth == "full" else ["--no-osaca", "--samples", SAMPLES]  # OSACA: 30 s a phase
-    names = [*ladder(), *(["opt1+arrays"] if "opt1" in ladder() else [])]
+    quick = (
+        [] if study.depth == "full" else ["--no-osaca", "--samples", QUICK if study.quick else SAMPLES]
+    )  # OSACA: 30 s a phase
+    names = [*(cuts.phases() if study.quick else ladder()), *(["opt1+arrays"] if "opt1" in ladder() else [])]
     names = [name for name in names if cpu_supports(Spec.parse(name))]
     words = ["--phase", *names, "--scene", *scenes, *quick, "--run", str(study.run)]
     return [Call("hotspots", words, judges=False, may_lack=True)]
@@ -33,5 +36,6 @@ EXPERIMENT = Experiment(
     files=("hotspots.json",),
     calls=calls,
     depth="quick",
+    cut="Up to opt5 and the last phase, one scene, about 1,000 samples of each build.",
     sections=[(230, section)],
 )

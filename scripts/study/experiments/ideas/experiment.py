@@ -17,5 +17,6 @@ EXPERIMENT = Experiment(
     files=("ideas.json",),
     calls=calls,
     depth=None,
+    cut="Each idea is a build of a wide phase of its own, half a minute each; it has no chapter.",
     sections=[],
 )

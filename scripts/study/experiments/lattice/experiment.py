@@ -16,4 +16,5 @@ EXPERIMENT = Experiment(
     files=("lattice.json",),
     calls=calls,
     depth=None,
+    cut="A quick study has no systems: builds of every program of them take minutes.",
 )

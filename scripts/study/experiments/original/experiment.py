@@ -16,5 +16,6 @@ EXPERIMENT = Experiment(
     files=("original.json",),
     calls=calls,
     depth=None,
+    cut="The authors' program has to be downloaded.",
     sections=[],
 )

@@ -16,4 +16,5 @@ EXPERIMENT = Experiment(
     files=("packets.json",),
     calls=calls,
     depth=None,
+    cut="It needs Embree, which not every machine has.",
 )

@@ -5,6 +5,7 @@ its curve and what each phase does. HTML fragments for the report, or whole page
 from __future__ import annotations
 
 import math
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.stability.cases import curves
 from study.pictures import embed
+from study.pictures.processes import in_processes
 
 CASE_KEYS = {"number", "name", "title", "what", "why", "source", "known", "strength", "strengths", "metric",
              "unit", "fails_above", "limit", "own"}  # fmt: skip
@@ -211,9 +213,10 @@ def page(data: dict, case: dict) -> str:
 
 def section(data: dict) -> str:
     """Everything as one fragment: the table, then each case, all behind their titles."""
+    pages = in_processes([partial(page, data, case) for case in data["cases"]])
     shown = "".join(
-        f"<details><summary>{c['number']}. {escape(c['title'])}</summary>{page(data, c)}</details>"
-        for c in data["cases"]
+        f"<details><summary>{c['number']}. {escape(c['title'])}</summary>{made}</details>"
+        for c, made in zip(data["cases"], pages, strict=True)
     )
     skipped = "".join(
         f'<p class="notice">{escape(s["phase"])} did not run: {escape(s["reason"])}</p>'
@@ -241,8 +244,9 @@ def whole(title: str, body: str) -> str:
 def write(data: dict, folder: Path) -> Path:
     """FOLDER/index.html with the table, and one page a case beside it; the index."""
     body = f"<h1>Hard cases</h1><p>{escape(INTRO)}</p>{table(data, '{}.html')}"
-    for case in data["cases"]:
+    pages = in_processes([partial(page, data, case) for case in data["cases"]])
+    for case, made in zip(data["cases"], pages, strict=True):
         back = '<p><a href="index.html">All cases</a></p>'
-        store.write_text(folder / f"{anchor(case)}.html", whole(case["title"], back + page(data, case)))
+        store.write_text(folder / f"{anchor(case)}.html", whole(case["title"], back + made))
     store.write_text(folder / "index.html", whole("Hard cases", body))
     return folder / "index.html"

@@ -22,5 +22,6 @@ EXPERIMENT = Experiment(
     files=("rods.json", "throttle.json", "lattice.json", "fixed.json", "packets.json"),
     calls=calls,
     depth="full",
+    cut="Builds and animations of six programs take minutes.",
     sections=[(640, lambda data: tables.section(data.path))],
 )

@@ -16,4 +16,5 @@ EXPERIMENT = Experiment(
     files=("throttle.json",),
     calls=calls,
     depth=None,
+    cut="A quick study has no systems: 360 settings a scene take minutes.",
 )

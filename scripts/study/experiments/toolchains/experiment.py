@@ -17,5 +17,6 @@ EXPERIMENT = Experiment(
     files=("toolchains.json",),
     calls=calls,
     depth="full",
+    cut="Every phase is built by two compilers with four sets of flags, which takes minutes.",
     sections=[(630, lambda data: chapter.compilers(data.path))],
 )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.views import chapter
 
 
 def calls(study: Study) -> list[Call]:
-    return [Call("views", [*(["--full"] if study.whole else []), "--run", str(study.run)])]
+    few = ["--scene", "scene0", "--phase", *cuts.three()] if study.quick else []
+    return [Call("views", [*few, *(["--full"] if study.whole else []), "--run", str(study.run)])]
 
 
 EXPERIMENT = Experiment(
@@ -16,6 +18,7 @@ EXPERIMENT = Experiment(
     turn=100,
     files=("views.json",),
     calls=calls,
-    depth="standard",
+    depth="quick",
+    cut="Views of scene0 alone, three phases.",
     sections=[(430, lambda data: chapter.elsewhere(data.path))],
 )

@@ -1,0 +1,51 @@
+"""What a quick study measured of each experiment, kept with the run (study.json): the page says it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from study.core import store
+from study.core.cli import StudyError
+from study.core.registry import Spec, cpu_supports, ladder
+
+FILE = "study.json"
+
+
+def phases() -> list[str]:
+    """Those of the ladder whose builds take seconds, and the last one: for what needs builds of its own.
+
+    From opt6 on each build has two variants and takes up to half a minute.
+    """
+    known = ladder()
+    names = [name for name, phase in known.items() if not phase.variants]
+    return [name for name in dict.fromkeys([*names, [*known][-1]]) if cpu_supports(Spec.parse(name))]
+
+
+def three() -> list[str]:
+    """The first phase of the ladder, the paper's last and the last, as far as this CPU has them."""
+    known = ladder()
+    whole = [name for name, phase in known.items() if not phase.variants and not phase.derives]
+    names = dict.fromkeys([*whole[:1], *whole[-1:], [*known][-1]])
+    return [name for name in names if cpu_supports(Spec.parse(name))]
+
+
+def read(run: Path) -> dict[str, str]:
+    """Experiment → what the run has of it, a sentence; those that are whole are not in it.
+
+    Raises StudyError for another thing's file.
+    """
+    path = run / FILE
+    if not path.exists():
+        return {}
+    found = store.read_json(path)
+    few = found.get("cut") if isinstance(found, Mapping) else None
+    if not isinstance(few, Mapping) or not all(isinstance(text, str) for text in few.values()):
+        raise StudyError(f"{path}: not what scripts/stepwise study writes; remove it")
+    return dict(few)
+
+
+def note(run: Path, experiment: str, text: str) -> None:
+    """Keeps what was measured of an experiment: a sentence, or nothing where it is whole."""
+    few = read(run) | {experiment: text}
+    store.write_json(run / FILE, {"schema": 1, "cut": {name: said for name, said in few.items() if said}})
