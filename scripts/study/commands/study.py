@@ -30,7 +30,7 @@ SWEEP_SECONDS = {"quick": 90, "standard": 240}  # of a sweep whose pictures are 
 LAUNCHES = {"quick": 6, "standard": 10}
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
 HEIGHTS = (360, 320, 288, 256, 224, 192, 160, 128, 96, 64)  # of the headline
-FIRST, FIRST_HEIGHT, FIRST_LAUNCHES = ROOT / "build" / "first-look", 90, 3
+FIRST, FIRST_HEIGHT, FIRST_LAUNCHES = ROOT / "build" / "first-look", 90, 6
 PART_HEIGHT = 180  # of a run that is made for single parts
 FULL = {"sizes": [str(n) for n in range(100, 2001, 100)], "launches": "4", "height": 720}  # the paper's sweep
 CHECKED = (cli.OK, cli.FAILED)  # of commands that judge what they measure
@@ -233,6 +233,8 @@ def main() -> int:
         run, height = Path(swept["run"]), swept["height"]
         if swept["failures"]:
             wrong.failed.append("a phase crashed")
+        if options.depth == "quick" and not options.part:
+            cuts.note(run, "sweep", experiment.find_all()["sweep"].cut)
     study = Study(run, options.scene, height, options.depth, bool(options.part))
     for number, one in enumerate(parts):
         report(run, [other.what for other in parts[number:]])

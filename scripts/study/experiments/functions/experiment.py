@@ -17,6 +17,5 @@ EXPERIMENT = Experiment(
     files=("functions.json",),
     calls=calls,
     depth="quick",
-    cut="One float in 12,289 was tried, so the largest errors are lower bounds; few rounds, small arrays.",
     sections=[(620, lambda data: chapter.approximations(data.path))],
 )
