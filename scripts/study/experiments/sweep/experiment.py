@@ -17,6 +17,6 @@ EXPERIMENT = Experiment(
     files=("frames.jsonl", "plan.json", "context.json"),
     calls=calls,
     depth="quick",
-    cut="Six launches instead of ten, and pictures as large as 90 s allow.",
+    cut="Six launches instead of ten, and pictures as large as 75 seconds allow.",
     sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],
 )
