@@ -151,7 +151,7 @@ def arguments() -> argparse.Namespace:
         },
     )
     add = parser.add_argument
-    about = "quick: 10 minutes; standard: 40; full: the paper's sweep, hours; default: %(default)s"
+    about = "quick: 20 minutes; standard: 40; full: the paper's sweep, hours; default: %(default)s"
     add("--depth", choices=DEPTHS, default="quick", help=about)
     about = "only this, for the newest run (a small one is made where there is none), and the report"
     add("--part", action="append", choices=experiment.find_all(), metavar="NAME", help=about)
