@@ -73,15 +73,17 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
     found = [section for some in questions.values() for section in some]
     table_files.write(tables.make(data, rows, found), out.parent / "tables")
     environment = html.templates()
+    environment.filters["prose"] = html.markdown().renderInline
     environment.filters["code"] = lambda text: re.fullmatch(r"`([^`]+)`", text)
     folder = out.parent / "figures"
+    figures.draw(found, folder, reuse=bool(running))
     return environment.get_template("index.html.j2").render(
         run="/".join(data.path.resolve().parts[-2:]),
         data=data,
         running=list(running),
         questions=questions,
         headlines=headlines(rows),
-        figures={one.id: figures.figures(one, folder, reuse=bool(running)) for one in found},
+        figures={one.id: figures.figures(one, folder) for one in found},
         images={one.id: figures.copied(one.images, folder) for one in found},
         absent={one.id: figures.absent(one) for one in found},
         machine=facts.machine(data),

@@ -230,5 +230,14 @@ class About(File, kw_only=True):
     caveat: Annotated[str, key("", "what limits its numbers")]
 
 
+class Cuts(File, kw_only=True):
+    """What a quick study cut of each experiment. Without an entry the experiment is whole."""
+
+    made_by: ClassVar[str] = "study"
+    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
+    cut: Annotated[dict[str, str], key("", "experiment → a sentence: what the run has of it")]
+
+
 RUN_TOML = "run.toml"
+STUDY = "study.json"
 SCHEMAS = {"context.json": Context, "plan.json": Plan, "frames.jsonl": Frame}

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 from study.core.cli import StudyError
 from study.core.schema import File
+from study.experiments import cuts
 from study.experiments.goal import Goal
 from study.experiments.section import Section, reading
 from study.numbers.analysis import Data
@@ -50,6 +51,11 @@ class Study:
         """Whether the experiment is to measure all that it knows."""
         return self.asked or self.depth == "full"
 
+    @property
+    def quick(self) -> bool:
+        """Whether seconds must do."""
+        return self.depth == "quick" and not self.asked
+
 
 @dataclass(frozen=True)
 class Call:
@@ -68,7 +74,8 @@ class Experiment:
     each file that its own command writes into a run. `calls`: its commands in a study; None: its own, which
     may lack what it needs. `depth`: the least depth of a study that has it; None: only by its name.
     `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS it
-    answers. `goals`: what was asked, beside what a run has of it.
+    answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `goals`: what was
+    asked, beside what a run has of it.
     """
 
     name: str
@@ -78,6 +85,7 @@ class Experiment:
     calls: Callable[[Study], list[Call]] | None = None
     depth: str | None = "standard"
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
+    cut: str = ""
     goals: Callable[[Data], Iterable[Goal]] | None = None
 
     def __post_init__(self) -> None:
@@ -103,8 +111,16 @@ def find_all(folder: Path = FOLDER) -> dict[str, Experiment]:
 
 def placed(data: Data) -> list[tuple[int, Section]]:
     """The chapters of a run's page with their places, in order. Raises StudyError for a broken file."""
-    made = [(place, make) for one in find_all().values() for place, make in one.sections]
-    return [(place, make(data)) for place, make in sorted(made, key=lambda each: each[0])]
+    few = cuts.read(data.path)
+    made = []
+    for one in find_all().values():
+        line = (
+            f"{few[one.name]} The whole: `make study DEPTH=standard` or `make {one.name}`."
+            if one.name in few
+            else ""
+        )
+        made += [(place, replace(make(data), cut=line)) for place, make in one.sections]
+    return sorted(made, key=lambda each: each[0])
 
 
 def goals(data: Data) -> list[tuple[int, Goal]]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 import msgspec
 
 from study.core import schema
-from study.core.run_schema import RUN_TOML, About
+from study.core.run_schema import RUN_TOML, STUDY, About, Cuts
 from study.core.schema import File, Record
 from study.experiments import experiment
 from study.numbers import schema as common
@@ -26,9 +26,9 @@ infinity are null. A file may have more keys: a newer version may have written i
 
 
 def files() -> dict[str, type[File]]:
-    """Name → schema of every file of a run: those of the experiments in their order, and run.toml."""
+    """Name → schema of every file of a run: of the experiments in their order, and two more."""
     found = {name: kind for one in experiment.find_all().values() for name, kind in one.schemas.items()}
-    return found | {RUN_TOML: About}
+    return found | {STUDY: Cuts, RUN_TOML: About}
 
 
 def records(kind: Any) -> list[type[Record]]:

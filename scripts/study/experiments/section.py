@@ -62,6 +62,7 @@ class Section:
     script: str = ""
     drawn: dict[str, Drawing] = field(default_factory=dict)
     images: dict[Path, str] = field(default_factory=dict)  # pictures, which no figure replaces; captions
+    cut: str = ""  # what a quick study left out of it, and how to get it
     html: str = ""  # a fragment of its own, behind the tables
 
 

@@ -12,6 +12,7 @@ EXPERIMENT = Experiment(
     turn=140,
     schemas=SCHEMAS,
     depth="full",
+    cut="Dr.Jit is not among what `make study` installs.",
     sections=[(160, lambda data: chapter.rival(data.path))],
     goals=goals.reached,
 )

@@ -11,4 +11,5 @@ EXPERIMENT = Experiment(
     turn=174,
     schemas=SCHEMAS,
     depth=None,
+    cut="A quick study has no systems: an animation of 900 frames takes minutes.",
 )

@@ -17,6 +17,6 @@ EXPERIMENT = Experiment(
     turn=90,
     schemas=SCHEMAS,
     calls=calls,
-    depth="standard",
+    depth="quick",
     sections=[(620, lambda data: chapter.approximations(data.path))],
 )

@@ -18,5 +18,6 @@ EXPERIMENT = Experiment(
     schemas=IDEAS,
     calls=calls,
     depth=None,
+    cut="Each idea is a build of a wide phase of its own, half a minute each; it has no chapter.",
     sections=[],
 )

@@ -11,4 +11,5 @@ EXPERIMENT = Experiment(
     turn=160,
     schemas=SCHEMAS,
     depth=None,
+    cut="The authors' program has to be downloaded.",
 )

@@ -11,4 +11,5 @@ EXPERIMENT = Experiment(
     turn=171,
     schemas=SCHEMAS,
     depth=None,
+    cut="A quick study has no systems: builds of every program of them take minutes.",
 )

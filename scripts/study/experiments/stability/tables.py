@@ -5,6 +5,7 @@ its curve and what each phase does. HTML fragments for the report, or whole page
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from study.core import html, store
 from study.experiments.stability.cases import curves
 from study.experiments.stability.schema import Stability
 from study.pictures import embed
+from study.pictures.processes import in_processes
 
 TEXTS = (
     ("what", "What it is"),
@@ -103,9 +105,17 @@ def draw(data: dict, case: dict, folder: Path) -> Path:
 
 
 def curve(data: dict, case: dict) -> str:
-    """The case's figure as the address of a small PNG."""
+    """The case's figure as the address of a small PNG: drawn here, unless `with_curves` has."""
+    if "curves" in data:
+        return data["curves"][anchor(case)]
     names = [p["name"] for p in data["phases"]]
     return embed.exact(curves.small(case, rows_of(data, case), names))
+
+
+def with_curves(data: dict) -> dict:
+    """The data with every case's figure, drawn on all CPUs."""
+    made = in_processes([partial(curve, data, case) for case in data["cases"]])
+    return data | {"curves": dict(zip(map(anchor, data["cases"]), made, strict=True))}
 
 
 def fragment(macro: str, *about: Any) -> str:
@@ -133,12 +143,13 @@ def page(data: dict, case: dict) -> str:
 
 def section(data: dict) -> str:
     """Everything as one fragment: the table, then each case, all behind their titles."""
-    return fragment("section", {"skipped": []} | data)
+    return fragment("section", {"skipped": []} | with_curves(data))
 
 
 def write(data: dict, folder: Path) -> Path:
     """FOLDER/index.html with the table, and one page a case beside it, none of which needs another file."""
     style = (html.TEMPLATES / "style.css").read_text(encoding="utf-8")
+    data = with_curves(data)
     pages = {"index": ("Hard cases", fragment("index", data, INTRO))}
     pages |= {anchor(case): (case["title"], fragment("alone", data, case)) for case in data["cases"]}
     for name, (title, body) in pages.items():

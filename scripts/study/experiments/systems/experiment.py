@@ -22,5 +22,6 @@ EXPERIMENT = Experiment(
     schemas={},
     calls=calls,
     depth="full",
+    cut="Builds and animations of six programs take minutes.",
     sections=[(640, lambda data: tables.section(data.path))],
 )

@@ -11,4 +11,5 @@ EXPERIMENT = Experiment(
     turn=172,
     schemas=SCHEMAS,
     depth=None,
+    cut="A quick study has no systems: 360 settings a scene take minutes.",
 )

@@ -18,5 +18,6 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="full",
+    cut="Every phase is built by two compilers with four sets of flags, which takes minutes.",
     sections=[(630, lambda data: chapter.compilers(data.path))],
 )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.views import chapter
 from study.experiments.views.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
-    return [Call("views", [*(["--full"] if study.whole else []), "--run", str(study.run)])]
+    few = ["--scene", "scene0", "--phase", *cuts.three()] if study.quick else []
+    return [Call("views", [*few, *(["--full"] if study.whole else []), "--run", str(study.run)])]
 
 
 EXPERIMENT = Experiment(
@@ -17,6 +19,7 @@ EXPERIMENT = Experiment(
     turn=100,
     schemas=SCHEMAS,
     calls=calls,
-    depth="standard",
+    depth="quick",
+    cut="Views of scene0 alone, three phases.",
     sections=[(430, lambda data: chapter.elsewhere(data.path))],
 )
