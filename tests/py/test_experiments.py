@@ -120,7 +120,8 @@ def test_one_that_is_killed_leaves_whole_files(name: str, tmp_path: Path) -> Non
             script.kill()
             script.wait()
         ended = script.returncode == 128 + signal.SIGTERM and said.endswith("ended by SIGTERM\n")
-        assert ended or script.returncode in (0, 1, 3), said
+        elsewhere = script.returncode == 2 and "a run of another machine" in said  # the fixture's
+        assert ended or elsewhere or script.returncode in (0, 1, 3), said
         assert "Traceback" not in said
     names = {path.name for path in run.iterdir()}
     assert not [left for left in names if left.startswith(".") and left != ".lock"], names
