@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import time
+import tomllib
 from pathlib import Path
 
 import complete
@@ -17,6 +18,7 @@ import pytest
 from study.core import commands, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
+from study.core.run_schema import RUN_TOML, About
 from study.experiments import experiment
 from study.experiments.experiment import Study
 from study.numbers import analysis
@@ -41,6 +43,20 @@ def test_published_files_are_of_the_schema(name: str, file: str) -> None:
         assert kind.read(path)
     if not kept(file):
         assert kind.checked(json.loads(complete.text(file, {"rows": [{}]})), file)
+
+
+@pytest.mark.parametrize("run", PUBLISHED, ids=lambda run: run.name)
+def test_every_published_run_says_what_it_is(run: Path) -> None:
+    assert About.checked(tomllib.loads((run / RUN_TOML).read_text(encoding="utf-8")), str(run))["machine"]
+
+
+def test_published_runs_are_few_and_small() -> None:
+    """A clone brings all of them."""
+    listed = ["git", "ls-files", "-z", "results"]
+    done = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True)
+    files = [ROOT / name for name in done.stdout.split("\0") if name]
+    assert 0 < len(PUBLISHED) <= 12 and len(files) <= 250
+    assert sum(path.stat().st_size for path in files if path.exists()) <= 18e6
 
 
 @pytest.mark.parametrize(("name", "file"), [pair for pair in FILES if not pair[1].endswith(LINED)])
