@@ -115,6 +115,12 @@ def parser(description: str, statuses: dict[int, str] | None = None) -> argparse
     return made
 
 
+def add_unclean(parser: argparse.ArgumentParser) -> None:
+    """--unclean, of what would pass a run's numbers on."""
+    text = "take runs of sources with uncommitted changes, or of an unknown commit"
+    parser.add_argument("--unclean", action="store_true", help=text)
+
+
 def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
     """An argparse type: a finite number of `kind` that is `lowest` or more."""
     what = "a whole number" if kind is int else "a number"

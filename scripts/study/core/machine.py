@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
 import importlib.metadata
 import os
 import platform
@@ -13,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from study.core.registry import ROOT
+from study.core import checkout
 
 LIBRARIES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "Jinja2", "tqdm", "flip-evaluator")
 
@@ -148,24 +147,6 @@ def steal_ticks() -> int:
     return int(fields[8]) if len(fields) > 8 else 0
 
 
-def commit() -> dict[str, Any]:
-    """Git commit, whether the tree differs from it, and a SHA-256 over what differs or is new."""
-    git = ("git", "-C", str(ROOT))
-    digest = hashlib.sha256((_output(*git, "diff", "HEAD", "--binary") or "").encode())
-    new = (_output(*git, "ls-files", "--others", "--exclude-standard", "-z") or "").split("\0")
-    for name in sorted(filter(None, new)):
-        file = ROOT / name  # a link to a folder is listed too, and has no bytes
-        digest.update(
-            name.encode() + b"\0" + hashlib.sha256(file.read_bytes() if file.is_file() else b"").digest()
-        )
-    dirty = bool(_output(*git, "status", "--porcelain"))
-    return {
-        "commit": _output(*git, "rev-parse", "HEAD"),
-        "dirty": dirty,
-        "diff_sha256": digest.hexdigest() if dirty else None,
-    }
-
-
 def _version(package: str) -> str | None:
     try:
         return importlib.metadata.version(package)
@@ -200,7 +181,7 @@ def context() -> dict[str, Any]:
         "libc": " ".join(platform.libc_ver()).strip() or None,
         "python": platform.python_version(),
         "libraries": {name: _version(name) for name in LIBRARIES},
-        "git": commit(),
+        "git": checkout.state(),
         "load_average": os.getloadavg(),
         "steal_ticks": steal_ticks(),
     }

@@ -11,13 +11,12 @@ import gzip
 import json
 import math
 import os
-import subprocess
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from study.core import cli, temporary
+from study.core import checkout, cli, temporary
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 
@@ -106,12 +105,8 @@ def read_json(path: Path) -> Any:
 
 def short_commit() -> str:
     """Seven digits of the checked-out commit, or `nocommit` outside a repository."""
-    command = ["git", "-C", str(ROOT), "rev-parse", "--short=7", "HEAD"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True)
-    except OSError:
-        return "nocommit"
-    return done.stdout.strip() if done.returncode == 0 else "nocommit"
+    found = checkout.state()["commit"]
+    return found[:7] if found else "nocommit"
 
 
 class Run:
