@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from study.core import checkout
+from study.core import checkout, quotas
 
 LIBRARIES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "Jinja2", "tqdm", "flip-evaluator")
 
@@ -182,6 +182,7 @@ def context() -> dict[str, Any]:
         "python": platform.python_version(),
         "libraries": {name: _version(name) for name in LIBRARIES},
         "git": checkout.state(),
+        "limits": quotas.limits(),
         "load_average": os.getloadavg(),
         "steal_ticks": steal_ticks(),
     }

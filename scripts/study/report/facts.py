@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from study.core import checkout
+from study.core import checkout, quotas
 from study.numbers import analysis
 from study.numbers.analysis import Data
 
@@ -33,6 +33,7 @@ def machine(data: Data) -> list[tuple[str, str]]:
         "commit": git.get("commit"),
         "uncommitted changes": changes,
         "measured": context.get("time"),
+        "limits": "; ".join(quotas.notices(context)) or None,
         "load average before": _join(*(f"{load:.2f}" for load in context.get("load_average") or [])),
     }
     return [(label, str(text)) for label, text in known.items() if text]

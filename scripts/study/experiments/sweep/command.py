@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from study.core import cli, machine, progress, run, store
+from study.core import cli, machine, progress, quotas, run, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Spec, find_scene, ladder
@@ -246,6 +246,7 @@ class Sweep:
         self.plan["finished"] = now()
         store.write_json(self.run.path / "plan.json", self.plan)
         end = {"time": now(), "load_average": os.getloadavg(), "steal_ticks": machine.steal_ticks()}
+        end["limits"] = quotas.limits()
         store.write_json(self.run.path / "context.json", self.run.context | {"end": end})
 
 
@@ -285,7 +286,10 @@ def start(plan: dict[str, Any], options: argparse.Namespace) -> Sweep:
         cli.say(f"note: {other} measures the same and is unfinished; --run {other} --resume goes on with it")
     target = store.Run.create(options.results, machine.slug())
     target.lock()
-    store.write_json(target.path / "context.json", machine.context())
+    context = machine.context()
+    store.write_json(target.path / "context.json", context)
+    for notice in quotas.notices(context):
+        cli.say(f"note: {notice}")
     return Sweep(target, plan, options.budget)
 
 
@@ -318,6 +322,7 @@ def report(sweep: Sweep, as_json: bool) -> int:
     frames, plan = sweep.run.frames(), sweep.plan
     rows = summary.rows(frames)
     warnings = summary.indistinguishable(frames) + stats.noise_warnings(frames)
+    warnings += quotas.notices(sweep.run.context)
     for entry in plan["not_reached"]:
         warnings.append(f"budget: {entry['name']} has {entry['launches']} of {plan['launches']} launches")
     if as_json:
