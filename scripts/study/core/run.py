@@ -19,11 +19,12 @@ from study.core import progress
 from study.core.build import build
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
 from study.core.registry import Spec
+from study.core.topology import FASTEST as FASTEST
+from study.core.topology import USABLE, spread
 
 T = TypeVar("T", bound=Hashable)
 _LIBC = ctypes.CDLL(None)  # loaded here: between fork and exec nothing may be imported
 _PR_SET_PDEATHSIG = 1
-USABLE = sorted(os.sched_getaffinity(0))  # CPUs, before a script moves itself out of the way
 UNTIMED = "STEPWISE_UNTIMED"  # in a driver's environment: it does not measure the clocks' rates, 25 ms
 # Every program but "render" counts, or tells code by its functions: that of costs.def, so that a phase that
 # generates kernels for scenes makes none there.
@@ -41,13 +42,12 @@ class DriverError(StudyError):
 
 
 def cpu_set(cpu: int | None, threads: int) -> set[int] | None:
-    """CPUs to pin to: `cpu` and the next threads - 1 of the usable ones; None: no pinning."""
+    """CPUs to pin to: `cpu` and threads - 1 of the usable ones, a core each first; None: no pinning."""
     if cpu is None:
         return None
     if cpu not in USABLE:
         raise StudyError(f"CPU {cpu} is not available; there are {', '.join(map(str, USABLE))}")
-    first = USABLE.index(cpu)
-    return set((USABLE[first:] + USABLE[:first])[:threads])
+    return spread(cpu, threads, USABLE)
 
 
 def _arguments(

@@ -35,7 +35,7 @@ def arguments() -> argparse.Namespace:
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
     add("--python", type=Path, metavar="FILE", help="a Python with drjit; default: one in build/drjit")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], help="first CPU to pin to; default: the last")
+    add("--cpu", type=int, default=run.FASTEST, help="first CPU to pin to; default: of a fast core")
     add("--run", type=Path, metavar="DIR", help="for drjit.json; default: build/drjit")
     args = parser.parse_args()
     args.threads = args.threads or [1, len(run.USABLE)]

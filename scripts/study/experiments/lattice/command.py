@@ -39,7 +39,7 @@ def arguments() -> argparse.Namespace:
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1, 2 and all CPUs")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], help="first CPU to pin to; default: the last")
+    add("--cpu", type=int, default=run.FASTEST, help="first CPU to pin to; default: of a fast core")
     add("--run", type=Path, metavar="DIR", help="for lattice.json; default: build/systems")
     args = parser.parse_args()
     args.threads = args.threads or sorted({1, min(2, len(run.USABLE)), len(run.USABLE)})

@@ -59,7 +59,7 @@ def arguments() -> argparse.Namespace:
     add("--budget", type=cli.at_least(1, float), default=600, metavar="SECONDS", help="seconds; default: 600")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     add("--run", type=Path, metavar="DIR", help="for pareto.json and figures/; default: build/pareto")
     return parser.parse_args()
 

@@ -70,7 +70,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         help="a frame longer than that warms itself up: one per launch, no warm-up",
     )
     plan.add_argument("--seed", type=natural, help="of order and padding; default: random")
-    plan.add_argument("--cpu", type=natural, help="CPU to pin to; default: the last one")
+    plan.add_argument("--cpu", type=natural, help="CPU to pin to; default: of a fast core")
     plan.add_argument("--hit-distance", type=cli.at_least(1e-300, float), metavar="X", help="in scene units")
     plan.add_argument("--max-steps", type=whole, metavar="K", help="evaluations per ray")
     about = "opt2@PHASE beside each PHASE with other flags; default: where all of the ladder is swept"
@@ -89,7 +89,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "n": [size("180")],
     }
     defaults |= {"threads": [1], "reps": 3, "launches": 10, "warmup": 1, "seed": secrets.randbelow(2**32)}
-    defaults |= {"cpu": run.USABLE[-1], "results": store.RESULTS}
+    defaults |= {"cpu": run.FASTEST, "results": store.RESULTS}
     for action in plan._group_actions:
         if options.run and getattr(options, action.dest) is not None:
             name = action.option_strings[0]
@@ -253,9 +253,11 @@ class Sweep:
 def resume(options: argparse.Namespace) -> Sweep:
     """The run at --run; refused where machine or programs are not what they were."""
     target = store.Run.open(options.run)
-    plan, cpu = target.plan, target.context["cpu"]
-    if (cpu["model"], target.context["machine"]) != (machine.cpu()["model"], machine.slug()):
-        raise StudyError(f"{target}: measured on another machine ({cpu['model']}); start a new run here")
+    plan = target.plan
+    if other := machine.differs(target.context, machine.context(plan["cpu"])):
+        raise StudyError(f"{target}: measured on another machine ({'; '.join(other)}); start a new run here")
+    if plan["cpu"] not in run.USABLE:
+        raise StudyError(f"{target}: CPU {plan['cpu']} is not available; start a new run here")
     for spec, digest in plan["binaries"].items():
         if sha256(build(Spec.parse(spec))) != digest:
             raise StudyError(f"{target}: {spec} is another program now (sources, compiler); start a new run")
@@ -286,7 +288,7 @@ def start(plan: dict[str, Any], options: argparse.Namespace) -> Sweep:
         cli.say(f"note: {other} measures the same and is unfinished; --run {other} --resume goes on with it")
     target = store.Run.create(options.results, machine.slug())
     target.lock()
-    context = machine.context()
+    context = machine.context(plan["cpu"])
     store.write_json(target.path / "context.json", context)
     for notice in quotas.notices(context):
         cli.say(f"note: {notice}")

@@ -36,7 +36,7 @@ def arguments() -> argparse.Namespace:
     add("-n", type=cli.at_least(1), default=90, metavar="HEIGHT", help="height in pixels; default: 90")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     add("--no-truth", action="store_true", help="do not compare with truth (saves rendering it)")
     add("--run", type=Path, metavar="DIR", help="for toolchains.json; default: build/toolchains")
     return parser.parse_args()
