@@ -11,11 +11,13 @@ import random
 import signal
 import subprocess
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from study.core import progress
+from study.core import child, progress
 from study.core.build import build
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
 from study.core.registry import Spec
@@ -107,9 +109,10 @@ def _lines(
     The child dies with its reader: killed when the generator is closed, and by the kernel's
     parent-death signal when this process is killed outright.
     """
-    with _child(arguments, cpus, environment(env_bytes, timed, more), subprocess.PIPE) as child:
-        assert child.stdout
-        for line in child.stdout:
+    with _child(arguments, cpus, environment(env_bytes, timed, more), subprocess.PIPE) as (process, watch):
+        assert process.stdout
+        for line in process.stdout:
+            watch.again()
             if line.endswith("\n"):
                 yield line
 
@@ -127,14 +130,38 @@ def environment(
     return found
 
 
+class _Watch:
+    """Kills a process that says nothing for child.seconds(). One thread that sleeps: a line costs no more."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.process, self.seconds, self.ran_out = process, child.seconds(), False
+        self.heard = time.monotonic()
+        self.ended = threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        while not self.ended.wait(max(self.heard + self.seconds - time.monotonic(), 0)):
+            if time.monotonic() >= self.heard + self.seconds:
+                self.ran_out = True
+                self.process.kill()
+                return
+
+    def again(self) -> None:
+        self.heard = time.monotonic()
+
+    def end(self) -> None:
+        self.ended.set()
+
+
 @contextlib.contextmanager
 def _child(
     arguments: list[str], cpus: set[int] | None, environment: dict[str, str], out: Any
-) -> Iterator[subprocess.Popen[str]]:
-    """A child that ends with this: killed if the body is left early; else DriverError if it failed."""
+) -> Iterator[tuple[subprocess.Popen[str], _Watch]]:
+    """A child that ends with this: killed if the body is left early or the watch not set again in time; else
+    DriverError if it failed."""
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
         try:
-            child = subprocess.Popen(
+            process = subprocess.Popen(
                 arguments,
                 stdout=out,
                 stderr=errors,
@@ -145,15 +172,19 @@ def _child(
             )
         except OSError as error:
             raise DriverError(127, f"{arguments[0]}: {error.strerror}") from None
+        watch = _Watch(process)
         try:
-            yield child
-            status = child.wait()
+            yield process, watch
+            status = process.wait()
         finally:
-            if child.poll() is None:
-                child.kill()
-                child.wait()
-            if child.stdout:
-                child.stdout.close()
+            watch.end()
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+            if process.stdout:
+                process.stdout.close()
+        if watch.ran_out:
+            raise DriverError(status, str(child.overdue(arguments[0], watch.seconds)))
         if status:
             errors.seek(0)
             said = errors.read().strip().splitlines()

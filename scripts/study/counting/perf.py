@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.core import run, temporary
+from study.core import child, run, temporary
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Scene, Spec
@@ -140,7 +140,7 @@ def event() -> str | None:
 
 
 def _samples(perf: str, data: str) -> bool:
-    done = subprocess.run([perf, "script", "-i", data, "-F", "ip"], capture_output=True)
+    done = child.run([perf, "script", "-i", data, "-F", "ip"], capture_output=True)
     return done.returncode == 0 and bool(done.stdout.strip())
 
 
@@ -177,7 +177,7 @@ def record(
         data = f"{folder}/perf.data"
         options = ["-q", "-B", "-N", "--no-bpf-event", "-e", str(event()), "-F", str(FREQUENCY), "-o", data]
         pin = run.cpu_set(cpu, 1)
-        done = subprocess.run(
+        done = child.run(
             [perf, "record", *options, "--", *driver],
             capture_output=True,
             text=True,
@@ -190,7 +190,7 @@ def record(
             ours = [line for line in said if line.startswith("render:")]
             raise run.DriverError(done.returncode, (ours or said or [f"perf record: {done.returncode}"])[-1])
         fields = "pid,tid,time,period,event,ip,sym,symoff,dso"
-        script = subprocess.run(
+        script = child.run(
             [perf, "script", "-i", data, "--show-mmap-events", "-F", fields], capture_output=True, text=True
         )
     if script.returncode:

@@ -19,13 +19,12 @@ import functools
 import math
 import operator
 import os
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from study.core import machine, store, temporary
+from study.core import child, machine, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, cpu_flags
 from study.core.run import GENERAL, _arguments, cpu_set, environment, render
@@ -162,7 +161,7 @@ def _stat(
     with temporary.folder(prefix="stepwise-perf-") as folder:
         out = folder / "perf.csv"
         try:
-            done = subprocess.run(
+            done = child.run(
                 [program, "stat", "-x", ";", "-o", str(out), "-e", asked, "--", *command],
                 capture_output=True,
                 text=True,

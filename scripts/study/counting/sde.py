@@ -17,12 +17,11 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from study.core import temporary
+from study.core import child, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec
 from study.core.run import GENERAL, _arguments
@@ -252,7 +251,7 @@ def count(arguments: list[str], region: str = REGION) -> tuple[Counts, str]:
         command = [str(tool()), "-iform", "1", "-mix", "-omix", str(mix)]
         command += ["-dyn_mask_profile", "-odyn_mask_profile", str(masks), "-control", control, "--"]
         try:
-            done = subprocess.run(
+            done = child.run(
                 [*command, *arguments],
                 capture_output=True,
                 text=True,

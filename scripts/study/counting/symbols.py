@@ -5,7 +5,6 @@ section 3.3.8, as addr2line reads it).
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 from elftools.common.exceptions import ELFError
 from elftools.elf.elffile import ELFFile
 
+from study.core import child
 from study.core.cli import StudyError
 from study.counting.decode import Disassembler
 
@@ -121,7 +121,7 @@ def inlined(binary: Path, addresses: Sequence[int]) -> dict[int, list[str]]:
     text = "\n".join(f"{address:#x}" for address in addresses)
     try:
         command = ["addr2line", "-a", "-f", "-i", "-e", str(binary)]
-        done = subprocess.run(command, input=text, capture_output=True, text=True)
+        done = child.run(command, input=text, capture_output=True, text=True)
     except OSError:
         return chains
     return parse_addr2line(done.stdout) if done.returncode == 0 else chains

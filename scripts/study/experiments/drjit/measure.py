@@ -8,7 +8,6 @@ import functools
 import json
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import cli, registry, run, store
+from study.core import child, cli, registry, run, store
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec
 from study.experiments.frames import measure as frames
@@ -95,7 +94,7 @@ def find_llvm(given: str | None, folders: Iterable[Path] | None = None) -> Path:
 
 def _has_drjit(python: Path) -> bool:
     try:
-        done = subprocess.run([python, "-I", "-c", "import drjit, numpy"], capture_output=True)
+        done = child.run([python, "-I", "-c", "import drjit, numpy"], capture_output=True)
     except OSError:
         return False
     return done.returncode == 0
@@ -115,7 +114,7 @@ def find_python(given: Path | None, home: Path = HOME) -> Path:
         [sys.executable, "-m", "venv", "--clear", home / "venv"],
         [python, "-m", "pip", "install", "-q", "--disable-pip-version-check", *PACKAGES],
     ):
-        done = subprocess.run(command, capture_output=True, text=True)
+        done = child.run(command, capture_output=True, text=True)
         if done.returncode:
             said = (done.stderr or done.stdout).strip().splitlines()
             last = said[-1] if said else f"exit status {done.returncode}"
@@ -165,7 +164,7 @@ class Measuring:
         environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(self.rival.llvm), "HOME": str(HOME)}
         environment |= {"STEPWISE_PADDING": "x" * padding}
         cpus = run.cpu_set(self.cpu, point.threads)
-        done = subprocess.run(
+        done = child.run(
             command,
             env=environment,
             capture_output=True,

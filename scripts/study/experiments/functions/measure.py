@@ -12,14 +12,13 @@ import hashlib
 import json
 import math
 import os
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from study.core import machine, run, store
+from study.core import child, machine, run, store
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.experiments.functions import edges as functions_edges
@@ -56,7 +55,7 @@ def program() -> Path:
 def bench(*arguments: str, cpu: int | None = None, data: bytes | None = None) -> bytes:
     """Standard output of build/functions/bench, pinned to `cpu`. StudyError with what it said."""
     pin = run.cpu_set(cpu, 1)
-    done = subprocess.run(
+    done = child.run(
         [program(), *arguments],
         input=data,
         capture_output=True,
