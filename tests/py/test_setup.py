@@ -179,7 +179,8 @@ def test_a_package_without_a_wheel_is_named_and_the_rest_goes_on(tree: Path) -> 
     python = tree / ".venv" / "bin" / "python"
     python.unlink()
     python.write_text(
-        '#!/bin/sh\ncase "$*" in --version) echo Python 3.14.0; exit ;; *"pip install"*) ;; *) exit 0 ;; esac\n'
+        "#!/bin/sh\n"
+        'case "$*" in --version) echo Python 3.14.0; exit ;; *"pip install"*) ;; *) exit 0 ;; esac\n'
         "while [ $# -gt 1 ]; do shift; done\n"
         '! grep -q "^one==" "$1" || {\n'
         'echo "ERROR: No matching distribution found for one==1"; exit 1; }\n'

@@ -60,9 +60,19 @@ def _is_installed(distribution: str) -> bool:
     return True
 
 
+def _left_out() -> list[str]:
+    """Distributions that have no wheel for the venv's Python (scripts/setup.sh)."""
+    try:
+        return (DECLARED.parent / ".venv" / ".without").read_text(encoding="ascii").split()
+    except (OSError, UnicodeDecodeError):
+        return []
+
+
 def _need_packages() -> None:
     """Go on in the venv if a package is missing here; the guard stops a venv that lacks it too."""
     missing = [name for name in declared(RUN_TIME) if not _is_installed(name)]
+    if sys.prefix != sys.base_prefix:
+        missing = [name for name in missing if name not in _left_out()]
     if sys.version_info >= (3, 11) and not missing:
         return
     python = Path(__file__).resolve().parents[3] / ".venv" / "bin" / "python"
