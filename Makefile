@@ -13,7 +13,7 @@ EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: help setup setup-test study demo test test-rest test-all report try new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 $(EXPERIMENTS)
+.PHONY: fuzz help setup setup-test study demo test test-rest test-all report try new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -24,8 +24,8 @@ help: ## this list
 study: setup ## install what is needed, build, time, verify, count, write report/out/index.html (DEPTH=quick: 20 minutes; standard: 40 minutes; full: hours)
 	@$(PY) scripts/stepwise study $(if $(DEPTH),--depth $(DEPTH)) $(if $(FULL),--depth full) $(ARGS)
 
-demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
-	@$(PY) scripts/stepwise demo $(ARGS)
+demo: setup ## one picture by baseline and by PHASE=opt4 of SCENE=scene0, the time and the error between them (60 s)
+	@$(PY) scripts/stepwise demo$(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE)) $(ARGS)
 
 test: setup-test ## install what is needed and run the tests that guard a change (10 minutes on 2 cores)
 	@$(MAKE) --no-print-directory check

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from study.commands import goals, publish
-from study.core import checkout, provenance
+from study.core import provenance
 from study.core.cli import StudyError
+from study.core.host import checkout
 from study.core.registry import ROOT
 
 

@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from study.bounds import analysers
-from study.core import build, child, progress, run
+from study.core import build, progress, run
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Spec
 
 

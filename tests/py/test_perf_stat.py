@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
-from study.counting import perf_stat
+from study.counting.hardware import perf_stat
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "perf"
 HARDWARE = ["instructions", "cycles", "fp_scalar_double", "fp_scalar_single"]

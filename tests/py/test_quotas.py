@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
-from study.core import machine, quotas
+from study.core import machine
+from study.core.host import quotas
 from study.report import facts
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from study.core import machine, run, topology
+from study.core import machine, run
+from study.core.host import topology
 
 
 @pytest.fixture

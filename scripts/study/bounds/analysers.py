@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.core import child, machine, temporary
+from study.core import machine, temporary
 from study.core.cli import StudyError
+from study.core.host import child
 
 PASSES = 100
 MCA_SECONDS = 120.0  # of one region; some inputs never end (a known fault of llvm-mca)

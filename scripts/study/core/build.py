@@ -11,8 +11,9 @@ import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from study.core import child, progress
+from study.core import progress
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import ROOT, Spec
 
 # As make itself, dash and bash say it.

@@ -172,6 +172,15 @@ def add_unclean(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unclean", action="store_true", help=text)
 
 
+def of_run(parser: argparse.ArgumentParser, out: str, height: bool = False) -> None:
+    """RUN and -o, whose default is `out`; -n of the ladder's pictures if `height`."""
+    add = parser.add_argument
+    add("run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run")
+    add("-o", "--out", type=Path, metavar="PATH", help=out)
+    if height:
+        add("-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured")
+
+
 def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
     """An argparse type: a finite number of `kind` that is `lowest` or more."""
     what = "a whole number" if kind is int else "a number"

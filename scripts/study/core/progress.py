@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from tqdm import tqdm
 
 from study.core import cli
-from study.core.child import overdue, seconds
+from study.core.host.child import overdue, seconds
 
 T = TypeVar("T")
 PAUSE = 10  # s between two lines

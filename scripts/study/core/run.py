@@ -17,12 +17,13 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from study.core import child, progress
+from study.core import progress
 from study.core.build import build
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
+from study.core.host import child
+from study.core.host.topology import FASTEST as FASTEST
+from study.core.host.topology import USABLE, spread
 from study.core.registry import Spec
-from study.core.topology import FASTEST as FASTEST
-from study.core.topology import USABLE, spread
 
 T = TypeVar("T", bound=Hashable)
 _LIBC = ctypes.CDLL(None)  # loaded here: between fork and exec nothing may be imported

@@ -19,8 +19,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from study.core import child, cli, store
+from study.core import cli, store
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.counting.assembly_source import Counters, Source
 from study.counting.decode import Disassembler
 

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.core import child, run, temporary
+from study.core import run, temporary
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Scene, Spec
 
 FREQUENCY = 999  # samples a second: no multiple of the timer's tick

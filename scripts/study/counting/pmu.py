@@ -24,13 +24,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from study.core import child, machine, store, temporary
+from study.core import machine, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Spec, cpu_flags
 from study.core.run import GENERAL, _arguments, cpu_set, environment, render
 from study.counting import backend, perf
 from study.counting.counts import Counts, Measured
-from study.counting.perf_stat import Line, parse
+from study.counting.hardware.perf_stat import Line, parse
 
 FOLDER = Path(__file__).with_name("events")
 PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
@@ -290,14 +291,6 @@ def _reading(
     )
 
 
-def measure(
-    spec: Spec | str,
-    scene_path: Path | str,
-    height: int,
-    width: int | None = None,
-    *,
-    cpu: int | None = None,
-    target: str = "render",
-) -> Measured:
+def measure(*frame: Any, **how: Any) -> Measured:
     """`read_frame`'s counts. `total` holds libm and libc too, no bytes and no mix; `functions` is empty."""
-    return read_frame(spec, scene_path, height, width, cpu=cpu, target=target).measured
+    return read_frame(*frame, **how).measured

@@ -21,14 +21,14 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from study.core import child, temporary
+from study.core import temporary
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Spec
 from study.core.run import GENERAL, _arguments
-from study.counting import backend
+from study.counting import backend, elf
 from study.counting.counts import Counts, Measured
 from study.counting.decode import arithmetic
-from study.counting.elf import Program
 
 TOOL = "sde64"
 REGION = "phase_render"
@@ -240,7 +240,7 @@ def available() -> str | None:
 
 def count(arguments: list[str], region: str = REGION) -> tuple[Counts, str]:
     """Runs a program under SDE: counts of the region on all threads, and its standard output."""
-    program = Program(arguments[0])
+    program = elf.read(arguments[0])
     program.find(region)
     ends = program.returns_of(region)
     if len(ends) != 1:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from study.core import checkout, quotas
+from study.core.host import checkout, quotas
 from study.numbers import analysis
 from study.numbers.analysis import Data
 

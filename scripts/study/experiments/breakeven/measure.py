@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from study.core import run, store, temporary
+from study.core import registry, run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
+from study.experiments.breakeven.schema import Breakeven
 from study.experiments.frames.measure import against
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
@@ -28,13 +29,18 @@ from study.pictures import images
 
 FILE = "breakeven.json"
 PHASE, AGAINST = "opt10_scene", "opt9_convex"
-# The two that constants are tuned on, the crowd, which has no kernel and so costs next to nothing, then the
-# others, those with repeated shapes first. Not mandelbulb_closeup: mandelbulb's kernel, seen from nearer.
-SCENES = ("scene0", "mandelbulb", "spheres40", "cubes", "lattice", "scene0_plain", "trio", "two_spheres")
+# The two that constants are tuned on, the crowd, which has no kernel and so costs next to nothing, then those
+# with repeated shapes, then all others. Not mandelbulb_closeup: mandelbulb's kernel, seen from nearer.
+FIRST, SAME_KERNEL = ("scene0", "mandelbulb", "spheres40", "cubes", "lattice"), ("mandelbulb_closeup",)
 WARMUP, MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 1, 10, 2, 0.5  # frames; s that a launch's may take
 SMALL = 180  # height of the pictures that are compared
 NO_TIME = "the seconds were over"
 Row = dict[str, Any]
+
+
+def scenes() -> list[str]:
+    """Every shipped scene that has a kernel of its own, in the order of their worth."""
+    return [name for name in dict.fromkeys([*FIRST, *registry.scenes()]) if name not in SAME_KERNEL]
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,7 @@ def own_cache() -> Iterator[None]:
     """A new folder for kernels, for this process and those that it starts."""
     before = os.environ.get("STEPWISE_CACHE")
     with temporary.folder() as cache:
-        os.environ["STEPWISE_CACHE"] = cache
+        os.environ["STEPWISE_CACHE"] = str(cache)
         try:
             yield
         finally:
@@ -169,4 +175,4 @@ def read(path: Path) -> Row:
     """A run's breakeven.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": []}
-    return store.read_rows(path, "breakeven", {"scene", "n", "generated"})
+    return Breakeven.read(path)

@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from study.core import child, run, store, temporary
 from study.core import generated_scenes as scaling_scenes
+from study.core import run, store, temporary
 from study.core.build import build
+from study.core.host import child
 from study.core.registry import Scene, find_scene
 
 KINDS = ("primary", "shadow", "mirror", "scattered")

@@ -14,9 +14,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from study.core import cli, machine, progress, quotas, run, store
+from study.core import cli, machine, progress, run, store
 from study.core.build import build
 from study.core.cli import StudyError
+from study.core.host import quotas
 from study.core.registry import Spec, find_scene, ladder
 from study.core.run import DriverError
 from study.experiments.sweep import summary

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from study.core import child, store
+from study.core import store
 from study.core.build import build
 from study.core.cli import StudyError
+from study.core.host import child
 from study.core.registry import Scene
 
 OWN = "own"  # the view that the scene comes with
