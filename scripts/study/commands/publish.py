@@ -165,8 +165,10 @@ def main() -> int:
         "--command", nargs="+", default=[], metavar="TEXT", help="what made the run, for run.toml"
     )
     parser.add_argument("--caveat", default="", metavar="TEXT", help="what limits its numbers, for run.toml")
+    cli.add_unclean(parser)
     args = parser.parse_args()
     run = store.Run.open(args.run)
+    provenance.need_clean(run.path, args.unclean)
     if args.folder.exists() and any(args.folder.iterdir()):
         raise StudyError(f"{args.folder}: is there already and not empty")
     folder = args.folder.absolute()
