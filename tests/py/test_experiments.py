@@ -196,7 +196,7 @@ def test_an_experiment_is_found_by_its_folder(copy: Path) -> None:
     assert "Lines of each phase" in page and "The longest phase is" in page
     assert (copy / "out" / "tables" / "sizes.csv").is_file()
     said(copy, "scripts/stepwise", "redraw", "-h")
-    said(copy, "scripts/stepwise", "publish", run, "results/reference/toy")
+    said(copy, "scripts/stepwise", "publish", run, "results/reference/toy", "--unclean")
     assert (copy / "results" / "reference" / "toy" / "sizes.json").is_file()
 
 
