@@ -121,8 +121,7 @@ def shown(folder: Path) -> dict[str, Any]:
 
 
 def check(run: Path, folder: Path) -> None:
-    """Raises StudyError for a chapter that the folder does not make as the run does, and for its run.toml."""
-    About.checked(tomllib.loads((folder / RUN_TOML).read_text(encoding="utf-8")), str(folder / RUN_TOML))
+    """Raises StudyError for a chapter that the folder does not make as the run does."""
     here, there = shown(run), shown(folder)
     lost = sorted(name for name in here if here[name] != there.get(name))
     if lost:
@@ -140,6 +139,7 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
             copy_files(run, made)
             names = copy_pictures(run, made)
             store.write_text(made / RUN_TOML, about(made, commands, caveat))
+            About.checked(tomllib.loads((made / RUN_TOML).read_text(encoding="utf-8")), str(made / RUN_TOML))
             check(run, made)
             os.rename(made, folder)
     except OSError as error:

@@ -58,7 +58,7 @@ def build_together(tasks: Sequence[tuple[Spec, str]], jobs: int) -> None:
         paths = [ROOT / "build" / str(spec) / target for spec, target in tasks]
         missing = [path for path in paths if not path.exists()]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        with subprocess.Popen(command, process_group=0, **quiet) as make:
+        with child.started(command, **quiet) as make:
             total = len(missing) or None
             progress.until(make, "build", lambda: sum(path.exists() for path in missing), total)
 

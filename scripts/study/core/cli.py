@@ -194,9 +194,25 @@ def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
     return parse
 
 
+_enders: list[Callable[[], None]] = []
+
+
+def at_signal(end: Callable[[], None]) -> None:
+    """`end` is called when SIGTERM or Ctrl-C ends the script, before anything is unwound."""
+    _enders.append(end)
+
+
+def _interrupted(number: int, frame: object) -> None:
+    for end in _enders:
+        end()
+    raise KeyboardInterrupt
+
+
 def _ended(number: int, frame: object) -> None:
     """As an exception: what a script has under a temporary name goes with it. A second one ends at once."""
     signal.signal(number, signal.SIG_DFL)
+    for end in _enders:
+        end()
     os.write(2, f"{Path(sys.argv[0]).name}: ended by {signal.Signals(number).name}\n".encode())
     sys.exit(128 + number)
 
@@ -211,7 +227,9 @@ def _name() -> str:
 
 def main(run: Callable[[], int | None]) -> None:
     """Run a script's main function and exit with its status (STATUSES). Errors are one line on stderr."""
-    before = signal.signal(signal.SIGTERM, _ended)
+    before, at_key = signal.signal(signal.SIGTERM, _ended), signal.getsignal(signal.SIGINT)
+    if at_key is signal.default_int_handler:  # else it is ignored, as under nohup
+        signal.signal(signal.SIGINT, _interrupted)
     try:
         status = finish(run() or OK)
         sys.stdout.flush()
@@ -233,6 +251,7 @@ def main(run: Callable[[], int | None]) -> None:
         _crash(type(error), error, error.__traceback__)
     finally:
         signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGINT, at_key)
     sys.exit(status)
 
 

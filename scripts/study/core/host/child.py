@@ -6,10 +6,11 @@ import contextlib
 import os
 import signal
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from study.core import cli
 from study.core.cli import CANNOT_RUN, StudyError
 
 SECONDS = 3600.0  # of one program; a compiler or a tool takes minutes
@@ -32,6 +33,35 @@ def overdue(name: object, limit: float) -> StudyError:
     )
 
 
+_live: set[int] = set()  # process groups: they do not see a terminal's Ctrl-C by themselves
+
+
+def _end_all() -> None:
+    """SIGTERM, at which make removes what is half made."""
+    for group in list(_live):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGTERM)
+
+
+cli.at_signal(_end_all)
+
+
+@contextlib.contextmanager
+def started(command: Sequence[str | Path], **options: Any) -> Iterator[subprocess.Popen]:
+    """The program in a process group of its own, which ends with the script, and with an exception."""
+    with subprocess.Popen(command, process_group=0, **options) as child:
+        _live.add(child.pid)
+        try:
+            yield child
+        except BaseException as error:
+            late = isinstance(error, subprocess.TimeoutExpired)
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL if late else signal.SIGTERM)
+            raise
+        finally:
+            _live.discard(child.pid)
+
+
 def run(
     command: Sequence[str | Path],
     *,
@@ -52,15 +82,11 @@ def run(
     if input is not None:
         options["stdin"] = subprocess.PIPE
     limit = timeout or seconds()
-    with subprocess.Popen(command, process_group=0, **options) as child:
-        try:
+    try:
+        with started(command, **options) as child:
             out, err = child.communicate(input, limit)
-        except BaseException as error:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(child.pid, signal.SIGKILL)
-            if isinstance(error, subprocess.TimeoutExpired):
-                raise overdue(command[0], limit) from None
-            raise
+    except subprocess.TimeoutExpired:
+        raise overdue(command[0], limit) from None
     if check and child.returncode:
         raise subprocess.CalledProcessError(child.returncode, command, out, err)
     return subprocess.CompletedProcess(command, child.returncode, out, err)
