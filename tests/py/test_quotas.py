@@ -65,6 +65,11 @@ def test_version_1(tree) -> None:
     assert quotas.limits() == {"cpus": 2.0, "memory_bytes": 1000, "throttled": 8}
 
 
+def test_version_1_writes_no_limit_as_a_number(tree) -> None:
+    tree("4:memory:/\n", {"memory/memory.limit_in_bytes": "9223372036854771712"})
+    assert quotas.limits()["memory_bytes"] is None
+
+
 def test_nothing_there(tree) -> None:
     tree("0::/\n", {})
     assert quotas.limits() == {"cpus": None, "memory_bytes": None, "throttled": None}

@@ -117,6 +117,12 @@ def whole(tree: Path) -> None:
         command(tree, name, ":")
 
 
+def test_lists_that_did_not_come_are_no_answer(tree: Path) -> None:
+    command(tree, "apt-cache", "exit 100")  # of lists that are old or empty
+    said, asked, remembered = setup(tree, update=UNREACHABLE)
+    assert "could not be installed" in said and len(asked) == 1 and not remembered
+
+
 def test_another_machine_than_x86_64_is_one_line(tree: Path) -> None:
     (tree / "bin" / "uname").unlink()
     command(tree, "uname", "echo aarch64")
