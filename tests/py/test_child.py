@@ -15,7 +15,7 @@ from study.bounds import analysers
 from study.core import build, progress, run
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
-from study.core.registry import Spec
+from study.core.registry import ROOT, Spec
 
 
 def hanging(folder: Path, name: str = "tool") -> Path:
@@ -106,3 +106,44 @@ def test_work_that_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         progress.until(process, "frames", lambda: 1, 2)
     assert process.returncode == -signal.SIGKILL
+
+
+POOL = """
+import sys, time
+from concurrent.futures import ThreadPoolExecutor
+from study.core import cli, run
+from study.core.host import child
+
+def one(number):
+    if sys.argv[1] == "tool":
+        child.run(["sleep", "20"])
+    else:
+        list(run._lines(["sleep", "20"], None, 0))
+
+def main():
+    with ThreadPoolExecutor(2) as pool:
+        waiting = [pool.submit(one, number) for number in range(6)]
+        print("begun", flush=True)
+        waiting[0].result()
+
+cli.main(main)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("what", ["tool", "driver"])
+def test_threads_start_nothing_more_once_a_signal_came(number: signal.Signals, what: str) -> None:
+    """Six children of 20 s by two threads: all is over within the first's time."""
+    begun = time.monotonic()
+    with subprocess.Popen(
+        [sys.executable, "-c", POOL, what],
+        env=os.environ | {"PYTHONPATH": str(ROOT / "scripts")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as script:
+        assert script.stdout and script.stdout.readline() == b"begun\n"
+        time.sleep(0.5)
+        script.send_signal(number)
+        script.communicate(timeout=90)
+    assert script.returncode == 128 + number
+    assert time.monotonic() - begun < 19

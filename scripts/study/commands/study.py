@@ -18,6 +18,7 @@ from typing import Any
 
 from study.core import cli, registry, store
 from study.core.build import build, build_together
+from study.core.host import child
 from study.core.registry import ROOT, Spec, cpu_supports
 from study.core.run import USABLE
 from study.experiments import cuts, experiment
@@ -51,7 +52,9 @@ def run_command(
     Crashed where it crashed or was killed, StudyError for any other status that is not accepted.
     """
     command = [sys.executable, str(STEPWISE), name, *arguments]
-    done = subprocess.run(command, stdout=subprocess.PIPE if capture else None, text=True, check=False)
+    with child.started(command, stdout=subprocess.PIPE if capture else None, text=True) as process:
+        done = subprocess.CompletedProcess(command, 0, process.communicate()[0])
+    done.returncode = process.returncode
     if done.returncode == cli.CRASHED:
         raise Crashed(f"stepwise {name} crashed; its traceback is above", cli.CRASHED)
     if done.returncode < 0:

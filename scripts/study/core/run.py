@@ -160,17 +160,19 @@ def _child(
 ) -> Iterator[tuple[subprocess.Popen[str], _Watch]]:
     """A child that ends with this: killed if the body is left early or the watch not set again in time; else
     DriverError if it failed."""
-    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
+    with contextlib.ExitStack() as stack:
+        errors = stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
+        begun = child.started(
+            arguments,
+            stdout=out,
+            stderr=errors,
+            stdin=subprocess.DEVNULL,
+            env=environment,
+            text=True,
+            preexec_fn=functools.partial(_in_child, cpus),
+        )
         try:
-            process = subprocess.Popen(
-                arguments,
-                stdout=out,
-                stderr=errors,
-                stdin=subprocess.DEVNULL,
-                env=environment,
-                text=True,
-                preexec_fn=functools.partial(_in_child, cpus),
-            )
+            process = stack.enter_context(begun)
         except OSError as error:
             raise DriverError(127, f"{arguments[0]}: {error.strerror}") from None
         watch = _Watch(process)

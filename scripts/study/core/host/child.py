@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import subprocess
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -34,10 +35,12 @@ def overdue(name: object, limit: float) -> StudyError:
 
 
 _live: set[int] = set()  # process groups: they do not see a terminal's Ctrl-C by themselves
+_ending = threading.Event()
 
 
 def _end_all() -> None:
-    """SIGTERM, at which make removes what is half made."""
+    """SIGTERM, at which make removes what is half made. Threads that still work start nothing more."""
+    _ending.set()
     for group in list(_live):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(group, signal.SIGTERM)
@@ -46,12 +49,20 @@ def _end_all() -> None:
 cli.at_signal(_end_all)
 
 
+def may_start() -> None:
+    """To be called before a child starts. StudyError once a signal ends the script: nobody waits for more."""
+    if _ending.is_set():
+        raise StudyError("nothing more is started: the script is ending", CANNOT_RUN)
+
+
 @contextlib.contextmanager
 def started(command: Sequence[str | Path], **options: Any) -> Iterator[subprocess.Popen]:
     """The program in a process group of its own, which ends with the script, and with an exception."""
+    may_start()
     with subprocess.Popen(command, process_group=0, **options) as child:
         _live.add(child.pid)
         try:
+            may_start()  # the signal may have come in between
             yield child
         except BaseException as error:
             late = isinstance(error, subprocess.TimeoutExpired)
