@@ -131,7 +131,7 @@ def await_handler(script: subprocess.Popen[str]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MEASURING)
 def test_one_that_is_killed_leaves_whole_files(name: str, tmp_path: Path) -> None:
-    """Ended by SIGTERM two seconds after its start: status 143 (or done by then), every file whole, none temporary."""
+    """Ended by SIGTERM two seconds after its start: status 143 or done, every file whole, none temporary."""
     run = tmp_path / "machine" / "run"
     shutil.copytree(FIXTURE, run)
     for words in arguments(name, run)[:1]:

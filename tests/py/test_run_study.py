@@ -14,6 +14,7 @@ import pytest
 
 from study.commands import study as run_study
 from study.core import cli, commands, html, registry, run_schema
+from study.core.host import child
 from study.experiments import cuts, experiment
 from study.experiments.experiment import DEPTHS, Call, Study
 from study.numbers import analysis
@@ -98,7 +99,7 @@ def test_a_deeper_study_has_all_of_a_shallower_one(options):
 
 def ends(monkeypatch, status):
     done = subprocess.CompletedProcess([], status)
-    monkeypatch.setattr(run_study.subprocess, "run", lambda *_, **__: done)
+    monkeypatch.setattr(child, "run", lambda *_, **__: done)
     return done
 
 

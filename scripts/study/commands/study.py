@@ -28,7 +28,7 @@ from study.numbers import analysis
 
 STEPWISE = ROOT / "scripts" / "stepwise"
 PAGE = ROOT / "report" / "out" / "index.html"
-PAGE_SECONDS = 60  # a page takes some ten seconds: one that is younger is left as it is
+PAGE_SECONDS = 120  # a page takes some ten seconds: one that is younger is left as it is
 SWEEP_SECONDS = {"quick": 45, "standard": 240}  # of a sweep whose pictures are as large as fits
 SLACK = 1.6  # of a quick sweep that other work slows down: without six launches there is no interval
 LAUNCHES = {"quick": 6, "standard": 10}
@@ -52,9 +52,7 @@ def run_command(
     Crashed where it crashed or was killed, StudyError for any other status that is not accepted.
     """
     command = [sys.executable, str(STEPWISE), name, *arguments]
-    with child.started(command, stdout=subprocess.PIPE if capture else None, text=True) as process:
-        done = subprocess.CompletedProcess(command, 0, process.communicate()[0])
-    done.returncode = process.returncode
+    done = child.run(command, stdout=subprocess.PIPE if capture else None, text=True, timeout=math.inf)
     if done.returncode == cli.CRASHED:
         raise Crashed(f"stepwise {name} crashed; its traceback is above", cli.CRASHED)
     if done.returncode < 0:
@@ -124,7 +122,7 @@ def counting(run: Path) -> list[tuple[Spec, str]]:
     timed = dict.fromkeys(cell.spec for cell in analysis.load(run).cells)
     made = [(Spec.parse(name), "render-blocks") for name in timed]
     made += [(Spec(name, name), "render-count") for name in registry.ladder()]
-    few = [Spec(name, name) for name in cuts.phases()]
+    few = [Spec(name, name) for name in cuts.three()]
     return made + [(spec, f"render-{kind}") for spec in few for kind in ("calls", "lines", "blocks-calls")]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import subprocess
@@ -82,7 +83,7 @@ def run(
     timeout: float | None = None,
     **options: Any,
 ) -> subprocess.CompletedProcess:
-    """As subprocess.run, for at most `timeout` or `seconds()`; text is UTF-8, whatever the locale's.
+    """As subprocess.run, for at most `timeout` (inf: without end) or `seconds()`; text is always UTF-8.
 
     StudyError (cannot run) when it was killed for that.
     """
@@ -95,7 +96,7 @@ def run(
     limit = timeout or seconds()
     try:
         with started(command, **options) as child:
-            out, err = child.communicate(input, limit)
+            out, err = child.communicate(input, None if limit == math.inf else limit)
     except subprocess.TimeoutExpired:
         raise overdue(command[0], limit) from None
     if check and child.returncode:
