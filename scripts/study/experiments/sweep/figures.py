@@ -151,7 +151,7 @@ def truth_text(row: pd.Series) -> str:
 
 
 def error_text(row: pd.Series) -> str:
-    """The error beside a speed: PSNR to baseline (– if not measured) and whether it is within the tolerance."""
+    """The error beside a speed: PSNR to baseline (– if not measured), and whether it is too much."""
     text = show.psnr(row, "psnr_db")
     if text not in (show.NOTHING, "reference", "identical"):
         text += " dB"
