@@ -190,7 +190,7 @@ def elsewhere(tmp_path, monkeypatch):
 
 
 def test_a_page_is_written_before_all_phases_are_built(options, elsewhere, monkeypatch):
-    said = {"run": str(elsewhere), "result": {"failures": [], "estimated_s": 1}}
+    said = {"run": str(elsewhere), "result": {"failures": [], **plan_of(0.0, {"a": 0.01})}}
     done = []
 
     def fake(name, *arguments, capture=False, accepted=(cli.OK,)):
@@ -217,7 +217,7 @@ def test_a_page_is_written_before_all_phases_are_built(options, elsewhere, monke
 
 def test_a_young_page_is_left_as_it_is(options, elsewhere, monkeypatch):
     """The first look, and the last page."""
-    said = {"run": str(elsewhere), "result": {"failures": [], "estimated_s": 1}}
+    said = {"run": str(elsewhere), "result": {"failures": [], **plan_of(0.0, {"a": 0.01})}}
     done = []
 
     def fake(name, *arguments, capture=False, accepted=(cli.OK,)):
