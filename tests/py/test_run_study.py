@@ -189,8 +189,9 @@ def elsewhere(tmp_path, monkeypatch):
     return run
 
 
-def test_a_page_is_written_before_all_phases_are_built(options, elsewhere, monkeypatch):
-    said = {"run": str(elsewhere), "result": {"failures": [], **plan_of(0.0, {"a": 0.01})}}
+def recorded(run: Path, monkeypatch) -> list:
+    """Name and arguments of each command that the study calls from now on; none of them runs."""
+    said = {"run": str(run), "result": {"failures": [], **plan_of(0.0, {"a": 0.01})}}
     done = []
 
     def fake(name, *arguments, capture=False, accepted=(cli.OK,)):
@@ -198,6 +199,11 @@ def test_a_page_is_written_before_all_phases_are_built(options, elsewhere, monke
         return subprocess.CompletedProcess([], cli.OK, stdout=json.dumps(said))
 
     monkeypatch.setattr(run_study, "run_command", fake)
+    return done
+
+
+def test_a_page_is_written_before_all_phases_are_built(options, elsewhere, monkeypatch):
+    done = recorded(elsewhere, monkeypatch)
     monkeypatch.setattr(run_study, "build_together", lambda tasks, _: done.append(("build", tasks)))
     monkeypatch.setattr(run_study, "arguments", lambda: options)
     assert run_study.main() == cli.OK
@@ -217,14 +223,7 @@ def test_a_page_is_written_before_all_phases_are_built(options, elsewhere, monke
 
 def test_a_young_page_is_left_as_it_is(options, elsewhere, monkeypatch):
     """The first look, and the last page."""
-    said = {"run": str(elsewhere), "result": {"failures": [], **plan_of(0.0, {"a": 0.01})}}
-    done = []
-
-    def fake(name, *arguments, capture=False, accepted=(cli.OK,)):
-        done.append((name, arguments))
-        return subprocess.CompletedProcess([], cli.OK, stdout=json.dumps(said))
-
-    monkeypatch.setattr(run_study, "run_command", fake)
+    done = recorded(elsewhere, monkeypatch)
     monkeypatch.setattr(run_study, "build_together", lambda tasks, _: None)
     monkeypatch.setattr(run_study, "arguments", lambda: options)
     monkeypatch.setattr(run_study, "PAGE_SECONDS", 3600)

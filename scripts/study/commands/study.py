@@ -86,8 +86,8 @@ def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
 
     Two sizes of each program tell its start and its frame apart; a frame's time goes with its pixels.
     """
-    small = CALIBRATED
-    plan = ["--scene", *scenes, "-n", *map(str, small), "--launches", "1"]
+    least, more = CALIBRATED
+    plan = ["--scene", *scenes, "-n", str(least), str(more), "--launches", "1"]
     found = json.loads(run_command("sweep", *plan, "--dry-run", "--json", capture=True).stdout)["result"]
     frames = found["reps"] + found["warmup"]
     programs: dict[tuple[str, str], dict[int, float]] = {}
@@ -95,9 +95,8 @@ def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
         programs.setdefault((one["spec"], one["scene"]), {})[one["height"]] = one["estimate_s"]
 
     def launch(by_height: dict[int, float], height: int) -> float:
-        low, high = (by_height[n] for n in small)
-        frame = (high - low) / frames / (small[1] ** 2 - small[0] ** 2) * height**2
-        start = max(low - frame * frames * (small[0] / height) ** 2, 0)
+        frame = (by_height[more] - by_height[least]) / frames / (more**2 - least**2) * height**2
+        start = max(by_height[least] - frame * frames * (least / height) ** 2, 0)
         return start + frame * (1 if frame > LONG_FRAME else frames)
 
     def total(height: int) -> float:
