@@ -289,16 +289,19 @@ def test_each_intrinsic_is_what_the_manual_says(compiler: str, tmp_path: Path) -
         check_14_bits(made["rcp14_ps"], inverse.astype(np.float32), small & large | (a == 0) | np.isinf(a))
         check_14_bits(made["rsqrt14_ps"], inverse_root.astype(np.float32), np.full(a.shape, True))
         check_14_bits(made["rsqrt14_pd"], 1 / root(d), np.full(d.shape, True))
-    ordinary = slice(0, 80)
-    for name, most in (("reduce_min_ps", np.min), ("reduce_max_ps", np.max)):
-        one = np.ascontiguousarray(made[name][:, :4]).view(np.float32)[ordinary, 0]
-        assert np.array_equal(one, most(blocks["b"][ordinary], axis=1)), name
+    # Which of a NaN and a number a reduction returns is the compiler's choice: it may reorder the lanes.
+    numbers = ~np.isnan(blocks["b"]).any(axis=1)
+    reductions = {"reduce_min_ps": np.min, "reduce_max_ps": np.max}
+    for name, most in reductions.items():
+        one = np.ascontiguousarray(made[name][:, :4]).view(np.float32)[numbers, 0]
+        assert np.array_equal(one, most(blocks["b"][numbers], axis=1)), name
     if TRUE:
         true = rows_of(program(tmp_path, compiler, "-mavx512f", "-mavx512dq"), blocks)
         for name in made.keys() - rough:
             kind = wanted[name].dtype if name in wanted else np.dtype(np.float32)
             rows = np.ascontiguousarray(true[name]).view(kind)
-            assert same_or_nan(made[name], rows).all(), f"{name}: not what the CPU does"
+            held = numbers if name in reductions else np.full(len(blocks), True)
+            assert same_or_nan(made[name], rows)[held].all(), f"{name}: not what the CPU does"
 
 
 def picture(program: Path, path: Path, folder: Path, limit: str) -> tuple[dict, dict]:
