@@ -251,7 +251,7 @@ def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
         "Wall takes 3.00× [3.00" in chapter.answer and "of opt5_threads on a (50.0 dB, ours" in chapter.answer
     )
     assert "5.00×" in chapter.parts[1].markdown and "15.0×" in chapter.parts[1].markdown
-    assert chapter.drawn["peers"].draw().axes
+    assert chapter.drawn["peers"].make().axes
 
 
 def test_displayed_bytes_are_undone_to_the_middle_of_their_step() -> None:
