@@ -251,6 +251,11 @@ def test_errors_by_arithmetic(tmp_path: Path) -> None:
     for fractal in (False, True):
         found = measure.errors(grey, np.full_like(picture, 0.4), fractal)
         assert found["psnr_db"] == pytest.approx(20, abs=1e-3) and found["averaged"] is fractal
+    height, width = exact["R"].shape
+    checks = 0.5 + 0.1 * (-1.0) ** np.add.outer(np.arange(height), np.arange(width))
+    checked = np.repeat(checks[..., None], 3, axis=-1).astype(np.float32)  # whose means are grey
+    assert measure.errors(grey, checked, False)["psnr_db"] == pytest.approx(20, abs=1e-3)
+    assert measure.errors(grey, checked, True)["psnr_db"] > 120
     found = measure.errors(exact, np.full_like(picture, np.nan), False)
     assert found["non_finite"] == picture.size and math.isnan(found["psnr_db"])
 
@@ -271,7 +276,10 @@ def result(paper_too: bool = False) -> dict[str, Any]:
     told = {(p.program, p.scene): error for p in times}
     rows = measure.rows(times, told, others, lambda name: getattr(others.get(name), "phase", None))
     about = {"schema": 1, "launches": 6, "n": 360, "error_n": 180}
-    programs = [{"program": "Wall", "version": "1", "timed": "all", "differs": "it is grey"}]
+    programs: list[dict[str, Any]] = [
+        {"program": "Wall", "version": "1", "timed": "all", "differs": "it is grey"}
+    ]
+    programs[0]["least_db"] = {"a": 40.0}
     out = [{"phase": "Gone", "reason": "needs Debian's package povray"}]
     return cli.plain(about | {"programs": programs, "rows": rows, "left_out": out})
 
@@ -282,6 +290,16 @@ def test_ratios_are_to_the_fastest_phase_or_the_same_step() -> None:
     assert rows["the paper's opt4"]["ratio"]["value"] == 4 and rows["the paper's opt4"]["beside"] == "opt4"
     fastest = next(row for row in result()["rows"] if row["program"] == "opt5_threads")
     assert fastest["ratio"] is None and fastest["kind"] == "phase"
+
+
+def test_a_wrong_picture_is_said() -> None:
+    made = result()
+    assert tables.wrong(made) == []
+    for value, rmse, said in ((39.9, 0.01, "39.9 dB"), (None, None, "not finite")):
+        made["rows"][2] |= {"psnr_db": value, "rmse": rmse}
+        assert tables.wrong(made) == [f"Wall on a: {said} to ground truth, less than 40"]
+    made["rows"][2] |= {"psnr_db": None, "rmse": 0.0}
+    assert tables.wrong(made) == []
 
 
 def test_the_papers_own_speed_ups_stand_beside_ours() -> None:

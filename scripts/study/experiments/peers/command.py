@@ -23,7 +23,10 @@ checkout as well: all of its steps, on its own scene files, each beside our phas
 
 
 def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {cli.CANNOT_RUN: "none of the other programs can run here"})
+    parser = cli.parser(
+        DESCRIPTION,
+        {cli.FAILED: "a picture is wrong", cli.CANNOT_RUN: "none of the other programs can run here"},
+    )
     add, every = parser.add_argument, list(peer.find_all())
     scenes = sorted({scene for one in peer.find_all().values() for scene in one.least_db})
     add("--peer", nargs="+", choices=every, metavar="PEER", help=f"default: all, {', '.join(every)}")
@@ -94,7 +97,10 @@ def measured(args: argparse.Namespace, able: dict[str, Peer], scenes: dict[str, 
     drew = {point.program for point in points}
     return {
         "programs": [
-            {"program": one.title, "version": work.versions[name], "timed": one.timed, "differs": one.differs}
+            {
+                **{"program": one.title, "version": work.versions[name], "timed": one.timed},
+                **{"differs": one.differs, "least_db": one.least_db},
+            }
             for name, one in able.items()
             if name in drew
         ],
@@ -121,4 +127,4 @@ def main() -> int:
     lines = []
     for one in tables.parts(result):
         lines += [one.markdown]
-    return running.end(args, result, lines)
+    return running.end(args, result, lines, tables.wrong(result))

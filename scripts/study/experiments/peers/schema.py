@@ -29,6 +29,7 @@ class Program(Record, kw_only=True):
     version: Annotated[str, key("", "as it says itself")]
     timed: Annotated[str, key("", "what is in the time of a frame")]
     differs: Annotated[str, key("", "why its picture is not ours")]
+    least_db: Annotated[dict[str, float], key("dB", "by scene: the PSNR below which its picture is wrong")]
 
 
 class Peers(Measured, kw_only=True):

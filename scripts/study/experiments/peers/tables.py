@@ -29,6 +29,9 @@ PROGRAMS = [
     Column("", "version", lambda r: r["version"]),
     Column("", "what is timed", lambda r: r["timed"]),
     Column("", "why its picture is not ours", lambda r: r["differs"]),
+    Column(
+        "", "wrong below, dB", lambda r: " / ".join(f"{x:g}" for x in dict.fromkeys(r["least_db"].values()))
+    ),
 ]
 PAPER = [
     Column("", "scene", lambda r: r["scene"]),
@@ -110,6 +113,19 @@ def note(result: Row) -> str:
         scene = f" on {one['scene']}" if one.get("scene") else ""
         lines.append(f"Left out: {one['phase']}{scene}: {one['reason']}.")
     return "\n".join(lines)
+
+
+def wrong(result: Row) -> list[str]:
+    """Pictures that are further from ground truth than their program's known differences explain."""
+    least = {one["program"]: one["least_db"] for one in result["programs"]}
+    made = []
+    for row in result["rows"]:
+        wanted = least.get(row["program"], {}).get(row["scene"])
+        exact = row["rmse"] is not None and row["psnr_db"] is None  # identical
+        if wanted and row["threads"] == 1 and not exact and not (row["psnr_db"] or 0) >= wanted:
+            text = show.decibels(show.error_psnr(row))
+            made.append(f"{row['program']} on {row['scene']}: {text} to ground truth, less than {wanted:g}")
+    return made
 
 
 def parts(result: Row) -> list[Part]:

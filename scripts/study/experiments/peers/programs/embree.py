@@ -59,6 +59,6 @@ PEER = Embree(
     title="Embree",
     timed="hits of the camera's rays alone: no rays are made, nothing is shaded",
     differs="closed form in float; shaded from its hits by NumPy",
-    least_db={"spheres40_plain": 60},
+    least_db={"spheres40_plain": 100},
     cores=False,
 )
