@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import needs
 import numpy as np
 import pytest
 import started
@@ -178,21 +179,11 @@ def test_bad_files_end_the_command_in_one_line(tmp_path: Path) -> None:
     assert json.loads(path.read_text()) == THEIRS
 
 
-def at_hand() -> Path:
-    """The repository of the paper's program; the test is skipped where it cannot be had."""
-    kept = original.folder_of(original.REPOSITORY)
-    try:
-        original.fetch(original.REPOSITORY, kept)
-    except StudyError as error:
-        pytest.skip(str(error))
-    return kept
-
-
 @pytest.mark.slow
 def test_every_scene_file_of_the_program_draws_its_picture(tmp_path: Path) -> None:
     """Of all branches: baseline's picture differs from the program's own by 1/255 at most, but for the bulb's
     chaotic pixels."""
-    program = original.build(at_hand(), "baseline", 36)
+    program = original.build(needs.papers_program(), "baseline", 36)
     folder = program.parents[1]
     git = ["git", "-C", str(original.folder_of(original.REPOSITORY))]
     files: dict[bytes, str] = {}

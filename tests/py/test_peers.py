@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import complete
+import needs
 import numpy as np
 import pytest
 import started
-from test_import import THEIRS, at_hand
 
 from study.core import cli, registry, run
 from study.core.cli import StudyError
@@ -331,7 +331,7 @@ def test_displayed_bytes_are_undone_to_the_middle_of_their_step() -> None:
 @pytest.mark.slow
 def test_the_papers_steps_draw_their_scene_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From a checkout: a scene of its own by its baseline and by ours, each 8 bits from ground truth."""
-    kept = at_hand()
+    kept = needs.papers_program()
     monkeypatch.setattr(paper, "HELD", tmp_path / "paper")
     found = paper.fetched(kept)
     assert {f"paper_{name}" for name in ("scene0", "mandelbulb", "inception", "shape4")} <= found.keys()
@@ -358,12 +358,3 @@ def test_a_run_beside_a_peer_that_is_there(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(StudyError, match="none of the other programs is here; --install") as error:
         command.main()
     assert error.value.exit_status == cli.CANNOT_RUN
-
-
-def test_a_bad_scene_file_of_the_paper_is_named(tmp_path: Path) -> None:
-    bad = copy.deepcopy(THEIRS)
-    bad["camera"]["fov"] = 500
-    path = tmp_path / "theirs.json"
-    path.write_text(json.dumps(bad))
-    with pytest.raises(StudyError, match=r"theirs\.json: .*camera\.fov"):
-        paper.scenes.converted(path)
