@@ -46,7 +46,18 @@ class Wall(Peer):
         return Drawn([7e6] * job.frames, "1", grey)
 
 
+class Offline(Wall):
+    """Cannot be installed."""
+
+    def lacking(self) -> str | None:
+        return "needs a network"
+
+    def install(self) -> None:
+        raise StudyError("there is no network", cli.CANNOT_RUN)
+
+
 WALL = Wall("wall", "Wall", "all", "it is grey", dict.fromkeys(peer.PLAIN, 1.0), cores=False)
+OFFLINE = Offline("offline", "Offline", "all", "", {"scene0_plain": 1.0})
 GONE = replace(ALL["povray"], name="gone", title="Gone")
 
 
@@ -309,6 +320,15 @@ def test_the_papers_own_speed_ups_stand_beside_ours() -> None:
     assert [row["own_gain"].value for row in steps] == [1, 15]
 
 
+def test_displayed_pictures_can_be_identical() -> None:
+    row = {"rmse": 0.001, "psnr_display_db": None}
+    assert [tables.displayed(row | change) for change in ({}, {"psnr_display_db": 45.0}, {"rmse": None})] == [
+        "identical",
+        "45.0",
+        "–",
+    ]
+
+
 def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
     assert tables.section(tmp_path).parts == []
     complete.write(tmp_path / measure.FILE, result(True))
@@ -354,6 +374,10 @@ def test_a_run_beside_a_peer_that_is_there(tmp_path: Path, monkeypatch: pytest.M
     made = json.loads((tmp_path / measure.FILE).read_text())
     assert [row["program"] for row in made["rows"]].count("Wall") == 1
     assert {one["phase"] for one in made["left_out"]} == {"Gone", "Wall"}
+    monkeypatch.setattr(peer, "find_all", lambda: {"wall": WALL, "offline": OFFLINE})
+    sys.argv += ["--install", "--scene", "scene0_plain"]
+    assert command.main() == cli.OK
+    assert "left out: Offline: there is no network" in capsys.readouterr().err
     monkeypatch.setattr(peer, "find_all", lambda: {"gone": GONE})
     with pytest.raises(StudyError, match="none of the other programs is here; --install") as error:
         command.main()
