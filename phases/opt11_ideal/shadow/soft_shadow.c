@@ -1,0 +1,131 @@
+// Soft shadows without a march: the least strength·h(t)/t between the start of a shadow ray and the light, solid by
+// solid. The scene's least ratio is the least over its shapes, in any order.
+#include "bulb/bulb_estimate.h"
+#include "bvh/bvh_lists.h"
+#include "core/sdf.h"
+#include "core/tile_context.h"
+#include "repetition/repeated_rays.h"
+#include "shadow/own_solid.h"
+#include "shadow/shadow_cone.h"
+#include "shadow/shadow_rays.h"
+#include "shadow/widest_cells.h"
+#include "shadow/widest_torus.h"
+
+// A packet of shadow rays and the least ratio so far.
+struct soft_packet {
+    struct vec point, local, to_light;
+    vfloat facing, shape, near, far, best;
+    vmask active;
+};
+
+// A ratio that is off by this much is off by 2^-22 in the shadow, or by a float's rounding.
+static inline float room_for(const struct known_scene *scene) {
+    return 0x1p-22f / fmaxf(1.0f, (float)scene->model.shadow_strength);
+}
+
+// The ratio of a plane falls or rises all along.
+INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_scene *scene) {
+    const struct primitive *s = &scene->primitives[i];
+    vmask self = is_shape(w->shape, i);
+    vfloat slope = add_dot(s->normal, w->to_light), zero = v_splat(0.0f);
+    vfloat height = v_zero_where(self, height_over(s, w->point));
+    vfloat t = v_select(v_cmp_lt(height, zero), w->near, w->far);
+    vfloat ratio = v_max(slope + height / t, zero);
+    w->best = v_select(w->active, v_min(w->best, ratio), w->best);
+}
+
+// A torus that its rays leave inward is seen again on its far side. Nearer than this share of the tube's radius
+// its distance along the ray is flat to 1e-5.
+#define NEAR_TUBE 0.01f
+
+INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared *prepared) {
+    const struct known_scene *scene = KNOWN(prepared);
+    const struct primitive *s = &scene->primitives[i];
+    vmask self = v_and(is_shape(w->shape, i), w->active), others = w->active;
+    vmask far_side = v_mask_none();
+    if (v_any(self)) {
+        vfloat own = own_ratio(s, w->local, turned(s, w->to_light), w->near);
+        w->best = v_select(self, v_min(w->best, own), w->best);
+        others = v_andnot(self, others);
+        if (!s->convex) {
+            vfloat square = v_madd(w->local.x, w->local.x, w->local.z * w->local.z);
+            far_side = v_and(self, v_cmp_lt(square, v_splat(s->a * s->a)));
+        }
+    }
+    // The solid does not come into a cone of slope `best` if its bounding sphere does not.
+    struct vec to = to_centre(s, w->point);
+    vfloat along = vec_dot(to, w->to_light), best = w->best;
+    vfloat c = vec_dot(to, to) - v_splat(s->bound_sq);
+    vfloat b = v_max(v_madd(best, v_splat(s->bound), along), v_splat(0.0f));
+    vfloat narrow = v_nmadd(best, best, v_splat(1.0f));
+    vmask clear = v_and(v_cmp_lt(b * b, narrow * c), v_cmp_gt(narrow, v_splat(0.0f)));
+    vmask met = v_or(v_andnot(clear, others), far_side);
+    if (!v_any(met))
+        return;
+    struct vec zero = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    struct cone_rays r = {turned(s, vec_along(zero, to, v_splat(-1.0f))), turned(s, w->to_light),
+                          w->near, w->far};
+    vfloat room = v_splat(room_for(scene)), where;
+    if (s->type == SHAPE_SPHERE) {
+        w->best = widest_sphere(&r, s, best, met);
+    } else if (s->convex) {
+        w->best = widest_convex(&r, s, best, met, room, &where);
+    } else {
+        r.o = vec_select(far_side, w->local, r.o);
+        r.near = v_select(far_side, v_max(r.near, v_splat(NEAR_TUBE * s->b)), r.near);
+        met = v_and(met, v_cmp_lt(r.near, r.far));
+        w->best = widest_torus(&r, s, best, met, room);
+    }
+}
+
+INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepared) {
+    const struct primitive *s = &KNOWN(prepared)->primitives[i];
+    if (!v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.0f)))))
+        return;
+    if (s->eval == EVAL_LINEAR)
+        darken_by_plane(i, w, KNOWN(prepared));
+    else if (REPEATED(s))
+        w->best = widest_in_cells(i, w->point, w->local, w->to_light, w->near, w->far, w->shape,
+                                  w->best, w->active, room_for(KNOWN(prepared)), prepared);
+    else if (s->type != SHAPE_MANDELBULB)
+        darken_by_solid(i, w, prepared);
+}
+
+static struct soft_packet load_soft_packet(int first, const struct tile_context *work) {
+    const struct worker_scratch *scratch = work->scratch;
+    float (*field)[QUEUE_ROOM] = work->scratch->shadow;
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    int left = scratch->shadows - first;
+    struct soft_packet w;
+    w.active = v_mask_first(left < LANES ? left : LANES);
+    w.point = load_vec(field + S_POINT, first);
+    w.local = load_vec(field + S_LOCAL, first);
+    w.to_light = load_vec(field + S_TO_LIGHT, first);
+    w.facing = v_load(&field[S_FACING][first]);
+    w.shape = v_load(&field[S_SHAPE][first]);
+    struct vec l = {v_splat(work->light[0]) - w.point.x, v_splat(work->light[1]) - w.point.y,
+                    v_splat(work->light[2]) - w.point.z};
+    w.near = v_splat((float)model->march.surface_offset);
+    w.far = vec_norm(l);
+    w.active = v_and(w.active, v_cmp_lt(w.near, w.far));
+    w.best = v_splat((float)(1.0 / model->shadow_strength));
+    return w;
+}
+
+void cast_packets(const struct tile_context *work) {
+    struct worker_scratch *scratch = work->scratch;
+    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    vfloat strength = v_splat((float)KNOWN(work->scene)->model.shadow_strength);
+    for (int first = 0; first < scratch->shadows; first += LANES) {
+        struct soft_packet w = load_soft_packet(first, work);
+        UNROLL_SHAPES
+        for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+            darken_by(i, &w, work->scene);
+        int left = scratch->shadows - first;
+        vfloat lit = v_min(strength * w.best, v_splat(1.0f));
+        add_light(v_mask_first(left < LANES ? left : LANES),
+                  vec_scale(load_vec(field + S_LIGHT, first), lit), v_load(&field[S_PIXEL][first]),
+                  scratch);
+    }
+    scratch->shadows = 0;
+}
