@@ -78,6 +78,26 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
     }
 }
 
+// The share of t by which a Mandelbulb's ratio may be missed. Its estimate falls about as fast as t grows.
+#define BULB_ROOM_SHARE (1.0f / 8)
+
+// A Mandelbulb has no closed form: steps that no ratio below `best` can hide in.
+INLINE void darken_by_bulb(const struct primitive *s, int i, struct soft_packet *w,
+                           const struct known_scene *scene) {
+    struct vec o = vec_select(is_shape(w->shape, i), w->local, to_local(s, w->point));
+    struct vec d = turned(s, w->to_light);
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f), t = w->near;
+    vfloat room = v_splat(BULB_ROOM_SHARE / fmaxf(1.0f, (float)scene->model.shadow_strength));
+    for (vmask going = w->active; v_any(going);) {
+        vfloat h = sdf_mandelbulb(vec_along(o, d, t), s, v_not(going));
+        w->best = v_select(going, v_min(w->best, v_max(h / t, zero)), w->best);
+        going = v_and(going, v_and(v_cmp_gt(w->best, zero), v_cmp_lt(t, w->far)));
+        vfloat goal = w->best - room;
+        vfloat step = v_nmadd(goal, t, h) / (one + v_max(goal, zero));
+        t = v_select(going, v_min(t + v_max(step, v_splat(0x1p-20f) * t), w->far), t);
+    }
+}
+
 INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepared) {
     const struct primitive *s = &KNOWN(prepared)->primitives[i];
     if (!v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.0f)))))
@@ -87,7 +107,9 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
     else if (REPEATED(s))
         w->best = widest_in_cells(i, w->point, w->local, w->to_light, w->near, w->far, w->shape,
                                   w->best, w->active, room_for(KNOWN(prepared)), prepared);
-    else if (s->type != SHAPE_MANDELBULB)
+    else if (s->type == SHAPE_MANDELBULB)
+        darken_by_bulb(s, i, w, KNOWN(prepared));
+    else
         darken_by_solid(i, w, prepared);
 }
 
