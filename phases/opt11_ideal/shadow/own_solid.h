@@ -81,7 +81,8 @@ INLINE vfloat own_cone(struct vec p, struct vec step, const struct primitive *s)
     vfloat by_side = v_sqrt(v_madd(past, past, across * across));
     vfloat by_cap = v_sqrt(v_madd(beside, beside, out * out));
     vmask over = v_and(v_cmp_gt(out, zero), v_or(on_cap, v_cmp_le(radius + wider, rim)));
-    return v_select(over, by_cap, by_side);
+    vmask within = v_and(v_cmp_le(out, zero), v_cmp_le(across, zero));
+    return v_zero_where(within, v_select(over, by_cap, by_side));
 }
 
 INLINE vfloat own_torus(struct vec p, struct vec step, const struct primitive *s) {

@@ -37,13 +37,22 @@ INLINE vfloat outward(vfloat p, vfloat d) { // d, positive away from 0
     return v_negate_where(v_signbit(p), d);
 }
 
-INLINE struct along_ray along_box(struct vec p, struct vec d, const struct primitive *s) {
+// How far a coordinate is beyond [−half, half] at t, and the derivative of that. Sums with o come before those with t:
+// close to a face the difference is exact.
+INLINE vfloat beyond_slab(vfloat o, vfloat d, vfloat t, float half, vfloat *slope) {
+    vfloat above = v_madd(d, t, o - v_splat(half));
+    vfloat below = v_nmadd(d, t, v_splat(-half) - o);
+    *slope = v_negate_where(v_cmp_lt(above, below), d);
+    return v_max(v_max(above, below), v_splat(0.0f));
+}
+
+INLINE struct along_ray along_box(struct vec o, struct vec d, vfloat t, const struct primitive *s) {
     vfloat zero = v_splat(0.0f);
-    vfloat x = v_max(v_abs(p.x) - v_splat(s->size[0]), zero);
-    vfloat y = v_max(v_abs(p.y) - v_splat(s->size[1]), zero);
-    vfloat z = v_max(v_abs(p.z) - v_splat(s->size[2]), zero);
-    vfloat half =
-        v_madd(x, outward(p.x, d.x), v_madd(y, outward(p.y, d.y), z * outward(p.z, d.z)));
+    struct vec slope;
+    vfloat x = beyond_slab(o.x, d.x, t, s->size[0], &slope.x);
+    vfloat y = beyond_slab(o.y, d.y, t, s->size[1], &slope.y);
+    vfloat z = beyond_slab(o.z, d.z, t, s->size[2], &slope.z);
+    vfloat half = v_madd(x, slope.x, v_madd(y, slope.y, z * slope.z));
     vfloat across = v_select_or_zero(v_cmp_gt(x, zero), d.x * d.x) +
                     (v_select_or_zero(v_cmp_gt(y, zero), d.y * d.y) +
                      v_select_or_zero(v_cmp_gt(z, zero), d.z * d.z));
@@ -138,13 +147,15 @@ INLINE struct along_ray along_hull(struct vec p, struct vec d, const struct prim
                       v_madd(d.y, d.y, v_select_or_zero(outer, curved)), s->b);
 }
 
-INLINE struct along_ray along_solid(struct vec p, struct vec d, const struct primitive *s) {
+INLINE struct along_ray along_solid(const struct cone_rays *r, vfloat t,
+                                    const struct primitive *s) {
+    struct vec p = vec_along(r->o, r->d, t);
     switch (s->type) {
     case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: return along_box(p, d, s);
-    case SHAPE_OCTAHEDRON: return along_octahedron(p, d, s);
-    case SHAPE_CONE: return along_cone(p, d, s);
-    default: return along_hull(p, d, s);
+    case SHAPE_ROUNDED_BOX: return along_box(r->o, r->d, t, s);
+    case SHAPE_OCTAHEDRON: return along_octahedron(p, r->d, s);
+    case SHAPE_CONE: return along_cone(p, r->d, s);
+    default: return along_hull(p, r->d, s);
     }
 }
 
@@ -163,7 +174,7 @@ INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s
     vmask low_known = v_mask_none(), high_known = v_mask_none();
     *where = t;
     for (int step = 0; step < MOST_CONE_STEPS; step++) {
-        struct along_ray at = along_solid(vec_along(r->o, r->d, t), r->d, s);
+        struct along_ray at = along_solid(r, t, s);
         vfloat per = v_splat(1.0f) / t, ratio = at.h * per;
         vfloat p = v_nmadd(t, at.slope, at.h); // derivative of u·h(1/u)
         vmask less = v_and(active, v_cmp_lt(ratio, best));
@@ -186,6 +197,9 @@ INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s
         vmask known = v_or(v_and(later, high_known), v_andnot(later, low_known));
         low_known = v_or(low_known, later);
         high_known = v_or(high_known, v_not(later));
+        // Newton's steps can go to and fro between two parts of a surface: halving ends that.
+        if (step >= 4 && step % 2 == 0)
+            inside = v_andnot(v_and(low_known, high_known), inside);
         vfloat middle = v_splat(2.0f) * low * high / (low + high);
         t = v_select(inside, next, v_select(known, middle, end));
         // An end that has been tried once is known.
