@@ -44,7 +44,7 @@ HITS = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99")
 TRUTH_METRICS = (*HITS, *_COLOURS)
 CONVERGED_METRICS = (*HITS, "depth_agree_fraction", *(f"antialiased.{name}" for name in _COLOURS))
 TRUTH = "truth"  # key of a phase's tolerance: by how much it may be worse than baseline
-# The same, of a phase that draws the ideal shadow itself: how near to the ideal picture it must be, at least. Its
+# Key of a phase that draws the ideal shadow itself: how near to the ideal picture it must be, at least. Its
 # distance to the estimator's picture is shown and not judged.
 IDEAL = "ideal"
 IDEAL_METRICS = ("psnr_ideal_db", "psnr_ideal_display_db", "antialiased.psnr_ideal_db")
@@ -137,12 +137,12 @@ def left_to_truth(phase: Phase) -> bool:
 
 
 def draws_ideal(phase: Phase) -> bool:
-    """Whether the phase draws the ideal soft shadow, not the paper's estimate of it, and is judged by that."""
+    """Whether the phase draws the ideal soft shadow, not an estimate of it, and is judged by that."""
     return IDEAL in phase.tolerance
 
 
 def ideal_bounds(phase: Phase) -> dict[str, float]:
-    """Metric → the least PSNR to the ideal picture that the phase declares, in dB. Empty: it draws another."""
+    """Metric → the least PSNR to the ideal picture that the phase declares, in dB; or nothing."""
     declared = flatten(phase.tolerance.get(IDEAL) or {})
     return {name: bound for name, bound in declared.items() if name != "reason"}
 
