@@ -18,11 +18,6 @@ struct soft_packet {
     vmask active;
 };
 
-// A ratio that is off by this much is off by 2^-22 in the shadow, or by a float's rounding.
-static inline float room_for(const struct known_scene *scene) {
-    return 0x1p-22f / fmaxf(1.0f, (float)scene->model.shadow_strength);
-}
-
 // The ratio of a plane falls or rises all along.
 INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_scene *scene) {
     const struct primitive *s = &scene->primitives[i];
@@ -65,7 +60,7 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
     struct vec zero = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     struct cone_rays r = {turned(s, vec_along(zero, to, v_splat(-1.0f))), turned(s, w->to_light),
                           w->near, w->far};
-    vfloat room = v_splat(room_for(scene)), where;
+    vfloat room = v_splat(room_for((float)scene->model.shadow_strength)), where;
     if (s->type == SHAPE_SPHERE) {
         w->best = widest_sphere(&r, s, best, met);
     } else if (s->convex) {
@@ -106,7 +101,7 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
         darken_by_plane(i, w, KNOWN(prepared));
     else if (REPEATED(s))
         w->best = widest_in_cells(i, w->point, w->local, w->to_light, w->near, w->far, w->shape,
-                                  w->best, w->active, room_for(KNOWN(prepared)), prepared);
+                                  w->best, w->active, room_for((float)KNOWN(prepared)->model.shadow_strength), prepared);
     else if (s->type == SHAPE_MANDELBULB)
         darken_by_bulb(s, i, w, KNOWN(prepared));
     else

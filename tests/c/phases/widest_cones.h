@@ -167,7 +167,7 @@ static struct cone_rays rays_of(const struct ray *r) {
 
 static vfloat widest(const struct cone_rays *r, const struct primitive *s) {
     vfloat best = v_splat((float)(1 / STRENGTH)), where;
-    vfloat room = v_splat(0x1p-22f / (float)STRENGTH);
+    vfloat room = v_splat(room_for((float)STRENGTH));
     if (s->type == SHAPE_SPHERE)
         return widest_sphere(r, s, best, v_mask_all());
     if (s->type == SHAPE_TORUS)
