@@ -1,5 +1,6 @@
 // Shadow rays that no shape but their own can darken, and that one's shadow. The ratio of a convex solid on which
 // a ray starts is least at the start (PROOFS.md, 5.).
+#include "bulb/bulb_estimate.h"
 #include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/own_solid.h"
@@ -23,11 +24,10 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
     } else {
         COUNT(trivially_lit, solid);
         COUNT(trivially_lit, solid_scalar);
-        float slope = lit_slope_for(s, q);
+        // A Mandelbulb's estimate is this share of the distance or more.
+        float slope = s->type == SHAPE_MANDELBULB ? fmaxf(1.0f, q / BULB_SHARE) : q;
         struct vec to = to_centre(s, point);
         here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);
-        if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && v_any(v_andnot(here, *clear)))
-            here = v_or(here, plane_between(to, to_light, s, q));
         if (v_any(v_andnot(here, *clear))) {
             COUNT(trivially_lit, self);
             here = v_or(here, v_and(is_shape(shape, i), convex_from(s, local, facing, scene)));
