@@ -33,6 +33,12 @@ INLINE struct along_ray along_root(vfloat square, vfloat half_slope, vfloat acro
                               v_max(v_nmadd(slope, slope, across), v_splat(0.0f))};
 }
 
+// Returns 1/a to an ulp or two. The divider takes as long as ten other operations.
+INLINE vfloat quick_inverse(vfloat a) {
+    vfloat guess = v_rcp_approx(a);
+    return guess * v_nmadd(a, guess, v_splat(2.0f));
+}
+
 INLINE vfloat outward(vfloat p, vfloat d) { // d, positive away from 0
     return v_negate_where(v_signbit(p), d);
 }
@@ -172,45 +178,35 @@ static inline float room_for(float strength) {
 // square of H/t, as a function of 1/t, is t·e/(e − H·p): exact where the nearest part is a point or a line.
 INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s, vfloat best,
                             vmask active, vfloat room, vfloat *where) {
-    vfloat zero = v_splat(0.0f), core = v_splat(core_radius(s));
+    vfloat zero = v_splat(0.0f), half = v_splat(0.5f), core = v_splat(core_radius(s));
     vfloat square = vec_dot(r->o, r->o), towards = zero - vec_dot(r->o, r->d);
-    vfloat length = v_sqrt(square);
-    vfloat low = v_min(v_max(r->near, length - v_splat(s->bound)), r->far), high = r->far;
-    vfloat t = v_min(v_max(square / v_max(towards, v_splat(1e-20f)), low), high);
-    vmask low_known = v_mask_none(), high_known = v_mask_none();
-    *where = t;
+    vfloat low = v_min(v_max(r->near, v_sqrt(square) - v_splat(s->bound)), r->far), high = r->far;
+    vfloat t = square * quick_inverse(v_max(towards, v_splat(1e-20f)));
+    t = *where = v_min(v_max(t, low), high);
     for (int step = 0; step < MOST_CONE_STEPS; step++) {
         struct along_ray at = along_solid(r, t, s);
-        vfloat per = v_splat(1.0f) / t, ratio = at.h * per;
+        vfloat per = quick_inverse(t), ratio = at.h * per;
         vfloat p = v_nmadd(t, at.slope, at.h); // derivative of u·h(1/u)
-        vmask less = v_and(active, v_cmp_lt(ratio, best));
+        vmask less = v_and(active, v_cmp_lt(ratio, best)), later = v_cmp_gt(p, zero);
         best = v_select(less, v_max(ratio, zero), best);
         *where = v_select(less, t, *where);
-        vmask later = v_cmp_gt(p, zero); // the minimum is at a larger t
-        vfloat end = v_select(later, high, low);
+        vfloat end = v_select(later, high, low); // the minimum is between t and there
         low = v_select(later, t, low);
         high = v_select(later, high, t);
-        // By convexity the minimum is no less than the ratio minus this.
+        // By convexity it is no less than the ratio minus this.
         vfloat above = v_abs(p) * v_abs(end - t) * per;
         vmask close = v_cmp_ge(v_max(room, ratio - best) * end, above);
         active = v_andnot(v_or(close, v_cmp_le(best, zero)), active);
         if (!v_any(active))
             break;
         vfloat height = at.h + core, e = v_madd(p + core, p, t * t * at.bend);
-        vfloat rest = v_nmadd(height, p, e), next = t * e / rest;
+        vfloat rest = v_nmadd(height, p, e), next = t * e * quick_inverse(rest);
         vmask inside = v_and(v_and(v_cmp_gt(rest, zero), v_cmp_gt(e, zero)),
                              v_and(v_cmp_gt(next, low), v_cmp_lt(next, high)));
-        vmask known = v_or(v_and(later, high_known), v_andnot(later, low_known));
-        low_known = v_or(low_known, later);
-        high_known = v_or(high_known, v_not(later));
+        t = v_select(inside, next, end);
         // Newton's steps can go to and fro between two parts of a surface: halving ends that.
         if (step >= 4 && step % 2 == 0)
-            inside = v_andnot(v_and(low_known, high_known), inside);
-        vfloat middle = v_splat(2.0f) * low * high / (low + high);
-        t = v_select(inside, next, v_select(known, middle, end));
-        // An end that has been tried once is known.
-        low_known = v_or(low_known, v_andnot(inside, v_not(later)));
-        high_known = v_or(high_known, v_andnot(inside, later));
+            t = half * (low + high);
     }
     return best;
 }
