@@ -37,9 +37,9 @@ INLINE vfloat own_box(struct vec p, struct vec step, const struct primitive *s) 
     rise.x = v_select(v_cmp_ge(v_min(x, fx), zero), rise.x, v_max(fx, zero) - from.x);
     rise.y = v_select(v_cmp_ge(v_min(y, fy), zero), rise.y, v_max(fy, zero) - from.y);
     rise.z = v_select(v_cmp_ge(v_min(z, fz), zero), rise.z, v_max(fz, zero) - from.z);
-    vfloat grown = v_madd(rise.x, rise.x + from.x + from.x,
-                          v_madd(rise.y, rise.y + from.y + from.y,
-                                 rise.z * (rise.z + from.z + from.z)));
+    vfloat grown =
+        v_madd(rise.x, rise.x + from.x + from.x,
+               v_madd(rise.y, rise.y + from.y + from.y, rise.z * (rise.z + from.z + from.z)));
     return root_rise(grown, core * core, core);
 }
 
@@ -49,17 +49,15 @@ INLINE vfloat own_octahedron(struct vec p, struct vec step) {
     vfloat m = rise.x + rise.y + rise.z, low = v_min(x, v_min(y, z)), high = v_max(x, v_max(y, z));
     vfloat both = m - low, middle = x + y + z - high - low, beyond = both - middle;
     vmask face = v_cmp_le(m, v_splat(3.0f) * low), vertex = v_cmp_gt(beyond, middle);
-    vfloat square = v_select(vertex, v_madd(beyond, beyond, middle * middle),
-                             v_splat(0.5f) * both * both);
-    return v_select(face, m * v_splat(0.57735026918962576451f),
-                    v_sqrt(v_madd(low, low, square)));
+    vfloat square =
+        v_select(vertex, v_madd(beyond, beyond, middle * middle), v_splat(0.5f) * both * both);
+    return v_select(face, m * v_splat(0.57735026918962576451f), v_sqrt(v_madd(low, low, square)));
 }
 
 // How much the distance from the axis grows.
 INLINE vfloat ring_rise(struct vec p, struct vec step) {
     vfloat square = v_madd(p.x, p.x, p.z * p.z);
-    vfloat rise =
-        v_madd(step.x, p.x + p.x + step.x, step.z * (p.z + p.z + step.z));
+    vfloat rise = v_madd(step.x, p.x + p.x + step.x, step.z * (p.z + p.z + step.z));
     return root_rise(rise, square, v_sqrt(square));
 }
 
@@ -88,8 +86,7 @@ INLINE vfloat own_cone(struct vec p, struct vec step, const struct primitive *s)
 INLINE vfloat own_torus(struct vec p, struct vec step, const struct primitive *s) {
     vfloat tube = v_splat(s->b), radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
     vfloat wider = ring_rise(p, step), inward = radius - v_splat(s->a);
-    vfloat grown =
-        v_madd(wider, wider + inward + inward, step.y * (step.y + p.y + p.y));
+    vfloat grown = v_madd(wider, wider + inward + inward, step.y * (step.y + p.y + p.y));
     return root_rise(grown, tube * tube, tube);
 }
 

@@ -8,15 +8,8 @@
 #include "shadow/own_solid.h"
 #include "shadow/shadow_cone.h"
 #include "shadow/shadow_rays.h"
-#include "shadow/widest_cells.h"
+#include "shadow/soft_packet.h"
 #include "shadow/widest_torus.h"
-
-// A packet of shadow rays and the least ratio so far.
-struct soft_packet {
-    struct vec point, local, to_light;
-    vfloat facing, shape, near, far, best;
-    vmask active;
-};
 
 // The ratio of a plane falls or rises all along.
 INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_scene *scene) {
@@ -28,10 +21,6 @@ INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_sce
     vfloat ratio = v_max(slope + height / t, zero);
     w->best = v_select(w->active, v_min(w->best, ratio), w->best);
 }
-
-// A torus that its rays leave inward is seen again on its far side. Nearer than this share of the tube's radius
-// its distance along the ray is flat to 1e-5.
-#define NEAR_TUBE 0.01f
 
 INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared *prepared) {
     const struct known_scene *scene = KNOWN(prepared);
@@ -100,8 +89,8 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
     if (s->eval == EVAL_LINEAR)
         darken_by_plane(i, w, KNOWN(prepared));
     else if (REPEATED(s))
-        w->best = widest_in_cells(i, w->point, w->local, w->to_light, w->near, w->far, w->shape,
-                                  w->best, w->active, room_for((float)KNOWN(prepared)->model.shadow_strength), prepared);
+        w->best = widest_in_cells(i, w, room_for((float)KNOWN(prepared)->model.shadow_strength),
+                                  prepared);
     else if (s->type == SHAPE_MANDELBULB)
         darken_by_bulb(s, i, w, KNOWN(prepared));
     else
@@ -118,7 +107,6 @@ static struct soft_packet load_soft_packet(int first, const struct tile_context 
     w.point = load_vec(field + S_POINT, first);
     w.local = load_vec(field + S_LOCAL, first);
     w.to_light = load_vec(field + S_TO_LIGHT, first);
-    w.facing = v_load(&field[S_FACING][first]);
     w.shape = v_load(&field[S_SHAPE][first]);
     struct vec l = {v_splat(work->light[0]) - w.point.x, v_splat(work->light[1]) - w.point.y,
                     v_splat(work->light[2]) - w.point.z};

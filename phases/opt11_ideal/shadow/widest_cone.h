@@ -5,7 +5,6 @@
 #define OPT11_WIDEST_CONE_H
 
 #include "core/known_scene.h"
-#include "core/numerics.h"
 #include "simd/simd.h"
 
 // Rays in a solid's frame. Only t from near to far counts.
@@ -28,7 +27,7 @@ INLINE float core_radius(const struct primitive *s) {
 // Returns H = √square and its derivatives. half_slope: H·H'; across: H·H'' + H'², for a part of the surface
 // that is flat or straight the squared part of the direction across it.
 INLINE struct along_ray along_root(vfloat square, vfloat half_slope, vfloat across, float core) {
-    vfloat per = inverse_root(v_max(square, v_splat(1e-30f))), slope = half_slope * per;
+    vfloat per = v_rsqrt_newton(v_max(square, v_splat(1e-30f))), slope = half_slope * per;
     return (struct along_ray){v_msub(square, per, v_splat(core)), slope,
                               v_max(v_nmadd(slope, slope, across), v_splat(0.0f))};
 }
@@ -74,10 +73,8 @@ INLINE struct along_ray along_octahedron(struct vec p, struct vec d, const struc
     vfloat m = x + y + z - radius, rise = dx + dy + dz;
     vfloat low = v_min(x, v_min(y, z)), high = v_max(x, v_max(y, z));
     vmask face = v_cmp_le(m, v_splat(3.0f) * low);
-    vfloat d_low =
-        v_select(v_cmp_le(x, low), dx, v_select(v_cmp_le(y, low), dy, dz));
-    vfloat d_high =
-        v_select(v_cmp_ge(x, high), dx, v_select(v_cmp_ge(y, high), dy, dz));
+    vfloat d_low = v_select(v_cmp_le(x, low), dx, v_select(v_cmp_le(y, low), dy, dz));
+    vfloat d_high = v_select(v_cmp_ge(x, high), dx, v_select(v_cmp_ge(y, high), dy, dz));
     vfloat both = m - low, d_both = rise - d_low; // of the two larger, less the radius
     vfloat middle = both + radius - high, d_middle = d_both - d_high, beyond = high - radius;
     vmask vertex = v_cmp_gt(beyond, middle);
@@ -101,7 +98,7 @@ struct ring_ray {
 
 INLINE struct ring_ray ring_along(struct vec p, struct vec d) {
     vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
-    vfloat per = inverse_root(square), slope = v_madd(p.x, d.x, p.z * d.z) * per;
+    vfloat per = v_rsqrt_newton(square), slope = v_madd(p.x, d.x, p.z * d.z) * per;
     vfloat across = v_madd(d.x, d.x, d.z * d.z);
     return (struct ring_ray){square * per, slope,
                              v_max(v_nmadd(slope, slope, across), v_splat(0.0f)), per};
@@ -129,8 +126,7 @@ INLINE struct along_ray along_cone(struct vec p, struct vec d, const struct prim
     vfloat half = v_madd(past, d_along, across * d_across);
     vfloat bends = v_madd(across * up, second, d_across * d_across);
     vmask beyond = v_cmp_gt(v_abs(past), zero);
-    bends = bends + v_select_or_zero(
-                        beyond, v_madd(past * lean, second, d_along * d_along));
+    bends = bends + v_select_or_zero(beyond, v_madd(past * lean, second, d_along * d_along));
     struct along_ray at = along_root(square, half, bends, 0.0f);
     at.h = v_select(cap, out, at.h);
     at.slope = v_select(cap, outward(p.y, d.y), at.slope);

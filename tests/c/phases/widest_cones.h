@@ -48,9 +48,10 @@ static double octahedron_distance(const double at[3], double radius) {
     if (fmin(p[0], fmin(p[1], p[2])) >= m / 3)
         return face;
     for (int k = 0; k < 3; k++) { // the edges that bound this octant
-        double u = p[(k + 1) % 3], v = p[(k + 2) % 3], on = clamp_to((u - v + radius) / 2, 0, radius);
-        least = fmin(least, sqrt(p[k] * p[k] + (u - on) * (u - on) +
-                                 (v - radius + on) * (v - radius + on)));
+        double u = p[(k + 1) % 3], v = p[(k + 2) % 3],
+               on = clamp_to((u - v + radius) / 2, 0, radius);
+        least = fmin(
+            least, sqrt(p[k] * p[k] + (u - on) * (u - on) + (v - radius + on) * (v - radius + on)));
     }
     return least;
 }
@@ -101,7 +102,8 @@ static double refined(const struct ray *r, const struct primitive *s, double low
 }
 
 static double least_of_torus(const struct ray *r, const struct primitive *s) {
-    double low = 1 / r->far, high = 1 / r->near, best = fmin(1 / STRENGTH, low * height_at(r, s, r->far));
+    double low = 1 / r->far, high = 1 / r->near,
+           best = fmin(1 / STRENGTH, low * height_at(r, s, r->far));
     best = fmin(best, high * height_at(r, s, r->near));
     double before = INFINITY, here = INFINITY, u = low, grown = pow(high / low, 1.0 / SAMPLES);
     for (int i = 0; i <= SAMPLES; i++, u *= grown) {
@@ -208,7 +210,8 @@ static void measure(const struct primitive *s, struct errors *all) {
 
 static struct primitive random_solid(enum shape_type type) {
     struct primitive s = {.type = type, .eval = EVAL_POINT, .convex = type != SHAPE_TORUS};
-    double a = pow(10, random_from(-1, 0.5)), b = a * pow(10, random_from(-1.5, 0.3)), c = a * pow(10, random_from(-1.5, 1));
+    double a = pow(10, random_from(-1, 0.5)), b = a * pow(10, random_from(-1.5, 0.3)),
+           c = a * pow(10, random_from(-1.5, 1));
     if (type == SHAPE_BOX || type == SHAPE_ROUNDED_BOX) {
         double half[3] = {a, b, c}, rounding = type == SHAPE_BOX ? 0 : a * random_from(0.05, 1);
         for (int k = 0; k < 3; k++)
@@ -249,9 +252,11 @@ static void cones_are_the_widest(enum shape_type type, const char *name) {
     printf("%s: %ld rays, %.0f %% penumbra: largest error %.2e, RMS %.2e\n", name, all.rays,
            100 * all.penumbra / (double)all.rays, all.most, rms);
     const struct ray *r = &all.worst;
-    printf("  worst: o %.9g %.9g %.9g d %.9g %.9g %.9g near %g far %g; a %g b %g c %g size %g %g %g\n", r->o[0], r->o[1],
-           r->o[2], r->d[0], r->d[1], r->d[2], r->near, r->far, (double)all.of.a, (double)all.of.b,
-           (double)all.of.c, (double)all.of.size[0], (double)all.of.size[1], (double)all.of.size[2]);
+    printf(
+        "  worst: o %.9g %.9g %.9g d %.9g %.9g %.9g near %g far %g; a %g b %g c %g size %g %g %g\n",
+        r->o[0], r->o[1], r->o[2], r->d[0], r->d[1], r->d[2], r->near, r->far, (double)all.of.a,
+        (double)all.of.b, (double)all.of.c, (double)all.of.size[0], (double)all.of.size[1],
+        (double)all.of.size[2]);
     assert_true(all.most <= 1e-4);
     assert_true(rms <= 2e-6);
 }
@@ -318,18 +323,21 @@ static void own_ratios_are_right(enum shape_type type, const char *name) {
         }
     }
     double rms = sqrt(all.squares / (double)all.rays);
-    printf("%s: %ld rays from its surface: largest error %.2e, RMS %.2e\n", name, all.rays, all.most, rms);
+    printf("%s: %ld rays from its surface: largest error %.2e, RMS %.2e\n", name, all.rays,
+           all.most, rms);
     const struct ray *r = &all.worst;
-    printf("  worst: o %.9g %.9g %.9g d %.9g %.9g %.9g near %g; a %g b %g c %g size %g %g %g\n", r->o[0], r->o[1],
-           r->o[2], r->d[0], r->d[1], r->d[2], r->near, (double)all.of.a, (double)all.of.b,
-           (double)all.of.c, (double)all.of.size[0], (double)all.of.size[1], (double)all.of.size[2]);
+    printf("  worst: o %.9g %.9g %.9g d %.9g %.9g %.9g near %g; a %g b %g c %g size %g %g %g\n",
+           r->o[0], r->o[1], r->o[2], r->d[0], r->d[1], r->d[2], r->near, (double)all.of.a,
+           (double)all.of.b, (double)all.of.c, (double)all.of.size[0], (double)all.of.size[1],
+           (double)all.of.size[2]);
     assert_true(all.most <= 3e-4);
     assert_true(rms <= 2e-6);
 }
 
 static void test_own_solids(void **state) {
     (void)state;
-    static const char *const names[] = {"sphere", "box", "rounded box", "octahedron", "cone", "torus"};
+    static const char *const names[] = {"sphere",     "box",  "rounded box",
+                                        "octahedron", "cone", "torus"};
     static const enum shape_type types[] = {SHAPE_SPHERE,     SHAPE_BOX,  SHAPE_ROUNDED_BOX,
                                             SHAPE_OCTAHEDRON, SHAPE_CONE, SHAPE_TORUS};
     for (int i = 0; i < 6; i++)
@@ -368,8 +376,9 @@ static void test_torus(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_sphere),      cmocka_unit_test(test_box),  cmocka_unit_test(test_rounded_box),
-        cmocka_unit_test(test_octahedron), cmocka_unit_test(test_cone), cmocka_unit_test(test_torus),
+        cmocka_unit_test(test_sphere),      cmocka_unit_test(test_box),
+        cmocka_unit_test(test_rounded_box), cmocka_unit_test(test_octahedron),
+        cmocka_unit_test(test_cone),        cmocka_unit_test(test_torus),
         cmocka_unit_test(test_own_solids),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,11 +1,9 @@
 // The widest cone about a ray that holds nothing of the copies of a repeated solid. In each cell the nearest copy is
 // the cell's own (PROOFS.md of opt9_convex, 12.), so the ray is cut at the walls, and each part asks one copy.
-#ifndef OPT11_WIDEST_CELLS_H
-#define OPT11_WIDEST_CELLS_H
-
 #include "core/sdf.h"
 #include "core/tile_context.h"
 #include "shadow/own_solid.h"
+#include "shadow/soft_packet.h"
 #include "shadow/widest_torus.h"
 
 // One axis: the ray's coordinate in the first cell, the cells passed, and where the next wall is.
@@ -45,16 +43,14 @@ INLINE vfloat widest_of_copy(const struct cone_rays *r, const struct primitive *
     return widest_torus(r, s, best, active, v_splat(room));
 }
 
-// Returns the lesser of `best` and the least ratio of the copies of shape i. local: the rays' start in the frame of
-// the shape that they leave, `shape`.
-INLINE vfloat widest_in_cells(int i, struct vec point, struct vec local, struct vec to_light,
-                              vfloat near, vfloat far, vfloat shape, vfloat best, vmask active,
-                              float room, const struct prepared *scene) {
+vfloat widest_in_cells(int i, const struct soft_packet *w, float room,
+                       const struct prepared *scene) {
     const struct primitive *s = &KNOWN(scene)->primitives[i];
-    vmask self = v_and(is_shape(shape, i), active);
-    struct vec o = vec_select(self, local, to_local(s, point)), d = turned(s, to_light);
+    vmask self = v_and(is_shape(w->shape, i), w->active);
+    struct vec o = vec_select(self, w->local, to_local(s, w->point)), d = turned(s, w->to_light);
+    vfloat best = w->best, near = w->near, far = w->far;
     o = vec_wrapped(s, o);
-    vmask here = active; // rays whose first cell is still to be asked
+    vmask here = w->active; // rays whose first cell is still to be asked
     if (v_any(self)) {
         best = v_select(self, v_min(best, own_ratio(s, o, d, near)), best);
         here = v_andnot(self, here);
@@ -67,14 +63,12 @@ INLINE vfloat widest_in_cells(int i, struct vec point, struct vec local, struct 
     struct cell_line y = cell_line_of(o.y, d.y, s->cell[1]);
     struct cell_line z = cell_line_of(o.z, d.z, s->cell[2]);
     vfloat from = near;
-    for (vmask going = active; v_any(going); here = going) {
+    for (vmask going = w->active; v_any(going); here = going) {
         vfloat to = v_min(x.wall, v_min(y.wall, z.wall));
-        struct cone_rays r = {{o.x - x.passed, o.y - y.passed, o.z - z.passed},
-                              d,
-                              from,
-                              v_min(to, far)};
+        struct cone_rays r = {
+            {o.x - x.passed, o.y - y.passed, o.z - z.passed}, d, from, v_min(to, far)};
         if (!s->convex)
-            r.near = v_select(self, v_max(from, v_splat(0.01f * s->b)), from);
+            r.near = v_select(self, v_max(from, v_splat(NEAR_TUBE * s->b)), from);
         vmask asked = v_and(v_and(here, going), v_cmp_lt(r.near, r.far));
         if (v_any(asked))
             best = widest_of_copy(&r, s, best, asked, room);
@@ -87,5 +81,3 @@ INLINE vfloat widest_in_cells(int i, struct vec point, struct vec local, struct 
     }
     return best;
 }
-
-#endif

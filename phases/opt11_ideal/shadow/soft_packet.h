@@ -1,0 +1,24 @@
+// A packet of soft shadow rays, and what shadow/soft_shadow.c and shadow/widest_cells.c share.
+#ifndef OPT11_SOFT_PACKET_H
+#define OPT11_SOFT_PACKET_H
+
+#include "core/known_scene.h"
+#include "simd/simd.h"
+
+// Rays from `point` (`local` in the frame of the shape that they leave), and the least ratio so far. Only t from near
+// to far counts.
+struct soft_packet {
+    struct vec point, local, to_light;
+    vfloat shape, near, far, best;
+    vmask active;
+};
+
+// A torus that its rays leave inward is seen again on its far side. Nearer than this share of the tube's radius
+// its distance along the ray is flat to 1e-5.
+#define NEAR_TUBE 0.01f
+
+// Returns the lesser of w->best and the least ratio of the copies of shape i, to within `room`.
+KERNEL_SHARED vfloat widest_in_cells(int i, const struct soft_packet *w, float room,
+                                     const struct prepared *scene);
+
+#endif
