@@ -117,15 +117,57 @@ static struct soft_packet load_soft_packet(int first, const struct tile_context 
     return w;
 }
 
+// Lists in scratch->occluders the shapes that a cone about a ray of the packet can meet: those that the BVH finds for one
+// cone about them all. Returns false if the rays are too far apart for that.
+static bool list_for_packet(const struct soft_packet *w, const struct tile_context *work) {
+    vfloat infinite = v_splat(INFINITY);
+    const vfloat at[3] = {w->point.x, w->point.y, w->point.z};
+    float centre[3], to_light[3], square = 0, distance = 0;
+    for (int k = 0; k < 3; k++) {
+        float low = v_reduce_min(v_select(w->active, at[k], infinite));
+        float high = v_reduce_max(v_select(w->active, at[k], v_splat(-INFINITY)));
+        centre[k] = 0.5f * (low + high);
+        square += 0.25f * (high - low) * (high - low);
+        to_light[k] = work->light[k] - centre[k];
+        distance += to_light[k] * to_light[k];
+    }
+    distance = sqrtf(distance);
+    float radius = sqrtf(square) * (1 + 1e-4f), q = KNOWN(work->scene)->lit_slope;
+    if (!(radius < 0.25f * distance))
+        return false;
+    for (int k = 0; k < 3; k++)
+        to_light[k] /= distance;
+    bvh_list_towards_light(centre, radius, to_light, q + radius / (distance - radius), work);
+    return true;
+}
+
+static void darken_by_listed(struct soft_packet *w, const struct tile_context *work) {
+    const struct shape_set *listed = &work->scratch->occluders;
+    bool all = !list_for_packet(w, work);
+    int count = all ? KNOWN(work->scene)->model.shape_count : set_end(listed);
+    for (int k = 0; k < count; k++) {
+        if (!v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.0f)))))
+            break;
+        darken_by(all ? k : set_shape(listed, k), w, work->scene);
+    }
+}
+
+static inline void darken_by_all(struct soft_packet *w, const struct tile_context *work) {
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+        darken_by(i, w, work->scene);
+}
+
 void cast_packets(const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     vfloat strength = v_splat((float)KNOWN(work->scene)->model.shadow_strength);
     for (int first = 0; first < scratch->shadows; first += LANES) {
         struct soft_packet w = load_soft_packet(first, work);
-        UNROLL_SHAPES
-        for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
-            darken_by(i, &w, work->scene);
+        if (HAS_BVH(work->scene))
+            darken_by_listed(&w, work);
+        else
+            darken_by_all(&w, work);
         int left = scratch->shadows - first;
         vfloat lit = v_min(strength * w.best, v_splat(1.0f));
         add_light(v_mask_first(left < LANES ? left : LANES),
