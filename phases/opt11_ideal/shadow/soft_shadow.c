@@ -119,20 +119,21 @@ static struct soft_packet load_soft_packet(int first, const struct tile_context 
 
 // Lists in scratch->occluders the shapes that a cone about a ray of the packet can meet: those that the BVH finds for one
 // cone about them all. Returns false if the rays are too far apart for that.
-static bool list_for_packet(const struct soft_packet *w, const struct tile_context *work) {
+static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
+                            const struct tile_context *work) {
     vfloat infinite = v_splat(INFINITY);
     const vfloat at[3] = {w->point.x, w->point.y, w->point.z};
     float centre[3], to_light[3], square = 0, distance = 0;
     for (int k = 0; k < 3; k++) {
-        float low = v_reduce_min(v_select(w->active, at[k], infinite));
-        float high = v_reduce_max(v_select(w->active, at[k], v_splat(-INFINITY)));
+        float low = v_reduce_min(v_select(rays, at[k], infinite));
+        float high = v_reduce_max(v_select(rays, at[k], v_splat(-INFINITY)));
         centre[k] = 0.5f * (low + high);
         square += 0.25f * (high - low) * (high - low);
         to_light[k] = work->light[k] - centre[k];
         distance += to_light[k] * to_light[k];
     }
     distance = sqrtf(distance);
-    float radius = sqrtf(square) * (1 + 1e-4f), q = KNOWN(work->scene)->lit_slope;
+    float radius = sqrtf(square) * (1 + 1e-4f);
     if (!(radius < 0.25f * distance))
         return false;
     for (int k = 0; k < 3; k++)
@@ -141,14 +142,22 @@ static bool list_for_packet(const struct soft_packet *w, const struct tile_conte
     return true;
 }
 
+// First the solids that the rays may hit: rays that are dark then ask no more. Then those that can come into the widest
+// cone that is left.
 static void darken_by_listed(struct soft_packet *w, const struct tile_context *work) {
     const struct shape_set *listed = &work->scratch->occluders;
-    bool all = !list_for_packet(w, work);
-    int count = all ? KNOWN(work->scene)->model.shape_count : set_end(listed);
-    for (int k = 0; k < count; k++) {
-        if (!v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.0f)))))
-            break;
-        darken_by(all ? k : set_shape(listed, k), w, work->scene);
+    vfloat zero = v_splat(0.0f);
+    for (int round = 0; round < 2; round++) {
+        vmask rays = v_and(w->active, v_cmp_gt(w->best, zero));
+        if (!v_any(rays))
+            return;
+        float q = round == 0 ? 1e-3f : v_reduce_max(v_select_or_zero(rays, w->best));
+        bool all = !list_for_packet(w, rays, q * (1 + 1e-5f), work);
+        int count = all ? KNOWN(work->scene)->model.shape_count : set_end(listed);
+        for (int k = 0; k < count; k++)
+            darken_by(all ? k : set_shape(listed, k), w, work->scene);
+        if (all)
+            return;
     }
 }
 
