@@ -6,6 +6,7 @@
 #include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/own_solid.h"
+#include "shadow/shadow_batch.h"
 #include "shadow/shadow_cone.h"
 #include "shadow/shadow_rays.h"
 #include "shadow/soft_packet.h"
@@ -97,24 +98,20 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
         darken_by_solid(i, w, prepared);
 }
 
-static struct soft_packet load_soft_packet(int first, const struct tile_context *work) {
-    const struct worker_scratch *scratch = work->scratch;
-    float (*field)[QUEUE_ROOM] = work->scratch->shadow;
+// Sets how far the rays go, and the ratio of a lit ray.
+static void begin_soft_packet(struct soft_packet *w, const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
-    int left = scratch->shadows - first;
-    struct soft_packet w;
-    w.active = v_mask_first(left < LANES ? left : LANES);
-    w.point = load_vec(field + S_POINT, first);
-    w.local = load_vec(field + S_LOCAL, first);
-    w.to_light = load_vec(field + S_TO_LIGHT, first);
-    w.shape = v_load(&field[S_SHAPE][first]);
-    struct vec l = {v_splat(work->light[0]) - w.point.x, v_splat(work->light[1]) - w.point.y,
-                    v_splat(work->light[2]) - w.point.z};
-    w.near = v_splat((float)model->march.surface_offset);
-    w.far = vec_norm(l);
-    w.active = v_and(w.active, v_cmp_lt(w.near, w.far));
-    w.best = v_splat((float)(1.0 / model->shadow_strength));
-    return w;
+    struct vec l = {v_splat(work->light[0]) - w->point.x, v_splat(work->light[1]) - w->point.y,
+                    v_splat(work->light[2]) - w->point.z};
+    w->near = v_splat((float)model->march.surface_offset);
+    w->far = vec_norm(l);
+    w->active = v_and(w->active, v_cmp_lt(w->near, w->far));
+    w->best = v_splat((float)(1.0 / model->shadow_strength));
+}
+
+static inline vfloat lit_share(const struct soft_packet *w, const struct tile_context *work) {
+    vfloat strength = v_splat((float)KNOWN(work->scene)->model.shadow_strength);
+    return v_min(strength * w->best, v_splat(1.0f));
 }
 
 // Lists in scratch->occluders the shapes that a cone about a ray of the packet can meet: those that the BVH finds for one
@@ -161,27 +158,54 @@ static void darken_by_listed(struct soft_packet *w, const struct tile_context *w
     }
 }
 
-static inline void darken_by_all(struct soft_packet *w, const struct tile_context *work) {
-    UNROLL_SHAPES
-    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
-        darken_by(i, w, work->scene);
+static struct vec gather_vec(float field[][QUEUE_ROOM], vindex at) {
+    return (struct vec){v_gather(field[0], at), v_gather(field[1], at), v_gather(field[2], at)};
+}
+
+// With a BVH. The queue is sorted, so that the rays of a packet are near to each other: by solid, in the BVH's order.
+static void cast_sorted(const struct tile_context *work) {
+    struct worker_scratch *scratch = work->scratch;
+    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    sort_shadow_rays(scratch, work->scene);
+    for (int first = 0; first < scratch->shadows; first += LANES) {
+        vmask rays = v_mask_first(int_min(LANES, scratch->shadows - first));
+        vindex at = v_index_u16(rays, scratch->order[0] + first);
+        struct soft_packet w = {.point = gather_vec(field + S_POINT, at),
+                                .local = gather_vec(field + S_LOCAL, at),
+                                .to_light = gather_vec(field + S_TO_LIGHT, at),
+                                .shape = v_gather(field[S_SHAPE], at),
+                                .active = rays};
+        begin_soft_packet(&w, work);
+        darken_by_listed(&w, work);
+        add_light(rays, vec_scale(gather_vec(field + S_LIGHT, at), lit_share(&w, work)),
+                  v_gather(field[S_PIXEL], at), scratch);
+    }
+}
+
+// All shapes in turn, for the queue's packets as they are.
+static inline void cast_in_order(const struct tile_context *work) {
+    struct worker_scratch *scratch = work->scratch;
+    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    for (int first = 0; first < scratch->shadows; first += LANES) {
+        vmask rays = v_mask_first(int_min(LANES, scratch->shadows - first));
+        struct soft_packet w = {.point = load_vec(field + S_POINT, first),
+                                .local = load_vec(field + S_LOCAL, first),
+                                .to_light = load_vec(field + S_TO_LIGHT, first),
+                                .shape = v_load(&field[S_SHAPE][first]),
+                                .active = rays};
+        begin_soft_packet(&w, work);
+        UNROLL_SHAPES
+        for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+            darken_by(i, &w, work->scene);
+        add_light(rays, vec_scale(load_vec(field + S_LIGHT, first), lit_share(&w, work)),
+                  v_load(&field[S_PIXEL][first]), scratch);
+    }
 }
 
 void cast_packets(const struct tile_context *work) {
-    struct worker_scratch *scratch = work->scratch;
-    float (*field)[QUEUE_ROOM] = scratch->shadow;
-    vfloat strength = v_splat((float)KNOWN(work->scene)->model.shadow_strength);
-    for (int first = 0; first < scratch->shadows; first += LANES) {
-        struct soft_packet w = load_soft_packet(first, work);
-        if (HAS_BVH(work->scene))
-            darken_by_listed(&w, work);
-        else
-            darken_by_all(&w, work);
-        int left = scratch->shadows - first;
-        vfloat lit = v_min(strength * w.best, v_splat(1.0f));
-        add_light(v_mask_first(left < LANES ? left : LANES),
-                  vec_scale(load_vec(field + S_LIGHT, first), lit), v_load(&field[S_PIXEL][first]),
-                  scratch);
-    }
-    scratch->shadows = 0;
+    if (HAS_BVH(work->scene))
+        cast_sorted(work);
+    else
+        cast_in_order(work);
+    work->scratch->shadows = 0;
 }
