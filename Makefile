@@ -13,7 +13,7 @@ EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: help setup setup-test study demo test test-rest test-all report try new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 $(EXPERIMENTS)
+.PHONY: fuzz help setup setup-test study demo test test-rest test-all report try new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"

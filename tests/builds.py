@@ -124,7 +124,8 @@ def quick_needs() -> Wanted:
     """What several quick tests want built, so that no two of them make it at once. Of what does not build the
     test that wants it tells.
     """
-    return {"build": ["truth/rays"]}
+    hard = {folder: ["baseline/render"] for folder in ("build/hard-fast", "build/hard-fma")}
+    return {"build": ["truth/rays"], **hard}
 
 
 def rest_needs() -> Wanted:

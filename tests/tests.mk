@@ -1,6 +1,6 @@
 # What `make test` and `make test-all` do once everything is installed. All of them end with the line 'N passed,
 # N failed, N skipped' and fail if anything did. One part alone: make check PART=builds (tests/run.py names them).
-include tests/c/tests.mk
+include tests/c/tests.mk tests/fuzz/fuzz.mk
 
 TEST_PYTHON ?= .venv/bin/python
 PART ?=

@@ -96,8 +96,11 @@ def _light() -> dict[str, dict]:
         lit[f"mirrors_{bounces}"] = scene(mirrors, march={"max_bounces": bounces}, light=bright)
     rounded = [mirrors[0], *(shape("box", rounding=0.2, position=[x, -0.4, 0], material=m)
                              for x, m in ((-1.9, "plain"), (1.4, "mirror")))]  # fmt: skip
+    # most of it is rounding: what bounds a shape must count that in
+    round_one = [FLOOR, shape("box", half_size=[0.3, 0.2, 0.4], rounding=0.8, position=[0, 0.4, 0])]
     for kind in ("hard", "soft"):
         lit[f"rounded_{kind}"] = scene(rounded, light=bright | {"shadows": kind})
+        lit[f"rounded_much_{kind}"] = scene(round_one, light={"shadows": kind})
     lit["mirrors_fog_sky"] = scene(mirrors, fog=0.002, light=bright, background=[0.9, 0.5, 0.1])
     walls = [shape("plane", normal=[0, 0, sign], offset=-6, material="mirror") for sign in (-1, 1)]
     beads = shape("sphere", radius=0.8, repeat=[3, 3, 0])

@@ -23,8 +23,6 @@ from study.experiments.stability.cases.shapes import c25_coplanar as c25
 from study.experiments.stability.cases.shapes import c31_bounds_cut as c31
 from study.experiments.stability.cases.shapes import c33_lopsided_cells as c33
 
-pytestmark = pytest.mark.slow
-
 
 def own() -> list:
     return [case for case in cases() if case.number >= 12]

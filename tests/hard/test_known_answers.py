@@ -30,8 +30,6 @@ from study.experiments.stability.cases.shapes import (
     c36_thin_normal,
 )
 
-pytestmark = pytest.mark.slow
-
 mpmath.mp.dps = 60
 
 

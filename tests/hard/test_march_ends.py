@@ -14,7 +14,7 @@ from study.experiments.stability.cases.scenes import angle_degrees, found, norma
 from study.experiments.stability.cases.shapes import c31_bounds_cut as c31
 
 PHASES, _ = measure.able(None)
-pytestmark = [pytest.mark.slow, pytest.mark.parametrize("phase", PHASES)]
+pytestmark = pytest.mark.parametrize("phase", PHASES)
 HIT = 1e-6  # hit distance of the scenes
 SIZE = (17, 17)
 

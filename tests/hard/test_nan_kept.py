@@ -11,8 +11,6 @@ from study.experiments.stability.cases.light import c18_mirrors_and_inside
 from study.experiments.stability.cases.scenes import angle_degrees
 from study.experiments.stability.cases.shapes import c09_repetition, c11_edges
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.mark.parametrize(
     ("normal", "degrees"),

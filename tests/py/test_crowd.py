@@ -17,12 +17,9 @@ from study.pictures import images
 
 PHASE, MARCHED = "opt9_convex", "opt6_wide"
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
-    ),
-]
+pytestmark = pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
+)
 
 
 def picture(phase: str, data: dict[str, Any], tmp_path: Path, n: int = 48, **more: Any) -> images.Picture:
@@ -124,6 +121,7 @@ def against_truth(data: dict[str, Any], tmp_path: Path) -> None:
         assert not (off > 1 / 255).any(), f"{phase}: {(off > 1 / 255).sum()} pixels, {off.max():.3f}"
 
 
+@pytest.mark.slow
 def test_rings_in_their_own_shadow(tmp_path: Path) -> None:
     """A ring is not convex: rays that leave it can come back to it, so it stays in their way (a convex solid
     does not: PROOFS.md, 8.)."""
@@ -135,6 +133,7 @@ def test_rings_in_their_own_shadow(tmp_path: Path) -> None:
     against_truth(data, tmp_path)
 
 
+@pytest.mark.slow
 def test_solids_that_bend_within_the_first_steps(tmp_path: Path) -> None:
     """With so long a first step, of spheres and near edges the shadow is marched, not told by facing and
     curvature: there a ray's own solid brings its least term, and must not be left out before that."""

@@ -1,0 +1,94 @@
+// Fuzzes the scene loader (common/scene): any bytes are loaded or refused by one line, and a loaded scene keeps
+// what scene.h promises. libFuzzer: llvm.org/docs/LibFuzzer.html.
+#include <ctype.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "scene/scene.h"
+#include "scene/vector.h"
+
+#define CHECK(condition) ((condition) ? (void)0 : broken(#condition, __LINE__))
+enum { LARGEST_NUMBER = 1000000000 }; // common/scenes/README.md
+
+static void broken(const char *condition, int line) {
+    fprintf(stderr, "scene.c:%d: does not hold: %s\n", line, condition);
+    abort();
+}
+
+static bool within(const double v[3], double limit) {
+    return fabs(v[0]) <= limit && fabs(v[1]) <= limit && fabs(v[2]) <= limit; // false for NaN
+}
+
+static void check_view(const struct view *view) {
+    const double *axes[] = {view->right, view->up, view->forward};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            CHECK(fabs(dot3(axes[i], axes[k]) - (i == k)) < 1e-9);
+    CHECK(within(view->position, LARGEST_NUMBER) && within(view->light_position, LARGEST_NUMBER));
+    CHECK(view->tan_half_fov > 0 && isfinite(view->tan_half_fov));
+}
+
+static void check_shape(const struct shape *shape, const struct model *model) {
+    CHECK(shape->type < SHAPE_TYPES && shape->material >= 0 &&
+          shape->material < model->material_count);
+    CHECK(within(shape->position, LARGEST_NUMBER));
+    for (int i = 0; i < 3; i++)
+        CHECK(shape->repeat[i] >= 0 && shape->repeat[i] <= LARGEST_NUMBER);
+    if (shape->type == SHAPE_PLANE)
+        CHECK(fabs(dot3(shape->plane.normal, shape->plane.normal) - 1) < 1e-9);
+    if (shape->path.type == PATH_CIRCLE)
+        CHECK(fabs(dot3(shape->path.axis, shape->path.axis) - 1) < 1e-9);
+}
+
+// Every position of an animation is finite, and near what the format allows.
+static void check_motion(const struct model *model, double seconds) {
+    struct model moved = *model;
+    moved.shapes = malloc((size_t)model->shape_count * sizeof *moved.shapes);
+    CHECK(moved.shapes);
+    model_move(model, seconds, &moved);
+    for (int i = 0; i < model->shape_count; i++) {
+        CHECK(within(moved.shapes[i].position, 4.0 * LARGEST_NUMBER));
+        if (model->shapes[i].path.type == PATH_NONE || seconds == 0)
+            CHECK(memcmp(moved.shapes[i].position, model->shapes[i].position,
+                         sizeof moved.shapes[i].position) == 0);
+    }
+    free(moved.shapes);
+}
+
+static void check_error(const char *error, const char *path) {
+    size_t length = strlen(error);
+    CHECK(length > 0 && length < SCENE_ERROR_SIZE && strncmp(error, path, strlen(path)) == 0);
+    for (size_t i = 0; i < length; i++)
+        CHECK(!iscntrl((unsigned char)error[i]));
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    static int file = -1;
+    static char path[64], error[SCENE_ERROR_SIZE];
+    if (file < 0) {
+        file = memfd_create("scene", 0);
+        snprintf(path, sizeof path, "/proc/self/fd/%d", file);
+    }
+    CHECK(file >= 0 && ftruncate(file, 0) == 0 && pwrite(file, data, size, 0) == (ssize_t)size);
+    struct scene scene;
+    error[0] = '\0';
+    if (!scene_load(path, NULL, &scene, error)) {
+        check_error(error, path);
+        return 0;
+    }
+    CHECK(scene.model.shape_count > 0 && scene.model.shape_count <= SCENE_MAX_SHAPES);
+    CHECK(strlen(scene.hash) == 16);
+    check_view(&scene.view);
+    for (int i = 0; i < scene.model.shape_count; i++)
+        check_shape(&scene.model.shapes[i], &scene.model);
+    const double times[] = {0, 0.1, -3.7, 1e9};
+    for (int i = 0; i < 4; i++)
+        check_motion(&scene.model, times[i]);
+    scene_free(&scene);
+    return 0;
+}
