@@ -192,7 +192,7 @@ INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s
         // By convexity it is no less than the ratio minus this.
         vfloat above = v_abs(p) * v_abs(end - t) * per;
         vmask close = v_cmp_ge(v_max(room, ratio - best) * end, above);
-        active = v_andnot(v_or(close, v_cmp_le(best, zero)), active);
+        active = v_andnot(v_or(close, v_cmp_le(best, room)), active);
         if (!v_any(active))
             break;
         vfloat height = at.h + core, e = v_madd(p + core, p, t * t * at.bend);
