@@ -6,6 +6,11 @@
 #include "shadow/own_solid.h"
 #include "shadow/shadow_cone.h"
 
+// Rays whose ratio is nowhere below this are lit. The margin is for rounding.
+static inline float lit_ratio(const struct known_scene *scene) {
+    return (float)((1 + 1e-5) / scene->model.shadow_strength);
+}
+
 // Removes from *clear the rays that shape i may darken.
 INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light,
                                 vfloat facing, vfloat shape, const struct tile_context *work,
@@ -14,7 +19,7 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
         return;
     const struct known_scene *scene = KNOWN(work->scene);
     const struct primitive *s = &scene->primitives[i];
-    float q = scene->lit_slope;
+    float q = lit_ratio(scene);
     vmask here;
     if (s->eval == EVAL_LINEAR) {
         COUNT(trivially_lit, plane);
