@@ -10,7 +10,6 @@ import functools
 import hashlib
 import json
 import os
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -48,8 +47,9 @@ from conformance.harness import (
     within_reach,
 )
 from drawn import examples
-from study.core import registry
+from study.core import registry, schema
 from study.core.registry import ROOT
+from study.core.run_schema import Frame
 from study.pictures import gate, images
 
 SCENES = {name: found.path for name, found in registry.scenes().items()}
@@ -411,11 +411,8 @@ def test_overrides(phase: str) -> None:
 
 
 def documented_keys() -> set[str]:
-    """The keys of a frame by results/README.md, less those that a sweep adds, and the picture's path."""
-    text = (ROOT / "results/README.md").read_text().split("## frames.jsonl")[1].split("\n## ")[0]
-    rows = [line.split("|")[1] for line in text.splitlines() if line.startswith("| `")]
-    keys = {key for row in rows for key in re.findall(r"`([^`]+)`", row)}
-    return keys - {"config", "launch", "round", "env_bytes", "time"} | {"image"}
+    """The keys of a frame by its schema, less those that a sweep adds."""
+    return {name for name, *_ in schema.fields(Frame)} - {"config", "launch", "round", "env_bytes", "time"}
 
 
 CLOCKS = ("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles")

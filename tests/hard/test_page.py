@@ -30,7 +30,7 @@ def data(**changes: object) -> dict:
         measure.row("opt3", HALO, [*hangs, measure.Point(1e-6, measure.HUNG, note="not done after 6 s")]),
         measure.row("opt4", HALO, right),
     ]
-    phases = [{"name": name} for name in ("opt3", "opt4")]
+    phases = [{"name": name, "precision": "float"} for name in ("opt3", "opt4")]
     return {
         "schema": 1,
         "phases": phases,

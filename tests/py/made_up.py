@@ -36,7 +36,7 @@ def fixed_result() -> dict:
     large = {"ms": 60.0, "ms_low": 50.0, "ms_high": 70.0, "cleared": 0.65, "wrongly_cleared_ppm": 7.2}
     large |= {"width": 1920, "n": 1080, "against": "never", "lost_pixels": 15, "non_finite": 0}
     clearing += [large | {"clear": clear} for clear in fixed.CLEARS]
-    return {"article": fixed.ARTICLE, "rows": rows, "sweep": sweep, "clearing": clearing,
+    return {"schema": 1, "article": fixed.ARTICLE, "rows": rows, "sweep": sweep, "clearing": clearing,
             "animation": [article, moving, twice, bare]}  # fmt: skip
 
 
@@ -66,7 +66,7 @@ def packets_result(embree: bool = True) -> dict:
         for phase in ("packets", "opt4", "opt8_streams")
     ]
     drawn = [{"scene": "spheres40", "width": 160, "n": 90, "rows": rows}]
-    return {"article": packets.ARTICLE, "goals": packets.GOALS, "rays": rays, "drawn": drawn}
+    return {"schema": 1, "article": packets.ARTICLE, "goals": packets.GOALS, "rays": rays, "drawn": drawn}
 
 
 def rods_result() -> dict:
@@ -89,4 +89,4 @@ def rods_result() -> dict:
     ]
     coarse = {"down": 16, "max_steps": 20, "least": 4, "step": "whole", **one, "evaluations": 0.1}
     trade.append(coarse | {"ms": 25.0, "ms_low": 24.0, "ms_high": 26.0})
-    return {"article": rods.ARTICLE, "own": own, "rows": [own], "trade": trade}
+    return {"schema": 1, "article": rods.ARTICLE, "own": own, "rows": [own], "trade": trade}

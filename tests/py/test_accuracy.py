@@ -9,11 +9,12 @@ import dataclasses
 import json
 import math
 
+import complete
 import numpy as np
 import pytest
 from discs import HEIGHT, WIDTH, lengths, made_truth
 
-from study.core import registry, store
+from study.core import registry
 from study.core.cli import StudyError, plain
 from study.experiments.accuracy import converge, where
 from study.experiments.accuracy import measure as accuracy
@@ -192,7 +193,7 @@ def test_identical_is_infinite_in_memory_null_in_json_and_infinite_again(blank, 
     row = {"phase": "opt4", "scene": "trio", **found}
     bad = {**row, **accuracy.metrics(made_truth(blank()), broken, blank(), fractal=True)}
     assert plain(row)["psnr_db"] is None
-    store.write_json(tmp_path / "accuracy.json", {"rows": [row, bad], "skipped": []})
+    complete.write(tmp_path / "accuracy.json", {"rows": [row, bad]})
     again, nan = accuracy.rows(tmp_path)
     assert again["psnr_db"] == again["psnr_display_db"] == again["antialiased"]["psnr_ideal_db"] == math.inf
     assert math.isnan(nan["psnr_db"]) and math.isnan(nan["antialiased"]["psnr_db"])

@@ -15,7 +15,7 @@ from study.bounds import topdown as bounds
 from study.bounds.analysers import Mca, Processor
 from study.bounds.regions import Region
 from study.core.cli import StudyError
-from study.counting import symbols
+from study.counting import elf
 from study.experiments.hotspots import bounds_tables as bounds_page
 
 FIXTURES = Path(__file__).parents[1] / "fixtures" / "bounds"
@@ -93,7 +93,7 @@ def test_every_instruction_is_in_one_block(nest):
 def test_samples_go_to_their_innermost_loop(nest, monkeypatch):
     lines, at = nest
     monkeypatch.setattr(regions, "disassemble", lambda *_: lines)
-    built = symbols.Program(Path("x"), [(0, 0x1000, "nest.isra.0")], frozenset({0}), [])
+    built = elf.Program(Path("x"), [elf.Function("nest.isra.0", 0, 0x1000)], [])
     weights = {at["inner"]: 60, at["outer"]: 10, at["case0"]: 20, at["merge"]: 10}
     found = regions.regions(profile_of(weights), built)
     assert [(region.address, region.share) for region in found] == [
@@ -335,9 +335,9 @@ def test_the_hot_loop_of_arrays_is_found():
     from study.core.registry import ROOT
 
     path = build("opt2", "render-lines")
-    built = symbols.program(path, ROOT / "build/opt2/lines/phase.o")
-    start, size, _ = next(f for f in built.functions if f[2] == "sdf")
-    blocks = regions.blocks_of(regions.disassemble(path, start, size))
+    built = elf.read(path, ROOT / "build/opt2/lines/phase.o")
+    sdf = built.find("sdf")
+    blocks = regions.blocks_of(regions.disassemble(path, sdf.start, sdf.size))
     loops = regions.loops_of(blocks)
     assert any(
         any(line.mnemonic == "sqrtsd" for block in body for line in blocks[block]) for body in loops.values()

@@ -8,6 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import complete
 import emitted
 import pytest
 
@@ -61,7 +62,7 @@ def test_the_page(tmp_path: Path) -> None:
     assert breakeven_page.section(tmp_path).parts == []
     none = {"scene": "cubes", "n": 720, "width": 1280, "generated": False, "reason": "it is marched"}
     result = {"phase": "opt10_scene", "against": "opt9_convex", "launches": 6, "rows": [row(), none]}
-    (tmp_path / breakeven.FILE).write_text(json.dumps(result | {"left_out": []}))
+    complete.write(tmp_path / breakeven.FILE, result | {"left_out": []})
     chapter = breakeven_page.section(tmp_path)
     text = chapter.parts[0].markdown.replace("\u00a0", " ")
     assert "opt9_convex" in text and "12.50 [12.40, 12.60]" in text and "10.00 [9.80, 10.20]" in text

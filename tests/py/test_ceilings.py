@@ -264,16 +264,16 @@ def test_missing_and_truncated_ceilings_say_what_makes_them(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda d: d.update(schema=2), "no ceilings of schema 1"),
-        (lambda d: d.pop("tsc_hz"), "tsc_hz is no positive number"),
-        (lambda d: d.update(core_hz="fast"), "core_hz is no positive number"),
-        (lambda d: d.update(ceilings=[]), "no list of ceilings"),
-        (lambda d: d["ceilings"][0].pop("unit"), "add double 256' lacks"),
-        (lambda d: d["ceilings"][0].pop("precision"), "'add 256' lacks"),
-        (lambda d: d["ceilings"][0].update(value=math.nan), "value of the ceiling 'add double 256'"),
-        (lambda d: d["ceilings"][0].update(value=True), "value of the ceiling 'add double 256'"),
-        (lambda d: d["ceilings"][0].update(median=-1.0), "median of the ceiling 'add double 256'"),
-        (lambda d: d["ceilings"][1].pop("reason"), "add double 512' has neither value nor reason"),
+        (lambda d: d.update(schema=2), r"\$.schema: Invalid enum value 2"),
+        (lambda d: d.pop("tsc_hz"), "missing required field `tsc_hz`"),
+        (lambda d: d.update(core_hz="fast"), r"\$.core_hz: Expected `float`, got `str`"),
+        (lambda d: d.update(ceilings=[]), r"\$.ceilings: Expected `array` of length >= 1"),
+        (lambda d: d["ceilings"][0].pop("unit"), r"\$.ceilings\[0\]: .*missing required field `unit`"),
+        (lambda d: d["ceilings"][0].pop("precision"), r"\$.ceilings\[0\]: neither a precision nor a level"),
+        (lambda d: d["ceilings"][0].update(value=math.nan), r"\$.ceilings\[0\].value: .* > 0"),
+        (lambda d: d["ceilings"][0].update(value=True), r"\$.ceilings\[0\].value: .*got `bool`"),
+        (lambda d: d["ceilings"][0].update(median=-1.0), r"\$.ceilings\[0\].median: .* > 0"),
+        (lambda d: d["ceilings"][1].pop("reason"), r"\$.ceilings\[1\]: neither value nor reason"),
     ],
 )
 def test_a_foreign_or_broken_record_is_refused(change, said: str) -> None:

@@ -7,6 +7,7 @@ import math
 import sys
 from pathlib import Path
 
+import complete
 import numpy as np
 import pandas as pd
 import pytest
@@ -194,7 +195,7 @@ def timed(**ms: float) -> dict[str, object]:
 )
 def test_the_best_performance_is_gccs(run, ms: dict[str, float], verdict: str) -> None:
     data = run()
-    (data.path / "toolchains.json").write_text(json.dumps(timed(**ms)))
+    complete.write(data.path / "toolchains.json", timed(**ms))
     claim = {"scene": "mandelbulb", "n": math.nan}
     found = register.CHECKS["best_compiler"](data, claim)
     assert found.verdict == verdict

@@ -63,10 +63,16 @@ def test_the_best_known_ones_have_a_short_door(name: str) -> None:
     assert started.run([sys.executable, path, "-h"]).stdout == stepwise(name, "-h").stdout
 
 
-def test_the_page_of_commands_is_what_the_commands_say() -> None:
-    """`scripts/stepwise docs` writes it again."""
-    assert docs.FILE.read_text(encoding="utf-8") == docs.page()
-    assert all(len(line) <= docs.WIDTH for line in docs.page().splitlines())
+def test_pages_made_from_the_code_are_what_it_says() -> None:
+    """`scripts/stepwise docs` writes them again: the commands, and the keys of every file of a run."""
+    made = docs.pages()
+    assert {"docs/commands.md", "results/README.md", "results/keys/frames.jsonl.md"} <= set(made)
+    for name, text in made.items():
+        assert (ROOT / name).read_text(encoding="utf-8") == text, f"{name}: write it again"
+        prose = [line for line in text.splitlines() if not line.startswith("|")]
+        assert all(len(line) <= docs.WIDTH for line in prose), name
+    kept = {f"results/keys/{path.name}" for path in (ROOT / "results" / "keys").iterdir()}
+    assert kept == {name for name in made if name.startswith("results/keys/")}
 
 
 def test_help_is_wrapped_but_for_what_is_indented() -> None:

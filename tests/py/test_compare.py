@@ -1,23 +1,31 @@
 """Two runs side by side, made up so that the answer is known."""
 
+import io
 import json
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import patch
 
+import complete
 import emitted
 import numpy as np
 import pytest
-import started
 
 from study.commands import compare
-from study.core import store
-from study.core.cli import StudyError
+from study.core import cli, store
 from study.core.registry import ROOT
+from study.core.run_schema import Frame
 from study.core.store import Run
+from study.numbers import stats
 
 CONTEXT = {"cpu": {"model": "Some CPU"}, "git": {"commit": "1" * 40, "dirty": False}, "libc": "glibc 2.36"}
 LINE = {"schema": 1, "scene_hash": "aa", "width": 16, "height": 9, "threads": 1, "steal_ticks": 0}
 LINE |= {"hit_distance": 1e-6, "max_steps": 3000, "flags": "-O3", "compiler": "gcc 12", "libc": "2.36"}
+
+NO_CLOCK = dict.fromkeys(("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles"), 0.0)  # as untimed
 
 
 def make_run(folder, times, context=None, launches=8, **line) -> Run:
@@ -25,14 +33,15 @@ def make_run(folder, times, context=None, launches=8, **line) -> Run:
     made = Run(folder)
     store.write_json(made.path / "plan.json", {})
     store.write_json(made.path / "context.json", CONTEXT | (context or {}))
+    whole = complete.filled(LINE | NO_CLOCK, Frame)
     noise = 1 + 0.01 * np.random.default_rng(1).standard_normal(launches)
     for (phase, scene), ms in times.items():
         for launch in range(launches):
             for frame in (-1, 0):
                 facts = {"phase": phase, "flags_from": phase, "scene": scene, "config": phase + scene}
                 facts |= {"launch": launch, "frame": frame, "warmup": frame < 0}
-                ns = 1e9 if frame < 0 else ms * 1e6 * noise[launch]
-                made.append_frame(LINE | facts | {"ns": ns} | line)
+                ns = 1_000_000_000 if frame < 0 else round(ms * 1e6 * noise[launch])
+                made.append_frame(whole | facts | {"ns": ns} | line)
     made.close()
     return made
 
@@ -43,53 +52,168 @@ LATER = {("opt1", "s"): 50, ("opt1", "t"): 100, ("opt2", "s"): 30, ("opt3", "s")
 
 @pytest.fixture
 def two(tmp_path):
-    context = {"libc": "glibc 2.40", "cpu": {"model": "Other CPU"}}
     a = make_run(tmp_path / "a", TIMES)
-    return a, make_run(tmp_path / "b", LATER, context, compiler="gcc 13", libc="2.40")
+    return a, make_run(tmp_path / "b", LATER, {"libc": "glibc 2.40"}, compiler="gcc 13", libc="2.40")
 
 
-def run(*arguments) -> subprocess.CompletedProcess:
-    command = [sys.executable, ROOT / "scripts" / "stepwise", "compare", *arguments]
-    return started.run(command)
+def run(*arguments) -> SimpleNamespace:
+    """The command within this process: status and what it wrote."""
+    out, err = io.StringIO(), io.StringIO()
+    argv = ["stepwise compare", *map(str, arguments)]
+    with (
+        patch("sys.argv", argv),
+        redirect_stdout(out),
+        redirect_stderr(err),
+        pytest.raises(SystemExit) as ended,
+    ):
+        cli.main(compare.main)
+    return SimpleNamespace(returncode=ended.value.code, stdout=out.getvalue(), stderr=err.getvalue())
+
+
+def sides(*runs, leave_out=False) -> list[compare.Side]:
+    return [compare.read(letter, run.path, leave_out) for letter, run in zip("ABC", runs, strict=False)]
+
+
+def rows(*runs, **how) -> dict:
+    return {(row["spec"], row["scene"]): row for row in compare.rows(*sides(*runs), **how)}
+
+
+def clocked(ghz, ms, tsc=2.5) -> dict:
+    """The figures of a frame of so many ms at a clock."""
+    hz = {name: ghz * 1e9 for name in ("core_hz_before", "core_hz_after")}
+    return hz | {"tsc_hz": tsc * 1e9, "core_cycles": ms * ghz * 1e6}
 
 
 def test_ratios_are_those_of_the_medians(two):
-    rows = {(row["spec"], row["scene"]): row for row in compare.rows(*(each.frames() for each in two))}
-    assert set(rows) == set(TIMES)
-    for key, row in rows.items():
-        assert row["ratio"].value == pytest.approx(TIMES[key] / LATER[key])
-        assert row["ratio"].low <= row["ratio"].value <= row["ratio"].high
-    verdicts = {key: row["verdict"] for key, row in rows.items()}
+    found = rows(*two)
+    assert set(found) == set(TIMES)
+    for key, row in found.items():
+        assert row["time"].value == pytest.approx(TIMES[key] / LATER[key])
+        assert row["time"].low <= row["time"].value <= row["time"].high
+        assert (row["cycles"], row["clock"], row["moved"]) == (None, None, "")  # not measured
+    verdicts = {key: row["verdict"] for key, row in found.items()}
     assert verdicts == {
         ("opt1", "s"): "faster",
         ("opt1", "t"): "slower",
         ("opt2", "s"): "the same within noise",
     }
-    assert rows["opt1", "s"]["a_ms"].value == pytest.approx(100, rel=0.01)
+    assert found["opt1", "s"]["base_ms"].value == pytest.approx(100, rel=0.01)
 
 
 def test_swapped_runs_give_the_inverse(two):
-    a, b = (each.frames() for each in two)
-    for there, back in zip(compare.rows(a, b), compare.rows(b, a), strict=True):
-        assert there["ratio"].value * back["ratio"].value == pytest.approx(1)
+    there, back = rows(*two), rows(*reversed(two))
+    for key, row in there.items():
+        assert row["time"].value * back[key]["time"].value == pytest.approx(1)
+
+
+def test_time_is_cycles_over_clock_and_what_moved_is_named(tmp_path):
+    """A clock that is 10 % higher with the same cycles; then half the cycles at the same clock; then both."""
+    base = make_run(tmp_path / "a", {("opt1", "s"): 110}, **clocked(3.0, 110))
+    for ghz, ms, moved, cycles in (
+        (3.3, 100, "clock", 1),
+        (3.0, 55, "cycles", 2),
+        (3.3, 50, "cycles and clock", 2),
+    ):
+        other = make_run(tmp_path / moved, {("opt1", "s"): ms}, **clocked(ghz, ms))
+        row = rows(base, other)["opt1", "s"]
+        assert (row["moved"], row["verdict"]) == (moved, "faster")
+        assert row["cycles"].value == pytest.approx(cycles)
+        assert row["clock"].value == pytest.approx(ghz / 3)
+        assert row["time"].value == pytest.approx(row["cycles"].value * row["clock"].value)
+        by_cycles = rows(base, other, by="cycles")["opt1", "s"]["verdict"]
+        assert by_cycles == ("faster" if cycles > 1 else "the same within noise")
 
 
 def test_too_few_launches_give_no_verdict(tmp_path):
     runs = [make_run(tmp_path / name, {("opt1", "s"): ms}, launches=3) for name, ms in [("a", 1), ("b", 9)]]
-    (row,) = compare.rows(*(each.frames() for each in runs))
+    (row,) = rows(*runs).values()
     assert row["verdict"] == "unknown (too few launches)"
-    assert not row["ratio"].sufficient
+    assert not row["time"].sufficient
     assert run(runs[0].path, runs[1].path, "--fail-on-slower").returncode == 0
 
 
 @pytest.mark.parametrize("change", [{"scene_hash": "bb"}, {"hit_distance": 1e-3}, {"max_steps": 10}])
-def test_other_work_is_not_compared(tmp_path, change):
+def test_other_work_is_said_first_and_has_no_verdict(tmp_path, change):
     a, b = make_run(tmp_path / "a", TIMES), make_run(tmp_path / "b", TIMES, **change)
     (name,) = change
-    with pytest.raises(StudyError, match=f"s: {name} differs .* only the same work can be compared"):
-        compare.rows(a.frames(), b.frames())
+    assert {row["verdict"] for row in rows(a, b).values()} == {"no verdict (other scene)"}
     done = run(a.path, b.path)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert done.returncode == 0, done.stderr
+    first = done.stdout.splitlines()[2]
+    assert first.startswith(f"no verdict on B: s: {name} differs (")
+    done = run(a.path, b.path, "--fail-on-slower")
+    assert done.returncode == 1 and "FAIL s: " in done.stderr
+    assert run(a.path, b.path, "--fail-on-slower", "--allow", "scene").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("cpu", "ghz"),
+    [
+        ({"model": "Other CPU"}, 2.5),
+        ({"model": "Some CPU", "logical_cpus": 8}, 2.5),
+        ({"model": "Some CPU"}, 2.6),
+    ],
+)
+def test_two_machines_are_said_first_and_have_no_verdict(tmp_path, cpu, ghz):
+    """By the CPU's name, by how many there are, by the rate of the TSC."""
+    a = make_run(tmp_path / "a", TIMES, {"cpu": {"model": "Some CPU", "logical_cpus": 2}}, **clocked(3, 10))
+    b = make_run(tmp_path / "b", LATER, {"cpu": cpu}, **clocked(3, 10, ghz))
+    assert {row["verdict"] for row in rows(a, b).values()} == {"no verdict (other machine)"}
+    done = run(a.path, b.path)
+    assert done.stdout.splitlines()[2].startswith("no verdict on B: other machines: Some CPU")
+    done = run(a.path, a.path, "--fail-on-slower")
+    assert (done.returncode, "no verdict" in done.stdout) == (0, False)
+    assert run(a.path, b.path, "--fail-on-slower").returncode == 1
+    allowed = {row["verdict"] for row in rows(a, b, machine_may_differ=True).values()}
+    assert allowed == {"faster", "slower", "the same within noise"}
+
+
+def test_other_sizes_are_said_first(tmp_path):
+    a, b = make_run(tmp_path / "a", TIMES), make_run(tmp_path / "b", TIMES, width=32, height=18)
+    done = run(a.path, b.path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[2] == "no verdict on B: s: other sizes (16x9 and 32x18)"
+    assert "A / run" not in done.stdout and "not in B" not in done.stdout
+    assert run(a.path, b.path, "--fail-on-slower").returncode == 1
+    assert run(a.path, b.path, "--fail-on-slower", "--allow", "size").returncode == 0
+
+
+def test_a_launch_with_another_clock_is_flagged_and_can_be_left_out(tmp_path):
+    """Launch 3 of one configuration at 3.2 GHz among those at 3.0; launch 5 with another TSC rate."""
+    made = make_run(tmp_path / "a", {("opt1", "s"): 100}, **clocked(3.0, 100))
+    lines = [json.loads(line) for line in made.frames_path.read_text().splitlines()]
+    for line in lines:
+        line |= clocked(3.2, 100) if line["launch"] == 3 else {}
+        line |= clocked(3.0, 100, 2.501) if line["launch"] == 5 else {}
+    made.frames_path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    (side,) = sides(made)
+    assert [(one.launch, one.what, one.hz) for one in side.off] == [(5, "TSC", 2.501e9), (3, "core", 3.2e9)]
+    assert set(side.frames["launch"]) == set(range(8))
+    (rest,) = sides(made, leave_out=True)
+    assert set(rest.frames["launch"]) == {0, 1, 2, 4, 6, 7}
+    assert (
+        "in A: opt1 s launch 3: core 3.2 GHz, +6.7 % off the other launches"
+        in run(made.path, made.path).stdout
+    )
+    done = run(made.path, made.path, "--leave-out-off-clock")
+    assert "left out of A: opt1 s launch 5: TSC 2.501 GHz, +0.04 % off the other launches" in done.stdout
+    warnings = stats.noise_warnings(made.frames())
+    assert "2 launches ran at another clock than the others (scripts/stepwise compare says which)" in warnings
+
+
+def test_many_runs_beside_one_base(two, tmp_path):
+    third = make_run(tmp_path / "c", {("opt1", "s"): 25})
+    paths = [each.path for each in (*two, third)]
+    said = emitted.result(run(*paths, "--json").stdout)
+    found = {(row["spec"], row["scene"], row["run"]): row["time"]["value"] for row in said["rows"]}
+    wanted = {("opt1", "s", "B"): 2, ("opt1", "s", "C"): 4, ("opt1", "t", "B"): 0.5, ("opt2", "s", "B"): 1}
+    assert found == pytest.approx(wanted)
+    assert said["runs"] == dict(zip("ABC", map(str, paths), strict=True))
+    assert [one["text"] for one in said["missing"]] == ["not in C: opt2 s 16x9", "not in C: opt1 t 16x9"]
+    said = emitted.result(run(*paths, "--base", third.path, "--json").stdout)
+    assert said["runs"]["A"] == str(third.path) and len(said["runs"]) == 3
+    assert sorted(row["time"]["value"] for row in said["rows"]) == pytest.approx([0.25, 0.5])
+    assert "two runs or more" in run(third.path).stderr
 
 
 def test_json(two):
@@ -97,31 +221,70 @@ def test_json(two):
     assert done.returncode == 0, done.stderr
     said = emitted.result(done.stdout)
     assert [row["verdict"] for row in said["rows"]] == ["faster", "the same within noise", "slower"]
+    builds = {"A": "gcc 12, glibc 2.36, -O3", "B": "gcc 13, glibc 2.40, -O3"}
     assert said["differences"] == {
-        "libc": ["glibc 2.36", "glibc 2.40"],
-        "cpu.model": ["Some CPU", "Other CPU"],
-        "build of opt1": ["gcc 12, glibc 2.36, -O3", "gcc 13, glibc 2.40, -O3"],
-        "build of opt2": ["gcc 12, glibc 2.36, -O3", "gcc 13, glibc 2.40, -O3"],
+        "libc": {"A": "glibc 2.36", "B": "glibc 2.40"},
+        "build of opt1": builds,
+        "build of opt2": builds,
     }
-    assert (said["only_a"], said["only_b"]) == ([], ["s 16 9 1 opt3"])
+    assert (said["missing"], said["new"]) == ([], ["only in B: opt3 s 16x9"])
 
 
 def test_text(two):
     done = run(two[0].path, two[1].path)
     assert done.returncode == 0, done.stderr
-    assert "A / B [95 %]" in done.stdout
-    assert "only in B: s 16 9 1 opt3" in done.stdout
-    assert "    A  Some CPU\n    B  Other CPU\n" in done.stdout
+    assert "time A / run [95 %]" in done.stdout
+    assert "only in B: opt3 s 16x9" in done.stdout
+    assert "    A  glibc 2.36\n    B  glibc 2.40\n" in done.stdout
     done = run(two[0].path, two[0].path)
     assert "machine, compiler and commit are the same" in done.stdout
 
 
 def test_status_tells_of_something_slower(two, tmp_path):
     a, b = (each.path for each in two)
-    assert run(a, b, "--fail-on-slower").returncode == 1
+    done = run(a, b, "--fail-on-slower")
+    assert (done.returncode, done.stderr) == (1, "FAIL slower in B: opt1 t 16x9\n")
     assert run(a, b).returncode == 0
     quick = make_run(tmp_path / "quick", {key: ms / 2 for key, ms in TIMES.items()})
     assert run(a, quick.path, "--fail-on-slower").returncode == 0
+
+
+def verified(made, **within) -> Path:
+    """With a verify.json: phase → within its tolerance on scene s, or None (not judged)."""
+    pairs = [{"phase": phase, "scene": "s", "within_tolerance": value} for phase, value in within.items()]
+    complete.write(made.path / "verify.json", {"pairs": pairs})
+    return made.path
+
+
+@pytest.mark.parametrize(
+    ("times", "within", "kind", "said"),
+    [
+        ({("opt1", "s"): 1}, {"opt1": True, "opt2": True}, "vanished", "not in B: opt2 s 16x9"),
+        ({}, {"opt1": True, "opt2": False}, "failed", "outside its tolerance in B: opt2 s"),
+        ({}, {"opt1": True}, "unverified", "not verified in B: opt2 s"),
+        ({}, {"opt1": True, "opt2": None}, "unverified", "not verified in B: opt2 s"),
+    ],
+)
+def test_a_phase_that_is_gone_or_wrong_or_unjudged_stops_the_gate(tmp_path, times, within, kind, said):
+    both = {("opt1", "s"): 1, ("opt2", "s"): 1}
+    a = verified(make_run(tmp_path / "a", both), opt1=True, opt2=True)
+    b = verified(make_run(tmp_path / "b", times or both), **within)
+    done = run(a, b, "--fail-on-slower")
+    assert (done.returncode, done.stderr) == (1, f"FAIL {said}\n")
+    assert said in done.stdout
+    assert run(a, b, "--fail-on-slower", "--allow", kind).returncode == 0
+    assert run(a, b).returncode == 0
+    assert run(a, a, "--fail-on-slower").returncode == 0
+
+
+def test_a_broken_verify_json_is_told_in_one_line(two):
+    (two[1].path / "verify.json").write_text('{"pairs": 3}')
+    done = run(two[0].path, two[1].path)
+    assert (
+        done.returncode == 2
+        and "verify.json: not what scripts/stepwise verify writes ($.pairs" in done.stderr
+    )
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_nothing_to_compare_is_an_error(two, tmp_path):
@@ -137,14 +300,14 @@ def test_nothing_to_compare_is_an_error(two, tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"ns": -5}, "ns is -5; should be a number of 1 or more"),
-        ({"ns": "x"}, "ns is 'x'; should be a number"),
-        ({"ns": True}, "ns is True; should be a number"),
-        ({"width": 0}, "width is 0; should be a number of 1 or more"),
-        ({"launch": None}, "launch is None; should be a number of 0 or more"),
-        ({"flags": []}, "flags is []; should be text"),
-        ({"scene_hash": None}, "scene_hash is None; should be text"),
-        ({"warmup": "no"}, "warmup is 'no'; should be true or false"),
+        ({"ns": -5}, "$.ns: Expected `int` >= 1"),
+        ({"ns": "x"}, "$.ns: Expected `int`, got `str`"),
+        ({"ns": True}, "$.ns: Expected `int`, got `bool`"),
+        ({"width": 0}, "$.width: Expected `int` >= 1"),
+        ({"launch": None}, "$.launch: Expected `int`, got `null`"),
+        ({"flags": []}, "$.flags: Expected `str`, got `array`"),
+        ({"scene_hash": None}, "$.scene_hash: Expected `str`, got `null`"),
+        ({"warmup": "no"}, "$.warmup: Expected `bool`, got `str`"),
     ],
 )
 def test_a_damaged_figure_is_told_by_file_and_line(two, change, said):
@@ -153,7 +316,7 @@ def test_a_damaged_figure_is_told_by_file_and_line(two, change, said):
     two[0].frames_path.write_text("\n".join(whole) + "\n")
     done = run(two[0].path, two[1].path)
     assert done.returncode == 2 and "Traceback" not in done.stderr
-    assert f"frames.jsonl:3: {said}" in done.stderr
+    assert f"frames.jsonl:3: not what scripts/stepwise sweep writes ({said})" in done.stderr
 
 
 @pytest.mark.parametrize("content", ["null", "[]", "3", '{"cpu": 7}', '{"git": "x"}', "[" * 100_000])

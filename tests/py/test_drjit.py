@@ -9,6 +9,7 @@ import stat
 import sys
 from pathlib import Path
 
+import complete
 import numpy as np
 import pytest
 import started
@@ -145,7 +146,7 @@ def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
     result = {"schema": 1, "n": 720, "launches": 6, "drjit": "1.5.0", "llvm": "libLLVM.so.19.1 (19)"}
     assert drjit_chapter.rival(tmp_path).parts == []
     made = cli.plain(result | {"rows": row(8, errors)})
-    (tmp_path / drjit_measure.FILE).write_text(json.dumps(made))
+    complete.write(tmp_path / drjit_measure.FILE, made)
     chapter = drjit_chapter.rival(tmp_path)
     text = chapter.parts[0].markdown
     assert "10.0× [10.0" in text and "goal" not in text and "| 40.0 |" in text and "16.0" in text

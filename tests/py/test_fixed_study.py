@@ -7,20 +7,21 @@ import json
 import os
 import sys
 
+import complete
 import emitted
 import numpy as np
 import pytest
 import started
-from documented import keys
 from made_up import fixed_result as made_up
 
-from study.core import registry, run, show
+from study.core import registry, run, schema, show
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import pictures as fixed_pictures
 from study.experiments.fixed import tables as fixed_page
-from study.experiments.moving import measure as moving
+from study.experiments.fixed.schema import Fixed
+from study.experiments.moving import schema as moving_schema
 from study.experiments.systems import tables as systems
 
 pytestmark = pytest.mark.slow
@@ -59,7 +60,7 @@ def test_floats_are_compared_with_in_as_many_lanes_and_what_is_compared_with_is_
     for row in result["rows"]:
         row["launches"] = [took.get(row["case"], 20.0)] * 6
     assert "over_like_float" not in result["rows"][2]
-    (tmp_path / fixed.FILE).write_text(json.dumps(result))
+    complete.write(tmp_path / fixed.FILE, result)
     (table,) = (p for p in systems.section(tmp_path).parts if p.name == "fixed")
     head, _, *lines = ([c.strip() for c in x.strip("|").split("|")] for x in table.markdown.splitlines())
     assert head[3:6] == [
@@ -89,7 +90,7 @@ def test_the_rows_of_systems_where_8_lanes_are_the_most():
 
 
 def test_the_rows_of_systems_by_hand(tmp_path):
-    (tmp_path / fixed.FILE).write_text(json.dumps(made_up()))
+    complete.write(tmp_path / fixed.FILE, made_up())
     rows = fixed_page.system_rows(made_up())
     by_what = {row["what"]: row for row in rows}
     lanes = "integers in lanes (fixed_simd), spheres40_animated 1920×1080,"
@@ -157,7 +158,7 @@ def test_an_older_file_s_frames_have_their_mean(tmp_path):
     )
     whole = [row | {"frames": 900} for row in rows]
     assert fixed_page.system_rows(result | {"animation": whole})[1]["ratio"].startswith("1.00×")
-    assert moving.with_mean(made_up()["animation"][2])["ms"]["mean"] == 100.0, "a file's own stays"
+    assert moving_schema.with_mean(made_up()["animation"][2])["ms"]["mean"] == 100.0, "a file's own stays"
 
 
 def test_the_animations_table_by_hand():
@@ -356,18 +357,7 @@ def test_all_of_it_small(tmp_path):
     bare = [not row["shadows"] for row in result["animation"]]
     assert bare == [False] * (len(bare) - sum(bare)) + [True] * (2 if most > 1 else 1)
     assert not (tmp_path / "animation").exists(), "kept frames are forgotten when the file is written"
-    named = {
-        key
-        for row in (result["rows"][0], result["sweep"][-1], result["animation"][0], result["clearing"][-1])
-        for key in row
-    }
-    common = {"width", "scene", "ms_low", "ms_high"} | keys("rods.json") | keys("frames.json")
-    assert (
-        not named
-        - keys("fixed.json")
-        - common
-        - {"gain_low", "gain_high", "over_float_low", "over_float_high"}
-    )
+    assert not schema.unknown(result, Fixed)
     assert (tmp_path / "images" / "fixed-blocks.png").exists() and (
         tmp_path / "figures" / "fixed-frames.png"
     ).exists()

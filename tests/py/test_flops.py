@@ -2,7 +2,6 @@
 
 import dataclasses
 import gzip
-import json
 import math
 import os
 import re
@@ -11,6 +10,7 @@ import subprocess
 import sys
 from collections import Counter
 
+import complete
 import emitted
 import pytest
 import started
@@ -517,12 +517,12 @@ def test_a_foreign_or_truncated_counts_json_is_one_line(tmp_path, text):
 
 def test_a_published_runs_counts_are_packed_and_the_plain_file_goes_first(tmp_path):
     plain, packed = tmp_path / "counts.json", tmp_path / "counts.json.gz"
-    packed.write_bytes(gzip.compress(json.dumps({"declared": [stated(7)], "measured": []}).encode()))
+    packed.write_bytes(gzip.compress(complete.text("counts.json", {"declared": [stated(7)]}).encode()))
     assert flops.read(plain)[0] == [stated(7)]
     packed.write_bytes(packed.read_bytes()[:-9])
     with pytest.raises(StudyError, match=r"counts\.json\.gz: not a whole gzip file"):
         flops.read(plain)
-    plain.write_text(json.dumps({"declared": [stated(8)], "measured": []}))
+    complete.write(plain, {"declared": [stated(8)]})
     assert flops.read(plain)[0] == [stated(8)]
 
 

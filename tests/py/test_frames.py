@@ -8,6 +8,7 @@ import math
 import sys
 from pathlib import Path
 
+import complete
 import emitted
 import matplotlib
 import numpy as np
@@ -150,7 +151,7 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
     }
     result = cli.plain({"schema": 1, "launches": 6, "threads": 2, "rows": rows, "left_out": []})
     assert frames_chapter.rates(tmp_path).parts == []
-    (tmp_path / frames.FILE).write_text(json.dumps(result))
+    complete.write(tmp_path / frames.FILE, result)
     chapter = frames_chapter.rates(tmp_path)
     text = chapter.parts[0].markdown
     assert "| 61.0 |" in text and "opt8_streams: 58.0, on the bulb 62.0; 99.9" in text

@@ -22,8 +22,8 @@ from study.bounds.profiles import Place
 from study.core import build, registry
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import ROOT
-from study.counting import perf, symbols
-from study.counting.symbols import Program
+from study.counting import elf, perf, symbols
+from study.counting.elf import Function, Program, Segment
 from study.experiments.hotspots import tables as hotspots
 
 pytestmark = pytest.mark.slow
@@ -96,9 +96,9 @@ def recorded_program() -> Program:
     starts = {(int(ip, 16) - int(offset, 16) - 0x556A99B4F000 + 0x3000, name) for ip, name, offset in seen}
     ordered = sorted(starts)
     ends = [start for start, _ in ordered[1:]] + [ordered[-1][0] + 0x1000]
-    functions = [(start, end - start, name) for (start, name), end in zip(ordered, ends, strict=True)]
-    phase = frozenset(start for start, _, name in functions if name != "timer_core_hz")
-    return Program(Path("render-calls"), functions, phase, [(0, 0, 1 << 20)])
+    functions = [Function(name, start, end - start) for (start, name), end in zip(ordered, ends, strict=True)]
+    phase = frozenset(one.start for one in functions if one.name != "timer_core_hz")
+    return Program(Path("render-calls"), functions, [Segment(0, 0, 1 << 20)], of_phase=phase)
 
 
 def test_profile_of_the_recorded_run():
@@ -141,9 +141,9 @@ def sample(i: int, place: str) -> perf.Sample:
 def test_listed_and_left_out_are_everything(kinds):
     built = Program(
         Path("/build/x/render"),
-        [(0x1000, 16, "sdf"), (0x2000, 16, "main")],
-        frozenset({0x1000}),
-        [(0, 0, 0x9000)],
+        [Function("sdf", 0x1000, 16), Function("main", 0x2000, 16)],
+        [Segment(0, 0, 0x9000)],
+        of_phase=frozenset({0x1000}),
     )
     mapping = perf.Mapping(1, 0, 0x9000, 0, "/build/x/render")
     recording = perf.Recording([sample(i, kind) for i, kind in enumerate(kinds)], [mapping])
@@ -237,14 +237,14 @@ def test_a_stripped_program_is_refused(tmp_path):
     shutil.copy(build.build("opt2", "render-lines"), copy)
     subprocess.run(["strip", copy], check=True)
     with pytest.raises(StudyError, match="has no symbols"):
-        symbols.program(copy, ROOT / "build/opt2/lines/phase.o")
+        elf.read(copy, ROOT / "build/opt2/lines/phase.o")
 
 
 def test_what_is_no_program_is_refused(tmp_path):
     path = tmp_path / "render"
     path.write_text("#!/bin/sh\n")
-    with pytest.raises(StudyError, match="no ELF file"):
-        symbols.program(path, path)
+    with pytest.raises(StudyError, match="not a whole ELF file"):
+        elf.read(path, path)
 
 
 def text_of(path: Path) -> bytes:
@@ -264,8 +264,8 @@ def test_the_sampled_build_is_the_shipped_code(phase):
 
 def names_of(phase: str, variant: str) -> set[str]:
     path = build.build(phase, profiles.TARGETS[variant])
-    found = symbols.program(path, ROOT / "build" / phase / profiles.OBJECTS[variant])
-    return {symbols.canonical(name) for start, _, name in found.functions if start in found.of_phase}
+    found = elf.read(path, ROOT / "build" / phase / profiles.OBJECTS[variant])
+    return {symbols.canonical(one.name) for one in found.functions if one.start in found.of_phase}
 
 
 @pytest.mark.parametrize("phase", ["opt2", "opt3", "opt4"])
@@ -278,7 +278,7 @@ def test_without_inlining_every_function_is_one(phase):
 
 def test_names_for_single_instructions_are_known():
     path = build.build("opt3", "render-calls")
-    found = symbols.wrappers(symbols.program(path, ROOT / "build/opt3/calls/phase.o"))
+    found = symbols.wrappers(elf.read(path, ROOT / "build/opt3/calls/phase.o"))
     assert {"v_madd", "v_select", "v_sqrt", "v_negate_where"} <= found  # each one intrinsic, or two
     assert not {"vec_dot", "vec_norm", "sdf_cone", "sdf_sphere", "phase_render"} & found
 
@@ -316,7 +316,7 @@ def test_a_record_is_merged_by_what_it_is_of():
 
 def test_another_things_json_is_refused(tmp_path):
     (tmp_path / "hotspots.json").write_text('{"profiles": [{"phase": "opt2"}]}')
-    with pytest.raises(StudyError, match="no hotspots"):
+    with pytest.raises(StudyError, match=r"hotspots\.json: not what scripts/stepwise hotspots writes \(\$"):
         hotspots.read(tmp_path / "hotspots.json")
 
 
@@ -329,7 +329,7 @@ def test_our_names_are_perfs():
     scene = registry.find_scene("scene0")
     recording, made = perf.record("opt2", scene, 60, None, 20, "render-calls", None)
     path = build.build("opt2", "render-calls")
-    built = symbols.program(path, ROOT / "build/opt2/calls/phase.o")
+    built = elf.read(path, ROOT / "build/opt2/calls/phase.o")
     places = [(s, profiles.locate(recording, s, built)) for s in recording.samples]
     ours = [(s, place) for s, place in places if place.address is not None]
     assert len(ours) > 50

@@ -7,6 +7,7 @@ import math
 import re
 import sys
 
+import complete
 import numpy as np
 import pytest
 import started
@@ -70,7 +71,7 @@ def test_intervals_have_their_ends_the_right_way_round():
 
 
 def test_the_table_of_systems(tmp_path):
-    (tmp_path / lattice.FILE).write_text(json.dumps(made_up()))
+    complete.write(tmp_path / lattice.FILE, made_up())
     said = {row["what"]: row for row in lattice_page.system_rows(lattice.read(tmp_path / lattice.FILE))}
     assert len(said) == 3
     one = said["lattice 1280×720, opt10_scene, 1 thread, ms"]
@@ -103,7 +104,7 @@ def test_under_the_table_stands_what_shading_takes(tmp_path):
     assert "cannot be told from times here" in text and text.endswith(
         "at least 7\u00a0% to 18.7\u00a0%, by phase."
     )
-    (tmp_path / lattice.FILE).write_text(json.dumps(made))
+    complete.write(tmp_path / lattice.FILE, made)
     assert systems.section(tmp_path).parts[1].foot.startswith(text)
     lit(None, None)
     assert lattice_page.foot(made["rows"]) == text

@@ -6,6 +6,7 @@ import re
 from functools import cache
 from pathlib import Path
 
+import complete
 import pytest
 
 from study.core import patches, registry, store
@@ -151,7 +152,7 @@ def test_a_table_of_ideas_is_of_the_newest_run_that_has_them_all(tmp_path: Path)
         "zen9-2027-02-01": measured("opt7_tiles"),
     }.items():
         (tmp_path / run).mkdir()
-        store.write_json(tmp_path / run / ideas.FILE, made)
+        complete.write(tmp_path / run / ideas.FILE, made)
     (tmp_path / "zen9-2027-03-01").mkdir()
     found = ideas.published(name, tmp_path)
     assert found == tmp_path / "zen9-2027-01-02"

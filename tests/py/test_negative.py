@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
+import complete
 import matplotlib
 import pytest
 
@@ -110,7 +110,7 @@ def test_the_chapter_is_made_from_the_runs_file(tmp_path: Path) -> None:
     rows = [row("opt6_wide+over_relaxation", 0.9, 1.1), row("opt4+rsqrt", 1.1, 1.2, verdict="approximate")]
     rows[0] |= {"psnr_db": None, "against_psnr_db": None}
     result = {"n": 90, "launches": 6, "rows": rows, "skipped": [], "failures": []}
-    (tmp_path / "ablations.json").write_text(json.dumps(result))
+    complete.write(tmp_path / "ablations.json", result)
     chapter = negative.section(tmp_path, document)
     text = chapter.parts[0].markdown
     assert "1.00× [0.90,\u00a01.10] | identical | identical" in text and "pays, at that error" in text

@@ -5,10 +5,11 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+import complete
 import numpy as np
 import pytest
 
-from study.core import registry, store
+from study.core import registry
 from study.core.cli import CANNOT_RUN, StudyError
 from study.experiments.original import measure as original
 from study.pictures import images
@@ -100,8 +101,9 @@ def test_rows_that_are_not_made_anew_are_kept(tmp_path: Path) -> None:
         ("opt2", "scene0", 90),
     ]
     rows = [{"phase": p, "scene": s, "n": n, "ours_over_theirs": {}} for p, s, n in keys]
-    store.write_json(path, {"schema": 1, "rows": rows})
-    assert original.others(path, 720, ["opt1"], ["scene0"]) == [rows[0], rows[2]]
+    complete.write(path, {"rows": rows})
+    kept = original.others(path, 720, ["opt1"], ["scene0"])
+    assert [(row["phase"], row["scene"], row["n"]) for row in kept] == [keys[0], keys[2]]
     path.write_text("[]")
     with pytest.raises(StudyError, match=r"original\.json: not what scripts/stepwise original writes"):
         original.others(path, 720, ["opt1"], ["scene0"])

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 
+import complete
 import numpy as np
 import pytest
 from made_up import packets_result as made_up
@@ -78,7 +78,7 @@ def rays_of(section):
 
 
 def test_the_page_by_hand(tmp_path):
-    (tmp_path / packets.FILE).write_text(json.dumps(made_up()))
+    complete.write(tmp_path / packets.FILE, made_up())
     section = systems.section(tmp_path)
     assert [p.name for p in section.parts][:1] == ["systems"] and packets_figures.FIGURE in section.drawn
     text = show.markdown(show.table(made_up()["rays"], packets_page.RAYS))
@@ -106,7 +106,7 @@ def test_a_file_of_before_there_were_streams_is_still_read(tmp_path):
     result["rays"] = [
         {k: v for k, v in r.items() if not k.startswith("embree_stream")} for r in result["rays"]
     ]
-    (tmp_path / packets.FILE).write_text(json.dumps(result))
+    complete.write(tmp_path / packets.FILE, result)
     tables = {part.name: show.markdown(part.table) for part in systems.section(tmp_path).parts}
     assert "256" not in tables["packets"] and "0.600×" in tables["packets"]
     assert packets_page.fastest(result["rays"][0]) == "embree1" and packets_figures.draw_rays(result)
@@ -208,7 +208,7 @@ def test_a_row_that_is_not_equal_says_so(tmp_path):
     """In its own table and in that of all systems, with its decibels."""
     result = made_up()
     result["drawn"][0]["rows"][2] |= {"psnr_db": 55.3, "reached": False, "max_steps": 3000}
-    (tmp_path / packets.FILE).write_text(json.dumps(result))
+    complete.write(tmp_path / packets.FILE, result)
     tables = {part.name: part.markdown for part in systems.section(tmp_path).parts}
     for name, words in (("systems", "opt8_streams, equal error not reached: 55.3 dB"),
                         ("packets-equal-error", "not reached: 55.3 dB")):  # fmt: skip
@@ -236,7 +236,7 @@ def animated() -> dict:
 
 def test_the_animation_on_the_page_by_hand(tmp_path):
     """The article's 14.29 ms on 35 cores at 1920×1080: 241.198 ns a pixel and core."""
-    (tmp_path / packets.FILE).write_text(json.dumps(animated()))
+    complete.write(tmp_path / packets.FILE, animated())
     section = systems.section(tmp_path)
     (table,) = (p for p in section.parts if p.name == "packets-animation")
     first = next(line for line in table.markdown.splitlines() if line.startswith("| BVH"))
@@ -339,7 +339,7 @@ def test_frames_by_root_by_hand(monkeypatch, tmp_path):
         ("exact", 4.0, None, 131.0),
         ("newton", 2.0, 2.0, 120.0),
     ]
-    (tmp_path / packets.FILE).write_text(json.dumps(made_up() | {"roots": rows}))
+    complete.write(tmp_path / packets.FILE, made_up() | {"roots": rows})
     (table,) = (p for p in systems.section(tmp_path).parts if p.name == "packets-roots")
     lines = table.markdown.splitlines()
     assert "| exact | 4.00" in lines[2] and "| base | 131 |" in lines[2] and "2.00× [2.00" in lines[3]
@@ -350,7 +350,7 @@ def test_frames_by_root_by_hand(monkeypatch, tmp_path):
 
 
 def test_without_embree_the_page_says_so(tmp_path):
-    (tmp_path / packets.FILE).write_text(json.dumps(made_up(embree=False)))
+    complete.write(tmp_path / packets.FILE, made_up(embree=False))
     section = systems.section(tmp_path)
     assert rays_of(section).foot == "Embree: not compared: built without Embree."
     assert "– over not compared: built without Embree" in section.parts[0].markdown

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import complete
 import matplotlib
 import pytest
 import started
@@ -414,7 +415,7 @@ def test_a_killed_run_leaves_the_scenes_that_were_done(
     def study_scene(scene, *_):
         if scene.name == "trio":
             raise KeyboardInterrupt
-        pace = {"value": 5.0, "low": 4.0, "high": 6.0, "launches": 6}
+        pace = {"value": 5.0, "low": 4.0, "high": 6.0, "launches": 6, "sufficient": True}
         return [row("opt4", 5, 61, n=16, scene=scene.name, ns_per_pixel=pace)], []
 
     monkeypatch.setattr(measuring, "study_scene", study_scene)
@@ -430,7 +431,6 @@ def test_a_killed_run_leaves_the_scenes_that_were_done(
 
 
 def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
-    import json
 
     once = row("opt4", 900, 20, own_parameters=False, beaten_by={"psnr_db": "opt4 at 0.5, 9 steps"})
     rows = [row("opt4", 500, 61), row("opt5", 505, 61), once]
@@ -438,7 +438,7 @@ def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
         each |= {"evals_per_ray": 50.0, "ns_per_eval": 10.0, "false_hits_ppm": 0.0, "false_misses_ppm": 0.0}
     result = {"n": 90, "antialias_n": 45, "launches": 6, "rows": rows, "skipped": []}
     result["winners"] = pareto.winners(rows)
-    (tmp_path / "pareto.json").write_text(json.dumps(result))
+    complete.write(tmp_path / "pareto.json", result)
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "pareto.png").write_bytes(b"")
     found = pareto_chapter.headline(tmp_path)

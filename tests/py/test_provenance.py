@@ -8,6 +8,7 @@ import re
 import types
 from pathlib import Path
 
+import complete
 import made_up
 import pytest
 
@@ -32,7 +33,7 @@ def context(commit: str, time: str, ticks: int = 0, dirty: bool = False) -> dict
 
 
 def write(path: Path, name: str, content: dict) -> None:
-    (path / name).write_text(json.dumps(content))
+    complete.write(path / name, content)
 
 
 @pytest.fixture
@@ -103,10 +104,10 @@ def test_the_page_s_block_is_what_the_run_that_it_names_makes():
 @pytest.mark.parametrize(
     "change, said",
     [
-        ({"cpu": {"microarchitecture": [None]}}, "$.cpu.microarchitecture: should be text, or null"),
-        ({"cpu": ["Zen 3"]}, "$.cpu: should be an object, or null"),
-        ({"time": 5}, "$.time: should be text, or null"),
-        ({"git": {"commit": {}}}, "$.git.commit: should be text, or null"),
+        ({"cpu": {"microarchitecture": [None]}}, "$.cpu.microarchitecture: Expected `str | null`"),
+        ({"cpu": ["Zen 3"]}, "$.cpu: Expected `object | null`"),
+        ({"time": 5}, "$.time: Expected `str | null`"),
+        ({"git": {"commit": {}}}, "$.git.commit: Expected `str | null`"),
     ],
 )
 def test_a_broken_context_is_one_line(mixed: Path, change: dict, said: str) -> None:
@@ -115,7 +116,8 @@ def test_a_broken_context_is_one_line(mixed: Path, change: dict, said: str) -> N
     for read in (provenance.contexts, functools.partial(analysis.load, strict=False)):
         with pytest.raises(StudyError) as caught:
             read(mixed)
-        assert str(caught.value) == f"{mixed / 'context.json'}: {said}"
+        assert str(caught.value).startswith(f"{mixed / 'context.json'}: ") and said in str(caught.value)
+        assert len(str(caught.value).splitlines()) == 1
     write(mixed, "context.json", whole)
     rods_too = json.loads((mixed / rods.FILE).read_text())
     write(mixed, rods.FILE, rods_too | {"context": rods_too["context"] | change})

@@ -14,6 +14,7 @@ import time
 import tomllib
 from pathlib import Path
 
+import complete
 import made_up
 import numpy as np
 import pytest
@@ -59,10 +60,10 @@ def made(tmp_path) -> Path:
     """A run with files of the systems and a picture that is too large."""
     run = tmp_path / "run"
     shutil.copytree(FIXTURE, run)
-    store.write_json(run / fixed.FILE, made_up.fixed_result())
-    store.write_json(run / rods.FILE, made_up.rods_result())
-    store.write_json(run / rods.THROTTLE, throttled())
-    store.write_json(run / "counts.json", {"schema": 1, "declared": [], "measured": []})
+    complete.write(run / fixed.FILE, made_up.fixed_result())
+    complete.write(run / rods.FILE, made_up.rods_result())
+    complete.write(run / rods.THROTTLE, throttled())
+    complete.write(run / "counts.json", {"schema": 1, "declared": [], "measured": []})
     noise = np.random.default_rng(1).integers(0, 256, (300, 480, 3), dtype=np.uint8)
     images.write_png(run / "images" / f"{rods_pictures.PICTURES}.png", noise)
     return run
@@ -77,7 +78,7 @@ def publish(run: Path, folder: Path, *more: str):
 def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     """With the pictures of the systems that the run has: the four-corner test's fault, rays and rods, but not
     the sheet of all."""
-    store.write_json(made / packets.FILE, made_up.packets_result())
+    complete.write(made / packets.FILE, made_up.packets_result())
     noise = np.random.default_rng(2).integers(0, 256, (300, 400, 3), dtype=np.uint8)
     modules = (fixed_pictures, packets_pictures, rods_pictures)
     for module in modules[:2]:  # that of rods is there

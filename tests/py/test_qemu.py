@@ -13,8 +13,7 @@ import pytest
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, find_scene
-from study.counting import blocks, calibration, decode, qemu, qemu_recording
-from study.counting.elf import Program
+from study.counting import blocks, calibration, decode, elf, qemu, qemu_recording
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "qemu"
 REPEATS = 1000
@@ -75,7 +74,7 @@ def test_known_counts(region: str, part: str, callback: bool) -> None:
 
 def test_a_repeated_instruction_is_executed_once(region: str) -> None:
     """Whatever rcx is, zero too; `repeated` is one straight line."""
-    program = Program(region)
+    program = elf.read(region)
     function = program.find("repeated")
     code = decode.Disassembler().decode(program.code_of(function), function.start)
     assert sum(one.repeat for one in code) == 4

@@ -332,7 +332,7 @@ def test_what_was_drawn_of_the_same_tables_stays_only_where_it_may(tmp_path: Pat
     def shown(value: int, reuse: bool) -> None:
         rows = [{"x": value}]
         parts = section.part("t", "T", rows, [Column("", "x", lambda r: str(r["x"]))])
-        figures.figures(section.Section("s", "S", "", parts, drawn={"one": Drawn()}), tmp_path, reuse)
+        figures.draw([section.Section("s", "S", "", parts, drawn={"one": Drawn()})], tmp_path, reuse)
 
     for value, reuse, count in [(1, True, 1), (1, True, 1), (2, True, 2), (2, False, 3), (2, True, 3)]:
         shown(value, reuse)

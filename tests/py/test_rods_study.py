@@ -10,6 +10,7 @@ import os
 import sys
 import types
 
+import complete
 import numpy as np
 import pytest
 import started
@@ -236,7 +237,7 @@ def test_the_trade_has_the_march_per_pixel_in_its_own_run(monkeypatch):
 
 
 def test_the_table_of_systems_by_hand(tmp_path):
-    (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
+    complete.write(tmp_path / rods.FILE, made_up())
     section = systems.section(tmp_path)
     said = rods_page.system_rows(made_up(), {"rows": []})
     by_what = {row["what"]: row for row in said}
@@ -266,7 +267,7 @@ def test_the_table_of_systems_by_hand(tmp_path):
 
 def test_the_readme_s_table_of_systems(monkeypatch, tmp_path):
     """Rows beside which an article has a figure, between the marks; what is around them stays."""
-    (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
+    complete.write(tmp_path / rods.FILE, made_up())
     made = rods_page.system_rows(made_up(), {"rows": []})
     assert systems.rows_of(tmp_path) == made == systems.few(made)
     other = [{"article": text} for text in ("proposed, not measured", show.NOTHING, "no such comparison")]
@@ -318,7 +319,7 @@ def test_the_sheet_of_all_systems(monkeypatch, tmp_path):
     )
     assert f"rods_simd: trio, {psnr:.1f} dB to ground truth" in titles and len(figures[0].axes) == 7
     assert systems_pictures.start_map(np.array([-1.0, 3.0])).mask.tolist() == [True, False]
-    (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
+    complete.write(tmp_path / rods.FILE, made_up())
     assert path not in systems.section(tmp_path).images
     path.touch()
     assert next(iter(systems.section(tmp_path).images)) == path
@@ -399,7 +400,7 @@ def test_throttle_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(rods, "choices", lambda: ["march=pixels", short, own])
     words = ["--scene", "trio", "-n", "18", "--large", "36", "--launches", "2", "--seed", "1"]
     assert main_of(monkeypatch, "throttle", *words, "--run", str(tmp_path)) == 0
-    (row,) = rods.read(tmp_path / rods.THROTTLE)["rows"]
+    (row,) = systems.throttled_in(tmp_path)["rows"]
     assert (row["tried"], row["within"], row["chosen"]["settings"]) == (3, 1, own)
     assert list(row["finalists"]) == [own] and row["chosen"]["launches"] != row["finalists"][own]["launches"]
     assert row["large"]["n"] == 36 and row["large"]["other_ppm"] == 0 and row["large"]["gain"] > 0

@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import complete
 import emitted
 import matplotlib
 import pandas as pd
@@ -106,7 +107,7 @@ BASELINE = {
 
 def write_counts(run: Path, several: list[Measured], declared: list[dict]) -> None:
     made = [one.to_json() for one in several]
-    store.write_json(run / "counts.json", {"schema": 1, "measured": made, "declared": declared})
+    complete.write(run / "counts.json", {"schema": 1, "measured": made, "declared": declared})
 
 
 @pytest.fixture

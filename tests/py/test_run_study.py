@@ -3,6 +3,8 @@
 import argparse
 import dataclasses
 import importlib
+import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,9 +13,10 @@ import emitted
 import pytest
 
 from study.commands import study as run_study
-from study.core import cli, commands
-from study.experiments import experiment
+from study.core import cli, commands, html, registry, run_schema
+from study.experiments import cuts, experiment
 from study.experiments.experiment import DEPTHS, Call, Study
+from study.numbers import analysis
 
 FIXTURE = Path(__file__).resolve().parents[1] / "fixtures" / "run"
 
@@ -49,6 +52,12 @@ def test_every_experiment_calls_its_commands_rightly(name, depth, asked, monkeyp
             with pytest.raises(Parsed):
                 module.main()
     assert len(taken) == len(calls)
+
+
+def test_an_experiment_calls_its_own_command_unless_it_says_more():
+    toy = experiment.Experiment("toy", "a toy", 1, {})
+    assert toy.calls(study_of("quick")) == [Call("toy", ["--run", str(FIXTURE)], may_lack=True)]
+    assert experiment.Experiment("toy", "a toy", 1, {}, calls=lambda study: []).calls(study_of("quick")) == []
 
 
 class Parsed(Exception):
@@ -112,7 +121,76 @@ def test_a_crash_of_verify_is_no_failed_check(status, sentence, monkeypatch):
         assert (wrong.failed, wrong.crashed, wrong.status()) == ([], [sentence], cli.CRASHED)
 
 
-def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsys):
+def test_every_experiment_has_a_quick_depth_or_says_why_not():
+    """What a quick study runs in another way than the standard one is named, and nothing else is."""
+    for name, one in experiment.find_all().items():
+        assert not one.cut or one.cut.endswith("."), name
+        if one.depth != "quick":
+            assert one.cut, f"{name}: why has a quick study none of it?"
+        elif name != "sweep":
+            quick, standard = (one.calls(study_of(depth)) for depth in ("quick", "standard"))
+            assert bool(one.cut) == (quick != standard), name
+
+
+def test_a_quick_study_answers_every_question_of_the_page(options):
+    """Chapters that it has not are of what takes minutes or a download."""
+    names = {one.name for one in run_study.chosen(options)} | {"sweep"}
+    lacking = {one.name for one in experiment.find_all().values() if one.sections and one.name not in names}
+    assert lacking == {"drjit", "toolchains", "systems"}
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """Where a study without builds writes its page; its run, a copy of the fixture."""
+    run = Path(shutil.copytree(FIXTURE, tmp_path / "run"))
+    monkeypatch.setattr(run_study, "PAGE", tmp_path / "out" / "index.html")
+    monkeypatch.setattr(run_study, "build", lambda _: None)
+    return run
+
+
+def test_a_page_is_written_before_all_phases_are_built(options, elsewhere, monkeypatch):
+    said = {"run": str(elsewhere), "result": {"failures": [], "estimated_s": 1}}
+    done = []
+
+    def fake(name, *arguments, capture=False, accepted=(cli.OK,)):
+        done.append((name, arguments))
+        return subprocess.CompletedProcess([], cli.OK, stdout=json.dumps(said))
+
+    monkeypatch.setattr(run_study, "run_command", fake)
+    monkeypatch.setattr(run_study, "build_together", lambda tasks, _: done.append(("build", tasks)))
+    monkeypatch.setattr(run_study, "arguments", lambda: options)
+    assert run_study.main() == cli.OK
+    assert [name for name, _ in done[:4]] == ["build", "sweep", "report", "build"]
+    first, timed, page, every = (what for _, what in done[:4])
+    assert len(first) < len(every) == len(registry.ladder())
+    assert timed[timed.index("-n") + 1] == "90" and timed[timed.index("--launches") + 1] == "6"
+    assert page[1] == "--running" and "first look" in page[2] and "90 pixels high, 6 launches" in page[2]
+    assert set(page[3:]) == {one.what for one in run_study.chosen(options)}
+    names = [name for name, _ in done]
+    after = {names.index("verify") + 2: "report", names.index("frames") - 1: "report"}
+    assert all(names[place] == name for place, name in after.items()), names
+    assert set(cuts.read(elsewhere)) == {
+        one.name for one in experiment.find_all().values() if one.depth == "quick" and one.cut
+    }
+
+
+def test_the_page_says_what_a_quick_study_cut_and_how_to_have_it_whole(elsewhere, tmp_path):
+    data = analysis.load(elsewhere)
+    assert not any(section.cut for section in experiment.sections(data))
+    cuts.note(elsewhere, "stability", "Two <phases>.")
+    cuts.note(elsewhere, "views", "One scene.")
+    cuts.note(elsewhere, "views", "")  # measured again, by its name
+    said = {section.id: section.cut for section in experiment.sections(data) if section.cut}
+    whole = "The whole: `make study DEPTH=standard` or `make stability`."
+    assert said == {"stability": f"Two <phases>. {whole}"}
+    shown = html.markdown().renderInline(said["stability"])
+    assert shown.startswith("Two &lt;phases&gt;.") and "<code>make stability</code>" in shown
+    (elsewhere / run_schema.STUDY).write_text("[]")
+    with pytest.raises(cli.StudyError, match=r"study\.json: not what scripts/stepwise study writes"):
+        experiment.sections(data)
+
+
+def test_the_study_goes_on_after_a_part_that_crashed(options, elsewhere, monkeypatch, capsys):
     called = []
 
     def fake(name, *arguments, capture=False, accepted=(cli.OK,)):
@@ -124,18 +202,17 @@ def test_the_study_goes_on_after_a_part_that_crashed(options, monkeypatch, capsy
     options.part, options.json = ["functions", "views"], True
     monkeypatch.setattr(run_study, "run_command", fake)
     monkeypatch.setattr(run_study, "arguments", lambda: options)
-    monkeypatch.setattr(run_study, "build", lambda _: None)
     monkeypatch.setattr(run_study, "build_together", lambda *_: None)
-    monkeypatch.setattr(run_study, "newest", lambda _: (FIXTURE, 90))
+    monkeypatch.setattr(run_study, "newest", lambda _: (elsewhere, 90))
     assert cli.finish(run_study.main()) == cli.CRASHED
     names = [name for name, _ in called]
-    assert names[:5] == ["report", "functions", "report", "views", "tables"] and names[-1] == "report"
+    assert names[:5] == ["report", "functions", "report", "views", "report"]
     assert called[0][1][1:] == (
         "--running",
         "functions: speed against ulp",
         "views that nothing was tuned on",
     )
-    assert called[-1][1] == (str(FIXTURE),), "the last page has nothing still to come"
+    assert called[4][1] == (str(elsewhere),), "the last page has nothing still to come"
     said = capsys.readouterr()
     assert emitted.result(said.out)["crashed"] == ["stepwise functions crashed; its traceback is above"]
     assert said.err.splitlines()[-1] == "study: stepwise functions crashed; its traceback is above"

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import MappingProxyType
 
+import complete
 import emitted
 import matplotlib
 import numpy as np
@@ -687,7 +688,7 @@ def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> Non
     text = time[0].read_text()
     assert "x^0.50" in text and "number of shapes, scattered" in text
     assert scaling_chapter.growth(tmp_path).parts == []
-    (tmp_path / scaling.FILE).write_text(json.dumps(made))
+    complete.write(tmp_path / scaling.FILE, made)
     chapter = scaling_chapter.growth(tmp_path)
     assert [part.name for part in chapter.parts] == ["scaling", "scaling-crowds", "scaling-points"]
     assert "0.50" in chapter.answer and "the paper's law: 1" in chapter.answer

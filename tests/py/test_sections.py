@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import json
 import shutil
@@ -11,9 +10,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import complete
 import pytest
 import started
 
+from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments import experiment, section
@@ -103,7 +104,7 @@ def run(tmp_path: Path) -> Path:
     """A run with one small row of everything that the sections show."""
     folder = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
     for name, made in CONTENTS.items():
-        (folder / name).write_text(json.dumps(made()))
+        complete.write(folder / name, made())
     return folder
 
 
@@ -118,7 +119,7 @@ def parts_of(section: section.Section) -> dict[str, section.Part]:
 
 
 def put(run: Path, name: str, content: Any) -> None:
-    (run / name).write_text(json.dumps(content))
+    complete.write(run / name, content)
 
 
 def test_a_sound_run_has_every_part(run: Path) -> None:
@@ -168,7 +169,7 @@ BROKEN = [
 
 
 def broken(name: str, where: tuple, value: Any) -> Any:
-    whole = [copy.deepcopy(CONTENTS[name]())]
+    whole = [json.loads(complete.text(name, CONTENTS[name]()))]
     target: Any = whole
     for step, key in zip((0, *where), (*where, None), strict=True):
         if key is None and value is REMOVE:
@@ -186,11 +187,11 @@ def test_a_broken_file_is_one_line_with_its_name(
     loaded: analysis.Data, run: Path, name: str, where: tuple, value: Any
 ) -> None:
     data = dataclasses.replace(loaded, path=run, kept={})
-    put(run, name, broken(name, where, value))
+    store.write_json(run / name, broken(name, where, value))
     with pytest.raises(StudyError) as caught:
         experiment.sections(data)
     said = str(caught.value)
-    others = {"counts": "flops", "validation": "flops", "ideas": "ablations"}
+    others = {"counts": "flops", "validation": "flops"}
     script = others.get(Path(name).stem, Path(name).stem)
     assert said.startswith(str(run / name)) and f"scripts/stepwise {script}" in said
     assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
@@ -202,7 +203,7 @@ def test_a_broken_file_is_one_line_with_its_name(
 def test_the_scripts_end_in_status_2(
     run: Path, tmp_path: Path, script: str, name: str, where: tuple, value: Any
 ) -> None:
-    put(run, name, broken(name, where, value))
+    store.write_json(run / name, broken(name, where, value))
     command = [sys.executable, ROOT / "scripts" / "stepwise", script, run, "-o", tmp_path / "out" / "made"]
     done = started.run(command)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
@@ -216,7 +217,7 @@ def test_hotspots_refuses_a_broken_file_before_it_samples(
 ) -> None:
     from study.experiments.hotspots import command as script
 
-    put(run, "hotspots.json", broken("hotspots.json", where, value))
+    store.write_json(run / "hotspots.json", broken("hotspots.json", where, value))
     before = (run / "hotspots.json").read_text()
     monkeypatch.setattr(script, "measure", lambda pairs, args: pytest.fail("it sampled"))
     monkeypatch.setattr(script.perf, "missing", lambda: None)

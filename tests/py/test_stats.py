@@ -141,7 +141,7 @@ def test_ratio_interval_covers_the_true_ratio_19_times_in_20():
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", ["lognormal", "two states"])
 def test_ratios_of_six_launches_hold_the_true_one_92_to_95_times_of_100(monkeypatch, noise):
-    """As results/README.md says: less than 95. Two states: a launch is slower by half, two times of five."""
+    """As docs/method.md says: less than 95. Two states: a launch is slower by half, two times of five."""
     monkeypatch.setattr(stats, "RATIO", replace(stats.RATIO, resamples=1000))
     random = np.random.default_rng(12)
     times = random.lognormal(0, 0.15, (2, 2000, 6))

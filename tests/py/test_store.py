@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import complete
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,9 +14,12 @@ from hypothesis import strategies as st
 from drawn import examples
 from study.core import store
 from study.core.cli import StudyError
+from study.core.run_schema import Frame
 from study.core.store import Run
 
-FRAME = {"phase": "opt2", "flags_from": "opt4", "config": "c", "launch": 0, "frame": 0, "ns": 12}
+FRAME = complete.filled(
+    {"phase": "opt2", "flags_from": "opt4", "config": "c", "launch": 0, "frame": 0, "ns": 12}, Frame
+)
 VALUES = st.one_of(st.none(), st.booleans(), st.integers(-(2**53), 2**53), st.floats(), st.text())
 
 

@@ -8,18 +8,18 @@ import subprocess
 import sys
 from pathlib import Path
 
-import documented
 import emitted
 import numpy as np
 import pytest
 import started
 
-from study.core import cli, registry
+from study.core import cli, registry, schema
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.experiments.toolchains import chapter as toolchains_chapter
 from study.experiments.toolchains import measure as toolchains
 from study.experiments.toolchains.measure import BASE, SETS, Program
+from study.experiments.toolchains.schema import Row, Toolchains
 from study.pictures import images
 
 pytestmark = pytest.mark.slow
@@ -109,8 +109,8 @@ def test_the_command_writes_its_rows(tmp_path: Path) -> None:
     assert made["rows"] == json.loads((tmp_path / "toolchains.json").read_text())["rows"]
     assert [row["flags"] for row in made["rows"]] == ["as shipped", "and contraction"]
     assert made["rows"][0]["changed_fraction"] == 0
-    described = documented.keys("toolchains.json")
-    assert set(made["rows"][0]) <= described and set(made) - {"schema", "rows"} <= described
+    assert Toolchains.checked(made, "made") and not schema.unknown(made, Toolchains)
+    described = {name for name, *_ in schema.fields(Row)}
     assert {f"truth_{name}" for name in ("psnr_db", "rmse", *toolchains.HITS)} <= described
 
 

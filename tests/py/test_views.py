@@ -7,6 +7,7 @@ import math
 import sys
 from pathlib import Path
 
+import complete
 import emitted
 import matplotlib
 import numpy as np
@@ -329,7 +330,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
         json.dumps(cli.plain({**result, "rungs": views_gains.rungs(every), "thumbnails": []}))
     )
     assert views_chapter.elsewhere(tmp_path).parts == []
-    (tmp_path / views_measure.FILE).write_text(json.dumps(result))
+    complete.write(tmp_path / views_measure.FILE, result)
     chapter = views_chapter.elsewhere(tmp_path)
     assert [part.name for part in chapter.parts] == ["views", "views-scenes", "views-points"]
     text = chapter.parts[0].markdown

@@ -6,12 +6,12 @@ import json
 import math
 import os
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.bounds import peaks
+from study.bounds import peaks, schema
 from study.core import machine, run, store
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
@@ -30,7 +30,6 @@ TSC_TOLERANCE = 0.01  # of one machine's: a calibration of 20 ms is far better
 WIDTHS = (64, 128, 256, 512)  # of vectors; 64: scalar, 32 bits in single precision
 _ELEMENTS = (("double", 64), ("single", 32))
 _CPU = ("model", "vendor", "family", "model_number", "stepping")  # what tells machines apart
-_NUMBERS = ("value", "median", "low", "high", "per_second", "instructions_per_core_cycle")
 
 Row = dict[str, Any]
 
@@ -51,8 +50,7 @@ class Ceilings:
         `tsc_hz` NaN: not known. What either record lacks is not compared.
         """
         own, theirs = self.data.get("cpu") or {}, context.get("cpu") or {}
-        changed = _differ(own, theirs) or abs(self.data["tsc_hz"] / tsc_hz - 1) > TSC_TOLERANCE
-        if not changed:
+        if not other_cpu(own, theirs, (self.data["tsc_hz"], tsc_hz)):
             return None
         here, there = describe(own, self.data["tsc_hz"]), describe(theirs, tsc_hz)
         return f"ceilings of another machine: {here}; what was timed ran on {there}"
@@ -182,15 +180,19 @@ def describe(cpu: Mapping[str, Any], tsc_hz: float) -> str:
     return f"{cpu.get('model') or 'a CPU that is not recorded'}{told}{clock}"
 
 
-def _differ(own: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
-    """Whether two records of a CPU are of different ones. What either lacks is not compared."""
-    return any(None not in (own.get(k), theirs.get(k)) and own[k] != theirs[k] for k in _CPU)
+def other_cpu(
+    own: Mapping[str, Any], theirs: Mapping[str, Any], tsc_hz: Sequence[float] = (math.nan, math.nan)
+) -> bool:
+    """Whether two records of a CPU are of different ones, or their TSC rates are. What either lacks, or NaN,
+    is not compared."""
+    changed = any(None not in (own.get(k), theirs.get(k)) and own[k] != theirs[k] for k in _CPU)
+    return changed or abs(tsc_hz[0] / tsc_hz[1] - 1) > TSC_TOLERANCE
 
 
 def refuse(folder: Path, context: Mapping[str, Any]) -> None:
     """StudyError if the run in `folder` was made on another machine than this one."""
     here, there = machine.cpu(), context.get("cpu") or {}
-    if _differ(here, there):
+    if other_cpu(here, there):
         raise StudyError(
             f"{folder}: a run of another machine, {describe(there, math.nan)}; its ceilings cannot be "
             f"measured here, on {describe(here, math.nan)}"
@@ -199,35 +201,7 @@ def refuse(folder: Path, context: Mapping[str, Any]) -> None:
 
 def check(data: Any, where: str) -> Ceilings:
     """`data` as ceilings. Raises StudyError that names what is wrong in it."""
-
-    def wrong(what: str) -> StudyError:
-        return StudyError(f"{where}: {what}; make it again with scripts/stepwise ceilings --run RUN")
-
-    if not isinstance(data, dict) or data.get("schema") != 1:
-        raise wrong("no ceilings of schema 1")
-    rows = data.get("ceilings")
-    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
-        raise wrong("no list of ceilings")
-    for key in ("tsc_hz", "core_hz"):
-        if not _positive(data.get(key)):
-            raise wrong(f"{key} is no positive number")
-    if not isinstance(data.get("cpu", {}), dict):
-        raise wrong("cpu is no object")
-    for row in rows:
-        about = " ".join(str(row.get(key)) for key in ("name", "precision", "level", "bits") if key in row)
-        if not {"name", "bits", "value", "unit"} <= row.keys() or not row.keys() & {"precision", "level"}:
-            raise wrong(f"the ceiling '{about}' lacks its name, bits, value, unit or what it is of")
-        if row["value"] is None:
-            if not row.get("reason"):
-                raise wrong(f"the ceiling '{about}' has neither value nor reason")
-        elif bad := [key for key in _NUMBERS if not _positive(row.get(key))]:
-            raise wrong(f"{bad[0]} of the ceiling '{about}' is no positive number")
-    return Ceilings(data)
-
-
-def _positive(value: Any) -> bool:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and math.isfinite(value) and value > 0
+    return Ceilings(schema.Ceilings.checked(data, where))
 
 
 def measure(cpu: int | None = None, samples: int | None = None, tries: int = TRIES) -> Ceilings:
@@ -277,7 +251,7 @@ def read(folder: Path) -> Ceilings:
     path = folder / FILE
     if not path.exists():
         raise StudyError(f"{path} is missing: no ceilings; run scripts/stepwise ceilings --run {folder}")
-    return check(store.read_json(path), str(path))
+    return Ceilings(schema.Ceilings.read(path))
 
 
 def write(folder: Path, ceilings: Ceilings) -> Path:

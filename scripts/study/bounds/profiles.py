@@ -21,8 +21,9 @@ from study.core import run
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
-from study.counting import perf
-from study.counting.symbols import Program, canonical, inlined, program, wrappers
+from study.counting import elf, perf
+from study.counting.elf import Program
+from study.counting.symbols import canonical, inlined, wrappers
 
 TARGETS = {"calls": "render-calls", "shipped": "render-lines"}  # lines: the shipped code, told by line
 OBJECTS = {"calls": "calls/phase.o", "shipped": "lines/phase.o"}
@@ -43,11 +44,11 @@ def locate(recording: perf.Recording, sample: perf.Sample, built: Program) -> Pl
     where = recording.place(sample)
     if where and Path(where[0]).name == built.path.name:
         address = built.address(where[1])
-        function = built.function(address) if address is not None else None
+        function = built.function_at(address) if address is not None else None
         if function is None:  # a stub that calls a library
             return Place("library", canonical(sample.name, True))
-        kind = "phase" if function[0] in built.of_phase else "other"
-        return Place(kind, canonical(function[2]), address)
+        kind = "phase" if function.start in built.of_phase else "other"
+        return Place(kind, canonical(function.name), address)
     dso = Path(sample.dso)
     if re.match(r"libm[.-]", dso.name):
         return Place("libm", canonical(sample.name, True) if sample.name != "[unknown]" else "libm")
@@ -242,12 +243,12 @@ def measure(
     target = TARGETS[variant]
     binary = build(spec, target)
     folder = ROOT / "build" / str(spec)
-    built = program(binary, folder / OBJECTS[variant])
+    built = elf.read(binary, folder / OBJECTS[variant])
     reps = _repetitions(spec, scene, height, width, target, samples)
     recording, made = perf.record(spec, scene, height, width, reps, target, cpu)
     owner = None
     if variant == "shipped":
-        named = wrappers(program(build(spec, TARGETS["calls"]), folder / OBJECTS["calls"]))
+        named = wrappers(elf.read(build(spec, TARGETS["calls"]), folder / OBJECTS["calls"]))
         owner = owners(recording, built, named)
     return profile(recording, made, built, variant, owner)
 

@@ -13,7 +13,8 @@ import networkx as nx
 
 from study.bounds.profiles import Profile
 from study.core.cli import StudyError
-from study.counting.symbols import Program, canonical
+from study.counting.elf import Function, Program
+from study.counting.symbols import canonical
 
 ROOT = -1  # of the control flow: no block's address
 LEAST = 0.01  # of the frame: a region under it is left out
@@ -146,13 +147,13 @@ class Region:
 
 def regions(profile: Profile, built: Program) -> list[Region]:
     """Where the samples of a shipped build are, the hottest first. Blocks without any sample are left out."""
-    weights: dict[int, dict[int, int]] = {}
+    weights: dict[Function, dict[int, int]] = {}
     for address, weight in profile.addresses.items():
-        if function := built.function(address):
-            weights.setdefault(function[0], {})[address] = weight
+        if function := built.function_at(address):
+            weights.setdefault(function, {})[address] = weight
     found = []
-    for start, here in weights.items():
-        _, size, name = next(f for f in built.functions if f[0] == start)
+    for function, here in weights.items():
+        start, size, name = function.start, function.size, function.name
         if sum(here.values()) < LEAST * profile.weight:
             continue
         blocks = blocks_of(disassemble(built.path, start, size))

@@ -22,7 +22,7 @@ from study.bounds.ceilings import Ceilings
 from study.bounds.roof_shares import ELEMENT, SHARES, below, under_load
 from study.core import store
 from study.core.cli import StudyError
-from study.counting import paper_rule
+from study.counting import paper_rule, schema
 from study.counting.counts import Counts, Measured
 from study.counting.flops import LIBM_INSIDE
 from study.numbers import paper
@@ -52,16 +52,8 @@ def read_counts(folder: Path) -> Counted:
     path = store.stored(folder / COUNTS)
     if not path.exists():
         raise StudyError(f"{path} is missing: no counts; run scripts/stepwise flops --measure --run {folder}")
-    data = store.read_json(path)
-    try:
-        return Counted(
-            [Measured.from_json(one) for one in data.get("measured") or []],
-            [dict(one) for one in data.get("declared") or []],
-        )
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise StudyError(
-            f"{path}: no counts ({error}); make them again with scripts/stepwise flops"
-        ) from None
+    data = schema.Counts.read(path)
+    return Counted([Measured.from_json(one) for one in data["measured"]], data["declared"])
 
 
 def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, list[str]]:

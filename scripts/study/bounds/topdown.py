@@ -20,7 +20,7 @@ from study.bounds.profiles import Profile
 from study.bounds.regions import LEAST, assembly, regions
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
-from study.counting.symbols import Program
+from study.counting.elf import Program
 
 LEAST_OSACA = 0.05  # the same for OSACA, which takes seconds
 

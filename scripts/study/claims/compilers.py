@@ -3,26 +3,14 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
-from study.core import store
-from study.core.cli import StudyError
+from study.experiments.toolchains.schema import Toolchains
 from study.numbers.analysis import Data
 from study.numbers.verdicts import FAILS, HOLDS, NEVER, PART, UNSURE, Found, missing, sized
 
 ICC = "icx"
 Timed = dict[tuple[str, str, str], dict[str, Any]]  # (compiler, phase, flags) → the row
-
-
-def read(path: Path) -> dict[str, Any]:
-    """The JSON object in `path`, {} where there is no such file. Raises StudyError for what is none."""
-    if not path.exists():
-        return {}
-    found = store.read_json(path)
-    if not isinstance(found, dict):
-        raise StudyError(f"{path}: must be a JSON object; make it again with the script that wrote it")
-    return found
 
 
 def known(value: Any) -> bool:
@@ -32,7 +20,7 @@ def known(value: Any) -> bool:
 
 def _timed(data: Data, scene: str) -> tuple[Timed, int | None]:
     """What was timed on the scene, and the height of its pictures."""
-    rows = read(data.path / "toolchains.json").get("rows", [])
+    rows = Toolchains.read_if_there(data.path / "toolchains.json").get("rows", [])
     mine = [r for r in rows if r["scene"] == scene and known((r["ms"] or {}).get("value"))]
     found = {(r["compiler"], r["phase"], r["flags"]): r for r in mine}
     return found, min((r["n"] for r in mine if r.get("n")), default=None)

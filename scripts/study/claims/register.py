@@ -1,6 +1,6 @@
 """The claims register: statements of the four papers that no sweep alone can check, held against what a run
-has counted, profiled, compared with truth or timed on the side. Statements about a sweep: claims.claims;
-of what other articles built: study.claims.systems.
+has counted, profiled, compared with truth or timed on the side; of what other articles built too (CPU-RTRM,
+integers, packets, rods). Statements about a sweep: claims.claims.
 
 Each check takes (data, claim) and returns a verdicts.Found. A file that is not there is "not measured",
 never a verdict.
@@ -9,21 +9,31 @@ never a verdict.
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Callable
 from typing import Any
 
 from study.bounds import roof
 from study.claims import compilers
-from study.claims import systems as register_systems
-from study.claims.compilers import known, read
+from study.claims.compilers import known
+from study.core import show
 from study.counting import flops, paper_rule
 from study.experiments.ablations import measure as ablations
+from study.experiments.accuracy.schema import Accuracy
+from study.experiments.fixed import measure as fixed
+from study.experiments.functions.schema import Functions
+from study.experiments.hotspots.schema import Hotspots
+from study.experiments.lattice import measure as lattice
+from study.experiments.moving import measure as moving
+from study.experiments.packets import measure as packets
+from study.experiments.rods import measure as rods
 from study.numbers import stats
 from study.numbers.analysis import Data
 from study.numbers.stats import Interval
 from study.numbers.verdicts import (
     FAILS,
     HOLDS,
+    NEAR,
     NEVER,
     PART,
     Found,
@@ -32,11 +42,17 @@ from study.numbers.verdicts import (
     judged,
     missing,
     near,
+    reached,
     sized,
     timed,
 )
 
 Claim = dict[str, Any]
+
+
+def _ends(row: dict[str, Any], low: str, high: str) -> list[float]:
+    """Of an interval in a file: NaN where it has none."""
+    return [row[end] if known(row.get(end)) else math.nan for end in (low, high)]
 
 
 def _declared(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
@@ -210,7 +226,7 @@ def _ablation(data: Data, claim: Claim) -> Found:
 
 def _hottest(data: Data, claim: Claim) -> Found:
     mine = set(claim["base"].split("|"))
-    for profile in read(data.path / "hotspots.json").get("profiles", []):
+    for profile in Hotspots.read_if_there(data.path / "hotspots.json").get("profiles", []):
         if (profile["scene"], profile["phase"], profile["variant"]) != (claim["scene"], "baseline", "calls"):
             continue
         shares = {one["function"].split(" ")[0]: one["share"] for one in profile["functions"]}
@@ -224,7 +240,7 @@ def _hottest(data: Data, claim: Claim) -> Found:
 
 
 def _never_misses(data: Data, claim: Claim) -> Found:
-    for row in read(data.path / "accuracy.json").get("rows", []):
+    for row in Accuracy.read_if_there(data.path / "accuracy.json").get("rows", []):
         if (row["scene"], row["phase"]) == (claim["scene"], claim["phase"]):
             ppm, height = row["false_misses_ppm"], row["height"]
             if not known(ppm):
@@ -236,19 +252,97 @@ def _never_misses(data: Data, claim: Claim) -> Found:
 
 
 def _normalize(data: Data, claim: Claim) -> Found:
-    rows = read(data.path / "functions.json").get("normalise", [])
+    rows = Functions.read_if_there(data.path / "functions.json").get("normalise", [])
     mine = [row for row in rows if row["isa"] == "SSE" and row["name"].endswith("+ 1")]
     mine = [row for row in mine if known((row["speedup"] or {}).get("value"))]
     if not mine:
         return missing("functions.json")
     row = max(mine, key=lambda row: row["vectors"])
     gain, n = row["speedup"], row["vectors"]
-    ends = [gain.get(end) for end in ("low", "high")]
-    low, high = (end if known(end) else math.nan for end in ends)
     text = f"{gain['value']:.2f}× for {n:,} vectors"
     verdict, why = judged(gain["value"], claim["value"])
-    found = timed(Found(text, verdict, why, gain["value"], low, high, n))
+    found = timed(Found(text, verdict, why, gain["value"], *_ends(gain, "low", "high"), n))
     return sized(found, claim["n"], unit="vectors = ")
+
+
+def _rtrm(data: Data, claim: Claim) -> Found:
+    """Beside figures of another machine: that decides nothing. The figure is of the claim's phase; without
+    a time of it the fastest one's stands in the words alone."""
+    result = lattice.read(data.path / lattice.FILE)
+    named = [r for r in result["rows"] if (r["phase"], r["threads"]) == (claim["phase"], 2) and r["program"]]
+    fastest = lattice.best(result, 2)
+    if fastest is None:
+        return missing("time of scene lattice on two threads")
+    other = f"{fastest['phase']} {fastest['program']:.2f}×"
+    if not named:
+        text = f"{other} its figure of another machine; no time of {claim['phase']} on two threads"
+        return Found(text, NEVER, claim["note"], n=fastest["n"])
+    one, ends = named[0], _ends(named[0], "program_low", "program_high")
+    text = f"{one['program']:.2f}× its figure of another machine; {other}"
+    return Found(text, NEVER, claim["note"], one["program"], *ends, one["n"])
+
+
+def _integers(data: Data, claim: Claim) -> Found:
+    """Beside figures of 35 cores of another CPU: that decides nothing. Fewer frames than the article's are
+    another stretch of the animation, whose frames drift: no ratio then."""
+    result = fixed.read(data.path / fixed.FILE)
+    mine = [r for r in result.get("animation", []) if (r["phase"], r["n"]) == (claim["phase"], claim["n"])]
+    mine = [r for r in mine if r.get("shadows", True)]
+    if not mine:
+        return missing(f"frames of {claim['scene']} at n = {claim['n']:.0f}")
+    said = result["article"]
+    one = max(mine, key=lambda row: (row.get("frames") == said["frames"], row["threads"]))
+    cores = f"{one['threads']} thread{'s' * (one['threads'] > 1)}"
+    beside = moving.per_article(one, said)
+    if beside == show.NOTHING:
+        beside = f"{one.get('frames', '?')} frames of {one.get('width', '?')}×{one['n']}, no ratio"
+    mean = one["ms"].get("mean", one["ms"]["p50"])  # the article's is one; older files have none
+    text = f"{mean:.1f} ms on {cores}: {beside}"
+    text += f" (5 to 95 % of its frames: {one['ms']['p5']:.1f} to {one['ms']['p95']:.1f} ms)"
+    return Found(text, NEVER, claim["note"], mean, n=one["n"])  # of one process: no interval
+
+
+def _linear(data: Data, claim: Claim) -> Found:
+    """The gain of the most threads over one, per thread, of the longest frame: waking is no work."""
+    made: list[tuple[float, Interval, str, int]] = []
+    for drawn in packets.read(data.path / packets.FILE)["drawn"]:
+        by = {t["threads"]: t for r in drawn["rows"] if r["phase"] == claim["phase"] for t in r["threads"]}
+        if len(by) > 1 and 1 in by:
+            most = max(by)
+            gain = stats.ratio_interval(by[1]["launches"], by[most]["launches"])
+            share = Interval(
+                gain.value / most, gain.low / most, gain.high / most, gain.launches, gain.sufficient
+            )
+            longest = statistics.median(by[1]["launches"])
+            what = f"{drawn['scene']} at n = {drawn['n']} ({longest:.2g} ms)"
+            text = f"{gain.value:.2f}× on {most} threads, {what}"
+            made.append((longest, share, text, drawn["n"]))
+    if not made:
+        return missing(f"time of {claim['phase']} on several threads")
+    _, share, text, n = max(made, key=lambda one: one[0])
+    verdict, why = reached(share, claim["value"] / NEAR)
+    if verdict == FAILS and share.low > 0.5 * claim["value"]:
+        verdict, why = PART, f"more than half of linear; {why}"
+    return figure(share, text, verdict, why, n)
+
+
+def _rods_fewer(data: Data, claim: Claim) -> Found:
+    if not (own := rods.read(data.path / rods.FILE).get("own")):
+        return missing(rods.FILE)
+    counts = [own[name]["evaluations"] for name in ("pixels", "rods")]
+    text = f"{counts[0]:.3g} evaluations a pixel against {counts[1]:.3g}: {own['fewer']:.3g}×"
+    verdict, why = judged(own["fewer"], claim["value"])
+    return sized(Found(text, verdict, why, own["fewer"], n=own["n"]), claim["n"])
+
+
+def _rods_gain(data: Data, claim: Claim) -> Found:
+    if not (own := rods.read(data.path / rods.FILE).get("own")):
+        return missing(rods.FILE)
+    times = [own[name]["ms"] for name in ("pixels", "rods")]
+    ends = _ends(own, "gain_low", "gain_high")
+    text = f"{own['gain']:.2f}×: {times[0]:.3g} ms per pixel, {times[1]:.3g} ms by rods"
+    verdict, why = judged(own["gain"], claim["value"])
+    return sized(timed(Found(text, verdict, why, own["gain"], *ends, own["n"])), claim["n"])
 
 
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
@@ -265,9 +359,9 @@ CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
     "compilers": compilers.slightly_better,
     "best_compiler": compilers.best,
     "normalize": _normalize,
-    "rtrm": register_systems.rtrm,
-    "integers": register_systems.integers,
-    "linear": register_systems.linear,
-    "rods_fewer": register_systems.rods_fewer,
-    "rods_gain": register_systems.rods_gain,
+    "rtrm": _rtrm,
+    "integers": _integers,
+    "linear": _linear,
+    "rods_fewer": _rods_fewer,
+    "rods_gain": _rods_gain,
 }

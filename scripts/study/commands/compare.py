@@ -1,116 +1,334 @@
-"""Two runs or machines side by side: what got slower, what faster, and what differs between them."""
+"""Any number of runs beside one base: what got slower, what faster, what moved, and what differs."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from string import ascii_uppercase
 from typing import Any
 
 import pandas as pd
 
+from study.bounds import ceilings
 from study.core import cli, provenance
 from study.core.cli import StudyError
 from study.core.store import Run
+from study.experiments.accuracy import measure as accuracy
 from study.experiments.sweep import summary
-from study.numbers import stats
+from study.numbers import clocks, stats
+from study.numbers.schema import Verify
+from study.numbers.stats import Interval
 
 DESCRIPTION = """\
-Compares the times of two runs, configuration by configuration: ratio of the medians A / B (over 1: B is
-faster) with a 95 % bootstrap interval over launches. Slower or faster means that the interval excludes 1; of
-forty configurations that did not change, two will by chance, and more where the machine's hour changed
-between the runs, which no interval of launches knows. Scenes and limits must be the same."""
+Compares the times of runs with those of a base, configuration by configuration: ratio of the medians, base
+over run (over 1: the run is faster), with a 95 % bootstrap interval over launches. Time is cycles over clock,
+so that the ratio is that of the cycles times that of the clocks; what moved is named. Slower or faster means
+that the interval excludes 1. Of forty configurations that did not change, two will by chance, and more where
+the machine's hour changed between the runs, which no interval of launches knows.
+
+Runs of two machines, scenes that differ and other sizes of the picture are said first and get no verdict.
+
+With --fail-on-slower, these end with status 1: a slower configuration; one that the run lacks (vanished); a
+phase outside its tolerance (failed) or no longer judged (unverified); runs without a verdict (machine, scene,
+size). --allow names those that may be."""
 KEY = ["scene", "width", "height", "threads", "spec"]
-LIMITS = ["hit_distance", "max_steps"]
-COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
-COLUMNS += [("a_ms", "A ms [95 %]"), ("b_ms", "B ms [95 %]"), ("ratio", "A / B [95 %]"), ("verdict", "B is")]
+LIMITS = ["hit_distance", "max_steps", "scene_hash"]
+COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads"), ("run", "run")]
+COLUMNS += [("base_ms", "A ms [95 %]"), ("ms", "run ms [95 %]"), ("time", "time A / run [95 %]")]
+COLUMNS += [("cycles", "cycles A / run [95 %]"), ("clock", "clock run / A [95 %]"), ("moved", "moved")]
+COLUMNS += [("verdict", "run is")]
 CONTEXT = ("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib")
 CONTEXT_PARTS = {
     "cpu": ("model", "microarchitecture", "stepping", "microcode", "logical_cpus"),
     "git": ("commit", "dirty", "diff_sha256"),
 }
+MOVED = 0.005  # a quantity that changed by less is not what moved, however narrow its interval
+SLOWER, SAME, FEW = "slower", "the same within noise", "unknown (too few launches)"
+NONE = "no verdict"
+KINDS = ("vanished", "failed", "unverified", "machine", "scene", "size")
+VANISHED, BROKEN, UNVERIFIED, MACHINE, SCENE, SIZE = KINDS
 
 
-def check_scenes(a: pd.DataFrame, b: pd.DataFrame) -> None:
-    """StudyError for a scene that both runs have, but not with the same limits and content."""
-    for scene in sorted(set(a["scene"]) & set(b["scene"])):
-        for column in [*LIMITS, "scene_hash"]:
-            ours, theirs = (set(frames.loc[frames["scene"] == scene, column]) for frames in (a, b))
-            if ours != theirs:
-                values = " and ".join(", ".join(map(str, sorted(each))) for each in (ours, theirs))
-                raise StudyError(f"{scene}: {column} differs ({values}); only the same work can be compared")
+@dataclass(frozen=True)
+class Fault:
+    """What stands in the way of a gate: its kind (KINDS, or SLOWER), the run's letter, and a line."""
+
+    kind: str
+    run: str
+    text: str
 
 
-def rows(a: pd.DataFrame, b: pd.DataFrame) -> list[dict[str, Any]]:
-    """One row per configuration of both runs: a_ms, b_ms, ratio (Interval), verdict."""
-    check_scenes(a, b)
-    ours, theirs = (dict(list(stats.launch_values(frames, "ns").groupby(KEY))) for frames in (a, b))
+@dataclass(frozen=True)
+class Side:
+    """One run of the comparison: its letter, frames, and launches whose clock is off."""
+
+    letter: str
+    run: Run
+    frames: pd.DataFrame
+    off: Sequence[clocks.Off] = ()
+
+    def beyond(self, other: Side) -> list[str]:
+        """Configurations that this run has and the other has not, those of a phase and scene in one line."""
+        mine, theirs = (
+            dict.fromkeys(side.frames[KEY].itertuples(index=False, name=None)) for side in (self, other)
+        )
+        sizes: dict[str, list[str]] = {}
+        for scene, width, height, threads, spec in sorted(key for key in mine if key not in theirs):
+            said = f"{width}x{height}" + (f" on {threads} threads" if threads > 1 else "")
+            sizes.setdefault(f"{spec} {scene}", []).append(said)
+        return [f"{name} {', '.join(each)}" for name, each in sizes.items()]
+
+
+def read(letter: str, path: Path, leave_out: bool) -> Side:
+    """StudyError for a folder that is no run, has no timed frame or a broken context."""
+    run = Run.open(path)
+    frames = run.frames()
+    if run.context is None:
+        raise StudyError(f"{run.path / 'context.json'}: should be a JSON object")
+    provenance.check(run.context, run.path / "context.json")
+    if frames.empty or frames["warmup"].all():
+        raise StudyError(f"{run}: no timed frame; measure with scripts/stepwise sweep --run {run} --resume")
+    off = clocks.off(frames)
+    return Side(letter, run, clocks.without(frames, off) if leave_out else frames, off)
+
+
+def other_work(base: pd.DataFrame, other: pd.DataFrame) -> dict[str, str]:
+    """Scene → why its times cannot be compared: of another content, or by other limits."""
+    found = {}
+    for scene in sorted(set(base["scene"]) & set(other["scene"])):
+        for column in LIMITS:
+            values = [set(frames.loc[frames["scene"] == scene, column]) for frames in (base, other)]
+            if values[0] != values[1]:
+                said = " and ".join(", ".join(map(str, sorted(each))) for each in values)
+                found.setdefault(scene, f"{scene}: {column} differs ({said}); only the same work compares")
+    return found
+
+
+def other_sizes(base: pd.DataFrame, other: pd.DataFrame) -> dict[str, str]:
+    """Scenes that no size of the picture has in common → what each run has."""
+    found = {}
+    for scene in sorted(set(base["scene"]) & set(other["scene"])):
+        sizes = [
+            set(frames.loc[frames["scene"] == scene, ["width", "height"]].itertuples(index=False, name=None))
+            for frames in (base, other)
+        ]
+        if not sizes[0] & sizes[1]:
+            said = " and ".join(", ".join(f"{w}x{h}" for w, h in sorted(each)) for each in sizes)
+            found[scene] = f"{scene}: other sizes ({said})"
+    return found
+
+
+def other_machine(base: Side, other: Side) -> str | None:
+    """Why two runs are of two machines: CPU, number of CPUs or TSC rate. None: nothing says so."""
+    cpus = [side.run.context.get("cpu") or {} for side in (base, other)]
+    rates = [float(clocks.clocked(side.frames)["tsc_hz"].median()) for side in (base, other)]
+    counts = [cpu.get("logical_cpus") for cpu in cpus]
+    if not ceilings.other_cpu(*cpus, rates) and (None in counts or counts[0] == counts[1]):
+        return None
+    said = [
+        ceilings.describe(cpu, hz) + (f", {n} CPUs" if n else "")
+        for cpu, hz, n in zip(cpus, rates, counts, strict=True)
+    ]
+    return "other machines: " + " and ".join(said)
+
+
+def _values(frames: pd.DataFrame) -> dict[tuple, pd.DataFrame]:
+    """Configuration → its launches: ns, core_cycles, core_hz (NaN where the run has none)."""
+    known = clocks.clocked(frames)
+    columns = ("ns", "core_cycles", "core_hz")
+    tables = {
+        name: stats.launch_values(known, name).rename(columns={"value": name}).set_index([*KEY, "launch"])
+        for name in columns
+    }
+    together = tables["ns"].assign(**{name: tables[name][name] for name in columns})
+    return {key: group[list(columns)] for key, group in together.groupby(KEY)}
+
+
+def ratio(base: pd.Series, other: pd.Series) -> Interval | None:
+    """Base over other; None where one of them was not measured."""
+    if not (base.notna().all() and other.notna().all()):
+        return None
+    return stats.ratio_interval(base.to_numpy(float), other.to_numpy(float), rounds=False)  # none in common
+
+
+def judge(found: Interval | None) -> str:
+    if found is None:
+        return f"{NONE} (no clock)"
+    if not found.sufficient:
+        return FEW
+    return "faster" if found.low > 1 else SLOWER if found.high < 1 else SAME
+
+
+def moved(cycles: Interval | None, clock: Interval | None) -> str:
+    """Which of the two changed: its interval excludes 1, and by MOVED or more."""
+    changed = [
+        name
+        for name, found in (("cycles", cycles), ("clock", clock))
+        if found is not None and judge(found) in ("faster", SLOWER) and abs(found.value - 1) >= MOVED
+    ]
+    return " and ".join(changed)
+
+
+def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = False) -> list[dict[str, Any]]:
+    """One row per configuration of both runs: base_ms, ms, the ratios time, cycles, clock, and verdict.
+
+    `by`: the ratio that the verdict is of, time or cycles. Other work has no ratio.
+    """
+    ours, theirs = _values(base.frames), _values(other.frames)
+    no_scene = other_work(base.frames, other.frames)
+    another = not machine_may_differ and other_machine(base, other) is not None
     found = []
     for key in ours.keys() & theirs.keys():
-        times = [group["value"].to_numpy(float) for group in (ours[key], theirs[key])]
-        ratio = stats.ratio_interval(*times, rounds=False)  # two runs have none in common
-        verdict = "the same within noise" if ratio.sufficient else "unknown (too few launches)"
-        if stats.distinguishable(*times, rounds=False):
-            verdict = "faster" if ratio.low > 1 else "slower"
+        a, b = ours[key], theirs[key]
+        same = key[0] not in no_scene
+        ratios = {
+            "time": ratio(a["ns"], b["ns"]) if same else None,
+            "cycles": ratio(a["core_cycles"], b["core_cycles"]) if same else None,
+            "clock": ratio(b["core_hz"], a["core_hz"]) if same else None,
+        }
+        verdict = judge(ratios[by]) if same else f"{NONE} (other scene)"
         found.append(
             dict(zip(KEY, key, strict=True))
-            | {"size": f"{key[1]}x{key[2]}", "ratio": ratio, "verdict": verdict}
-            | {name: stats.median_interval(t / 1e6) for name, t in zip(("a_ms", "b_ms"), times, strict=True)}
+            | {"size": f"{key[1]}x{key[2]}", "run": other.letter}
+            | {"base_ms": stats.median_interval(a["ns"] / 1e6), "ms": stats.median_interval(b["ns"] / 1e6)}
+            | ratios
+            | {"moved": moved(ratios["cycles"], ratios["clock"])}
+            | {"verdict": f"{NONE} (other machine)" if another and same else verdict}
         )
-    return sorted(found, key=lambda row: [row[key] for key in KEY])
+    return found
 
 
-def facts(run: Run, frames: pd.DataFrame) -> dict[str, Any]:
+def warnings(base: Side, other: Side, machine_may_differ: bool) -> list[Fault]:
+    """What has no verdict, to be said before anything else."""
+    found = [Fault(SCENE, other.letter, text) for text in other_work(base.frames, other.frames).values()]
+    found += [Fault(SIZE, other.letter, text) for text in other_sizes(base.frames, other.frames).values()]
+    if (text := other_machine(base, other)) and not machine_may_differ:
+        found.insert(0, Fault(MACHINE, other.letter, text))
+    return found
+
+
+def judged(run: Run) -> dict[tuple[str, str], bool]:
+    """(phase, scene) → within its tolerance, of all sizes, against baseline and against ground truth."""
+    pairs = Verify.read_if_there(run.path / "verify.json").get("pairs") or []
+    told = [(pair.get("phase"), pair.get("scene"), pair.get("within_tolerance")) for pair in pairs]
+    rows = accuracy.read(run.path)["rows"]
+    told += [(r.get("phase"), r.get("scene"), not r.get("failed")) for r in rows if r.get("gated")]
+    found: dict[tuple[str, str], bool] = {}
+    for phase, scene, within in told:
+        if within is not None:
+            found[phase, scene] = found.get((phase, scene), True) and bool(within)
+    return found
+
+
+def faults(base: Side, other: Side) -> list[Fault]:
+    """What the base has and the run lacks: configurations, and phases that are (still) within tolerance."""
+    sizes = other_sizes(base.frames, other.frames)  # those are said already
+    known = base.frames[~base.frames["scene"].isin(list(sizes))]
+    absent = replace(base, frames=known).beyond(other)
+    found = [Fault(VANISHED, other.letter, f"not in {other.letter}: {name}") for name in absent]
+    before, now = judged(base.run), judged(other.run)
+    timed = set(base.frames[["phase", "scene"]].itertuples(index=False, name=None))
+    for phase, scene in sorted(timed):
+        if now.get((phase, scene)) is False:
+            found.append(
+                Fault(BROKEN, other.letter, f"outside its tolerance in {other.letter}: {phase} {scene}")
+            )
+        elif before.get((phase, scene)) and (phase, scene) not in now:
+            found.append(Fault(UNVERIFIED, other.letter, f"not verified in {other.letter}: {phase} {scene}"))
+    return found
+
+
+def facts(side: Side) -> dict[str, Any]:
     """What may explain a difference: from the context, and flags and compiler of each spec."""
-    context = run.context
+    context = side.run.context
     found = {name: context.get(name) for name in CONTEXT}
     for part, names in CONTEXT_PARTS.items():
         found |= {f"{part}.{name}": (context.get(part) or {}).get(name) for name in names}
-    for (spec, flags, compiler, libc), _ in frames.groupby(["spec", "flags", "compiler", "libc"]):
+    for (spec, flags, compiler, libc), _ in side.frames.groupby(["spec", "flags", "compiler", "libc"]):
         found[f"build of {spec}"] = f"{compiler}, glibc {libc}, {flags}"
     return found
 
 
-def differences(a: dict[str, Any], b: dict[str, Any]) -> dict[str, list[Any]]:
-    """Facts that both have and that are not the same: name -> [A, B]."""
-    return {name: [a[name], b[name]] for name in a if name in b and a[name] != b[name]}
+def differences(sides: Sequence[Side]) -> dict[str, dict[str, Any]]:
+    """Facts that are not the same in all runs that have them: name → letter → value."""
+    told = {side.letter: facts(side) for side in sides}
+    names = dict.fromkeys(name for each in told.values() for name in each)
+    values = {name: {k: each[name] for k, each in told.items() if name in each} for name in names}
+    return {name: each for name, each in values.items() if len({str(v) for v in each.values()}) > 1}
 
 
 def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "something is slower in B (with --fail-on-slower)"})
-    parser.add_argument("a", metavar="RUN_A", help="folder of a run, the base")
-    parser.add_argument("b", metavar="RUN_B", help="folder of the run to judge")
-    parser.add_argument("--fail-on-slower", action="store_true", help="status 1 if something got slower")
-    return parser.parse_args()
+    parser = cli.parser(DESCRIPTION, {1: "with --fail-on-slower: see above"})
+    parser.add_argument("runs", metavar="RUN", nargs="+", type=Path, help="folders of runs, the base first")
+    parser.add_argument("--base", metavar="RUN", type=Path, help="the base; default: the first RUN")
+    parser.add_argument(
+        "--by", choices=("time", "cycles"), default="time", help="of the verdict; default: time"
+    )
+    about = "leave out launches whose TSC rate is 0.01 %% off the run's, or whose core clock 3 %% off its "
+    parser.add_argument("--leave-out-off-clock", action="store_true", help=about + "configuration's")
+    parser.add_argument("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
+    about = f"do not fail for it (machine: and give a verdict): {', '.join(KINDS)}; may be repeated"
+    parser.add_argument("--allow", action="append", default=[], choices=KINDS, metavar="KIND", help=about)
+    options = parser.parse_args()
+    if options.base is not None:
+        rest = [path for path in options.runs if path.resolve() != options.base.resolve()]
+        options.runs = [options.base, *rest]
+    if len(options.runs) < 2:
+        parser.error("two runs or more are compared: RUN_A RUN_B")
+    if len(options.runs) > len(ascii_uppercase):
+        parser.error(f"{len(ascii_uppercase)} runs at the most")
+    return options
+
+
+def show(
+    sides: Sequence[Side], first: Sequence[Fault], found: Sequence[dict[str, Any]], left_out: bool
+) -> None:
+    for side in sides:
+        print(f"{side.letter}: {side.run}")
+    print(*(f"{NONE} on {one.run}: {one.text}" for one in first), "", sep="\n")
+    if found:
+        print(summary.table(found, COLUMNS))
+    for side in sides:
+        for one in side.off:
+            print(f"{'left out of' if left_out else 'in'} {side.letter}: {one.text()}")
 
 
 def main() -> int:
     options = arguments()
-    runs = [Run.open(path) for path in (options.a, options.b)]
-    frames = [run.frames() for run in runs]
-    for run, each in zip(runs, frames, strict=True):
-        if run.context is None:
-            raise StudyError(f"{run.path / 'context.json'}: should be a JSON object")
-        provenance.check(run.context, run.path / "context.json")
-        if each.empty or each["warmup"].all():
-            raise StudyError(
-                f"{run}: no timed frame; measure with scripts/stepwise sweep --run {run} --resume"
-            )
-    found = rows(*frames)
-    if not found:
-        raise StudyError(f"{runs[0]} and {runs[1]} have no phase, scene and size in common")
-    names = [{" ".join(map(str, key)) for key in each[KEY].itertuples(index=False)} for each in frames]
-    only = {"only_a": sorted(names[0] - names[1]), "only_b": sorted(names[1] - names[0])}
-    differ = differences(*(facts(run, each) for run, each in zip(runs, frames, strict=True)))
+    sides = [
+        read(letter, path, options.leave_out_off_clock)
+        for letter, path in zip(ascii_uppercase, options.runs, strict=False)
+    ]
+    base, *others = sides
+    lenient = MACHINE in options.allow
+    found = [row for other in others for row in rows(base, other, options.by, lenient)]
+    found.sort(key=lambda row: [row[key] for key in [*KEY, "run"]])
+    first = [fault for other in others for fault in warnings(base, other, lenient)]
+    if not found and not first:
+        raise StudyError(f"{', '.join(map(str, options.runs))}: no phase, scene and size in common")
+    missing = [fault for other in others for fault in faults(base, other)]
+    new = [f"only in {other.letter}: {name}" for other in others for name in other.beyond(base)]
+    differ = differences(sides)
     if options.json:
-        paths = {"a": str(runs[0]), "b": str(runs[1])}
-        cli.emit(paths | {"rows": found, "differences": differ} | only)
+        about = {"runs": {side.letter: str(side.run) for side in sides}, "rows": found}
+        about |= {"no_verdict": first, "missing": missing, "new": new, "differences": differ}
+        cli.emit(about | {"off_clock": {side.letter: list(side.off) for side in sides}})
     else:
-        print(f"A: {runs[0]}\nB: {runs[1]}\n")
-        print(summary.table(found, COLUMNS))
-        for letter, missing in zip("AB", only.values(), strict=True):
-            for name in missing:
-                print(f"only in {letter}: {name}")
+        show(sides, first, found, options.leave_out_off_clock)
+        print(*(fault.text for fault in missing), *new, sep="\n", end="\n" if missing or new else "")
         print("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
-        for name, (ours, theirs) in differ.items():
-            print(f"  {name}\n    A  {ours}\n    B  {theirs}")
-    slower = any(row["verdict"] == "slower" for row in found)
-    return cli.FAILED if options.fail_on_slower and slower else cli.OK
+        for name, values in differ.items():
+            print(f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items()), sep="\n")
+    if not options.fail_on_slower:
+        return cli.OK
+    slower = [
+        Fault(SLOWER, row["run"], f"{SLOWER} in {row['run']}: {row['spec']} {row['scene']} {row['size']}")
+        for row in found
+        if row["verdict"] == SLOWER
+    ]
+    stopping = [fault for fault in (*first, *missing, *slower) if fault.kind not in options.allow]
+    for fault in stopping:
+        cli.say(f"FAIL {fault.text}")
+    return cli.FAILED if stopping else cli.OK

@@ -1,4 +1,4 @@
-"""docs/commands.md again: every command with its options, from the commands themselves."""
+"""Pages made from the code: docs/commands.md, and results/keys/ with the keys of every file of a run."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from pathlib import Path
 
 from study.core import cli, commands, store
 from study.core.commands import Command
+from study.core.marked_blocks import between
 from study.core.registry import ROOT
-from study.experiments import experiment
+from study.experiments import experiment, keys
 
-FILE = ROOT / "docs" / "commands.md"
+FILES = "results/README.md"
+BEGIN, END = "<!-- files: scripts/stepwise docs -->", "<!-- end of files -->"
 WIDTH = 100
 HEAD = """\
 # Commands
@@ -37,8 +39,8 @@ def described(command: Command) -> str:
     text = filled(text)
     made = experiment.find_all().get(command.name)
     writes = (
-        f"\nWrites {', '.join(f'`{name}`' for name in made.files)} into a run.\n"
-        if made and made.files
+        f"\nWrites {', '.join(f'`{name}`' for name in made.schemas)} into a run.\n"
+        if made and made.schemas
         else ""
     )
     return f"## {command.name}\n\n{textwrap.fill(command.what, WIDTH)}\n{writes}\n```\n{text}\n```\n"
@@ -67,15 +69,26 @@ def page() -> str:
     return "\n".join([HEAD, options(), *(described(command) for command in commands.find_all().values())])
 
 
+def pages(root: Path = ROOT) -> dict[str, str]:
+    """Every page by its path below the project; `root` has the page that the table of files goes into."""
+    text = (root / FILES).read_text(encoding="utf-8")
+    made = {"docs/commands.md": page(), FILES: between(text, BEGIN, END, f"\n{keys.index()}\n")}
+    return made | {f"results/keys/{name}": text for name, text in keys.pages().items()}
+
+
 def main() -> int:
     parser = cli.parser(__doc__ or "")
-    parser.add_argument(
-        "-o", "--out", type=Path, default=FILE, metavar="PATH", help="default: docs/commands.md"
-    )
+    about = "the folder that the pages go below; default: the project"
+    parser.add_argument("-o", "--out", type=Path, default=ROOT, metavar="PATH", help=about)
     args = parser.parse_args()
-    store.write_text(args.out, page())
+    made = pages()
+    for name, text in made.items():
+        store.write_text(args.out / name, text)
+    for path in sorted((args.out / "results" / "keys").glob("*.md")):
+        if f"results/keys/{path.name}" not in made:
+            path.unlink()  # of a file that is no more
     if args.json:
-        cli.emit({"page": args.out})
+        cli.emit({"pages": list(made)})
     else:
-        print(args.out)
+        print("\n".join(made))
     return cli.OK

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from study.core import cli
 from study.core.cli import StudyError
 from study.experiments.sweep import ladder
@@ -13,16 +11,9 @@ from study.numbers import analysis
 
 def main() -> int:
     parser = cli.parser(__doc__)
-    parser.add_argument(
-        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
-    )
-    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help="default: RUN/figures")
-    parser.add_argument(
-        "-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured"
-    )
-    parser.add_argument(
-        "--only", nargs="+", choices=PLOTS, metavar="PLOT", help=f"of {', '.join(PLOTS)}; default: all"
-    )
+    cli.of_run(parser, "default: RUN/figures", height=True)
+    about = f"of {', '.join(PLOTS)}; default: all"
+    parser.add_argument("--only", nargs="+", choices=PLOTS, metavar="PLOT", help=about)
     args = parser.parse_args()
     data = analysis.load(args.run)
     rows = ladder.rows(data, args.n)

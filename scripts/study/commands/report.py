@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import pandas as pd
 
 from study.commands import tables
-from study.core import cli, registry, show, store, table_files
+from study.core import cli, html, registry, show, store, table_files
 from study.experiments import experiment
 from study.experiments.section import Section
 from study.experiments.sweep import ladder
@@ -20,7 +19,6 @@ from study.numbers import analysis, stats
 from study.numbers.analysis import Data
 from study.report import chapters, facts, figures
 
-TEMPLATES = registry.ROOT / "report" / "templates"
 OUT = registry.ROOT / "report" / "out" / "index.html"
 MORE = 6  # the question of a chapter whose place is of no other
 
@@ -74,22 +72,18 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
     questions = asked(data, rows)
     found = [section for some in questions.values() for section in some]
     table_files.write(tables.make(data, rows, found), out.parent / "tables")
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = html.templates()
+    environment.filters["prose"] = html.markdown().renderInline
     environment.filters["code"] = lambda text: re.fullmatch(r"`([^`]+)`", text)
     folder = out.parent / "figures"
+    figures.draw(found, folder, reuse=bool(running))
     return environment.get_template("index.html.j2").render(
         run="/".join(data.path.resolve().parts[-2:]),
         data=data,
         running=list(running),
         questions=questions,
         headlines=headlines(rows),
-        figures={one.id: figures.figures(one, folder, reuse=bool(running)) for one in found},
+        figures={one.id: figures.figures(one, folder) for one in found},
         images={one.id: figures.copied(one.images, folder) for one in found},
         absent={one.id: figures.absent(one) for one in found},
         machine=facts.machine(data),

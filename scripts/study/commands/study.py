@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,23 +15,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from study.bounds import ceilings
 from study.core import cli, registry, store
 from study.core.build import build, build_together
-from study.core.registry import ROOT, Spec
+from study.core.registry import ROOT, Spec, cpu_supports
 from study.core.run import USABLE
-from study.counting import flops
-from study.experiments import experiment
+from study.experiments import cuts, experiment
 from study.experiments.experiment import DEPTHS, Experiment, Study
 from study.experiments.sweep import ladder
 from study.numbers import analysis
 
 STEPWISE = ROOT / "scripts" / "stepwise"
 PAGE = ROOT / "report" / "out" / "index.html"
-SWEEP_SECONDS = {"quick": 120, "standard": 240}  # of a sweep whose pictures are as large as fits
+SWEEP_SECONDS = {"quick": 75, "standard": 240}  # of a sweep whose pictures are as large as fits
+SLACK = 1.6  # of a quick sweep that other work slows down: without six launches there is no interval
 LAUNCHES = {"quick": 6, "standard": 10}
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
 HEIGHTS = (360, 320, 288, 256, 224, 192, 160, 128, 96, 64)  # of the headline
+FIRST, FIRST_HEIGHT, FIRST_LAUNCHES = ROOT / "build" / "first-look", 90, 6
 PART_HEIGHT = 180  # of a run that is made for single parts
 FULL = {"sizes": [str(n) for n in range(100, 2001, 100)], "launches": "4", "height": 720}  # the paper's sweep
 CHECKED = (cli.OK, cli.FAILED)  # of commands that judge what they measure
@@ -102,7 +103,8 @@ def sweep(options: argparse.Namespace) -> dict[str, Any]:
     else:
         launches = LAUNCHES[options.depth]
         height = choose_height(options.scene, options.budget, launches)
-        arguments = [*sweep_plan(height, options.scene, launches), "--budget", str(options.budget)]
+        most = options.budget * (SLACK if options.depth == "quick" else 1)
+        arguments = [*sweep_plan(height, options.scene, launches), "--budget", str(most)]
     cli.say(
         f"headline at n = {height}; a kill loses one frame, scripts/stepwise sweep --run DIR --resume goes on"
     )
@@ -110,6 +112,15 @@ def sweep(options: argparse.Namespace) -> dict[str, Any]:
     done = run_command("sweep", *arguments, capture=True, accepted=CHECKED)
     said = json.loads(done.stdout)
     return {"run": said["run"], "failures": said["result"]["failures"], "height": height}
+
+
+def counting(run: Path) -> list[tuple[Spec, str]]:
+    """The builds of what a quick study counts and samples, all in one make: a core each."""
+    timed = dict.fromkeys(cell.spec for cell in analysis.load(run).cells)
+    made = [(Spec.parse(name), "render-blocks") for name in timed]
+    made += [(Spec(name, name), "render-count") for name in registry.ladder()]
+    few = [Spec(name, name) for name in cuts.phases()]
+    return made + [(spec, f"render-{kind}") for spec in few for kind in ("calls", "lines", "blocks-calls")]
 
 
 def measure(one: Experiment, study: Study) -> bool:
@@ -145,7 +156,7 @@ def arguments() -> argparse.Namespace:
     about = "only this, for the newest run (a small one is made where there is none), and the report"
     add("--part", action="append", choices=experiment.find_all(), metavar="NAME", help=about)
     add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="SCENE", help="scenes to time")
-    about = "for the sweep; default: 120 (quick), 240 (standard)"
+    about = "for the sweep; default: 75 (quick), 240 (standard)"
     add("--budget", type=cli.at_least(1, float), metavar="SECONDS", help=about)
     add("--results", type=Path, default=ROOT / "results", metavar="DIR", help="parent of the run's folder")
     options = parser.parse_args()
@@ -178,11 +189,22 @@ def report(run: Path, left: Sequence[str]) -> None:
 
 
 def finish(run: Path) -> None:
-    """Tables and figures beside the run, and the page."""
-    complete = flops.read(run / "counts.json")[1] and (run / ceilings.FILE).exists()
-    for name in ("tables", "plots", *["roofline"] * bool(complete)):
-        run_command(name, str(run), capture=True)
+    """The page, and its tables and figures also with the run."""
     report(run, [])
+    run_command("plots", str(run), "--only", "speed-against-error", capture=True)  # which no chapter has
+    for name in ("tables", "figures"):
+        if (PAGE.parent / name).is_dir():
+            shutil.copytree(PAGE.parent / name, run / name, dirs_exist_ok=True)
+
+
+def first_look(options: argparse.Namespace, specs: Sequence[Spec], left: Sequence[str]) -> None:
+    """A page within a minute and a half: small pictures, few launches, a run of its own below build/."""
+    plan = ["--scene", options.scene[0], "-n", str(FIRST_HEIGHT), "--launches", str(FIRST_LAUNCHES)]
+    plan += ["--phase", *map(str, specs), "--long", str(LONG_FRAME), "--results", str(FIRST)]
+    said = json.loads(run_command("sweep", *plan, "--json", capture=True, accepted=CHECKED).stdout)
+    about = f"the study itself (this page is a first look: {len(specs)} phases, {FIRST_HEIGHT} pixels high, "
+    report(Path(said["run"]), [f"{about}{FIRST_LAUNCHES} launches)", *left])
+    cli.say(f"first look: {PAGE}")
 
 
 def main() -> int:
@@ -191,7 +213,14 @@ def main() -> int:
     def step(text: str) -> None:
         cli.say(f"[{time.monotonic() - begin:.0f} s] {text}")
 
+    shutil.rmtree(PAGE.parent, ignore_errors=True)  # what is of another run must not stand beside this one's
     names = registry.ladder()
+    parts = chosen(options)
+    if not options.part:
+        step("a first look")
+        specs = [Spec(name, name) for name, phase in names.items() if not phase.variants]
+        build_together([(spec, "render") for spec in specs], len(USABLE))
+        first_look(options, [spec for spec in specs if cpu_supports(spec)], [one.what for one in parts])
     step(f"building {len(names)} phases")
     specs = [Spec(name, name) for name in names]
     build_together([(spec, "render") for spec in specs], len(USABLE))
@@ -206,12 +235,17 @@ def main() -> int:
         run, height = Path(swept["run"]), swept["height"]
         if swept["failures"]:
             wrong.failed.append("a phase crashed")
+        if options.depth == "quick" and not options.part:
+            cuts.note(run, "sweep", experiment.find_all()["sweep"].cut)
     study = Study(run, options.scene, height, options.depth, bool(options.part))
-    parts = chosen(options)
     for number, one in enumerate(parts):
         report(run, [other.what for other in parts[number:]])
+        if number == 0 and study.quick:
+            step("building what counts")
+            build_together(counting(run), len(USABLE))
         step(one.what)
         wrong.hold(partial(measure, one, study), f"{one.name}: see above")
+        cuts.note(run, one.name, one.cut if study.quick else "")
     step("tables, plots, report")
     finish(run)
     cli.say(f"study: {PAGE} after {time.monotonic() - begin:.0f} s; data in {run}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 
 import pandas as pd
 
@@ -92,22 +91,13 @@ def systems_page(text: str, data: Data) -> str:
 
 def main() -> int:
     parser = cli.parser(__doc__)
-    parser.add_argument(
-        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
-    )
-    parser.add_argument("-o", "--out", type=Path, metavar="PATH", help="default: RUN/tables")
-    parser.add_argument(
-        "-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured"
-    )
-    parser.add_argument(
-        "--readme", action="store_true", help="rewrite the ladder between the marks in README.md"
-    )
-    parser.add_argument(
-        "--systems", action="store_true", help="rewrite the table of results/reference/systems.md"
-    )
-    parser.add_argument(
-        "--machines", action="store_true", help="rewrite the tables of results/reference/machines.md"
-    )
+    cli.of_run(parser, "default: RUN/tables", height=True)
+    for page, what in (
+        ("readme", "the ladder between the marks in README.md"),
+        ("systems", "the table of results/reference/systems.md"),
+        ("machines", "the tables of results/reference/machines.md"),
+    ):
+        parser.add_argument(f"--{page}", action="store_true", help=f"rewrite {what}")
     args = parser.parse_args()
     data = dataclasses.replace(analysis.load(args.run), height=args.n)
     rows = ladder.rows(data)

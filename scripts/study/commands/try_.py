@@ -201,9 +201,8 @@ def cells(side: dict[str, Any]) -> dict[str, str]:
     if side["flops"] is not None:
         work = show.number(side["flops"] / truth["width"] / truth["height"], 4)
     lanes = show.NOTHING if side["lanes_at_work"] is None else show.percent(side["lanes_at_work"])
-    ends = {"ms": side["ms"].value, "ms_low": side["ms"].low, "ms_high": side["ms"].high}
     return {
-        "time of a frame, ms [95 %]": show.interval(ends, "ms"),
+        "time of a frame, ms [95 %]": show.spread(side["ms"], 4),
         "PSNR to ground truth, dB": ("identical" if decibels == math.inf else show.number(decibels)) + means,
         "wrong hits, ppm of the pixels": show.number(sum(wrong)),
         "PSNR to baseline, dB": "identical" if base["identical"] else show.number(base["psnr_db"]),
@@ -242,7 +241,7 @@ def text(result: dict[str, Any]) -> str:
 
 def speed_up(ratio: stats.Interval) -> str:
     """`1.21× [1.18, 1.24] as fast as`; says so where the interval holds 1."""
-    shown = show.interval({"x": ratio.value, "x_low": ratio.low, "x_high": ratio.high}, "x", 3, "×")
+    shown = show.spread(ratio, 3, "×")
     told = ratio.sufficient and not ratio.low <= 1 <= ratio.high
     return f"{shown} as fast as" if told else f"{shown} as fast as (no difference that can be told from)"
 

@@ -115,6 +115,15 @@ def parser(description: str, statuses: dict[int, str] | None = None) -> argparse
     return made
 
 
+def of_run(parser: argparse.ArgumentParser, out: str, height: bool = False) -> None:
+    """RUN and -o, whose default is `out`; -n of the ladder's pictures if `height`."""
+    add = parser.add_argument
+    add("run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run")
+    add("-o", "--out", type=Path, metavar="PATH", help=out)
+    if height:
+        add("-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured")
+
+
 def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
     """An argparse type: a finite number of `kind` that is `lowest` or more."""
     what = "a whole number" if kind is int else "a number"

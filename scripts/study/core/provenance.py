@@ -13,32 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from study.core import machine, show, store
+from study.core import machine, schema, show, store
 from study.core.cli import StudyError
+from study.core.run_schema import Context
 
-Context = Mapping[str, Any]
+About = Mapping[str, Any]  # the content of a context.json
 SPREADS = ("launches", "ns")  # keys of a row that hold a time per process launch
 CONTEXT = "context.json"  # is its own context
 
 
-TEXTS = (("time",), ("machine",), ("compiler",), ("git", "commit"))
-TEXTS += tuple(("cpu", name) for name in ("model", "vendor", "microarchitecture"))
-
-
 def check(context: Any, file: Path) -> None:
-    """Raises StudyError for a context whose names are no text, or that is none."""
-    for place in ((), ("cpu",), ("git",), ("end",), *TEXTS):
-        found = context
-        for key in place:
-            found = (found or {}).get(key)
-        wanted = (str, "text") if place in TEXTS else (Mapping, "an object")
-        if found is not None and not isinstance(found, wanted[0]):
-            raise StudyError(
-                f"{file}: $.{'.'.join(place)}: should be {wanted[1]}, or null".replace("$.:", "$:")
-            )
+    """Raises StudyError for a context that is none: a place in it is not what it should be."""
+    if why := schema.fault(context, Context):
+        raise StudyError(f"{file}: {why}")
 
 
-def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, Context]:
+def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, About]:
     """Of each JSON file at the top of a run (of those named) that says where it was made: name without
     suffix → context, in order of time. Raises StudyError for a broken file."""
     files = sorted(path.glob("*.json")) if names is None else [path / name for name in names]
@@ -54,19 +44,19 @@ def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, Contex
     return dict(sorted(found.items(), key=lambda item: str(item[1].get("time") or "")))
 
 
-def commit(context: Context) -> str:
+def commit(context: About) -> str:
     """The first ten digits, and whether sources were changed."""
     git = context.get("git") or {}
     dirty = " with uncommitted changes" if git.get("dirty") else ""
     return (git.get("commit") or "unknown commit")[:10] + dirty
 
 
-def place(context: Context) -> str:
+def place(context: About) -> str:
     """CPU and compiler."""
     return f"{machine.name(context)}; {context.get('compiler') or 'unknown compiler'}"
 
 
-def line(found: Mapping[str, Context]) -> str:
+def line(found: Mapping[str, About]) -> str:
     """CPU and compiler, then each commit, once for all files that share them, with the time of each file."""
     alike: dict[str, dict[str, list[str]]] = {}
     for name, context in found.items():
@@ -106,7 +96,7 @@ def spread(content: Any) -> tuple[float, float] | None:
     return (float(np.median(ratios)), max(ratios)) if ratios else None
 
 
-def stolen(found: Mapping[str, Context]) -> float | None:
+def stolen(found: Mapping[str, About]) -> float | None:
     """Share of all CPUs' time that the hypervisor took between the first and the last file's begin, of those
     that the same boot of the same machine made. None: not known."""
     time, all_ticks, seconds = datetime.datetime.fromisoformat, 0, 0.0

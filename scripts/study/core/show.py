@@ -79,10 +79,17 @@ def interval(row: Row, name: str, digits: int = 4, unit: str = "") -> str:
 
 
 def spread(found: Any, digits: int = 3, unit: str = "") -> str:
-    """`12.3× [12.1, 12.6]` of an Interval, or of one as files have it: value, low and high, null for NaN."""
+    """`12.3× [12.1, 12.6]` of an Interval, or of one as files have it: value, low and high, null for NaN.
+    None: –."""
+    if found is None:
+        return NOTHING
     some = found if isinstance(found, Mapping) else vars(found)
     ends = {f"v{end}": some[key] for end, key in (("", "value"), ("_low", "low"), ("_high", "high"))}
     return interval({k: math.nan if v is None else v for k, v in ends.items()}, "v", digits, unit)
+
+
+def spread_of(name: str, unit: str = "", digits: int = 3) -> Callable[[Row], str]:
+    return lambda row: spread(row.get(name), digits, unit)
 
 
 def speedup(name: str, base: str) -> Callable[[Row], str]:
@@ -123,6 +130,16 @@ def psnr(row: Row, name: str) -> str:
     if value > MOST_DB and not (math.isinf(value) and yes(row.get("identical"))):
         return f"> {MOST_DB}"
     return "identical" if math.isinf(value) else number(value)
+
+
+def error_psnr(error: Row | None) -> str:
+    """Of an error as files have it: its PSNR is null where the pictures are identical."""
+    if not error:
+        return NOTHING
+    if error["rmse"] is None:
+        return "not finite"
+    same = error["psnr_db"] is None or math.isinf(error["psnr_db"])
+    return ("identical" if same else number(error["psnr_db"])) + (" (4×4 means)" if error["averaged"] else "")
 
 
 def decibels(text: str) -> str:

@@ -7,25 +7,27 @@ import datetime
 import errno
 import fcntl
 import functools
-import gzip
 import json
-import math
 import os
 import subprocess
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from study.core import cli, temporary
 from study.core.cli import StudyError
+from study.core.json_files import read_json as read_json
+from study.core.json_files import stored as stored
+from study.core.json_files import unpacked as unpacked
 from study.core.registry import ROOT
+from study.core.run_schema import Context, Frame, Plan
 
 if TYPE_CHECKING:
     import pandas as pd
 
 RESULTS = ROOT / "results"
 NOT_MACHINES = ("paper", "reference")
+AGAIN = f"make it again with scripts/stepwise {Frame.made_by}"
 
 
 def _problem(path: Path, error: OSError) -> StudyError:
@@ -61,47 +63,6 @@ def writable(folder: Path) -> Path:
 def write_json(path: Path, value: Any) -> None:
     """`write_text` of indented JSON; NaN and infinity become null."""
     write_text(path, json.dumps(cli.plain(value), indent=2, allow_nan=False) + "\n")
-
-
-def read_rows(path: Path, experiment: str, keys: set[str], empty: bool = False) -> dict[str, Any]:
-    """What an experiment has written: an object whose `rows` are objects with these keys.
-
-    At least one of them unless it may be `empty`. Raises StudyError for anything else.
-    """
-    result = read_json(path)
-    rows = result.get("rows") if isinstance(result, dict) else None
-    whole = isinstance(rows, list) and all(isinstance(row, dict) and keys <= row.keys() for row in rows)
-    if not whole or not (rows or empty):
-        command = f"scripts/stepwise {experiment}"
-        raise StudyError(f"{path}: not what {command} writes; make it again with {command}")
-    return result
-
-
-def stored(path: Path) -> Path:
-    """`path`, or where that is not the packed one (path.gz) of a published run; `path` if neither is."""
-    packed = path.with_name(path.name + ".gz")
-    return packed if packed.exists() and not path.exists() else path
-
-
-def unpacked(packed: Path) -> bytes:
-    """Raises StudyError for a file that is cut short or no gzip file, OSError for one that cannot be read."""
-    try:
-        return gzip.decompress(packed.read_bytes())
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise StudyError(f"{packed}: not a whole gzip file: {error}") from None
-
-
-def read_json(path: Path) -> Any:
-    """Of `path`, which may be packed (`stored`). Raises StudyError with file, line and column."""
-    try:
-        data = unpacked(path) if path.suffix == ".gz" else path.read_bytes()
-        return json.loads(data.decode("utf-8"))
-    except json.JSONDecodeError as error:
-        raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
-    except RecursionError:
-        raise StudyError(f"{path}: nested too deep") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
 
 
 def short_commit() -> str:
@@ -163,12 +124,12 @@ class Run:
     @functools.cached_property
     def context(self) -> dict[str, Any]:
         """Machine, toolchain, commit (context.json)."""
-        return read_json(self.path / "context.json")
+        return Context.read(self.path / "context.json")
 
     @property
     def plan(self) -> dict[str, Any]:
         """Configurations, seed, budget, notes (plan.json), as on disk now."""
-        return read_json(self.path / "plan.json")
+        return Plan.read(self.path / "plan.json")
 
     def _folder(self, name: str) -> Path:
         folder = self.path / name
@@ -242,7 +203,7 @@ class Run:
             self._file = None
 
     def frames(self) -> pd.DataFrame:
-        """One row per frame, columns as in results/README.md plus `spec` (opt2 or opt2@opt4).
+        """One row per frame, columns as in results/keys/frames.jsonl.md plus `spec` (opt2 or opt2@opt4).
 
         Without a frames.jsonl it is read from frames.jsonl.gz, as published runs have it. A torn last line is
         dropped with a remark on stderr; any other broken line is a StudyError that names file and line.
@@ -262,38 +223,13 @@ class Run:
         for number, line in enumerate(data[:whole].splitlines(), 1):
             try:
                 row = json.loads(line)
-                odd = _odd(row) if isinstance(row, dict) else "not an object"
-                if odd:
-                    raise StudyError(f"{self.frames_path}:{number}: {odd}")
-                row["spec"] = row["phase"] + (
-                    "" if row["phase"] == row["flags_from"] else f"@{row['flags_from']}"
-                )
-            except (ValueError, TypeError, KeyError, RecursionError) as error:
-                what = f"no {error}" if isinstance(error, KeyError) else "not a whole JSON object"
-                raise StudyError(f"{self.frames_path}:{number}: {what}") from None
+            except (ValueError, RecursionError):
+                raise StudyError(f"{self.frames_path}:{number}: not a whole JSON object; {AGAIN}") from None
+            row = Frame.checked(row, f"{self.frames_path}:{number}")
+            other = "" if row["phase"] == row["flags_from"] else f"@{row['flags_from']}"
+            row["spec"] = row["phase"] + other
             rows.append(row)
         return pd.DataFrame(rows)
-
-
-# A frame's figures, where a line has them: the least that each may be.
-NUMBERS = {"width": 1, "height": 1, "threads": 1, "launch": 0, "round": 0, "ns": 1}
-WORDS = ("phase", "flags_from", "scene", "scene_hash", "config", "flags", "compiler", "libc")
-
-
-def _odd(row: dict[str, Any]) -> str | None:
-    """What is wrong with a line of frames.jsonl: its first entry that is not the number or the word it should
-    be. None if nothing is."""
-    for name, least in NUMBERS.items():
-        value = row.get(name, least)
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not (number and least <= value < math.inf):
-            return f"{name} is {value!r}; should be a number of {least} or more"
-    for name in WORDS:
-        if not isinstance(row.get(name, ""), str):
-            return f"{name} is {row[name]!r}; should be text"
-    if not isinstance(row.get("warmup", False), bool):
-        return f"warmup is {row['warmup']!r}; should be true or false"
-    return None
 
 
 def whole_lines(data: bytes) -> int:

@@ -11,7 +11,6 @@ from typing import Any
 from study.core.cli import StudyError
 from study.counting.decode import FLOPS, Decoded
 
-OLD_NAMES = {"assembly blocks": "blocks"}  # of back ends, in files of earlier runs
 # Kind, precision and width in bits (the element's where scalar): what FLOPs are told apart by.
 Operation = tuple[str, str, int]
 
@@ -168,7 +167,6 @@ class Measured:
         known = dict(data)
         known["total"] = Counts.from_json(data["total"])
         known["functions"] = {name: Counts.from_json(c) for name, c in data["functions"].items()}
-        known["backend"] = OLD_NAMES.get(data["backend"], data["backend"])
         outside = data["outside"]
         known["outside"] = outside and {name: Counts.from_json(c) for name, c in outside.items()}
         return cls(**known)

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from study.core import registry, run, store
-from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
-from study.counting import costs
-from study.counting.counts import OLD_NAMES, Counts, Measured
+from study.counting import costs, schema
+from study.counting.counts import Counts, Measured
 from study.counting.decode import FLOPS
 
 TOLERANCE = 0.01  # of declared against measured, in the machine convention
@@ -289,13 +288,8 @@ def read(path: Path) -> tuple[list[Row], list[Measured]]:
     path = store.stored(path)
     if not path.exists():
         return [], []
-    data = store.read_json(path)
-    try:
-        return list(data["declared"]), [Measured.from_json(one) for one in data["measured"]]
-    except (KeyError, TypeError) as error:
-        raise StudyError(
-            f"{path}: no counts ({error}); make them with scripts/stepwise flops --run"
-        ) from None
+    data = schema.Counts.read(path)
+    return data["declared"], [Measured.from_json(one) for one in data["measured"]]
 
 
 def _key(one: Row) -> tuple:
@@ -328,8 +322,4 @@ def read_validation(path: Path) -> list[Row]:
     path = store.stored(path)
     if not path.exists():
         return []
-    try:
-        rows = list(store.read_json(path)["rows"])
-        return [row | {"backend": OLD_NAMES.get(row["backend"], row["backend"])} for row in rows]
-    except (KeyError, TypeError):
-        raise StudyError(f"{path}: no rows; make them with scripts/stepwise flops --validate --run") from None
+    return schema.Validation.read(path)["rows"]

@@ -344,14 +344,6 @@ def _reading(
     )
 
 
-def measure(
-    spec: Spec | str,
-    scene_path: Path | str,
-    height: int,
-    width: int | None = None,
-    *,
-    cpu: int | None = None,
-    target: str = "render",
-) -> Measured:
+def measure(*frame: Any, **how: Any) -> Measured:
     """`read_frame`'s counts. `total` holds libm and libc too, no bytes and no mix; `functions` is empty."""
-    return read_frame(spec, scene_path, height, width, cpu=cpu, target=target).measured
+    return read_frame(*frame, **how).measured

@@ -22,9 +22,8 @@ from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, find_phase
 from study.core.run import GENERAL, UNTIMED, _arguments
-from study.counting import backend, calibration
+from study.counting import backend, calibration, elf
 from study.counting.counts import Measured
-from study.counting.elf import Program
 from study.counting.qemu_recording import REGION, Profile, Recording, attribute, read
 
 EMULATOR = "qemu-x86_64"
@@ -57,12 +56,12 @@ def record(arguments: list[str], region: str = REGION, *, callback: bool = False
     Arguments are taken in a folder of the run's own: file names must be absolute. `callback`: count by
     callbacks, as QEMU 9 and newer need it. StudyError for a crash, or a plugin that cannot be loaded.
     """
-    program = Program(arguments[0])
+    program = elf.read(arguments[0])
     begin, ends = program.find(region).start, program.returns_of(region)
     plugin = build("common", "qemu_plugin.so")  # type: ignore[arg-type]
     with temporary.folder(prefix="stepwise-qemu-") as folder:
         options = {
-            "code": f"{program.code:x}",
+            "code": f"{program.code.address:x}",
             "begin": f"{begin:x}",
             "end": "+".join(f"{end:x}" for end in ends),
             "callback": "on" if callback else "off",
@@ -103,7 +102,7 @@ def record(arguments: list[str], region: str = REGION, *, callback: bool = False
 def count(arguments: list[str], region: str = REGION, *, callback: bool = False) -> Profile:
     """`record` and `attribute` in one: counts of a program's region."""
     recording, output = record(arguments, region, callback=callback)
-    return attribute(Program(arguments[0]), recording, output)
+    return attribute(elf.read(arguments[0]), recording, output)
 
 
 def refuse(spec: Spec) -> str | None:

@@ -155,9 +155,9 @@ class _Place:
 
     def __init__(self, program: Program, recording: Recording) -> None:
         self.program = program
-        self.bias = recording.start - program.code
+        self.bias = recording.start - program.code.address
         own = str(program.path.resolve())
-        at = program.code_offset
+        at = program.code.offset
         # QEMU may keep the guest's memory away from its own by an offset: the same file shows it.
         shift = next(
             (
@@ -176,7 +176,9 @@ class _Place:
         return "(no file)"
 
     def inside(self, address: int) -> bool:
-        return any(a <= address - self.bias < b for a, b in self.program.segments)
+        return any(
+            0 <= address - self.bias - s.address < s.size for s in self.program.segments if s.executable
+        )
 
 
 def attribute(program: Program, recording: Recording, output: str = "") -> Profile:

@@ -24,9 +24,8 @@ from study.core import temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec
 from study.core.run import GENERAL, _arguments
-from study.counting import backend
+from study.counting import backend, elf
 from study.counting.counts import Counts, Measured
-from study.counting.elf import Program
 
 TOOL = "sde64"
 REGION = "phase_render"
@@ -192,7 +191,7 @@ def available() -> str | None:
 
 def count(arguments: list[str], region: str = REGION) -> tuple[Counts, str]:
     """Runs a program under SDE: counts of the region on all threads, and its standard output."""
-    program = Program(arguments[0])
+    program = elf.read(arguments[0])
     program.find(region)
     ends = program.returns_of(region)
     if len(ends) != 1:

@@ -7,13 +7,16 @@ lists of the documents know an experiment only through this object, and find it 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 from study.core.cli import StudyError
-from study.experiments.section import Section
+from study.core.schema import File
+from study.experiments import cuts
+from study.experiments.goal import Goal
+from study.experiments.section import Section, reading
 from study.numbers.analysis import Data
 
 FOLDER = Path(__file__).resolve().parent
@@ -48,6 +51,11 @@ class Study:
         """Whether the experiment is to measure all that it knows."""
         return self.asked or self.depth == "full"
 
+    @property
+    def quick(self) -> bool:
+        """Whether seconds must do."""
+        return self.depth == "quick" and not self.asked
+
 
 @dataclass(frozen=True)
 class Call:
@@ -62,19 +70,30 @@ class Call:
 
 @dataclass(frozen=True)
 class Experiment:
-    """`what`: a few words for progress and lists. `files`: that it writes into a run. `turn`: its place in a
-    study. `depth`: the least depth of a study that has it; None: only by its name. `calls`: its commands in a
-    study. `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS
-    it answers.
+    """`what`: a few words for progress and lists. `turn`: its place in a study. `schemas`: what stands in
+    each file that its own command writes into a run. `calls`: its commands in a study; None: its own, which
+    may lack what it needs. `depth`: the least depth of a study that has it; None: only by its name.
+    `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS it
+    answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `goals`: what was
+    asked, beside what a run has of it.
     """
 
     name: str
     what: str
     turn: int
-    files: Sequence[str]
-    calls: Callable[[Study], list[Call]]
+    schemas: Mapping[str, type[File]]
+    calls: Callable[[Study], list[Call]] | None = None
     depth: str | None = "standard"
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
+    cut: str = ""
+    goals: Callable[[Data], Iterable[Goal]] | None = None
+
+    def __post_init__(self) -> None:
+        if self.calls is None:
+            object.__setattr__(self, "calls", self._own)
+
+    def _own(self, study: Study) -> list[Call]:
+        return [Call(self.name, ["--run", str(study.run)], may_lack=True)]
 
 
 @cache
@@ -92,8 +111,27 @@ def find_all(folder: Path = FOLDER) -> dict[str, Experiment]:
 
 def placed(data: Data) -> list[tuple[int, Section]]:
     """The chapters of a run's page with their places, in order. Raises StudyError for a broken file."""
-    made = [(place, make) for one in find_all().values() for place, make in one.sections]
-    return [(place, make(data)) for place, make in sorted(made, key=lambda each: each[0])]
+    few = cuts.read(data.path)
+    made = []
+    for one in find_all().values():
+        line = (
+            f"{few[one.name]} The whole: `make study DEPTH=standard` or `make {one.name}`."
+            if one.name in few
+            else ""
+        )
+        made += [(place, replace(make(data), cut=line)) for place, make in one.sections]
+    return sorted(made, key=lambda each: each[0])
+
+
+def goals(data: Data) -> list[tuple[int, Goal]]:
+    """Goals that a run has a figure for, each with its experiment's place. StudyError for a broken file."""
+    made: list[tuple[int, Goal]] = []
+    for place, one in enumerate(find_all().values()):
+        if one.goals:
+            file = data.path / next(iter(one.schemas))
+            with reading(file, f"scripts/stepwise {one.name} --run {data.path}"):
+                made += [(place, goal) for goal in one.goals(data)]
+    return made
 
 
 def sections(data: Data) -> list[Section]:

@@ -6,9 +6,10 @@ A file that is broken ends in a StudyError that names it and its script, never i
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -61,6 +62,7 @@ class Section:
     script: str = ""
     drawn: dict[str, Drawing] = field(default_factory=dict)
     images: dict[Path, str] = field(default_factory=dict)  # pictures, which no figure replaces; captions
+    cut: str = ""  # what a quick study left out of it, and how to get it
     html: str = ""  # a fragment of its own, behind the tables
 
 
@@ -78,6 +80,33 @@ def reading(file: Path | str, script: str) -> Iterator[None]:
         raise StudyError(
             f"{file}: not what {name} writes ({error!r}); remove it and make it again with {script}"
         ) from error
+
+
+@dataclass
+class Found:
+    """What `chapter` is given: parts, the answer, and figures by the names of their files."""
+
+    parts: list[Part] = field(default_factory=list)
+    answer: str = ""
+    drawn: dict[str, Drawing] = field(default_factory=dict)
+
+
+def chapter(
+    name: str,
+    title: str,
+    file: Path,
+    read: Callable[[Path], dict[str, Any]],
+    found: Callable[[dict[str, Any]], Found],
+    rows: str = "rows",
+) -> Section:
+    """The chapter of an experiment whose file has `rows`; without any it is empty."""
+    made, script = Found(), f"scripts/stepwise {name}"
+    with reading(file, f"{script} --run {file.parent}"):
+        result = read(file)
+        if result.get(rows):
+            made = found(result)
+    told = {"file": file, "script": script, "answer": made.answer, "drawn": made.drawn}
+    return Section(name, title, f"make {name}", made.parts, **told)
 
 
 def part(

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from study.core import provenance, store
+from study.core import store
 from study.core.cli import StudyError
+from study.core.registry import arithmetic_flags
+from study.core.run_schema import Context, Plan
+from study.core.schema import BROKEN, File
 from study.numbers import stats
+from study.numbers.schema import Verify
 from study.numbers.stats import Interval
 
 SHARE_BESIDE = {
@@ -22,14 +26,8 @@ SHARE_BESIDE = {
     "antialiased_psnr_db": "antialiased_fraction_over_1_255",
 }
 FACTS = ("isa", "precision", "lanes", "flags", "compiler", "libc", "hit_distance", "max_steps", "kernel")
-# What reading another thing's JSON can raise, from here down to a cell's text.
-BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
+SECOND_BASE = "opt2"
 GENERATED = "generated"  # a frame's `kernel` where code generated for its scene ran
-NEEDED = {
-    *("config", "launch", "frame", "warmup", "spec", "phase", "flags_from", "scene", "scene_hash"),
-    *("width", "height", "threads", "isa", "precision", "flags", "compiler", "libc", "ns", "tsc_cycles"),
-    *("core_cycles", "tsc_hz", "core_hz_before", "core_hz_after", "prepare_ns", "present_ns"),
-}
 
 
 @dataclass(frozen=True)
@@ -44,6 +42,15 @@ class Cell:
     threads: int
     facts: dict[str, Any]
     values: pd.DataFrame
+    config: str = ""
+
+    @property
+    def phase(self) -> str:
+        return self.spec.partition("@")[0]
+
+    @property
+    def picture(self) -> tuple[str, int, int]:
+        return self.scene, self.width, self.height
 
     @property
     def pixels(self) -> int:
@@ -89,20 +96,16 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
         raise StudyError(f"{run.path}: no such run; a run is a folder like results/MACHINE/RUN")
     notes: list[str] = []
 
-    def optional(name: str, without: str) -> dict[str, Any]:
+    def optional(name: str, kind: type[File], without: str) -> dict[str, Any]:
         file = run.path / name
         if not file.exists():
             notes.append(f"{name} is missing: {without}.")
             return {}
-        found = store.read_json(file)
-        if not isinstance(found, dict):
-            raise StudyError(f"{file}: should be a JSON object")
-        return found
+        return kind.read(file)
 
-    context = optional("context.json", "the machine and the commit are unknown")
-    provenance.check(context, run.path / "context.json")
-    plan = optional("plan.json", "what was to be measured is unknown")
-    verify = optional("verify.json", "no error stands beside the speeds; run scripts/stepwise verify")
+    context = optional("context.json", Context, "the machine and the commit are unknown")
+    plan = optional("plan.json", Plan, "what was to be measured is unknown")
+    verify = optional("verify.json", Verify, "no error stands beside the speeds; run scripts/stepwise verify")
     with _content_of(run.frames_path):
         frames = _usable(run, notes)
     if frames.empty:
@@ -112,7 +115,7 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
     with _content_of(run.path / "verify.json"):
         pairs = [_flat(pair) for pair in verify.get("pairs") or []]
     with _content_of(f"{run.path / 'plan.json'} or {run.frames_path}"):
-        cells = _cells(frames, plan)
+        cells = cells_of(frames, plan)
     return Data(run.path, context, plan, frames, cells, pairs, notes)
 
 
@@ -131,8 +134,6 @@ def _usable(run: store.Run, notes: list[str]) -> pd.DataFrame:
     frames = run.frames()
     if frames.empty:
         return frames
-    if missing := sorted(NEEDED - set(frames)):
-        raise StudyError(f"{run.frames_path}: no column {', '.join(missing)}; see results/README.md")
     if "overridden" in frames and (changed := frames["overridden"].fillna(False).astype(bool)).any():
         notes.append(f"{int(changed.sum())} frames with changed scene parameters are left out.")
         frames = frames[~changed]
@@ -152,7 +153,7 @@ def described(plan: Mapping) -> dict[str, dict[str, Any]]:
     return {phase["name"]: dict(phase) for phase in found}
 
 
-def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
+def cells_of(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
     """By scene and phase in the order of the plan (phases it does not have: from slow to fast), then size."""
     if frames.empty:
         return []
@@ -192,13 +193,13 @@ def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
         facts["kernel"] = kernel_said(group)
         facts["algorithm"] = about.get(group["phase"].iloc[-1], {}).get("algorithm")
         facts["unwarmed"] = not group["warmup"].any()
-        cells.append(Cell(*key, facts, values))
+        cells.append(Cell(*key, facts, values, group["config"].iloc[-1]))
     return sorted(
         cells,
         key=lambda c: (
             scenes.index(c.scene),
             c.pixels,
-            phases.index(c.spec.partition("@")[0]),
+            phases.index(c.phase),
             c.spec,
             c.threads,
         ),
@@ -227,6 +228,18 @@ def _flat(pair: dict[str, Any]) -> dict[str, Any]:
     flat["failed"] = " ".join(flat.get("failed") or [])
     flat["why"] = "; ".join(flat.get("why") or [])
     return flat
+
+
+def flags(cell: Cell, about: Mapping[str, Mapping[str, Any]]) -> str:
+    """What the compiler was told that changes arithmetic; of a phase with variants what all of them share.
+    `about`: phase → its phase.json."""
+    return arithmetic_flags(cell.facts["flags"] or "", about.get(cell.phase, {}).get("variants") or ())
+
+
+def second_base(cell: Cell, cells: Iterable[Cell], about: Mapping[str, Mapping[str, Any]]) -> Cell | None:
+    """opt2 on one thread, built with the flags of `cell`: what its code gains alone."""
+    mine = [c for c in cells if (c.phase, c.threads, c.picture) == (SECOND_BASE, 1, cell.picture)]
+    return next((c for c in mine if flags(c, about) == flags(cell, about)), None)
 
 
 def noise(data: Data) -> dict[str, Any]:

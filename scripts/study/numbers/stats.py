@@ -18,6 +18,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
+from study.numbers import clocks
+
 COVER = 0.95  # of every interval
 RESAMPLES = 10_000
 ENOUGH = 6  # launches: of five the least and the greatest hold the true median in 93.75 % of cases only
@@ -274,6 +276,9 @@ def noise_warnings(frames: pd.DataFrame) -> list[str]:
             )
         if far[1:].any():
             warnings.append(f"{name}: {far[1:].sum()} of {len(values)} launches are outliers")
+    if not frames.empty and (off := {(one.config, one.launch) for one in clocks.off(frames)}):
+        ran = f"launch{'es' * (len(off) > 1)} ran at another clock than the others"
+        warnings.append(f"{len(off)} {ran} (scripts/stepwise compare says which)")
     seconds = 0 if frames.empty else float(frames["ns"].sum()) * 1e-9
     if seconds and "steal_ticks" in frames:
         steal = frames["steal_ticks"].sum() * 0.01 / seconds

@@ -6,11 +6,12 @@ import io
 import math
 import re
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
+import matplotlib.image
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -221,3 +222,24 @@ def legend(figure: Figure, grid: dict[str, Axes], extra: tuple[Line2D, ...] = ()
         handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     handles |= {line.get_label(): line for line in extra}
     figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=9)
+
+
+def thumbnails(title: str, lines: Sequence[Mapping[Path, str]], room: tuple[float, float]) -> Figure | None:
+    """Small pictures with their titles, a row per line, of the files that are there; None: none is.
+    `room`: inches beside and above them."""
+    rows = [{path: text for path, text in line.items() if path.is_file()} for line in lines]
+    rows = [row for row in rows if row]
+    if not rows:
+        return None
+    across = max(map(len, rows))
+    size = (2.7 * across + room[0], 1.75 * len(rows) + room[1])
+    figure = Figure(figsize=size, layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    grid = figure.subplots(len(rows), across, squeeze=False)
+    for axes in grid.flat:
+        axes.set_axis_off()
+    for row, line in zip(rows, grid, strict=True):
+        for (path, text), axes in zip(row.items(), line, strict=False):
+            axes.imshow(matplotlib.image.imread(path))
+            axes.set_title(text, fontsize=8)
+    return figure

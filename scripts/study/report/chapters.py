@@ -7,12 +7,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import markdown_it
 import pandas as pd
 from matplotlib.figure import Figure
 
 from study.claims import claims
-from study.core import registry
+from study.core import html, registry
 from study.experiments.section import Section, part
 from study.experiments.sweep import columns
 from study.numbers import analysis, paper, verdicts
@@ -101,7 +100,7 @@ def notes_html(text: str) -> str:
     a link to a file of the project is its words alone."""
     text = re.sub(r"^!\[[^\]]*\]\([^)]*\)$", "", text, flags=re.MULTILINE)
     text = re.sub(r"\[([^\]]*)\]\((?![a-z]+://)[^)]*\)", r"\1", text)
-    markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
+    markdown = html.markdown()
     tokens = markdown.parse(text)
     for token in tokens:
         if token.type in ("heading_open", "heading_close"):

@@ -5,13 +5,16 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from study.core import store
 from study.core.cli import StudyError
 from study.experiments.section import Section, reading
 from study.pictures import embed
+from study.pictures.draw import Drawing
+from study.pictures.processes import in_processes
 
 Shown = dict[str, str]  # name, caption, and uri or svg
 
@@ -49,29 +52,41 @@ def content(section: Section) -> str:
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()
 
 
-def figures(section: Section, folder: Path, reuse: bool = False) -> list[Shown]:
-    """Draws a chapter's figures into `folder`, from its file alone: PNG, and the first as SVG where its
-    points say something under the pointer.
+def _write(section: Section, name: str, drawing: Drawing, folder: Path) -> None:
+    with reading(section.file or section.id, f"{section.script} --run {folder}"):
+        drawing.write(folder / name)
+
+
+def draw(sections: Sequence[Section], folder: Path, reuse: bool = False) -> None:
+    """Draws the chapters' figures into `folder`, from their files alone, on all CPUs.
 
     Never those that the run's own figures/ may have: they can be of an older file. `reuse`: of a page that is
     written several times, what was drawn of the same tables stays.
     """
+    calls = []
+    for section in sections:
+        known, key = folder / f".{section.id}", content(section)
+        stays = reuse and known.is_file() and known.read_text() == key
+        for name, drawing in section.drawn.items():
+            if not (stays and all((folder / f"{name}{end}").is_file() for end in (".svg", ".png"))):
+                calls.append(partial(_write, section, name, drawing, folder))
+    in_processes(calls)
+    for section in sections:
+        if section.drawn:
+            store.write_text(folder / f".{section.id}", content(section))
+
+
+def figures(section: Section, folder: Path) -> list[Shown]:
+    """A chapter's figures, which `draw` has drawn: PNG, and the first as SVG where its points say something
+    under the pointer."""
     made = []
-    known, key = folder / f".{section.id}", content(section)
-    stays = reuse and known.is_file() and known.read_text() == key
     for name, drawing in section.drawn.items():
-        paths = [folder / f"{name}.svg", folder / f"{name}.png"]
-        if not (stays and all(path.is_file() for path in paths)):
-            with reading(section.file or section.id, f"{section.script} --run {folder}"):
-                paths = drawing.write(folder / name)
-        svg, png = paths
+        svg, png = folder / f"{name}.svg", folder / f"{name}.png"
         shown = {"name": name, "caption": drawing.caption}
         if drawing.hover and not made:
             made.append({**shown, "svg": inline(svg)})
         else:
             made.append({**shown, "uri": embed.exact(read(png))})
-    if section.drawn:
-        store.write_text(known, key)
     return made
 
 

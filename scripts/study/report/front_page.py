@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from study.bounds import roof
-from study.core import provenance, registry, show, store
+from study.core import provenance, registry, show
 from study.experiments.original import measure as original
 from study.experiments.sweep import ladder
 from study.experiments.sweep.columns import truth_height
@@ -55,7 +55,7 @@ def originals(folder: Path) -> list[list[str]]:
     file = folder / original.FILE
     if not file.exists():
         return []
-    rows = {(row["phase"], row["scene"]): row for row in store.read_json(file)["rows"]}
+    rows = {(row["phase"], row["scene"]): row for row in original.read(file)["rows"]}
     made = []
     phases = list(dict.fromkeys(name for name, _ in rows))
     for phase in dict.fromkeys([*phases[:1], *phases[-1:]]):  # its first step and its last
@@ -70,9 +70,7 @@ def originals(folder: Path) -> list[list[str]]:
             ratio = stats.ratio_interval(ours, theirs, rounds=phase == ladder.BASE)
             psnr = one["psnr_display_db"]
             error = "as ours" if psnr is None else f"{psnr:.1f} to ours"
-            ends = {"ms": time.value, "ms_low": time.low, "ms_high": time.high}
-            ends |= {"ratio": ratio.value, "ratio_low": ratio.low, "ratio_high": ratio.high}
-            cells += [show.interval(ends, "ms"), show.interval(ends, "ratio", 3, "×"), error]
+            cells += [show.spread(time, 4), show.spread(ratio, 3, "×"), error]
         made.append(cells)
     return made
 

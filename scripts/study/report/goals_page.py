@@ -8,29 +8,29 @@ from typing import Any
 
 from study.core import machine, registry, show
 from study.core.show import Column
-from study.experiments.original import measure as original
+from study.experiments import experiment
+from study.experiments.goal import Goal
 from study.experiments.section import Section, part
 from study.numbers.analysis import Data
-from study.report import goals
-from study.report.goals import Goal
 
 NOTE = (
     "Each goal was set before the work. Met: the whole 95 % interval reaches the goal. Missed: none of it "
     "does. A CPU without AVX-512, and a run held to AVX2 (STEPWISE_ISA_LIMIT=avx2), needs half of a speed-up "
     "over baseline; the cell then names that half. Best: the last rung, unless another rung is better by "
     "intervals that do not overlap. Speed-ups over baseline are shown only where that baseline was timed "
-    "beside the paper's own program (original.json) and is no slower. Errors to truth are of the run's table "
-    "of accuracy, at the size that the cell names."
+    "beside the paper's own program (original.json) and is no slower. Errors to ground truth are of the "
+    "run's table of accuracy, at the size that the cell names."
 )
 LACKING = "make sweep N=720"
 Row = dict[str, Any]
+WIDE = 16  # lanes of the newest CPUs
 KEPT = ("from", "last")  # of a row, by machine
 
 
 def cell(goal: Goal) -> str:
     """`opt9_convex 104× [95, 115] of 65: met; 61.0 dB (4×4)`."""
     exact = goal.found.low == goal.found.high
-    text = f"{show.number(goal.found.value)}{goal.unit}" if exact else goals.spread(goal.found, goal.unit)
+    text = f"{show.number(goal.found.value)}{goal.unit}" if exact else show.spread(goal.found, 3, goal.unit)
     if goal.ours and not exact:
         text = text.replace(" [", " (ours alone [", 1) + ")"
     half = f" of {show.number(goal.asked / 2)}{goal.unit}" if goal.narrow else ""
@@ -58,10 +58,10 @@ def name(data: Data) -> str:
     wide = [
         phase
         for phase, known in registry.ladder().items()
-        if any(one["lanes"] >= goals.WIDE and flags.issuperset(one["isa"]) for one in known.variants)
+        if any(one["lanes"] >= WIDE and flags.issuperset(one["isa"]) for one in known.variants)
     ]
     lanes = data.frames[data.frames["phase"].isin(wide)]["lanes"].max()
-    return f"{short}, AVX2 alone" if lanes < goals.WIDE else short
+    return f"{short}, AVX2 alone" if lanes < WIDE else short
 
 
 def rows(runs: Sequence[Data], checked: bool = False) -> tuple[list[Row], dict[str, str]]:
@@ -71,7 +71,8 @@ def rows(runs: Sequence[Data], checked: bool = False) -> tuple[list[Row], dict[s
     """
     made: dict[str, Row] = {}
     told = [
-        (data, goals.of_run(data)) for data in sorted(runs, key=lambda data: data.context.get("time") or "")
+        (data, experiment.goals(data))
+        for data in sorted(runs, key=lambda data: data.context.get("time") or "")
     ]
     places: dict[str, tuple[int, int]] = {}  # within a source in the order of the run that has most of them
     for _, several in sorted(told, key=lambda pair: -len(pair[1])):
@@ -79,9 +80,8 @@ def rows(runs: Sequence[Data], checked: bool = False) -> tuple[list[Row], dict[s
             places.setdefault(goal.name, (place, len(places)))
     for data, several in told:
         here = name(data)
-        unchecked = checked and not original.held_beside(data.path)
         for _, goal in several:
-            if goal.over_baseline and unchecked:
+            if checked and goal.unchecked:
                 continue
             row = made.setdefault(goal.name, {"goal": goal.name} | {key: {} for key in KEPT})
             last = row["last"].get(here)

@@ -15,11 +15,7 @@ from study.experiments.section import Part, Section, part, reading
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
-
-def _gain(row: Row) -> str:
-    gain = row["gain"]
-    ends = {f"gain_{end}": gain[end] for end in ("low", "high")}
-    return show.interval({"gain": gain["value"], **ends}, "gain", 3, "×")
+_gain = show.spread_of("gain", "×")
 
 
 def _psnr(name: str) -> Callable[[Row], str]:
@@ -115,7 +111,7 @@ def _left_out(result: Row) -> str:
 TABLES = (  # file, command, column of what gains, what that is, caption, columns, how to read them
     (
         ideas.FILE,
-        "ablations --ideas",
+        "ideas",
         *("idea", "idea", "Each idea alone, against its phase without it", IDEAS, IDEAS_ABOUT),
     ),
     (

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 from study.experiments.ablations import chapter, negative
+from study.experiments.ablations.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
+
+QUICK = ("baseline", "opt1", "opt2")  # built in seconds
 
 
 # At the command's own size and launches: at n = 90 and six launches half of the steps could not be told.
 def calls(study: Study) -> list[Call]:
-    return [Call("ablations", ["--run", str(study.run)])]
+    few = (
+        ["--phase", *QUICK, "--scene", "scene0", "-n", "60", "--launches", "6", "--no-flops"]
+        if study.quick
+        else []
+    )
+    return [Call("ablations", [*few, "--run", str(study.run)])]
 
 
 EXPERIMENT = Experiment(
     name="ablations",
     what="single steps put in and taken out",
     turn=50,
-    files=("ablations.json",),
+    schemas=SCHEMAS,
     calls=calls,
-    depth="standard",
+    depth="quick",
+    cut="Steps of the first three phases on scene0 at height 60, six launches, no FLOPs.",
     sections=[
         (410, lambda data: chapter.steps(data.path)),
         (420, lambda data: negative.section(data.path)),

@@ -1,7 +1,7 @@
 """The ideas of a phase: what each gains, what it changes in the picture, and how many lines hold it.
 
 An idea is an ablation whose head says `idea` (core.patches): the patch takes that idea out of its phase. All
-ideas together are timed by `stepwise ablations --ideas`, which writes FILE into a run. The report shows all
+ideas together are timed by `stepwise ideas`, which writes FILE into a run. The report shows all
 rows, and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
 """
 
@@ -18,6 +18,7 @@ from study.core import generated_scenes as scaling_scenes
 from study.core import patches, registry, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene
+from study.experiments.ablations.schema import Ideas
 
 FILE = "ideas.json"
 REFERENCE = ROOT / "results" / "reference"
@@ -96,7 +97,7 @@ def published(phase: str, folder: Path = REFERENCE) -> Path | None:
     wanted = {patch.name for patch in of(phase)}
     for run in sorted(folder.glob("*"), key=_date, reverse=True):
         path = store.stored(run / FILE)
-        if path.exists() and wanted <= {row["ablation"] for row in store.read_json(path)["rows"]}:
+        if path.exists() and wanted <= {row["ablation"] for row in Ideas.read(path)["rows"]}:
             return run
     return None
 
@@ -107,8 +108,7 @@ def _date(run: Path) -> tuple[str, str]:
 
 
 def _interval(gain: Row) -> str:
-    told = show.interval({"g": gain["value"], "g_low": gain["low"], "g_high": gain["high"]}, "g", 3)
-    return told.replace("\u00a0", " ")
+    return show.spread(gain).replace("\u00a0", " ")
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -120,7 +120,7 @@ def table(phase: str, run: Path | None) -> list[str]:
 
     `run`: the published run. None: the gains are not known, and a dash stands for each.
     """
-    result = store.read_json(store.stored(run / FILE)) if run else {"rows": []}
+    result = Ideas.read(run / FILE) if run else {"rows": []}
     rows = {(row["ablation"], row["scene"]): row for row in result["rows"]}
     found = []
     for patch in of(phase):

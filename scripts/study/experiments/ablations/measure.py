@@ -16,13 +16,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.core import cli, patches, progress, registry, run, show, store
+from study.core import cli, patches, progress, registry, run, show
 from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.core.run import DriverError
 from study.counting import blocks
 from study.experiments.ablations import ideas
+from study.experiments.ablations.schema import Ablations, Ideas
 from study.numbers import stats, verdicts
 from study.pictures import gate, images
 from study.pictures.gallery import Gallery, Size
@@ -270,17 +271,7 @@ def read(path: Path) -> dict[str, Any]:
     lists = ("rows", "skipped", "failures")
     if not path.exists():
         return {name: [] for name in lists}
-    result = store.read_json(path)
-    try:
-        for name in lists:
-            if not isinstance(result[name], list) or not all(isinstance(one, dict) for one in result[name]):
-                raise TypeError(f"{name}: no list of objects")
-    except (KeyError, TypeError) as error:
-        raise StudyError(
-            f"{path}: not what scripts/stepwise ablations writes ({error!r}); make it again with "
-            f"scripts/stepwise ablations --run {path.parent}"
-        ) from None
-    return result
+    return (Ideas if path.name == ideas.FILE else Ablations).read(path)
 
 
 def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

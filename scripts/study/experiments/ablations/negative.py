@@ -8,11 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import markdown_it
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from study.core import machine, registry, show
+from study.core import html, machine, registry, show
 from study.core.cli import StudyError
 from study.core.show import Column
 from study.experiments.ablations import ideas
@@ -143,9 +142,8 @@ def as_html(rows: Sequence[Mapping[str, str]]) -> str:
     """The table for the page; neither HTML nor pictures pass through."""
     if not rows:
         return ""
-    markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
     lines = [COLUMNS, ["---"] * len(COLUMNS), *(list(row.values()) for row in rows)]
-    table = markdown.render("\n".join(f"| {' | '.join(line)} |" for line in lines))
+    table = html.markdown().render("\n".join(f"| {' | '.join(line)} |" for line in lines))
     summary = f"Ideas that were tried, from docs/what-did-not-pay.md: {len(rows)}"
     return (
         f'<details><summary>{summary}</summary><div class="scroll prose">{table}</div>'
@@ -163,7 +161,7 @@ def section(path: Path, document: Path = DOCUMENT) -> Section:
         if rows:
             caption = "Gain of steps that did not plainly pay, and what they do to the picture"
             drawn = {"negative": Drawing(caption, _note(ablations.read(file)), lambda: draw(rows))}
-    with reading(path / ideas.FILE, f"scripts/stepwise ablations --ideas --run {path}"):
+    with reading(path / ideas.FILE, f"scripts/stepwise ideas --run {path}"):
         both = [*rows, *chosen(ablations.read(path / ideas.FILE)["rows"])]
         parts = part("negative", "Steps that did not plainly pay", both, STEPS, ABOUT)
     about = {

@@ -97,7 +97,7 @@ class Subject:
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size
         stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
-        title = f"{self.scene.name}, {size[0]}×{size[1]} pixels: {spec} against truth"
+        title = f"{self.scene.name}, {size[0]}×{size[1]} pixels: {spec} against ground truth"
         figure = where.figure(self.truth, made, title, str(spec), found, self.where, wrong)
         panels.save(figure, gallery.folder / stem)
         return {

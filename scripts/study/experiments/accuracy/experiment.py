@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from study.experiments.accuracy import chapter
+from study.experiments.accuracy import chapter, goals
+from study.experiments.accuracy.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
-HEIGHT = "180"  # scene0's truth: half a minute on two cores
+HEIGHT, QUICK_HEIGHT = "180", "90"  # scene0's truth at 180: half a minute on two cores
 
 
 def calls(study: Study) -> list[Call]:
     """All scenes and the Mandelbulb's convergence where it was asked for; else three scenes."""
     scenes = [] if study.whole else ["--scene", *dict.fromkeys([*study.scenes, "trio"])]
-    size = ["-n", "720" if study.depth == "full" else HEIGHT]
+    size = ["-n", "720" if study.depth == "full" else QUICK_HEIGHT if study.quick else HEIGHT]
     more = ["--convergence"] if study.whole else []
     return [Call("accuracy", [*scenes, *size, *more, "--run", str(study.run)])]
 
@@ -20,8 +21,10 @@ EXPERIMENT = Experiment(
     name="accuracy",
     what="every phase against ground truth",
     turn=60,
-    files=("accuracy.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="quick",
+    cut="Three scenes at height 90.",
     sections=[(520, lambda data: chapter.errors(data.path))],
+    goals=goals.reached,
 )

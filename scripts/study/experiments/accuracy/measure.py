@@ -2,7 +2,7 @@
 
 Truth (truth.truth) is a picture with more planes: `ideal.*` with the ideal soft shadow, `none.*` without
 any, the `shadow` factor of the primary hit, `status` of the primary ray (2 proved, 1 converged only, 0
-undecided) and `status.all` of the pixel's whole chain. Metrics and units: results/README.md, accuracy.json.
+undecided) and `status.all` of the pixel's whole chain. Metrics and units: results/keys/accuracy.json.md.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import Scene
+from study.experiments.accuracy.schema import Accuracy
 from study.pictures import images
 from study.pictures.images import Picture
 
@@ -253,10 +254,8 @@ def read(run: Path) -> dict[str, Any]:
     path = Path(run) / FILE
     if not path.exists():
         return {"rows": [], "skipped": [], "convergence": None}
-    result = store.read_rows(path, "accuracy", {"false_hits_ppm"}, empty=True)
+    result = Accuracy.read(path)
     converged = result.get("convergence") or {}
-    if not isinstance(converged, dict):
-        raise StudyError(f"{path}: convergence is not what accuracy.py writes; make it again")
     for row in (*result["rows"], *(converged.get("rows") or ())):
         _restore(row)
     return result

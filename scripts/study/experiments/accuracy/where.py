@@ -185,7 +185,7 @@ def figure(
         1, 3, wspace=0.04, top=1 - above / total, bottom=below / total, left=0.01, right=0.99
     )
     axes = [made.add_subplot(spot) for spot in spots]
-    for panel, picture, text in zip(axes, (image, truth), (name, "truth"), strict=False):
+    for panel, picture, text in zip(axes, (image, truth), (name, "ground truth"), strict=False):
         panels.show(panel, images.to_display(images.rgb(picture)))
         panel.set_title(text, fontsize=14, loc="left")
     factor = math.ceil(width / axes[2].get_window_extent().width)

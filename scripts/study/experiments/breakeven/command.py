@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import secrets
-import time
-from pathlib import Path
 
-from study.core import cli, machine, registry, store
+from study.core import cli, registry
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Spec
+from study.experiments import running
 from study.experiments.breakeven import measure as breakeven
 from study.experiments.breakeven import tables as breakeven_page
 
@@ -27,20 +25,10 @@ def arguments() -> argparse.Namespace:
     add("--phase", default=breakeven.PHASE, metavar="PHASE", help="default: %(default)s")
     add("--against", default=breakeven.AGAINST, metavar="PHASE", help="default: %(default)s")
     add("--scene", nargs="+", default=list(breakeven.SCENES), metavar="SCENE", help="default: %(default)s")
-    add("-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height; default: 720, the paper's")
-    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
-    add(
-        "--budget",
-        type=cli.at_least(1, float),
-        default=SECONDS,
-        metavar="SECONDS",
-        help="for everything; default: %(default)s",
-    )
-    add("--seed", type=int, help="of order and padding; default: random")
-    add("--run", type=Path, metavar="DIR", help="for breakeven.json; default: build/breakeven")
-    args = parser.parse_args()
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
-    return args
+    running.height(parser, 720, least=1)
+    running.budget(parser, SECONDS)
+    running.options(parser, "breakeven.json", "breakeven")
+    return parser.parse_args()
 
 
 def main() -> int:
@@ -52,25 +40,19 @@ def main() -> int:
             raise StudyError(f"{spec} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
         if registry.find_phase(spec.phase).family == registry.TRUTH:
             raise StudyError(f"{spec}: is truth itself; name phases that are to be timed")
-    folder = store.writable(args.run or registry.ROOT / "build" / "breakeven")
+    folder = running.folder(args)
     for spec in specs:
         build(spec)
-    begun = time.monotonic()
     settings = breakeven.Settings(args.n, args.launches, args.budget, args.seed)
     found = breakeven.study(specs, scenes, settings)
     about = {"launches": args.launches, "seconds": args.budget, "seed": args.seed}
-    about |= {"took_s": time.monotonic() - begun, "context": machine.context()}
-    result = cli.plain({"schema": 1, **about, **found})
-    store.write_json(folder / breakeven.FILE, result)
-    if args.json:
-        cli.emit(result, folder)
-    else:
-        for row in result["rows"]:
-            print(breakeven_page.sentence(row, result["against"]))
-        print(folder / breakeven.FILE)
-    for row in result["left_out"]:
-        cli.say(f"left out {row['scene']}: {row['reason']}")
+    result = running.write(folder / breakeven.FILE, about, found)
+    lines = [breakeven_page.sentence(row, result["against"]) for row in result["rows"]]
     bad = [row for row in result["rows"] if row["generated"] and row["error"]["non_finite"]]
-    for row in bad:
-        cli.say(f"FAIL {row['scene']}: {row['error']['non_finite']} samples not finite")
-    return cli.FAILED if bad else cli.OK
+    return running.end(
+        args,
+        result,
+        [*lines, folder / breakeven.FILE],
+        [f"{row['scene']}: {row['error']['non_finite']} samples not finite" for row in bad],
+        [f"left out {row['scene']}: {row['reason']}" for row in result["left_out"]],
+    )

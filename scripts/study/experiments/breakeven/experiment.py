@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from study.experiments.breakeven import tables
+from study.experiments.breakeven.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
 
 def calls(study: Study) -> list[Call]:
-    return [Call("breakeven", ["--run", str(study.run)], may_lack=True)]
+    few = ["--scene", "scene0", "-n", "360", "--budget", "10"] if study.quick else []
+    return [Call("breakeven", [*few, "--run", str(study.run)], may_lack=True)]
 
 
 EXPERIMENT = Experiment(
     name="breakeven",
     what="when code generated for a scene has paid",
     turn=120,
-    files=("breakeven.json",),
+    schemas=SCHEMAS,
     calls=calls,
-    depth="standard",
+    depth="quick",
+    cut="Scene0 alone, at height 360 instead of 720.",
     sections=[(150, lambda data: tables.section(data.path))],
 )

@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from study.core import run, store, temporary
+from study.core import run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
+from study.experiments.breakeven.schema import Breakeven
 from study.experiments.frames.measure import against
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
@@ -68,7 +69,7 @@ def own_cache() -> Iterator[None]:
     """A new folder for kernels, for this process and those that it starts."""
     before = os.environ.get("STEPWISE_CACHE")
     with temporary.folder() as cache:
-        os.environ["STEPWISE_CACHE"] = cache
+        os.environ["STEPWISE_CACHE"] = str(cache)
         try:
             yield
         finally:
@@ -169,4 +170,4 @@ def read(path: Path) -> Row:
     """A run's breakeven.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": []}
-    return store.read_rows(path, "breakeven", {"scene", "n", "generated"})
+    return Breakeven.read(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,19 +10,13 @@ from matplotlib.figure import Figure
 from study.core import machine, show
 from study.core.show import Column
 from study.experiments.breakeven.measure import FILE, SMALL, Row, read
-from study.experiments.section import Section, part, reading
+from study.experiments.section import Found, Section, chapter, part
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
 
 def _interval(name: str, unit: str = "") -> Callable[[Row], str]:
-    def text(row: Row) -> str:
-        if name not in row:
-            return show.NOTHING
-        flat = {"v": row[name]["value"], "v_low": row[name]["low"], "v_high": row[name]["high"]}
-        return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", 4, unit)
-
-    return text
+    return show.spread_of(name, unit, 4)
 
 
 def frames_needed(row: Row) -> str:
@@ -40,13 +33,7 @@ def frames_needed(row: Row) -> str:
 
 
 def _psnr(row: Row) -> str:
-    error = row.get("error")
-    if not error:
-        return show.NOTHING
-    if error["rmse"] is None:
-        return "not finite"
-    value = "identical" if error["psnr_db"] is None else show.number(error["psnr_db"])
-    return value + (" (4×4 means)" if error["averaged"] else "")
+    return show.error_psnr(row.get("error"))
 
 
 def sentence(row: Row, against: str) -> str:
@@ -147,15 +134,12 @@ def answer(result: Row) -> str:
 
 def section(path: Path) -> Section:
     """Kernels for scenes: what they gain, what compiling costs, after how many frames it has paid."""
-    file = path / FILE
-    parts, said, drawn = [], "", {}
-    with reading(file, f"scripts/stepwise breakeven --run {path}"):
-        result = read(file)
-        for name, caption, rows, shown in tables(result):
-            parts += part(name, caption, rows, shown, FOOT if name == "breakeven" else "")
-        said = answer(result)
-        if said:
-            caption = "What a generated kernel gains, and when it has paid"
-            drawn = {"breakeven": Drawing(caption, note(result), lambda: _draw(result))}
-    about = {"file": file, "script": "scripts/stepwise breakeven", "drawn": drawn}
-    return Section("breakeven", "Code generated for a scene", "make breakeven", parts, answer=said, **about)
+    return chapter("breakeven", "Code generated for a scene", path / FILE, read, _found)
+
+
+def _found(result: Row) -> Found:
+    feet = {"breakeven": FOOT}
+    parts = [one for table in tables(result) for one in part(*table, feet.get(table[0], ""))]
+    said, caption = answer(result), "What a generated kernel gains, and when it has paid"
+    drawing = Drawing(caption, note(result), lambda: _draw(result))
+    return Found(parts, said, {"breakeven": drawing} if said else {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from study.bounds.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
 
@@ -13,7 +14,7 @@ EXPERIMENT = Experiment(
     name="ceilings",
     what="ceilings of this machine",
     turn=30,
-    files=("ceilings.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="quick",
     sections=[],

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import secrets
-import time
 from pathlib import Path
 
-from study.core import cli, machine, registry, run, store, temporary
+from study.core import cli, registry, run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Spec
+from study.experiments import running
 from study.experiments.drjit import measure as drjit_measure
 from study.experiments.drjit import tables as drjit_page
 from study.experiments.drjit.measure import DRJIT, Measuring, Point, Rival
@@ -30,16 +29,13 @@ def arguments() -> argparse.Namespace:
     every = list(drjit_measure.GOALS)
     add("--phase", nargs="+", metavar="PHASE", help="default: every phase with threads")
     add("--scene", nargs="+", default=every, choices=every, metavar="SCENE", help="default: both")
-    add("-n", type=cli.at_least(16), default=720, metavar="HEIGHT", help="height; default: 720")
-    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    running.height(parser, 720)
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
     add("--python", type=Path, metavar="FILE", help="a Python with drjit; default: one in build/drjit")
-    add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], help="first CPU to pin to; default: the last")
-    add("--run", type=Path, metavar="DIR", help="for drjit.json; default: build/drjit")
+    running.options(parser, "drjit.json", "drjit")
     args = parser.parse_args()
     args.threads = args.threads or [1, len(run.USABLE)]
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
 
 
@@ -62,7 +58,7 @@ def measured(args: argparse.Namespace, specs: list[Spec], rival: Rival) -> dict:
 
 def main() -> int:
     args = arguments()
-    folder = store.writable(args.run or drjit_measure.HOME)
+    folder = running.folder(args)
     run.cpu_set(args.cpu, 1)
     if max(args.threads) > len(run.USABLE):
         raise StudyError(f"--threads {max(args.threads)}: there are {len(run.USABLE)} CPUs")
@@ -72,21 +68,14 @@ def main() -> int:
         raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
     llvm = drjit_measure.find_llvm(os.environ.get("DRJIT_LIBLLVM_PATH"))
     rival = Rival(drjit_measure.find_python(args.python), llvm)
-    begun = time.monotonic()
     settings = {key: getattr(args, key) for key in ("n", "launches", "threads", "seed", "cpu")}
-    found = measured(args, specs, rival)
-    about = {"took_s": time.monotonic() - begun, "context": machine.context()}
-    result = cli.plain({"schema": 1, **settings, **about, **found})
-    store.write_json(folder / drjit_measure.FILE, result)
-    if args.json:
-        cli.emit(result, folder)
-    else:
-        columns = drjit_page.COLUMNS
-        shown = [{column.name: column.text(row) for column in columns} for row in result["rows"]]
-        print(summary.table(shown, [(column.name, column.name) for column in columns]))
-        print(drjit_page.note(result))
-    bad = [row for row in result["rows"] if row["non_finite"]]
-    for row in bad:
-        who = row["program"]
-        cli.say(f"FAIL {who} on {row['scene']}: {row['non_finite']} samples not finite")
-    return cli.FAILED if any(row["program"] != DRJIT for row in bad) else cli.OK
+    result = running.write(folder / drjit_measure.FILE, settings, measured(args, specs, rival))
+    columns = drjit_page.COLUMNS
+    shown = [{column.name: column.text(row) for column in columns} for row in result["rows"]]
+    table = summary.table(shown, [(column.name, column.name) for column in columns])
+    told: dict[bool, list[str]] = {True: [], False: []}  # theirs fails nothing of ours
+    for row in result["rows"]:
+        if row["non_finite"]:
+            about = f"{row['program']} on {row['scene']}: {row['non_finite']} samples not finite"
+            told[row["program"] == DRJIT].append(about)
+    return running.end(args, result, [table, drjit_page.note(result)], told[False], told[True])

@@ -20,6 +20,7 @@ import numpy as np
 from study.core import cli, registry, run, store
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec
+from study.experiments.drjit.schema import DrJit
 from study.experiments.frames import measure as frames
 from study.numbers import stats, verdicts
 from study.pictures import images
@@ -247,7 +248,7 @@ def read(path: Path) -> Row:
     """A run's drjit.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": []}
-    return store.read_rows(path, "drjit", {"program", "published_ms", "ratio"})
+    return DrJit.read(path)
 
 
 def say_versions(path: Path) -> str:

@@ -2,35 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 from matplotlib.figure import Figure
 
 from study.core import machine, show
 from study.core.show import Column
 from study.experiments.drjit.measure import DRJIT, GOALS, OWN, SAME, Row
 from study.pictures import dots
-
-
-def _interval(name: str, unit: str = "") -> object:
-    def text(row: Row) -> str:
-        found = row[name]
-        if found is None:
-            return show.NOTHING
-        some = found if isinstance(found, dict) else vars(found)
-        flat = {"v": some["value"], "v_low": some["low"], "v_high": some["high"]}
-        return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", 3, unit)
-
-    return text
-
-
-def _psnr(row: Row) -> str:
-    if row["rmse"] is None:
-        return "not finite"
-    value = (
-        "identical" if row["psnr_db"] is None or math.isinf(row["psnr_db"]) else show.number(row["psnr_db"])
-    )
-    return value + (" (4×4 means)" if row["averaged"] else "")
 
 
 def _published(row: Row) -> str:
@@ -42,13 +19,13 @@ COLUMNS = [
     Column("", "threads", lambda r: str(r["threads"])),
     Column("", "program", lambda r: r["program"]),
     Column("", "limits of the march", lambda r: r["limits"]),
-    Column("", "ms [95 %]", _interval("ms")),
-    Column("", f"times as fast as {DRJIT} [95 %]", _interval("ratio", "×")),
+    Column("", "ms [95 %]", show.spread_of("ms")),
+    Column("", f"times as fast as {DRJIT} [95 %]", show.spread_of("ratio", "×")),
     Column("", f"{DRJIT} as published, ms", _published),
     Column("error by the same limits", "to", lambda r: r["reference"]),
-    Column("error by the same limits", "PSNR, dB", _psnr),
+    Column("error by the same limits", "PSNR, dB", show.error_psnr),
     Column("error by the same limits", "depth agrees", lambda r: show.share(r["depth_agree_fraction"])),
-    Column("error by the scene's own", "PSNR, dB ", lambda r: _psnr(r["to_own"])),
+    Column("error by the scene's own", "PSNR, dB ", lambda r: show.error_psnr(r["to_own"])),
     Column("error by the scene's own", "wrong hit, ppm", lambda r: show.number(r["to_own"]["wrong_ppm"])),
 ]  # fmt: skip
 
@@ -59,7 +36,7 @@ def _own(result: Row) -> list[Row]:
 
 
 def _wrong(row: Row) -> str:
-    return show.decibels(_psnr(row["to_own"]))
+    return show.decibels(show.error_psnr(row["to_own"]))
 
 
 def draw(result: Row) -> Figure:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from study.experiments.experiment import Call, Experiment, Study
-
-
-def calls(study: Study) -> list[Call]:
-    return [Call("fixed", ["--run", str(study.run)], may_lack=True)]
-
+from study.experiments.experiment import Experiment
+from study.experiments.fixed.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
     name="fixed",
     what="rays in integers",
     turn=174,
-    files=("fixed.json",),
-    calls=calls,
+    schemas=SCHEMAS,
     depth=None,
+    cut="A quick study has no systems: an animation of 900 frames takes minutes.",
 )

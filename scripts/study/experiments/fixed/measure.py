@@ -1,6 +1,6 @@
 """Rays in integers (phases fixed, fixed_simd) against the same in floats (fixed_float): what fixed.json says.
 
-The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (5 June 2017); results/README.md has
+The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (5 June 2017); results/keys/ has
 the keys.
 """
 
@@ -13,6 +13,7 @@ from typing import Any
 
 from study.core import registry, run, store, temporary
 from study.core.registry import Scene, find_scene
+from study.experiments.fixed.schema import Fixed
 from study.experiments.moving import measure as moving
 from study.experiments.rods import measure as rods
 from study.numbers import stats
@@ -274,7 +275,7 @@ def read(file: Path) -> Row:
     """The file, or one with no rows. Raises StudyError."""
     if not file.exists():
         return {"rows": []}
-    result = store.read_json(file)
+    result = Fixed.read(file)
     if all(isinstance(row, dict) and row.get("case") in CASES for row in result["rows"]):  # an older file
         result["rows"] = like_for_like(result["rows"])
-    return result | {"animation": [moving.with_mean(row) for row in result.get("animation", [])]}
+    return result | {"animation": result.get("animation", [])}

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.frames import chapter
+from study.experiments.frames import chapter, goals
+from study.experiments.frames.schema import SCHEMAS
 
-SECONDS, WHOLE_SECONDS = "45", "600"
+SECONDS, WHOLE_SECONDS, QUICK_SECONDS = "45", "600", "8"
 
 
 def calls(study: Study) -> list[Call]:
-    """The newest phases; all with threads where it was asked for."""
-    seconds = WHOLE_SECONDS if study.whole else SECONDS
-    return [Call("frames", ["--budget", seconds, "--run", str(study.run)])]
+    """The newest phases; all with threads where it was asked for; the last one where seconds must do."""
+    seconds = WHOLE_SECONDS if study.whole else QUICK_SECONDS if study.quick else SECONDS
+    few = ["--phase", cuts.three()[-1], "--scene", "scene0"] if study.quick else []
+    return [Call("frames", [*few, "--budget", seconds, "--run", str(study.run)])]
 
 
 EXPERIMENT = Experiment(
     name="frames",
     what="frames a second",
     turn=110,
-    files=("frames.json",),
+    schemas=SCHEMAS,
     calls=calls,
-    depth="standard",
+    depth="quick",
+    cut="The last phase on scene0 alone, in eight seconds.",
     sections=[(140, lambda data: chapter.rates(data.path))],
+    goals=goals.reached,
 )

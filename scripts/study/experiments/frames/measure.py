@@ -22,6 +22,7 @@ from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments.accuracy import measure as accuracy
+from study.experiments.frames.schema import Frames
 from study.experiments.views import views
 from study.numbers import stats, verdicts
 from study.numbers.stats import Interval
@@ -337,4 +338,4 @@ def read(path: Path) -> Row:
     """A run's frames.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": []}
-    return store.read_rows(path, "frames", {"phase", "hit", "frames_per_s"})
+    return Frames.read(path)

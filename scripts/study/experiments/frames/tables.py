@@ -17,10 +17,7 @@ from study.pictures.draw import Drawing, plain_log
 FIGURE = "frames"
 
 
-def _rate(row: Row) -> str:
-    found = row["frames_per_s"]
-    flat = {"v": found["value"], "v_low": found["low"], "v_high": found["high"]}
-    return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", 3)
+_rate = show.spread_of("frames_per_s")
 
 
 def _p99(row: Row) -> str:
@@ -32,15 +29,6 @@ def _p99(row: Row) -> str:
 def _presenting(row: Row) -> str:
     """Older runs had it done by the driver and do not say so."""
     return "in the phase's tiles" if row.get("presented_by") == PHASE else show.number(row["present_ms"], 2)
-
-
-def _psnr(row: Row | None) -> str:
-    if row is None:
-        return show.NOTHING
-    if row["rmse"] is None:
-        return "not finite"
-    value = "identical" if row["psnr_db"] is None else show.number(row["psnr_db"])
-    return value + (" (4×4 means)" if row["averaged"] else "")
 
 
 def _on_bulb(row: Row | None) -> str:
@@ -61,9 +49,9 @@ def _marched(row: Row) -> str:
 def sentence(row: Row) -> str:
     """For a terminal."""
     where = f"{row['scene']}, {row['width']}×{row['n']}, {_hit(row)}: {row['phase']}"
-    error = f"{_psnr(row)} dB to {row['reference']}"
+    error = f"{show.error_psnr(row)} dB to {row['reference']}"
     if row["to_own"]:
-        error += f", {_psnr(row['to_own'])} dB to the scene's own parameters"
+        error += f", {show.error_psnr(row['to_own'])} dB to the scene's own parameters"
     return f"{where} {_rate(row)} frames/s, {error}; ≥ {row['goal']:g}: {row['verdict']}"
 
 
@@ -88,7 +76,7 @@ RATES = [
     Column("ms a frame, presenting included", "99 %", _p99),
     Column("ms a frame, presenting included", "of it presenting", _presenting),
     Column("error by the same parameters", "to", lambda r: r["reference"]),
-    Column("error by the same parameters", "PSNR, dB", _psnr),
+    Column("error by the same parameters", "PSNR, dB", show.error_psnr),
     Column(
         "error by the same parameters", "pixels off > 1/255", lambda r: show.percent(r["fraction_over_1_255"])
     ),
@@ -96,7 +84,7 @@ RATES = [
     Column("error by the same parameters", "depth agrees", lambda r: show.share(r["depth_agree_fraction"])),
     Column("error by the same parameters", "PSNR on the bulb alone, dB", _on_bulb),
     Column("error by the same parameters", "beside it, marched: PSNR, dB; depth agrees", _marched),
-    Column("to the scene's own parameters", "PSNR, dB ", lambda r: _psnr(r["to_own"])),
+    Column("to the scene's own parameters", "PSNR, dB ", lambda r: show.error_psnr(r["to_own"])),
     Column(
         "to the scene's own parameters",
         "depth agrees ",
@@ -183,7 +171,7 @@ def answer(result: Row) -> str:
         best = max((r for r in own if r["scene"] == scene), key=lambda r: r["frames_per_s"]["value"])
         said.append(
             f"{_rate(best)} frames a second of {scene} at {best['width']}×{best['n']} ({best['phase']}, "
-            f"{show.decibels(_psnr(best))} to {best['reference']})"
+            f"{show.decibels(show.error_psnr(best))} to {best['reference']})"
         )
     return f"On {result['threads']} threads, presenting included: {'; '.join(said)}." if said else ""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.functions import chapter
+from study.experiments.functions.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,8 +15,8 @@ EXPERIMENT = Experiment(
     name="functions",
     what="functions: speed against ulp",
     turn=90,
-    files=("functions.json",),
+    schemas=SCHEMAS,
     calls=calls,
-    depth="standard",
+    depth="quick",
     sections=[(620, lambda data: chapter.approximations(data.path))],
 )

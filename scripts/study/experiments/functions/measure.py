@@ -19,10 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from study.core import machine, run, store
+from study.core import machine, run
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.experiments.functions import edges as functions_edges
+from study.experiments.functions.schema import Functions
 from study.numbers import stats
 
 FILE = "functions.json"
@@ -244,10 +245,7 @@ def study(
 def read(folder: Path) -> Row:
     """functions.json of a folder. StudyError if it is none, or of another schema."""
     path = Path(folder) / FILE
-    result = store.read_json(path)
-    if not isinstance(result, dict) or result.get("schema") != 1 or not result.get("entries"):
-        raise StudyError(f"{path}: no functions of schema 1; make it again with scripts/stepwise functions")
-    return result
+    return Functions.read(path)
 
 
 def wrong(rows: Sequence[Row]) -> list[str]:

@@ -52,16 +52,7 @@ def fronts(result: Row) -> list[Row]:
 
 def _figure(name: str, digits: int = 3):
     """Text of a median with its interval."""
-
-    def text(row: Row) -> str:
-        found = row.get(name)
-        if not found:
-            return show.NOTHING
-        return show.interval(
-            {"v": found["value"], "v_low": found["low"], "v_high": found["high"]}, "v", digits
-        )
-
-    return text
+    return show.spread_of(name, digits=digits)
 
 
 def _worst(row: Row) -> str:

@@ -12,7 +12,7 @@ from study.bounds import topdown as bounds
 from study.core import cli, machine, progress, registry, run, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
-from study.counting import perf, symbols
+from study.counting import elf, perf, symbols
 from study.experiments.hotspots import bounds_tables as bounds_page
 from study.experiments.hotspots import chapter as hotspots_chapter
 from study.experiments.hotspots import tables as hotspots
@@ -68,7 +68,7 @@ def bound(spec: Spec, scene: Scene, profile: profiles.Profile, args: Any, said: 
             said.add(line)
 
     folder = ROOT / "build" / str(spec)
-    built = symbols.program(folder / "render-lines", folder / profiles.OBJECTS["shipped"])
+    built = elf.read(folder / "render-lines", folder / profiles.OBJECTS["shipped"])
     instructions = counted(spec, scene, args, "shipped", said)
     made = bounds.model(profile, built, instructions, say, osaca=not args.no_osaca)
     try:

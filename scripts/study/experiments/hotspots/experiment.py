@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from study.core.registry import Spec, cpu_supports, ladder
+from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.hotspots import chapter
+from study.experiments.hotspots.schema import SCHEMAS
 from study.experiments.section import Section
 from study.numbers.analysis import Data
 
-SAMPLES = "1500"  # of a phase
+SAMPLES, QUICK = "1500", "1000"  # of a phase
 
 
 def calls(study: Study) -> list[Call]:
     """Table 3 is about one step, structs to arrays, which the ladder's opt2 has among others."""
     scenes = study.scenes if study.depth == "full" else study.scenes[:1]
-    quick = [] if study.depth == "full" else ["--no-osaca", "--samples", SAMPLES]  # OSACA: 30 s a phase
-    names = [*ladder(), *(["opt1+arrays"] if "opt1" in ladder() else [])]
+    samples = QUICK if study.quick else SAMPLES
+    fast = [] if study.depth == "full" else ["--no-osaca", "--samples", samples]  # OSACA: 30 s a phase
+    arrays = ["opt1+arrays"] if "opt1" in ladder() else []
+    names = [*ladder(), *arrays]
+    if study.quick:
+        first, *others = cuts.three()
+        names = [first, *(["opt1"] if arrays else []), *arrays, *others]
     names = [name for name in names if cpu_supports(Spec.parse(name))]
-    words = ["--phase", *names, "--scene", *scenes, *quick, "--run", str(study.run)]
+    words = ["--phase", *names, "--scene", *scenes, *fast, "--run", str(study.run)]
     return [Call("hotspots", words, judges=False, may_lack=True)]
 
 
@@ -30,8 +37,9 @@ EXPERIMENT = Experiment(
     name="hotspots",
     what="hotspots, and a model of what bounds them",
     turn=40,
-    files=("hotspots.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="quick",
+    cut="Baseline, opt1 with structs and with arrays, opt4 and the last phase, on one scene.",
     sections=[(230, section)],
 )

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from study.bounds.profiles import Profile, wilson
-from study.core import machine, show, store
-from study.core.cli import StudyError
+from study.core import machine, show
 from study.core.show import Column
+from study.experiments.hotspots.schema import Hotspots
 from study.numbers import paper
 
 SHOWN = 10  # functions of a table, as many as the paper has
@@ -194,18 +194,7 @@ def read(path: Path) -> Row:
     """A run's hotspots.json, or an empty record. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"schema": 1, "profiles": [], "beside": {}, "bounds": []}
-    record = store.read_json(path)
-    try:
-        for one in record["profiles"]:
-            Profile.from_json(one)
-        for name, kind in (("profiles", list), ("bounds", list), ("beside", dict)):
-            if not isinstance(record.get(name, kind()), kind):
-                raise TypeError(f"{name}: {record[name]!r}")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise StudyError(
-            f"{path}: no hotspots ({error}); remove it and make them with scripts/stepwise hotspots --run"
-        ) from None
-    return record
+    return Hotspots.read(path)
 
 
 def merge(old: Row, new: Row) -> Row:

@@ -1,4 +1,4 @@
-"""Each idea taken out of its phase: gain, change of the picture, lines. As `ablations --ideas`."""
+"""Each idea taken out of its phase: gain, change of the picture, lines."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from study.experiments.ablations.schema import IDEAS
 from study.experiments.experiment import Call, Experiment, Study
 
 
@@ -14,8 +15,9 @@ EXPERIMENT = Experiment(
     name="ideas",
     what="each idea taken out of its phase",
     turn=55,
-    files=("ideas.json",),
+    schemas=IDEAS,
     calls=calls,
     depth=None,
+    cut="Each idea is a build of a wide phase of its own, half a minute each; it has no chapter.",
     sections=[],
 )

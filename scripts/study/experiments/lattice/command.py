@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import secrets
-import time
-from pathlib import Path
 
-from study.core import cli, machine, registry, run, store, temporary
+from study.core import cli, registry, run, temporary
 from study.core.cli import StudyError
+from study.experiments import running
 from study.experiments.lattice import measure as lattice
 from study.experiments.lattice import tables as lattice_page
 
@@ -29,27 +27,18 @@ def arguments() -> argparse.Namespace:
         metavar="HEIGHT",
         help="heights, 16:9; default: 1000×562 and 1280×720",
     )
-    add(
-        "--error-n",
-        type=cli.at_least(9),
-        default=180,
-        metavar="HEIGHT",
-        help="height for errors; default: 180",
-    )
-    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    running.height(parser, 180, "height for errors", "--error-n", 9)
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1, 2 and all CPUs")
-    add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], help="first CPU to pin to; default: the last")
-    add("--run", type=Path, metavar="DIR", help="for lattice.json; default: build/systems")
+    running.options(parser, "lattice.json", "systems")
     args = parser.parse_args()
     args.threads = args.threads or sorted({1, min(2, len(run.USABLE)), len(run.USABLE)})
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
 
 
 def main() -> int:
     args = arguments()
-    folder = store.writable(args.run or registry.ROOT / "build" / "systems")
+    folder = running.folder(args)
     run.cpu_set(args.cpu, 1)
     if max(args.threads) > len(run.USABLE):
         raise StudyError(f"--threads {max(args.threads)}: there are {len(run.USABLE)} CPUs")
@@ -58,19 +47,12 @@ def main() -> int:
         raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
     scene = registry.find_scene(lattice.SCENE)
     sizes = [scene.size(n) for n in args.n] if args.n else list(lattice.SIZES)
-    begun = time.monotonic()
     settings = {key: getattr(args, key) for key in ("launches", "threads", "seed", "cpu")}
     how = (args.threads, args.launches, args.seed, args.cpu, args.error_n)
     with temporary.folder() as scratch:
         found = lattice.study(names, sizes, *how, scratch)
-    about = {"took_s": time.monotonic() - begun, "context": machine.context()}
-    result = cli.plain({"schema": 1, **settings, **about, **found})
-    store.write_json(folder / lattice.FILE, result)
-    if args.json:
-        cli.emit(result, folder)
-    else:
-        print("\n".join([*map(lattice_page.sentence, result["rows"]), lattice_page.note(result)]))
-    bad = {row["phase"] for row in result["rows"] if row["non_finite"]}
-    for name in sorted(bad):
-        cli.say(f"FAIL {name} on {lattice.SCENE}: samples that are not finite")
-    return cli.FAILED if bad else cli.OK
+    result = running.write(folder / lattice.FILE, settings, found)
+    lines = [*map(lattice_page.sentence, result["rows"]), lattice_page.note(result)]
+    bad = sorted({row["phase"] for row in result["rows"] if row["non_finite"]})
+    failed = [f"{name} on {lattice.SCENE}: samples that are not finite" for name in bad]
+    return running.end(args, result, lines, failed)

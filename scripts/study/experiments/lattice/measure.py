@@ -1,7 +1,7 @@
 """CPU-RTRM's scene (common/scenes/lattice.json) by every phase of the ladder: what lattice.json says.
 
 The scene is made from a description of that program's: an infinite lattice of rounded cubes and spheres. What
-it takes for a frame was measured elsewhere, by others; results/README.md has the keys.
+it takes for a frame was measured elsewhere, by others; results/keys/ has the keys.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 
 from study.core import registry, run, store
 from study.core.registry import Scene, Spec
+from study.experiments.lattice.schema import Lattice
 from study.experiments.rods import measure as rods
 from study.numbers import stats
 from study.truth import truth
@@ -183,7 +184,7 @@ def read(path: Path) -> Row:
     """A run's lattice.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": []}
-    return store.read_rows(path, "lattice", {"phase", "program_ms", "light"})
+    return Lattice.read(path)
 
 
 def best(result: Row, threads: int) -> Row | None:

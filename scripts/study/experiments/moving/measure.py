@@ -204,15 +204,6 @@ def animation(
                     "resumed_at": resumed(lines), "reused": reused, "all_ms": ms.tolist()}  # fmt: skip
 
 
-def with_mean(row: Row) -> Row:
-    """A row of an older file, which had the median in the mean's place, by its frames' times."""
-    if "mean" in row["ms"] or not row.get("all_ms"):
-        return row
-    mean = float(np.mean(row["all_ms"]))
-    per = {"core_ns_per_pixel": mean * 1e6 * row["threads"] / (row["width"] * row["n"])}
-    return row | {"ms": row["ms"] | {"mean": mean}} | per
-
-
 def thread_counts() -> Sequence[int]:
     """One, and as many as there are."""
     return [1] + ([len(run.USABLE)] if len(run.USABLE) > 1 else [])

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import secrets
 import sys
-from pathlib import Path
 
 from study.core import cli, machine, registry, store
 from study.core.build import build
 from study.core.cli import StudyError
+from study.experiments import running
 from study.experiments.original import measure as original
 
 DESCRIPTION = """\
@@ -25,20 +24,10 @@ def arguments() -> argparse.Namespace:
     phases, scenes = list(original.COMMITS), list(original.SCENES)
     add("--phase", nargs="+", choices=phases, default=phases, metavar="PHASE", help="default: all five")
     add("--scene", nargs="+", choices=scenes, default=scenes, metavar="SCENE", help="default: both")
-    add(
-        "-n",
-        type=cli.at_least(2),
-        default=720,
-        metavar="HEIGHT",
-        help="height of the pictures; default: 720, the paper's",
-    )
-    add("--launches", type=cli.at_least(1), default=6, help="of each program; default: 6")
-    add("--seed", type=int, help="of order and padding; default: random")
+    running.height(parser, 720, "height of the pictures", least=2)
     add("--repository", default=original.REPOSITORY, metavar="URL", help="default: %(default)s")
-    add("--run", type=Path, metavar="DIR", help=f"for {original.FILE}; default: build/original")
-    args = parser.parse_args()
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
-    return args
+    running.options(parser, original.FILE, "original")
+    return parser.parse_args()
 
 
 def main() -> int:
@@ -46,7 +35,7 @@ def main() -> int:
     for phase in args.phase:
         if lacking := registry.missing_isa(registry.Spec.parse(phase)):
             raise StudyError(f"{phase} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
-    folder = store.writable(args.run or registry.ROOT / "build" / "original")
+    folder = running.folder(args)
     kept = original.folder_of(args.repository)
     original.fetch(args.repository, kept)
     programs = {phase: original.build(kept, phase, args.n) for phase in args.phase}
@@ -62,8 +51,4 @@ def main() -> int:
             result = {"schema": 1, "repository": args.repository, "launches": args.launches}
             result |= {"seed": args.seed, "rows": kept + rows, "context": machine.context()}
             store.write_json(folder / original.FILE, result)
-    if args.json:
-        cli.emit(result, folder)
-    else:
-        print(folder / original.FILE)
-    return cli.OK
+    return running.end(args, result, [folder / original.FILE])

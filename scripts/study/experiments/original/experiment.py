@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from study.experiments.experiment import Call, Experiment, Study
-
-
-def calls(study: Study) -> list[Call]:
-    return [Call("original", ["--run", str(study.run)], may_lack=True)]
-
+from study.experiments.experiment import Experiment
+from study.experiments.original.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
     name="original",
     what="the paper's own program",
     turn=160,
-    files=("original.json",),
-    calls=calls,
+    schemas=SCHEMAS,
     depth=None,
-    sections=[],
+    cut="The authors' program has to be downloaded.",
 )

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from study.core import run, store, temporary
+from study.core import run, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import ROOT, Scene, Spec
+from study.experiments.original.schema import Original
 from study.numbers import stats
 from study.pictures import images
 
@@ -177,11 +178,16 @@ def sentence(row: Row) -> str:
     )
 
 
+def read(path: Path) -> Row:
+    """A run's original.json. Raises StudyError for another thing's JSON."""
+    return Original.read(path)
+
+
 def held_beside(folder: Path) -> bool:
     """Whether the run's baseline was timed beside the paper's program and was no slower (3 %)."""
     if not (folder / FILE).exists():
         return False
-    rows = [row for row in store.read_json(folder / FILE)["rows"] if row["phase"] == "baseline"]
+    rows = [row for row in Original.read(folder / FILE)["rows"] if row["phase"] == "baseline"]
     return bool(rows) and all(row["ours_over_theirs"]["value"] <= 1.03 for row in rows)
 
 
@@ -197,6 +203,6 @@ def others(path: Path, height: int, phases: Sequence[str], scenes: Sequence[str]
     """
     if not path.exists():
         return []
-    rows = store.read_rows(path, "original", {"phase", "scene", "n", "ours_over_theirs"})["rows"]
+    rows = Original.read(path)["rows"]
     again = {(phase, scene) for phase in phases for scene in scenes}
     return [row for row in rows if row["n"] == height and (row["phase"], row["scene"]) not in again]

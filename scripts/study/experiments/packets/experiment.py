@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from study.experiments.experiment import Call, Experiment, Study
-
-
-def calls(study: Study) -> list[Call]:
-    return [Call("packets", ["--run", str(study.run)], may_lack=True)]
-
+from study.experiments.experiment import Experiment
+from study.experiments.packets import goals
+from study.experiments.packets.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
     name="packets",
     what="packets of rays beside Embree",
     turn=175,
-    files=("packets.json",),
-    calls=calls,
+    schemas=SCHEMAS,
     depth=None,
+    goals=goals.reached,
+    cut="It needs Embree, which not every machine has.",
 )

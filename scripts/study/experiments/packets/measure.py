@@ -19,6 +19,7 @@ from study.experiments.functions import measure as functions
 from study.experiments.moving import measure as moving
 from study.experiments.packets import rays as packets_rays
 from study.experiments.packets.rays import KINDS, Rays
+from study.experiments.packets.schema import Packets
 from study.experiments.rods import measure as rods
 from study.numbers import stats
 from study.truth import truth
@@ -284,5 +285,5 @@ def read(file: Path) -> Row:
     """The file, or one with no rows. Raises StudyError."""
     if not file.exists():
         return {"rays": [], "drawn": []}
-    result = store.read_json(file)
-    return result | {"animation": [moving.with_mean(row) for row in result.get("animation", [])]}
+    result = Packets.read(file)
+    return result | {"animation": result.get("animation", [])}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import secrets
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ import matplotlib
 from study.core import cli, machine, registry, run, store, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
+from study.experiments import running
 from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto import tables as pareto_page
@@ -56,11 +56,9 @@ def arguments() -> argparse.Namespace:
     add("-n", type=cli.at_least(1), metavar="HEIGHT", help=about)
     about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
     add("--antialias-n", type=cli.at_least(1), metavar="HEIGHT", help=about)
-    add("--budget", type=cli.at_least(1, float), default=600, metavar="SECONDS", help="seconds; default: 600")
-    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
-    add("--seed", type=int, help="of order and padding; default: random")
+    running.budget(parser, 600)
     add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
-    add("--run", type=Path, metavar="DIR", help="for pareto.json and figures/; default: build/pareto")
+    running.options(parser, "pareto.json and figures/", "pareto")
     return parser.parse_args()
 
 
@@ -126,8 +124,7 @@ def figures(result: dict, folder: Path) -> list[Path]:
 
 def main() -> int:
     args = arguments()
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
-    folder = store.writable(args.run or registry.ROOT / "build" / "pareto")
+    folder = running.folder(args)
     specs = [Spec.parse(name) for name in dict.fromkeys(args.phase)]
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
     lacking = {spec: registry.missing_isa(spec) for spec in specs}
@@ -155,12 +152,7 @@ def main() -> int:
     result = concluded(result)
     store.write_json(folder / pareto.FILE, result)
     drawn = figures(result, folder / "figures")
-    if args.json:
-        cli.emit(result, folder)
-    else:
-        print("\n".join([*result["sentences"], *result["summary"], *map(str, drawn)]))
     pareto.say_missing(skipped)
     bad = [row for row in rows if row["non_finite"]]
-    for row in bad:
-        cli.say(f"FAIL {row['phase']} on {row['scene']} at {row['hit_distance']:g}: not finite")
-    return cli.FAILED if bad else cli.OK
+    failed = [f"{row['phase']} on {row['scene']} at {row['hit_distance']:g}: not finite" for row in bad]
+    return running.end(args, result, [*result["sentences"], *result["summary"], *drawn], failed)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.pareto import chapter
+from study.experiments.pareto.schema import SCHEMAS
 
 QUICK = ["-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
 
@@ -11,6 +13,8 @@ QUICK = ["-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
 def calls(study: Study) -> list[Call]:
     """Every scene and the whole grid, in a budget of its own, where it was asked for; else a few points."""
     few = [] if study.whole else ["--scene", *study.scenes, *QUICK]
+    if study.quick:
+        few = ["--scene", study.scenes[0], *QUICK, "--phase", *cuts.three(), "--budget", "20"]
     return [Call("pareto", [*few, "--run", str(study.run)])]
 
 
@@ -18,8 +22,9 @@ EXPERIMENT = Experiment(
     name="pareto",
     what="speed against error",
     turn=80,
-    files=("pareto.json",),
+    schemas=SCHEMAS,
     calls=calls,
-    depth="standard",
+    depth="quick",
+    cut="One scene and three phases at height 64, two hit distances, one step limit.",
     sections=[(120, lambda data: chapter.headline(data.path))],
 )

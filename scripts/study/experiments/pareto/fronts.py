@@ -14,7 +14,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from study.core import cli, store
+from study.core import cli
+from study.experiments.pareto.schema import Pareto
 
 FILE = "pareto.json"
 TRUTHS = {"psnr_db": "the paper's estimator", "psnr_ideal_db": "the ideal shadow"}
@@ -214,7 +215,7 @@ def read(path: Path) -> dict[str, Any]:
     """A run's pareto.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "skipped": []}
-    return store.read_rows(path, "pareto", {"ns_per_pixel"})
+    return Pareto.read(path)
 
 
 def shown(rows: Sequence[Row]) -> list[Row]:

@@ -184,10 +184,7 @@ def _decibels(name: str):
     return text
 
 
-def _ns(row: Row) -> str:
-    pace = row["ns_per_pixel"]
-    flat = {"p": pace["value"], "p_low": pace["low"], "p_high": pace["high"]}
-    return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "p")
+_ns = show.spread_of("ns_per_pixel", digits=4)
 
 
 def _timed(row: Row) -> str:

@@ -1,5 +1,5 @@
 """Rods against rays (phase rods), and the settings of the hybrid (phase rods_simd): what rods.json and
-throttle.json say. Rod marching: the article of 6 July 2012; results/README.md has the keys.
+throttle.json say. Rod marching: the article of 6 July 2012; results/keys/ has the keys.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from study.core import run, store, temporary
+from study.core import run, temporary
 from study.core.registry import Scene, find_scene
 from study.experiments.accuracy import measure as accuracy
+from study.experiments.rods.schema import Rods
 from study.numbers import stats
 from study.pictures import images
 from study.pictures.images import Picture
@@ -194,7 +195,7 @@ def study(scenes: Sequence[Scene], n: int, article_n: int, launches: int, seed: 
 
 def read(file: Path) -> Row:
     """The file, or one with no rows. Raises StudyError."""
-    return store.read_json(file) if file.exists() else {"rows": []}
+    return Rods.read(file) if file.exists() else {"rows": []}
 
 
 # What a throttle may choose of phase rods_simd.

@@ -23,7 +23,7 @@ def _ms(row: Row) -> str:
 
 
 def _gain(row: Row) -> str:
-    return show.interval({k: row[k] for k in ("gain", "gain_low", "gain_high")}, "gain", 3, "×")
+    return show.interval(row, "gain", 3, "×")
 
 
 def _of(name: str, key: str, digits: int = 3):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 
 from study.bounds import roof
 from study.core import cli, table_files
@@ -14,12 +13,7 @@ from study.numbers import analysis
 
 def main() -> int:
     parser = cli.parser(__doc__ or "")
-    parser.add_argument(
-        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
-    )
-    parser.add_argument(
-        "-o", "--out", type=Path, metavar="PATH", help="where figures/ and tables/ go; default: RUN"
-    )
+    cli.of_run(parser, "where figures/ and tables/ go; default: RUN")
     args = parser.parse_args()
     data = analysis.load(args.run)
     counted, limits, _ = roof.read(data.path)
@@ -33,12 +27,10 @@ def main() -> int:
     made = roof_tables.tables(table, limits)
     figures = draw(data, table, limits, out / "figures")
     paths = table_files.write(made, out / "tables")
+    files = [*itertools.chain(*figures.values()), *paths]
     if args.json:
         assert limits
-        cli.emit(
-            roof.to_json(table, limits) | {"files": [*itertools.chain(*figures.values()), *paths]}, data.path
-        )
+        cli.emit(roof.to_json(table, limits) | {"files": files}, data.path)
     else:
-        print(made["roofline"][1])
-        print("\n".join(str(path) for path in [*itertools.chain(*figures.values()), *paths]))
+        print("\n".join(map(str, [made["roofline"][1], *files])))
     return cli.OK

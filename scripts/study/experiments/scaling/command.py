@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import secrets
-import time
 from pathlib import Path
 
 import matplotlib
 
-from study.core import cli, machine, registry, run, store, temporary
+from study.core import cli, registry, run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Spec
+from study.experiments import running
 from study.experiments.scaling import figures as scaling_page
 from study.experiments.scaling import goals as scaling_goals
 from study.experiments.scaling import measure as scaling
@@ -40,19 +39,16 @@ def arguments() -> argparse.Namespace:
         metavar="HEIGHT",
         help=f"height where it is not what varies; default: {HEIGHT}",
     )
-    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add(
         "--budget", type=cli.at_least(1, float), metavar="SECONDS", help=f"for everything; default: {SECONDS}"
     )
     add("--full", action="store_true", help=f"n = {FULL_HEIGHT} and {FULL_SECONDS} s: nearly every point")
-    add("--seed", type=int, help="of order and padding; default: random")
     add("--scene-seed", type=int, default=1, help="of the generated scenes; default: 1")
     add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
-    add("--run", type=Path, metavar="DIR", help="for scaling.json, figures/, images/; default: build/scaling")
+    running.options(parser, "scaling.json, figures/, images/", "scaling")
     args = parser.parse_args()
     args.n = args.n or (FULL_HEIGHT if args.full else HEIGHT)
     args.budget = args.budget or (FULL_SECONDS if args.full else SECONDS)
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
 
 
@@ -120,31 +116,24 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
 
 def main() -> int:
     args = arguments()
-    folder = store.writable(args.run or registry.ROOT / "build" / "scaling")
+    folder = running.folder(args)
     run.cpu_set(args.cpu, 1)
-    begun = time.monotonic()
     settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "scene_seed", "cpu")}
     settings["seconds"] = args.budget
     found = measured(args, folder)
-    about = {"coverage_wanted": scaling_goals.scaling_scenes.COVERAGE, "took_s": time.monotonic() - begun}
-    result = cli.plain({"schema": 1, **settings, **about, "context": machine.context(), **found})
-    store.write_json(folder / scaling.FILE, result)
+    settings["coverage_wanted"] = scaling_goals.scaling_scenes.COVERAGE
+    result = running.write(folder / scaling.FILE, settings, found)
     figures = []
     with matplotlib.rc_context(STYLE):
         for name, figure in scaling_page.figures(result, folder).items():
             text = "" if name == scaling_page.SHEET else scaling_page.note(result)
             figures += save(figure, folder / "figures" / name, text)
-    if args.json:
-        cli.emit(result, folder)
-    else:
-        for fit in result["fits"]:
-            law = scaling_fit.text(fit["time"]["exponent"])
-            print(f"{fit['title']}, {fit['phase']}: time grows by exponent {law}; {fit['verdict']}")
-        print("\n".join(str(path) for path in figures))
-    scaling.say_left_out(result["left_out"])
+    lines = [
+        f"{fit['title']}, {fit['phase']}: time grows by exponent "
+        f"{scaling_fit.text(fit['time']['exponent'])}; {fit['verdict']}"
+        for fit in result["fits"]
+    ]
     bad = [row for row in result["rows"] if row.get("non_finite")]
-    for row in bad:
-        cli.say(
-            f"FAIL {row['phase']} in {row['series']} at {row['x']}: {row['non_finite']} samples not finite"
-        )
-    return cli.FAILED if bad else cli.OK
+    failed = [f"{r['phase']} in {r['series']} at {r['x']}: {r['non_finite']} samples not finite" for r in bad]
+    scaling.say_left_out(result["left_out"])
+    return running.end(args, result, [*lines, *figures], failed)

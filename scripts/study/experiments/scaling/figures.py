@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib.image
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -17,7 +16,7 @@ from matplotlib.figure import Figure
 from study.core import machine, registry
 from study.experiments.scaling.series import LAW, Row
 from study.numbers import power_laws as scaling_fit
-from study.pictures.draw import Drawing, legend, look, panels, plain_log
+from study.pictures.draw import Drawing, legend, look, panels, plain_log, thumbnails
 
 APART = 0.052  # of a panel's height: labels that are nearer would overlap
 TOP = 120  # dB: what is nearer is drawn here
@@ -165,21 +164,11 @@ def errors(result: dict[str, Any]) -> Figure:
 
 def sheet(result: dict[str, Any], folder: Path) -> Figure | None:
     """The generated scenes as they were rendered, a row per series."""
-    shown = [one for one in result["thumbnails"] if (folder / one["picture"]).is_file()]
-    if not shown:
-        return None
-    series = list(dict.fromkeys(one["series"] for one in shown))
-    across = max(sum(one["series"] == name for one in shown) for name in series)
-    figure = Figure(figsize=(2.7 * across + 0.6, 1.75 * len(series) + 0.9), layout="constrained")
-    figure.suptitle("The generated scenes", x=0.01, ha="left", fontsize=12)
-    grid = figure.subplots(len(series), across, squeeze=False)
-    for axes in grid.flat:
-        axes.set_axis_off()
-    for name, line in zip(series, grid, strict=True):
-        for one, axes in zip((o for o in shown if o["series"] == name), line, strict=False):
-            axes.imshow(matplotlib.image.imread(folder / one["picture"]))
-            axes.set_title(f"{one['scene']}: {100 * one['coverage']:.1f} % hit", fontsize=8)
-    return figure
+    lines: dict[str, dict[Path, str]] = {}
+    for one in result["thumbnails"]:
+        about = f"{one['scene']}: {100 * one['coverage']:.1f} % hit"
+        lines.setdefault(one["series"], {})[folder / one["picture"]] = about
+    return thumbnails("The generated scenes", [*lines.values()], (0.6, 0.9))
 
 
 def _evaluations(row: dict[str, Any]) -> float | None:

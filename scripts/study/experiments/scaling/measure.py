@@ -20,10 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from study.core import cli, registry, run, store
+from study.core import cli, registry, run
 from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments.scaling.errors import Judge, seen
+from study.experiments.scaling.schema import Scaling
 from study.experiments.scaling.series import EARLY, Picture, Point, Row, Series, guessed
 from study.numbers import stats
 from study.pictures import images
@@ -318,7 +319,7 @@ def read(path: Path) -> dict[str, Any]:
     """A run's scaling.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": [], "fits": [], "memory": [], "goals": []}
-    return store.read_rows(path, "scaling", {"series", "ns"})
+    return Scaling.read(path)
 
 
 def say_left_out(left_out: Sequence[Row]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -28,17 +27,6 @@ def _worst(row: Row) -> str:
     return (
         show.NOTHING if law["points"] < scaling_fit.LEAST else f"{law['worst']:.2f}× at {law['worst_x']:,g}"
     )
-
-
-def _interval(name: str, unit: str = "", digits: int = 3) -> Callable[[Row], str]:
-    def text(row: Row) -> str:
-        found = row.get(name)
-        if found is None:
-            return show.NOTHING
-        flat = {"v": found["value"], "v_low": found["low"], "v_high": found["high"]}
-        return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", digits, unit)
-
-    return text
 
 
 def _plain(name: str) -> Callable[[Row], str]:
@@ -80,8 +68,8 @@ CROWDS = [
     Column("shapes", "n", lambda r: show.NOTHING if not r["n"] else str(r["n"])),
     Column("shapes", "scenes, 16 and many", lambda r: _both(r, "scenes", "{:,}")),
     Column("shapes", "mean ms, 16 and many", lambda r: _both(r, "mean_ms", "{:.3g}")),
-    Column("shapes", "time over that of 16 [95 %]", _interval("ratio", "×")),
-    Column("shapes", "by medians [95 %]", _interval("by_medians", "×")),
+    Column("shapes", "time over that of 16 [95 %]", show.spread_of("ratio", "×")),
+    Column("shapes", "by medians [95 %]", show.spread_of("by_medians", "×")),
     Column(
         "shapes",
         "share of pixels hit, 16 and many",
@@ -93,8 +81,8 @@ POINTS = [
     Column("", "series", lambda r: r["series"]),
     Column("", "x", lambda r: f"{r['x']:,}"),
     Column("", "program", lambda r: r["phase"]),
-    Column("", "ms a frame [95 %]", _interval("ms", digits=4)),
-    Column("", "ns/pixel [95 %]", _interval("ns_per_pixel", digits=4)),
+    Column("", "ms a frame [95 %]", show.spread_of("ms", digits=4)),
+    Column("", "ns/pixel [95 %]", show.spread_of("ns_per_pixel", digits=4)),
     Column("", "evaluations per ray", _evaluations(_plain("evals_per_ray"), show.NOTHING)),
     Column("", "share of pixels hit", _plain("coverage")),
     Column("error", "reference", lambda r: r.get("reference") or r.get("why_none") or "too large to be kept"),

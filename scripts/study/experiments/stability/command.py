@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from functools import partial
 from pathlib import Path
 
 from study.core import cli, registry, store
@@ -14,6 +15,7 @@ from study.core.run import GENERAL
 from study.experiments.stability import cases as hard
 from study.experiments.stability import tables as hard_page
 from study.experiments.stability.cases import curves, measure, phase
+from study.pictures.processes import in_processes
 
 
 def positive(text: str) -> float:
@@ -97,8 +99,7 @@ def main() -> int:
     result = {"schema": 1, "phases": phases, "cases": about, "results": rows, "skipped": skipped}
     store.write_json(folder / "stability.json", result)
     written = hard_page.read(folder / "stability.json")
-    for case in written["cases"]:
-        hard_page.draw(written, case, folder / "figures")
+    in_processes([partial(hard_page.draw, written, case, folder / "figures") for case in written["cases"]])
     index = hard_page.write(written, folder / "pages")
     if args.json:
         cli.emit(result, folder)

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.stability import chapter
+from study.experiments.stability.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
-    return [Call("stability", ["--run", str(study.run)])]
+    few = ["--strengths", "few", "--phase", *cuts.three()[::2]] if study.quick else []
+    return [Call("stability", [*few, "--run", str(study.run)])]
 
 
 EXPERIMENT = Experiment(
     name="stability",
     what="hard cases",
     turn=70,
-    files=("stability.json",),
+    schemas=SCHEMAS,
     calls=calls,
-    depth="standard",
+    depth="quick",
+    cut="The first and the last phase, at the first, the middle and the last strength of each case.",
     sections=[(530, lambda data: chapter.hard(data.path))],
 )

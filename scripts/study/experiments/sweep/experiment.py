@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from study.core.run_schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.sweep import chapter, rungs
+from study.experiments.sweep import chapter, goals, rungs
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,8 +15,10 @@ EXPERIMENT = Experiment(
     name="sweep",
     what="times of every phase",
     turn=0,
-    files=("frames.jsonl", "plan.json", "context.json"),
+    schemas=SCHEMAS,
     calls=calls,
     depth="quick",
+    cut="Six launches instead of ten, and pictures as large as 75 seconds allow.",
     sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],
+    goals=goals.reached,
 )

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from study.core.registry import arithmetic_flags
 from study.experiments.accuracy import measure as accuracy
 from study.numbers import paper, stats
-from study.numbers.analysis import Cell, Data, described
+from study.numbers.analysis import Cell, Data, described, second_base
 from study.numbers.stats import Interval
 
-BASE, SAME_FLAGS = "baseline", "opt2"  # what speed-ups are over
+BASE = "baseline"  # what speed-ups are over
 ERRORS = (
     "identical",
     "non_finite",
@@ -92,31 +91,14 @@ def _spread(name: str, interval: Interval | None, scale: float = 1) -> dict[str,
     }
 
 
-def _flags(data: Data, cell: Cell) -> str:
-    """What the compiler was told that changes arithmetic; of a phase with variants what all of them share."""
-    about = described(data.plan).get(cell.spec.partition("@")[0], {})
-    return arithmetic_flags(cell.facts["flags"] or "", about.get("variants") or ())
-
-
 def _compiling(cell: Cell) -> float:
     """ms of the launch that compiled longest, 0: the kernel was found; NaN: nothing is generated."""
     return cell.values.get("kernel_compile_ns", pd.Series([math.nan], dtype=float)).max() / 1e6
 
 
 def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
-    alike = (cell.scene, cell.height, cell.width)
-    base = data.cell(alike[0], BASE, *alike[1:])
-    same = next(
-        (
-            c
-            for c in data.cells
-            if (c.scene, c.height, c.width) == alike
-            and c.threads == 1
-            and c.spec.partition("@")[0] == SAME_FLAGS
-            and _flags(data, c) == _flags(data, cell)
-        ),
-        None,
-    )
+    base = data.cell(cell.scene, BASE, cell.height, cell.width)
+    same = second_base(cell, data.cells, described(data.plan))
     one = data.cell(cell.scene, cell.spec, cell.height, cell.width) if cell.threads > 1 else None
     ns = cell.median("ns")
     return {

@@ -19,7 +19,7 @@ from study.core.build import build
 from study.core.registry import Spec, cpu_supports, find_phase, find_scene, missing_isa, phases
 from study.core.run import DriverError
 from study.experiments.sweep import summary
-from study.numbers.analysis import GENERATED
+from study.numbers.analysis import GENERATED, SECOND_BASE
 
 CALIBRATION_HEIGHT = 45
 NEAR = 10  # times --long: up to that a frame is timed at its own size before it counts as long
@@ -81,13 +81,13 @@ def wanted_specs(names: Iterable[str], second_base: bool) -> list[Spec]:
 
     for name in names:
         add(Spec.parse(name))
-    if second_base and summary.SECOND_BASE in phases():
-        there = {summary.cflags(s.flags_from) for s in found.values() if s.phase == summary.SECOND_BASE}
-        there.add(summary.cflags(summary.SECOND_BASE))
+    if second_base and SECOND_BASE in phases():
+        there = {summary.cflags(s.flags_from) for s in found.values() if s.phase == SECOND_BASE}
+        there.add(summary.cflags(SECOND_BASE))
         for spec in list(found.values()):
             if (flags := summary.cflags(spec.flags_from)) not in there:
                 there.add(flags)
-                add(Spec(summary.SECOND_BASE, spec.flags_from))
+                add(Spec(SECOND_BASE, spec.flags_from))
     return list(found.values())
 
 

@@ -10,9 +10,10 @@ import pandas as pd
 
 from study.core.cli import StudyError
 from study.core.registry import arithmetic_flags, phases
-from study.numbers import stats
+from study.numbers import analysis, stats
+from study.numbers.analysis import Cell
 
-BASE, SECOND_BASE = "baseline", "opt2"
+BASE = "baseline"
 SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
 SPEED += [("launches", "launches"), ("ms", "median ms [95 %]"), ("ns_per_pixel", "ns/pixel [95 %]")]
 SPEED += [("tsc_cycles", "TSC cycles"), ("core_cycles_per_pixel", "core cycles/pixel")]
@@ -25,73 +26,46 @@ def cflags(phase: str) -> str:
     return arithmetic_flags(phases()[phase].cflags) if phase in phases() else phase
 
 
-def second_base(row: pd.Series, specs: Sequence[str]) -> str | None:
-    """The spec of opt2 among `specs` that is built with the compiler flags of `row`, those of no variant."""
-    for spec in specs:
-        phase, _, flags_from = spec.partition("@")
-        if phase == SECOND_BASE and cflags(flags_from or phase) == cflags(row["flags_from"]):
-            return spec
-    return None
-
-
 def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
     """Rows with Interval values: ms, ns_per_pixel, and the ratios base / this: speedup (baseline's time),
     parent_speedup and second_speedup. None where the base was not timed.
 
     A base has the same scene and size, and the same threads or else one thread.
     """
-    values = {name: stats.launch_values(frames, name) for name in ("ns", "tsc_cycles", "core_cycles")}
-    table = values["ns"]
-    order = {name: number for number, name in enumerate(phases())}
-    found = []
-    for config, group in table.groupby("config", sort=False):
-        row = group.iloc[0]
-        pixels = row["width"] * row["height"]
-        ns = group.set_index("round")["value"]
-        same = table[(table["scene_hash"] == row["scene_hash"]) & (table["width"] == row["width"])]
-        same = same[same["height"] == row["height"]]
+    cells, known = analysis.cells_of(frames, {}), phases()
+    about = {name: vars(phase) for name, phase in known.items()}
+    order = {name: number for number, name in enumerate(known)}
 
-        def speedup(base: str | None, row=row, same=same, ns=ns) -> stats.Interval | None:
-            for threads in (row["threads"], 1):
-                times = same[(same["spec"] == base) & (same["threads"] == threads)]
-                times = times.set_index("round")["value"]
-                if len(times) and base != row["spec"]:
-                    return stats.ratio_interval(times, ns)
-            return None
+    def over(cell: Cell, base: str | None) -> stats.Interval | None:
+        found = {c.threads: c for c in cells if (c.spec, c.picture) == (base, cell.picture)}
+        timed = found.get(cell.threads) or found.get(1)
+        return cell.over(timed) if timed and base != cell.spec else None
 
-        other, phase = second_base(row, list(same["spec"].unique())), phases().get(row["spec"])
-        over_parent = speedup(phase.parent if phase else None)
-        tsc, core = (
-            values[name].loc[values[name]["config"] == config, "value"].median()
-            for name in ("tsc_cycles", "core_cycles")
-        )
-        found.append(
+    made = []
+    cells.sort(key=lambda c: (c.scene, c.height, c.width, c.threads, order.get(c.phase, 99), c.spec))
+    for cell in cells:
+        ns, parent = cell.values["ns"], known[cell.spec].parent if cell.spec in known else None
+        second = analysis.second_base(cell, cells, about)
+        other = second.spec if second and second.spec != cell.spec else None
+        over_parent = over(cell, parent)
+        names = ("config", "spec", "phase", "scene", "width", "height", "threads")
+        made.append(
             {
-                **{key: row[key] for key in stats.CONFIG},
-                "size": f"{row['width']}x{row['height']}",
+                **{name: getattr(cell, name) for name in names},
+                "size": f"{cell.width}x{cell.height}",
                 "launches": len(ns),
                 "ms": stats.median_interval(ns / 1e6),
-                "ns_per_pixel": stats.median_interval(ns / pixels),
-                "tsc_cycles": tsc,
-                "core_cycles_per_pixel": core / pixels,
-                "speedup": speedup(BASE),
-                "parent": phase.parent if phase and over_parent else None,
+                "ns_per_pixel": stats.median_interval(ns / cell.pixels),
+                "tsc_cycles": cell.median("tsc_cycles").value,
+                "core_cycles_per_pixel": cell.median("core_cycles").value / cell.pixels,
+                "speedup": over(cell, BASE),
+                "parent": parent if over_parent else None,
                 "parent_speedup": over_parent,
-                "second_base": other if other != row["spec"] else None,
-                "second_speedup": speedup(other),
+                "second_base": other,
+                "second_speedup": over(cell, other),
             }
         )
-    return sorted(
-        found,
-        key=lambda r: (
-            r["scene"],
-            r["height"],
-            r["width"],
-            r["threads"],
-            order.get(r["phase"], 99),
-            r["spec"],
-        ),
-    )
+    return made
 
 
 def indistinguishable(frames: pd.DataFrame) -> list[str]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study.core import cli, registry, store
+from study.core import cli
+from study.experiments import running
 from study.experiments.systems import pictures as systems_pictures
 
 DESCRIPTION = """\
@@ -14,19 +15,10 @@ fixed_float: each picture over its difference to truth. scripts/stepwise report 
 
 def main() -> int:
     parser = cli.parser(DESCRIPTION, {})
-    parser.add_argument(
-        "-n",
-        type=cli.at_least(16),
-        default=systems_pictures.HEIGHT,
-        metavar="HEIGHT",
-        help="height; default: 180",
-    )
+    running.height(parser, systems_pictures.HEIGHT)
     parser.add_argument("--run", type=Path, metavar="DIR", help="for images/; default: build/systems")
+    parser.set_defaults(home="systems")
     args = parser.parse_args()
-    folder = store.writable(args.run or registry.ROOT / "build" / "systems")
+    folder = running.folder(args)
     (path,) = systems_pictures.write_pictures(folder, args.n)
-    if args.json:
-        cli.emit({"picture": path}, folder)
-    else:
-        print(path)
-    return cli.OK
+    return running.end(args, {"picture": path}, [path])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from study.core import provenance
 from study.core.show import Column
@@ -24,6 +25,7 @@ from study.experiments.rods import pictures as rods_pictures
 from study.experiments.rods import tables as rods_page
 from study.experiments.section import Section, part, reading
 from study.experiments.systems import pictures as systems_pictures
+from study.experiments.throttle.schema import Throttle
 
 ROWS = [
     Column("", "system", lambda r: r["system"]),
@@ -53,12 +55,18 @@ def few(rows: Sequence[dict[str, str]]) -> list[dict[str, str]]:
     return [row for row in rows if row in kept or FIGURE.search(row["article"])]
 
 
+def throttled_in(path: Path) -> dict[str, Any]:
+    """A run's throttle.json, or one with no rows. Raises StudyError."""
+    file = path / rods.THROTTLE
+    return Throttle.read(file) if file.exists() else {"rows": []}
+
+
 def rows_of(path: Path) -> list[dict[str, str]]:
     """The rows of the table of all systems that a run has files for. Raises StudyError for a broken one."""
     latticed, integers = lattice.read(path / lattice.FILE), fixed.read(path / fixed.FILE)
     traced = packets.read(path / packets.FILE)
     return [
-        *rods_page.system_rows(rods.read(path / rods.FILE), rods.read(path / rods.THROTTLE)),
+        *rods_page.system_rows(rods.read(path / rods.FILE), throttled_in(path)),
         *(lattice_page.system_rows(latticed) if latticed["rows"] else []),
         *fixed_page.system_rows(integers),
         *packets_systems.system_rows(traced),
@@ -83,7 +91,7 @@ def section(path: Path) -> Section:
             parts += part("rods-trade", caption, result["trade"], rods_page.TRADES)
             pictures[path / "images" / f"{rods_pictures.PICTURES}.png"] = rods_pictures.CAPTION
     with reading(path / rods.THROTTLE, f"scripts/stepwise throttle --run {path}"):
-        throttled = rods.read(path / rods.THROTTLE)
+        throttled = throttled_in(path)
         if throttled["rows"]:
             caption = "Rods, then packets: the throttle's choice of each scene"
             foot = rods_page.throttle_foot(throttled)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import secrets
-import time
-from pathlib import Path
 
-from study.core import cli, machine, registry, store
+from study.core import cli, registry
 from study.core.cli import StudyError
 from study.core.run import USABLE
+from study.experiments import running
 from study.experiments.rods import measure as rods
 from study.experiments.rods import tables as rods_page
 
@@ -26,7 +24,7 @@ def arguments() -> argparse.Namespace:
     )
     add = parser.add_argument
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: all")
-    add("-n", type=cli.at_least(16), default=90, metavar="HEIGHT", help="height in pixels; default: 90")
+    running.height(parser, 90)
     add(
         "--psnr",
         type=cli.at_least(0, float),
@@ -41,41 +39,24 @@ def arguments() -> argparse.Namespace:
         metavar="PPM",
         help="wrong hits, at most; default: 1000",
     )
-    add(
-        "--large",
-        type=cli.at_least(16),
-        default=360,
-        metavar="HEIGHT",
-        help="height of the larger; default: 360",
-    )
-    add("--launches", type=cli.at_least(2), default=6, help="of finalists and choice; default: 6")
-    add("--seed", type=int, help="of the order; default: random")
-    add("--run", type=Path, metavar="DIR", help="for throttle.json; default: build/systems")
-    args = parser.parse_args()
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
-    return args
+    running.height(parser, 360, "height of the larger", "--large")
+    running.options(parser, "throttle.json", "systems", 2, "the order")
+    return parser.parse_args()
 
 
 def main() -> int:
     args = arguments()
     if missing := registry.missing_isa(registry.find_phase("rods_simd")):
         raise StudyError(f"rods_simd needs {' '.join(missing)}, which this CPU lacks", cli.CANNOT_RUN)
-    folder = store.writable(args.run or registry.ROOT / "build" / "systems")
+    folder = running.folder(args)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
-    begun, rows = time.monotonic(), []
+    rows = []
     for scene in scenes:
         cli.say(f"{scene.name}: {len(rods.choices())} settings")
         how = (args.psnr, args.wrong, args.launches, args.seed)
         rows.append(rods.throttle(scene, args.n, *how, large=args.large))
     about = {"cpus": len(USABLE), "launches": args.launches, "seed": args.seed}
-    about["took_s"] = time.monotonic() - begun
-    result = cli.plain({"schema": 1, **about, "context": machine.context(), "rows": rows})
-    store.write_json(folder / rods.THROTTLE, result)
-    if args.json:
-        cli.emit(result, folder)
-    else:
-        print("\n".join(map(rods_page.choice, result["rows"])))
+    result = running.write(folder / rods.THROTTLE, about, {"rows": rows})
     none = [row["scene"] for row in rows if row["chosen"] is None]
-    for name in none:
-        cli.say(f"FAIL {name}: no setting is within {args.psnr:g} dB and {args.wrong:g} ppm")
-    return cli.FAILED if none else cli.OK
+    failed = [f"{name}: no setting is within {args.psnr:g} dB and {args.wrong:g} ppm" for name in none]
+    return running.end(args, result, map(rods_page.choice, result["rows"]), failed)

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from study.experiments.experiment import Call, Experiment, Study
-
-
-def calls(study: Study) -> list[Call]:
-    return [Call("throttle", ["--run", str(study.run)], may_lack=True)]
-
+from study.experiments.experiment import Experiment
+from study.experiments.throttle.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
     name="throttle",
     what="rod marching's settings for a stated error",
     turn=172,
-    files=("throttle.json",),
-    calls=calls,
+    schemas=SCHEMAS,
     depth=None,
+    cut="A quick study has no systems: 360 settings a scene take minutes.",
 )

@@ -19,16 +19,6 @@ def _number(name: str):
     return lambda row: show.NOTHING if row.get(name) is None else show.number(row[name])
 
 
-def _interval(name: str, unit: str = ""):
-    def text(row: Row) -> str:
-        found = row[name]
-        return show.interval(
-            {"v": found["value"], "v_low": found["low"], "v_high": found["high"]}, "v", 3, unit
-        )
-
-    return text
-
-
 def _psnr(row: Row) -> str:
     if row["psnr_to_shipped_db"] is not None:
         return show.number(row["psnr_to_shipped_db"])
@@ -40,8 +30,8 @@ CHAINS = [
     Column("", "phase", lambda r: r["phase"]),
     Column("", "compiler", lambda r: r["compiler"]),
     Column("", "flags", lambda r: r["flags"]),
-    Column("", "ms [95 %]", _interval("ms")),
-    Column("", "speed over gcc as shipped [95 %]", _interval("speedup", "×")),
+    Column("", "ms [95 %]", show.spread_of("ms")),
+    Column("", "speed over gcc as shipped [95 %]", show.spread_of("speedup", "×")),
     Column("what changes", "pixels with any bit changed", lambda r: show.percent(r["changed_fraction"])),
     Column("what changes", "PSNR to shipped, dB", _psnr),
     Column("error to ground truth", "PSNR, dB", _number("truth_psnr_db")),
@@ -96,7 +86,7 @@ def _answer(rows: list[Row]) -> str:
         return ""
     best, worst = (pick(able, key=lambda row: row["speedup"]["value"]) for pick in (max, min))
     said = [
-        f"{_interval('speedup', '×')(row)}, {row['phase']} on {row['scene']} by {row['compiler']} with "
+        f"{show.spread_of('speedup', '×')(row)}, {row['phase']} on {row['scene']} by {row['compiler']} with "
         f"{row['flags']} ({_psnr(row)} to the shipped picture)"
         for row in (best, worst)
     ]

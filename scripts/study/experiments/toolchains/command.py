@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import secrets
-from pathlib import Path
 
 from study.core import cli, machine, registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import Spec
+from study.experiments import running
 from study.experiments.sweep import summary
 from study.experiments.toolchains import measure as toolchains
 from study.experiments.toolchains.measure import BASE, SETS
@@ -33,12 +32,10 @@ def arguments() -> argparse.Namespace:
         "--compiler", nargs="+", default=list(toolchains.COMPILERS), metavar="CC", help="default: %(default)s"
     )
     add("--flags", nargs="+", default=list(SETS), choices=SETS, metavar="SET", help="default: all four")
-    add("-n", type=cli.at_least(1), default=90, metavar="HEIGHT", help="height in pixels; default: 90")
-    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
-    add("--seed", type=int, help="of order and padding; default: random")
+    running.height(parser, 90, least=1)
     add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
     add("--no-truth", action="store_true", help="do not compare with truth (saves rendering it)")
-    add("--run", type=Path, metavar="DIR", help="for toolchains.json; default: build/toolchains")
+    running.options(parser, "toolchains.json", "toolchains")
     return parser.parse_args()
 
 
@@ -90,22 +87,19 @@ def study(args: argparse.Namespace) -> dict:
 
 def main() -> int:
     args = arguments()
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
-    folder = store.writable(args.run or registry.ROOT / "build" / "toolchains")
+    folder = running.folder(args)
     result = study(args)
     store.write_json(folder / "toolchains.json", result)
-    if args.json:
-        cli.emit(result, folder)
-    elif result["rows"]:
-        print(summary.table(toolchains.shown(result["rows"]), toolchains.COLUMNS))
-        print(f"n = {args.n}, {args.launches} launches of one frame; -march=native here:")
-        for name, flags in result["native"].items():
-            print(f"  {name}: {flags or 'not told'}")
-    for item in result["skipped"]:
-        cli.say(f"skipped {item.get('compiler') or item['phase']}: {item['reason']}")
-    for item in result["failures"]:
-        cli.say(f"FAIL {item['program']}: {item['reason']}")
-    bad = [row for row in result["rows"] if row["non_finite"]]
-    for row in bad:
-        cli.say(f"FAIL {row['phase']} by {row['compiler']} {row['flags']} on {row['scene']}: not finite")
-    return cli.FAILED if result["failures"] or bad else cli.OK
+    lines = []
+    if result["rows"]:
+        lines = [summary.table(toolchains.shown(result["rows"]), toolchains.COLUMNS)]
+        lines.append(f"n = {args.n}, {args.launches} launches of one frame; -march=native here:")
+        lines += [f"  {name}: {flags or 'not told'}" for name, flags in result["native"].items()]
+    skipped = [f"skipped {one.get('compiler') or one['phase']}: {one['reason']}" for one in result["skipped"]]
+    failed = [f"{one['program']}: {one['reason']}" for one in result["failures"]]
+    failed += [
+        f"{row['phase']} by {row['compiler']} {row['flags']} on {row['scene']}: not finite"
+        for row in result["rows"]
+        if row["non_finite"]
+    ]
+    return running.end(args, result, lines, failed, skipped)

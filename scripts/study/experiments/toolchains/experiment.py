@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.toolchains import chapter
+from study.experiments.toolchains.schema import SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,8 +15,9 @@ EXPERIMENT = Experiment(
     name="toolchains",
     what="compilers and flags",
     turn=150,
-    files=("toolchains.json",),
+    schemas=SCHEMAS,
     calls=calls,
     depth="full",
+    cut="Every phase is built by two compilers with four sets of flags, which takes minutes.",
     sections=[(630, lambda data: chapter.compilers(data.path))],
 )

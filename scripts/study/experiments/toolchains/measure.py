@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from study.core import cli, progress, run, store
+from study.core import cli, progress, run
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.experiments.accuracy import measure as accuracy
+from study.experiments.toolchains.schema import Toolchains
 from study.numbers import stats
 from study.pictures import images
 from study.pictures.images import Picture
@@ -34,8 +35,6 @@ SETS = {
     "and fast-math": "-march=native -ffp-contract=fast -ffast-math",
 }
 BASE = "gcc", "as shipped"
-ROW_KEYS = {"compiler", "flags", "phase", "scene", "ms", "speedup", "changed_fraction", "non_finite",
-            "psnr_to_shipped_db", "rmse_to_shipped"}  # fmt: skip
 WRONG = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm")
 HITS = (*WRONG, "dt_p99")  # of the proved pixels
 
@@ -183,22 +182,7 @@ def row(
 
 def read(path: Path) -> dict[str, Any]:
     """toolchains.json. StudyError for another thing's JSON, or one of which the rows are gone."""
-    result = store.read_json(path)
-    rows = result.get("rows") if isinstance(result, dict) else None
-    sound = isinstance(rows, list) and all(isinstance(r, dict) and r.keys() >= ROW_KEYS for r in rows)
-    sound = sound and (rows or result.get("failures")) and all(_numbers(r) for r in rows)
-    if not sound or result.get("schema") != 1:
-        raise StudyError(
-            f"{path}: not what stepwise toolchains writes; make it again with stepwise toolchains"
-        )
-    return result
-
-
-def _numbers(one: dict[str, Any]) -> bool:
-    """Whether what is a metric is a number, or null where it has no value."""
-    metrics = [v for k, v in one.items() if k.startswith(("truth_", "psnr_", "rmse_", "changed_"))]
-    counted = isinstance(one["non_finite"], int)
-    return counted and all(isinstance(v, int | float | None) for v in metrics)
+    return Toolchains.read(path)
 
 
 def truth_of(scene: Scene, height: int) -> Picture | None:
@@ -220,7 +204,7 @@ COLUMNS = [
     ("speedup", "× over gcc as shipped"),
     ("changed", "pixels changed %"),
     ("to_shipped", "dB to shipped"),
-    ("to_truth", "dB to truth"),
+    ("to_truth", "dB to ground truth"),
     ("wrong", "hits and shapes wrong ppm"),
 ]
 

@@ -1,4 +1,4 @@
-"""Equivalence of phases: pictures and AOVs compared (metrics: results/README.md), judged by tolerance."""
+"""Equivalence of phases: pictures and AOVs compared, judged by tolerance (results/keys/verify.json.md)."""
 
 from __future__ import annotations
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.verify import chapter
+from study.experiments.verify import chapter, goals
 from study.numbers import analysis
+from study.numbers.schema import Verify
 
 LEAST = 180  # pixels of height
 
@@ -23,8 +24,9 @@ EXPERIMENT = Experiment(
     name="verify",
     what="every phase on all scenes against baseline",
     turn=10,
-    files=("verify.json",),
+    schemas={"verify.json": Verify},
     calls=calls,
     depth="quick",
     sections=[(510, chapter.verification)],
+    goals=goals.reached,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study.experiments.section import Section, part, reading
+from study.experiments.section import Found, Section, chapter, part
 from study.experiments.views import figures as views_page
 from study.experiments.views import measure as views_measure
 from study.experiments.views import tables as views_tables
@@ -12,14 +12,10 @@ from study.experiments.views import tables as views_tables
 
 def elsewhere(path: Path) -> Section:
     """Each phase against its parent on further views: where constants were tuned, and everywhere else."""
+
+    def found(result: dict) -> Found:
+        parts = [one for table in views_tables.tables(result) for one in part(*table)]
+        return Found(parts, views_page.answer(result), views_page.drawings(result, path))
+
     file = path / views_measure.FILE
-    parts, answer, drawn = [], "", {}
-    with reading(file, f"scripts/stepwise views --run {path}"):
-        result = views_measure.read(file)
-        if result["rows"]:
-            for name, caption, rows, columns in views_tables.tables(result):
-                parts += part(name, caption, rows, columns)
-            answer = views_page.answer(result)
-            drawn = views_page.drawings(result, path)
-    about = {"file": file, "script": "scripts/stepwise views", "drawn": drawn}
-    return Section("views", "Views it was not tuned on", "make views", parts, answer=answer, **about)
+    return chapter("views", "Views it was not tuned on", file, views_measure.read, found)

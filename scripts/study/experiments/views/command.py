@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import secrets
-import time
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 
-from study.core import cli, machine, registry, run, store, temporary
+from study.core import cli, registry, run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
+from study.experiments import running
 from study.experiments.ablations.measure import BASELINE
 from study.experiments.views import figures as views_page
 from study.experiments.views import gains as views_gains
@@ -36,15 +35,8 @@ def arguments() -> argparse.Namespace:
     add = parser.add_argument
     add("--phase", nargs="+", default=list(registry.ladder()), metavar="PHASE", help="rungs; default: all")
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: all")
-    add("-n", type=cli.at_least(8), default=90, metavar="HEIGHT", help="height of what is timed; default: 90")
-    add(
-        "--error-n",
-        type=cli.at_least(8),
-        default=45,
-        metavar="HEIGHT",
-        help="of what is held against truth: 45",
-    )
-    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    running.height(parser, 90, "height of what is timed", least=8)
+    running.height(parser, 45, "of what is held against ground truth", "--error-n", 8)
     add(
         "--reps",
         type=cli.at_least(1),
@@ -55,12 +47,10 @@ def arguments() -> argparse.Namespace:
         "--budget", type=cli.at_least(1, float), metavar="SECONDS", help=f"for everything; default: {SECONDS}"
     )
     add("--full", action="store_true", help="every rung, however long that takes")
-    add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
-    add("--run", type=Path, metavar="DIR", help="for views.json, figures/, images/; default: build/views")
+    running.options(parser, "views.json, figures/, images/", "views")
     args = parser.parse_args()
     args.budget = args.budget or (float("inf") if args.full else SECONDS)
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
 
 
@@ -110,40 +100,35 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
 
 def main() -> int:
     args = arguments()
-    folder = store.writable(args.run or registry.ROOT / "build" / "views")
+    folder = running.folder(args)
     run.cpu_set(args.cpu, 1)
-    begun = time.monotonic()
     keys = ("n", "error_n", "launches", "reps", "seed", "cpu")
     found = measured(args, folder)
-    about = {"reference": BASELINE, "took_s": time.monotonic() - begun, "context": machine.context()}
-    settings = {key: getattr(args, key) for key in keys} | {"seconds": args.budget}
-    result = cli.plain({"schema": 1, **settings, **about, **found})
-    store.write_json(folder / views_measure.FILE, result)
+    settings = {key: getattr(args, key) for key in keys} | {"seconds": args.budget, "reference": BASELINE}
+    result = running.write(folder / views_measure.FILE, settings, found)
     figures = []
     with matplotlib.rc_context(STYLE):
         for name, figure in views_page.figures(result, folder).items():
             text = "" if name == views_page.SHEET else views_page.note(result)
             figures += save(figure, folder / "figures" / name, text)
-    if args.json:
-        cli.emit(result, folder)
-    else:
-        for rung in result["rungs"]:
-            cells = [column.text(rung) for column in views_tables.RUNGS]
-            print(f"{rung['phase']}: median {cells[3]}, worst {cells[4]} ({rung['verdict']})")
-        print("\n".join(str(path) for path in figures))
-    return said(result)
+    lines = []
+    for rung in result["rungs"]:
+        cells = [column.text(rung) for column in views_tables.RUNGS]
+        lines.append(f"{rung['phase']}: median {cells[3]}, worst {cells[4]} ({rung['verdict']})")
+    return running.end(args, result, [*lines, *figures], failed(result), left_out(result))
 
 
-def said(result: dict) -> int:
-    """What was left out and what failed, one line each; the exit status."""
-    for row in result["left_out"]:
-        where = f" on {row['scene']} {row['view']}" if "scene" in row else ""
-        cli.say(f"left out {row['phase']}{where}: {row['reason']}")
-    bad = [
-        row | {"reason": f"{row['non_finite']} samples not finite"}
-        for row in result["rows"]
-        if row["non_finite"]
+def left_out(result: dict) -> list[str]:
+    return [
+        f"left out {row['phase']}"
+        + (f" on {row['scene']} {row['view']}" if "scene" in row else "")
+        + f": {row['reason']}"
+        for row in result["left_out"]
     ]
-    for row in [*result["failures"], *bad]:
-        cli.say(f"FAIL {row['phase']} on {row['scene']} {row['view']}: {row['reason']}")
-    return cli.FAILED if result["failures"] or bad else cli.OK
+
+
+def failed(result: dict) -> list[str]:
+    """Programs that crashed, and pictures that are not finite."""
+    rows = [row for row in result["rows"] if row["non_finite"]]
+    bad = [row | {"reason": f"{row['non_finite']} samples not finite"} for row in rows]
+    return [f"{r['phase']} on {r['scene']} {r['view']}: {r['reason']}" for r in [*result["failures"], *bad]]

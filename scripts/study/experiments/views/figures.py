@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import matplotlib.image
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -15,7 +14,7 @@ from study.experiments.views.gains import ends
 from study.experiments.views.measure import BASE, Row
 from study.experiments.views.views import CLEAR
 from study.numbers.stats import Interval
-from study.pictures.draw import Drawing
+from study.pictures.draw import Drawing, thumbnails
 
 SHEET, RATIOS = "views-sheet", "views-ratios"
 
@@ -61,22 +60,11 @@ def ratios(result: Row) -> Figure:
 
 def sheet(result: Row, folder: Path) -> Figure | None:
     """The views as they were rendered: a row per scene."""
-    shown = [one for one in result.get("thumbnails", ()) if (folder / one["picture"]).is_file()]
-    if not shown:
-        return None
-    scenes = list(dict.fromkeys(one["scene"] for one in shown))
-    across = max(sum(one["scene"] == scene for one in shown) for scene in scenes)
-    figure = Figure(figsize=(2.7 * across + 0.4, 1.75 * len(scenes) + 0.8), layout="constrained")
-    figure.suptitle("Every scene from four places", x=0.01, ha="left", fontsize=12)
-    grid = figure.subplots(len(scenes), across, squeeze=False)
-    for axes in grid.flat:
-        axes.set_axis_off()
-    for scene, line in zip(scenes, grid, strict=True):
-        for one, axes in zip((o for o in shown if o["scene"] == scene), line, strict=False):
-            axes.imshow(matplotlib.image.imread(folder / one["picture"]))
-            title = f"{scene}, {one['view']}: {one['change']}" + (" (tuned)" if one["tuned"] else "")
-            axes.set_title(title, fontsize=8)
-    return figure
+    lines: dict[str, dict[Path, str]] = {}
+    for one in result.get("thumbnails", ()):
+        about = f"{one['scene']}, {one['view']}: {one['change']}" + (" (tuned)" if one["tuned"] else "")
+        lines.setdefault(one["scene"], {})[folder / one["picture"]] = about
+    return thumbnails("Every scene from four places", [*lines.values()], (0.4, 0.8))
 
 
 def figures(result: Row, folder: Path) -> dict[str, Figure]:

@@ -19,11 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from study.core import cli, progress, registry, run, store
+from study.core import cli, progress, registry, run
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments.accuracy import measure as accuracy
+from study.experiments.views.schema import Views
 from study.experiments.views.views import View
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
@@ -311,4 +312,4 @@ def read(path: Path) -> Row:
     """A run's views.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": [], "failures": []}
-    return store.read_rows(path, "views", {"phase", "view", "ratio"})
+    return Views.read(path)

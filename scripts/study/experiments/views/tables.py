@@ -11,15 +11,10 @@ from study.core.show import Column
 from study.experiments.views.gains import ALONE, EVERYWHERE, MEDIAN, SCENE_ALONE, by_scene, level
 from study.experiments.views.measure import BASE, Row
 from study.experiments.views.views import OWN
-from study.numbers.stats import Interval
 
 
-def _text(found: Any, unit: str = "×") -> str:
-    if found is None:
-        return show.NOTHING
-    some = vars(found) if isinstance(found, Interval) else found
-    flat = {"v": some["value"], "v_low": some["low"], "v_high": some["high"]}
-    return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "v", 3, unit)
+def _text(found: Any) -> str:
+    return show.spread(found, 3, "×")
 
 
 def _tuned(row: Row) -> str:
@@ -68,7 +63,7 @@ RUNGS = [
     Column("", "phase", lambda r: r["phase"]),
     Column("", "parent", lambda r: r["parent"]),
     Column("times as fast as its parent", "tuned views [95 %]", _tuned),
-    Column("times as fast as its parent", "median of the other views [95 %]", lambda r: _text(r["median"])),
+    Column("times as fast as its parent", "median of the other views [95 %]", show.spread_of("median", "×")),
     Column("times as fast as its parent", "worst case [95 %]", _worst),
     Column("times as fast as its parent", "slower on", lambda r: f"{r['slower']} of {r['views']}"),
     Column(
@@ -103,8 +98,8 @@ POINTS = [
     Column("", "program", lambda r: r["phase"]),
     Column("", "scene", show.picture),
     Column("", "view", lambda r: f"{r['view']}: {r['change']}"),
-    Column("", "ms a frame [95 %]", lambda r: _text(r["ms"], "")),
-    Column("", "× parent [95 %]", lambda r: _text(r["ratio"])),
+    Column("", "ms a frame [95 %]", show.spread_of("ms")),
+    Column("", "× parent [95 %]", show.spread_of("ratio", "×")),
     Column("", "code", lambda r: r.get("general") or ""),
     Column("error", "reference", lambda r: r["reference"] or "is it itself"),
     Column("error", "PSNR, dB", lambda r: show.NOTHING if not r["reference"] else show.number(level(r))),

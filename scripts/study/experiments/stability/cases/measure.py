@@ -1,4 +1,4 @@
-"""Runs hard cases on phases: the rows of stability.json (results/README.md says what its keys mean)."""
+"""Runs hard cases on phases: the rows of stability.json (keys: results/keys/stability.json.md)."""
 
 from __future__ import annotations
 

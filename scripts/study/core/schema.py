@@ -1,0 +1,155 @@
+"""What stands in the files of a run: schemas, by which a file is checked where it is read.
+
+A schema is a class of keys, each with its type, unit and meaning. The pages of results/keys/ are made from
+them (study.experiments.keys).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from study.core import cli, json_files
+from study.core.cli import StudyError
+
+Absent = UnsetType  # in a union: the key may be missing, and is then missing in what is read, too
+ABSENT = UNSET
+
+# What another thing's JSON can raise, from `current` down to a cell's text.
+BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
+
+
+def key(unit: str, meaning: str, **bounds: Any) -> msgspec.Meta:
+    """What a key is: its unit ("" for none), what it means in a few words, and bounds as msgspec has them
+    (ge, gt, le, min_length …)."""
+    return msgspec.Meta(description=meaning, extra={"unit": unit}, **bounds)
+
+
+class Record(msgspec.Struct):
+    """An object in a file. A key that it does not know is no fault: a newer version may have written it."""
+
+
+class File(Record):
+    """The object of a JSON file, or of a line of it. `made_by`: the command that writes it."""
+
+    made_by: ClassVar[str]
+
+    @classmethod
+    def current(cls, data: Any) -> Any:
+        """`data` of an older version as this one writes it: keys by their names of today."""
+        return data
+
+    @classmethod
+    def read(cls, path: Path) -> dict[str, Any]:
+        """The content of `path`, or of the packed file in its place, with the defaults of what it lacks.
+
+        Raises StudyError: one line with the file, the place and the command that makes the file again.
+        """
+        path = json_files.stored(path)
+        try:
+            data = json_files.read_json(path)
+        except StudyError as error:
+            raise StudyError(f"{error}; make it again with scripts/stepwise {cls.made_by}") from None
+        return cls.checked(data, str(path))
+
+    @classmethod
+    def read_if_there(cls, path: Path) -> dict[str, Any]:
+        """The content of `path`, {} without that file. Raises StudyError."""
+        return cls.read(path) if json_files.stored(path).exists() else {}
+
+    @classmethod
+    def checked(cls, data: Any, where: str) -> dict[str, Any]:
+        """`data`, the content of the file `where`, with the defaults of what it lacks. Raises StudyError."""
+        with contextlib.suppress(BROKEN):  # of what is no such file; what is wrong in it is said below
+            data = cls.current(data)
+        try:
+            return _filled(data, msgspec.to_builtins(msgspec.convert(data, cls)))
+        except msgspec.ValidationError:
+            name, why = cls.made_by.split()[0], " ".join(str(fault(data, cls)).split())
+            raise StudyError(
+                f"{where}: not what scripts/stepwise {name} writes ({why}); "
+                f"make it again with scripts/stepwise {cls.made_by}"
+            ) from None
+
+
+def _filled(data: Any, whole: Any) -> Any:
+    """`data` with the keys that only `whole` has: the same content with its defaults."""
+    if isinstance(data, dict):
+        return whole | {name: _filled(value, whole.get(name)) for name, value in data.items()}
+    if isinstance(data, list):
+        return [_filled(one, other) for one, other in zip(data, whole, strict=True)] if whole else data
+    return data
+
+
+def fields(kind: type[Record]) -> Iterator[tuple[str, Any, msgspec.Meta]]:
+    """Of each key its name in the file, its type and what it is. Raises TypeError where it does not say."""
+    hints = get_type_hints(kind, include_extras=True)
+    for one in msgspec.structs.fields(kind):
+        hint = hints[one.name]
+        found = [each for each in get_args(hint)[1:] if isinstance(each, msgspec.Meta)]
+        if get_origin(hint) is not Annotated or not found:
+            raise TypeError(f"{kind.__name__}.{one.name} does not say its unit and meaning")
+        yield one.encode_name, get_args(hint)[0], found[0]
+
+
+def alternatives(kind: Any) -> list[Any]:
+    """The types that a value may have, without what a key says of itself, null and absence."""
+    if get_origin(kind) is Annotated:
+        return alternatives(get_args(kind)[0])
+    if get_origin(kind) in (Union, types.UnionType):
+        return [one for each in get_args(kind) for one in alternatives(each)]
+    return [] if kind in (type(None), Absent) else [kind]
+
+
+def is_record(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Record)
+
+
+def fault(data: Any, kind: Any, place: str = "$") -> str | None:
+    """Where `data` is not of the type, and how: `$.rows[3].ms: Expected …`. None if it is.
+
+    msgspec leaves the numbers of a list's entries out, so they are looked for here.
+    """
+    try:
+        msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        for part, value, inner in _parts(data, kind):
+            if found := fault(value, inner, place + part):
+                return found
+        said, at, path = str(error).rpartition(" - at `$")
+        return f"{place}{path.rstrip('`')}: {said}" if at else f"{place}: {error}"
+    return None
+
+
+def _parts(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
+    """The parts of a value with their places and types, where only one type of object or list is possible."""
+    for one in alternatives(kind):
+        origin, arguments = get_origin(one), get_args(one)
+        if isinstance(data, dict) and is_record(one):
+            hints = get_type_hints(one, include_extras=True)
+            for each in msgspec.structs.fields(one):
+                if each.encode_name in data:
+                    yield f".{each.encode_name}", data[each.encode_name], hints[each.name]
+        elif isinstance(data, dict) and origin is dict:
+            for name, value in data.items():
+                yield f".{name}", value, arguments[1]
+        elif isinstance(data, list) and origin is list:
+            for number, value in enumerate(data):
+                yield f"[{number}]", value, arguments[0]
+
+
+def unknown(data: Any, kind: Any, place: str = "$") -> list[str]:
+    """Places in `data` that the type does not know of: keys that no page explains."""
+    found = []
+    if isinstance(data, dict) and len(kinds := [k for k in alternatives(kind) if is_record(k)]) == 1:
+        known = {each.encode_name for each in msgspec.structs.fields(kinds[0])}
+        found = [f"{place}.{name}" for name in data if name not in known]
+    for part, value, inner in _parts(cli.plain(data), kind):
+        found += unknown(value, inner, place + part)
+    return found

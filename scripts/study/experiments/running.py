@@ -1,0 +1,76 @@
+"""What the commands of experiments share: options, the file that they write, figures, and how they end."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from study.core import cli, machine, registry, store
+from study.pictures.draw import Drawing
+
+BEGUN = time.monotonic()  # of the command
+
+
+def options(parser: argparse.ArgumentParser, files: str, home: str, least: int = 1, seed: str = "") -> None:
+    """--launches (`least` or more), --seed and --run, for `files`, below build/`home` by default."""
+    add = parser.add_argument
+    add("--launches", type=cli.at_least(least), default=6, help="process launches of each; default: 6")
+    about = f"of {seed or 'order and padding'}; default: random"
+    add("--seed", type=int, default=secrets.randbelow(2**32), help=about)
+    add("--run", type=Path, metavar="DIR", help=f"for {files}; default: build/{home}")
+    parser.set_defaults(home=home)
+
+
+def height(
+    parser: argparse.ArgumentParser, default: int, what: str = "height", name: str = "-n", least: int = 16
+) -> None:
+    about = f"{what}; default: {default}"
+    parser.add_argument(name, type=cli.at_least(least), default=default, metavar="HEIGHT", help=about)
+
+
+def budget(parser: argparse.ArgumentParser, seconds: float) -> None:
+    about = "for everything; default: %(default)s"
+    kind = cli.at_least(1, float)
+    parser.add_argument("--budget", type=kind, default=seconds, metavar="SECONDS", help=about)
+
+
+def folder(args: argparse.Namespace) -> Path:
+    """Where the files go; StudyError if nothing can be written there."""
+    return store.writable(args.run or registry.ROOT / "build" / args.home)
+
+
+def write(path: Path, about: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    """The result as its file has it: settings, how long it took, the machine, and what was found."""
+    told = {"took_s": time.monotonic() - BEGUN, "context": machine.context()}
+    result = cli.plain({"schema": 1, **about, **told, **found})
+    store.write_json(path, result)
+    return result
+
+
+def draw(path: Path, drawings: Mapping[str, Drawing]) -> list[Path]:
+    """Writes them into path/figures."""
+    return [file for name, made in drawings.items() for file in made.write(path / "figures" / name)]
+
+
+def end(
+    args: argparse.Namespace,
+    result: Any,
+    lines: Iterable[object],
+    failed: Iterable[str] = (),
+    remarks: Iterable[str] = (),
+) -> int:
+    """The result for --json, else `lines`; then remarks and what failed. Returns the exit status."""
+    if args.json:
+        cli.emit(result, args.run or registry.ROOT / "build" / args.home)
+    else:
+        print("\n".join(map(str, lines)))
+    for text in remarks:
+        cli.say(text)
+    failed = list(failed)
+    for text in failed:
+        cli.say(f"FAIL {text}")
+    return cli.FAILED if failed else cli.OK

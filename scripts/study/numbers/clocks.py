@@ -1,0 +1,67 @@
+"""The clocks that stood beside the times of a run, and launches whose clock is off from the others'."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+TSC_OFF = 1e-4  # of the run's TSC rate: calibrations of one machine agree to 1e-6
+CORE_OFF = 0.03  # of the core clock of the same configuration's launches
+
+
+@dataclass(frozen=True)
+class Off:
+    """A launch whose clock (`what`, Hz) is off by `by` of the median of the others."""
+
+    config: str
+    spec: str
+    scene: str
+    launch: int
+    what: str
+    hz: float
+    by: float
+
+    def text(self) -> str:
+        where = f"{self.spec} {self.scene} launch {self.launch}"
+        return f"{where}: {self.what} {self.hz / 1e9:.4g} GHz, {100 * self.by:+.2g} % off the other launches"
+
+
+def clocked(frames: pd.DataFrame) -> pd.DataFrame:
+    """`frames` with core_hz (Hz), core_cycles and tsc_hz as floats: NaN where a clock was not measured."""
+
+    def column(name: str) -> pd.Series:
+        found = frames[name] if name in frames else pd.Series(np.nan, frames.index)
+        return found.astype(float).where(lambda value: value > 0)
+
+    hz = (column("core_hz_before") + column("core_hz_after")) / 2
+    return frames.assign(core_hz=hz, core_cycles=column("core_cycles"), tsc_hz=column("tsc_hz"))
+
+
+def off(frames: pd.DataFrame) -> list[Off]:
+    """Timed launches whose TSC rate is off from the run's, or whose core clock from its configuration's."""
+    timed = clocked(frames[~frames["warmup"].astype(bool)])
+    launches = timed.groupby(["config", "spec", "scene", "launch"], sort=False)[
+        ["tsc_hz", "core_hz"]
+    ].median()
+    launches = launches.reset_index()
+    medians = {
+        "tsc_hz": ("TSC", launches["tsc_hz"].median(), TSC_OFF),
+        "core_hz": ("core", launches.groupby("config")["core_hz"].transform("median"), CORE_OFF),
+    }
+    found = []
+    for column, (what, median, most) in medians.items():
+        by = launches[column] / median - 1
+        for place in np.flatnonzero(by.abs() > most):
+            row = launches.iloc[place]
+            about = (row["config"], row["spec"], row["scene"], int(row["launch"]))
+            found.append(Off(*about, what, float(row[column]), float(by.iloc[place])))
+    return found
+
+
+def without(frames: pd.DataFrame, launches: list[Off]) -> pd.DataFrame:
+    """The frames of all other launches."""
+    names = {(one.config, one.launch) for one in launches}
+    kept = [key not in names for key in zip(frames["config"], frames["launch"], strict=True)]
+    return frames[kept]

@@ -1,0 +1,62 @@
+"""Made-up files of a run made whole: what a test does not say of them has any value of its type."""
+
+from __future__ import annotations
+
+import functools
+import json
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import msgspec
+
+from study.core import cli, schema, store
+from study.core.schema import File
+from study.experiments import experiment
+
+
+@functools.cache
+def schemas() -> dict[str, type[File]]:
+    """File name → its schema, over all experiments."""
+    return {name: kind for one in experiment.find_all().values() for name, kind in one.schemas.items()}
+
+
+def blank(kind: Any, least: int = 0) -> Any:
+    """A value of the type: null where it may be, else the least; of a list so many entries."""
+    if type(None) in get_args(kind):
+        return None
+    (one, *_) = schema.alternatives(kind)
+    if get_origin(one) is Literal:
+        return get_args(one)[0]
+    if schema.is_record(one):
+        return filled({}, one)
+    if get_origin(one) is list:
+        return [blank(get_args(one)[0]) for _ in range(least)]
+    return {str: "", bool: False, int: 1, float: 1.0}.get(one, {})
+
+
+def filled(data: Any, kind: Any) -> Any:
+    """`data` with what the type requires beside it."""
+    for one in schema.alternatives(kind):
+        if isinstance(data, dict) and schema.is_record(one):
+            known = {name: inner for name, inner, _ in schema.fields(one)}
+            least = {name: about.min_length or 0 for name, _, about in schema.fields(one)}
+            needed = [each.encode_name for each in msgspec.structs.fields(one) if each.required]
+            found = {name: filled(value, known.get(name, Any)) for name, value in data.items()}
+            return found | {name: blank(known[name], least[name]) for name in needed if name not in data}
+        if isinstance(data, dict) and get_origin(one) is dict:
+            return {name: filled(value, get_args(one)[1]) for name, value in data.items()}
+        if isinstance(data, list) and get_origin(one) is list:
+            return [filled(value, get_args(one)[0]) for value in data]
+        if isinstance(data, float) and one is int and data.is_integer():
+            return int(data)
+    return data
+
+
+def write(path: Path, content: Any) -> None:
+    """The run's file `path`, made whole by the schema of its name."""
+    store.write_text(path, text(path.name, content))
+
+
+def text(name: str, content: Any) -> str:
+    """The text of the run's file of that name."""
+    return json.dumps(filled(cli.plain(content), schemas()[name]))
