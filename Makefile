@@ -24,8 +24,8 @@ help: ## this list
 study: setup ## install what is needed, build, time, verify, count, write report/out/index.html (DEPTH=quick: 20 minutes; standard: 40 minutes; full: hours)
 	@$(PY) scripts/stepwise study $(if $(DEPTH),--depth $(DEPTH)) $(if $(FULL),--depth full) $(ARGS)
 
-demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
-	@$(PY) scripts/stepwise demo $(ARGS)
+demo: setup ## one picture by baseline and by PHASE=opt4 of SCENE=scene0, the time and the error between them (60 s)
+	@$(PY) scripts/stepwise demo$(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE)) $(ARGS)
 
 test: setup-test ## install what is needed and run the tests that guard a change (10 minutes on 2 cores)
 	@$(MAKE) --no-print-directory check

@@ -83,6 +83,8 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
         "idea": f"FILL IN: what changes against {parent} and why that should be faster, in one sentence",
         "paper": None,
     }
+    if "truth" not in (held := inherited.get("tolerance") or {}):
+        described["tolerance"] = {**(held if whole else {}), "truth": rounding(root)}
     try:
         with temporary.folder(root / "phases", f".{name}.") as made:
             for file, path in patches.files(parent, root).items() if whole else ():
@@ -99,6 +101,12 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
         raise StudyError(f"phases/{name}: {getattr(error, 'strerror', None) or error}") from None
     registry.phases.cache_clear()
     return target
+
+
+def rounding(root: Path) -> dict[str, object]:
+    """How much further from ground truth than baseline float's rounding may be: as opt5_threads declares it,
+    the paper's last phase with nothing changed but its threads."""
+    return dict(patches.about("opt5_threads", root)["tolerance"]["truth"])
 
 
 def following(name: str, parent: str, whole: bool) -> list[str]:

@@ -24,7 +24,7 @@ def arguments() -> argparse.Namespace:
     add = parser.add_argument
     add("--phase", default=breakeven.PHASE, metavar="PHASE", help="default: %(default)s")
     add("--against", default=breakeven.AGAINST, metavar="PHASE", help="default: %(default)s")
-    add("--scene", nargs="+", default=list(breakeven.SCENES), metavar="SCENE", help="default: %(default)s")
+    add("--scene", nargs="+", default=breakeven.scenes(), metavar="SCENE", help="default: %(default)s")
     running.height(parser, 720, least=1)
     running.budget(parser, SECONDS)
     running.options(parser, "breakeven.json", "breakeven")

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import run, temporary
+from study.core import registry, run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.experiments.breakeven.schema import Breakeven
@@ -29,13 +29,18 @@ from study.pictures import images
 
 FILE = "breakeven.json"
 PHASE, AGAINST = "opt10_scene", "opt9_convex"
-# The two that constants are tuned on, the crowd, which has no kernel and so costs next to nothing, then the
-# others, those with repeated shapes first. Not mandelbulb_closeup: mandelbulb's kernel, seen from nearer.
-SCENES = ("scene0", "mandelbulb", "spheres40", "cubes", "lattice", "scene0_plain", "trio", "two_spheres")
+# The two that constants are tuned on, the crowd, which has no kernel and so costs next to nothing, then those
+# with repeated shapes, then all others. Not mandelbulb_closeup: mandelbulb's kernel, seen from nearer.
+FIRST, SAME_KERNEL = ("scene0", "mandelbulb", "spheres40", "cubes", "lattice"), ("mandelbulb_closeup",)
 WARMUP, MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 1, 10, 2, 0.5  # frames; s that a launch's may take
 SMALL = 180  # height of the pictures that are compared
 NO_TIME = "the seconds were over"
 Row = dict[str, Any]
+
+
+def scenes() -> list[str]:
+    """Every shipped scene that has a kernel of its own, in the order of their worth."""
+    return [name for name in dict.fromkeys([*FIRST, *registry.scenes()]) if name not in SAME_KERNEL]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,194 @@
+"""What every experiment keeps, known only through its `Experiment`; and docs/experiment.md, whose experiment
+is found everywhere without another file being edited."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import complete
+import pytest
+
+from study.core import commands, store
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments import experiment
+from study.experiments.experiment import Study
+from study.numbers import analysis
+
+ALL = experiment.find_all()
+FILES = [(name, file) for name, one in ALL.items() for file in one.schemas]
+PUBLISHED = sorted(path.parent for path in (ROOT / "results" / "reference").glob("*/context.json"))
+FIXTURE = ROOT / "tests" / "fixtures" / "run"
+LINED = ".jsonl"
+
+
+def kept(file: str) -> list[Path]:
+    """The published files of that name."""
+    return [run / file for run in PUBLISHED if store.stored(run / file).exists()]
+
+
+@pytest.mark.parametrize(("name", "file"), [pair for pair in FILES if not pair[1].endswith(LINED)])
+def test_published_files_are_of_the_schema(name: str, file: str) -> None:
+    """Where none is published, one row that is made up of the schema's least values."""
+    kind = ALL[name].schemas[file]
+    for path in kept(file):
+        assert kind.read(path)
+    if not kept(file):
+        assert kind.checked(json.loads(complete.text(file, {"rows": [{}]})), file)
+
+
+@pytest.mark.parametrize(("name", "file"), [pair for pair in FILES if not pair[1].endswith(LINED)])
+def test_a_broken_file_is_refused_by_its_name(name: str, file: str, tmp_path: Path) -> None:
+    kind, path = ALL[name].schemas[file], tmp_path / file
+    sound = complete.text(file, {})
+    for text in (sound[:-1], "", "[]", "null", '"x"', "5", "\x00"):
+        path.write_text(text)
+        with pytest.raises(StudyError) as caught:
+            kind.read(path)
+        said = str(caught.value)
+        assert (
+            str(path) in said and len(said.splitlines()) == 1 and f"scripts/stepwise {kind.made_by}" in said
+        )
+
+
+@pytest.mark.parametrize("name", [name for name, one in ALL.items() if one.sections and one.schemas])
+def test_chapters_are_made_of_the_files_alone(name: str, tmp_path: Path) -> None:
+    """In a run with the sweep's files and its own, each table is what it is in the published run."""
+    one = ALL[name]
+    sources = [run for run in PUBLISHED if all(store.stored(run / file).exists() for file in one.schemas)]
+    source = max(sources, key=lambda run: len(list(run.glob("*.json*"))), default=None)
+    if source is None:
+        pytest.skip(f"no published run has {', '.join(one.schemas)}")
+    run = tmp_path / "machine" / "run"
+    run.mkdir(parents=True)
+    for file in [*ALL["sweep"].schemas, "verify.json", *one.schemas]:
+        path = store.stored(source / file)
+        if path.exists():
+            shutil.copy(path, run / path.name)
+    for _, make in one.sections:
+        here, there = make(analysis.load(run)), make(analysis.load(source))
+        tables = [(part.name, part.markdown) for part in here.parts]
+        if here.lacking != f"make {name}" and not tables:
+            continue  # of another experiment's file
+        assert (tables or here.html or here.drawn) and here.title
+        assert {name for name, _ in tables} <= {part.name for part in there.parts}
+        assert here.answer or not there.answer
+
+
+@pytest.mark.parametrize("name", [name for name, one in ALL.items() if one.sections])
+def test_a_run_without_its_file_has_an_empty_chapter(name: str) -> None:
+    """The chapter says by which command it is filled, and nothing else."""
+    data = analysis.load(FIXTURE)
+    if any(store.stored(FIXTURE / file).exists() for file in ALL[name].schemas):
+        return
+    for _, make in ALL[name].sections:
+        section = make(data)
+        assert section.lacking.startswith("make ") and not section.failing
+
+
+def arguments(name: str, run: Path) -> list[list[str]]:
+    """Its own command in a quick study."""
+    study = Study(run, ["scene0"], 90, "quick", asked=True)
+    return [[call.command, *call.arguments] for call in ALL[name].calls(study) if call.command == name]
+
+
+MEASURING = [name for name, one in ALL.items() if one.schemas and name in commands.find_all()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MEASURING)
+def test_one_that_is_killed_leaves_whole_files(name: str, tmp_path: Path) -> None:
+    """Ended by SIGTERM after two seconds: status 143 (or done by then), every file whole, none temporary."""
+    run = tmp_path / "machine" / "run"
+    shutil.copytree(FIXTURE, run)
+    for words in arguments(name, run)[:1]:
+        command = [ROOT / ".venv" / "bin" / "python", ROOT / "scripts" / "stepwise", *words]
+        script = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+        )
+        try:
+            time.sleep(2)
+            script.send_signal(signal.SIGTERM)
+            said = script.communicate(timeout=60)[1]
+        finally:
+            script.kill()
+            script.wait()
+        ended = script.returncode == 128 + signal.SIGTERM and said.endswith("ended by SIGTERM\n")
+        elsewhere = script.returncode == 2 and "a run of another machine" in said  # the fixture's
+        assert ended or elsewhere or script.returncode in (0, 1, 3), said
+        assert "Traceback" not in said
+    names = {path.name for path in run.iterdir()}
+    assert not [left for left in names if left.startswith(".") and left != ".lock"], names
+    for file in ALL[name].schemas:
+        if not file.endswith(LINED) and store.stored(run / file).exists():
+            ALL[name].schemas[file].read(run / file)
+
+
+PAGE = (ROOT / "docs" / "experiment.md").read_text(encoding="utf-8")
+BLOCK = re.compile(r"^```python\n# (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LEFT_OUT = (".git", ".venv", "build", "results/reference", "__pycache__")
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project with the experiment of docs/experiment.md, and a run to add it to."""
+    folder = tmp_path_factory.mktemp("project")
+    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in names.stdout.splitlines():
+        if not name.startswith(LEFT_OUT) and (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+    (folder / ".venv").symlink_to(ROOT / ".venv")
+    for path, text in BLOCK.findall(PAGE):
+        (folder / path).parent.mkdir(exist_ok=True)
+        (folder / path).write_text(text.lstrip("\n"), encoding="utf-8")
+    shutil.copytree(FIXTURE, folder / "results" / "machine" / "run")
+    return folder
+
+
+def said(folder: Path, *words: str) -> str:
+    done = subprocess.run([*words], cwd=folder, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, f"{words}\n{done.stdout[-2000:]}\n{done.stderr[-3000:]}"
+    return done.stdout
+
+
+def test_an_experiment_is_found_by_its_folder(copy: Path) -> None:
+    """By the list, make, the study, its own command, the documents, the report, publish and redraw."""
+    run = "results/machine/run"
+    assert len(BLOCK.findall(PAGE)) == 3
+    assert re.search(r"^ +sizes +How many lines", said(copy, "scripts/stepwise", "list"), re.MULTILINE)
+    assert re.search(r"make sizes +How many lines", said(copy, "make", "help"))
+    assert "study --part sizes" in said(copy, "make", "-n", "sizes")
+    refused = subprocess.run(
+        ["scripts/stepwise", "study", "--part", "x"], cwd=copy, capture_output=True, text=True
+    )
+    assert refused.returncode == 2 and "sizes" in refused.stderr
+    lines = said(copy, "scripts/stepwise", "sizes", "--phase", "baseline", "opt1", "--run", run)
+    assert re.fullmatch(r"baseline: \d+ lines\nopt1: \d+ lines\n", lines)
+    said(copy, "scripts/stepwise", "docs")
+    assert "## sizes" in (copy / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert "lines" in (copy / "results" / "keys" / "sizes.json.md").read_text(encoding="utf-8")
+    assert "keys/sizes.json.md" in (copy / "results" / "README.md").read_text(encoding="utf-8")
+    said(copy, "scripts/stepwise", "report", run, "-o", "out/index.html")
+    page = (copy / "out" / "index.html").read_text(encoding="utf-8")
+    assert "Lines of each phase" in page and "The longest phase is" in page
+    assert (copy / "out" / "tables" / "sizes.csv").is_file()
+    said(copy, "scripts/stepwise", "redraw", "-h")
+    said(copy, "scripts/stepwise", "publish", run, "results/reference/toy")
+    assert (copy / "results" / "reference" / "toy" / "sizes.json").is_file()
+
+
+def test_its_broken_file_is_refused_by_the_report(copy: Path) -> None:
+    run = copy / "results" / "machine" / "broken"
+    shutil.copytree(FIXTURE, run)
+    (run / "sizes.json").write_text('{"schema": 1, "rows": [{"phase": "opt1", "lines": 0}]}')
+    command = ["scripts/stepwise", "report", str(run), "-o", "out2/index.html"]
+    done = subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1, done.stderr
+    assert "sizes.json" in done.stderr and "scripts/stepwise sizes" in done.stderr
