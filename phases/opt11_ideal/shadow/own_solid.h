@@ -80,6 +80,8 @@ INLINE vfloat own_cone(struct vec p, struct vec step, const struct primitive *s)
     vfloat by_cap = v_sqrt(v_madd(beside, beside, out * out));
     vmask over = v_and(v_cmp_gt(out, zero), v_or(on_cap, v_cmp_le(radius + wider, rim)));
     vmask within = v_and(v_cmp_le(out, zero), v_cmp_le(across, zero));
+    // Beyond a cap's rim a flat side may be nearer than the rim is.
+    by_cap = v_select(v_cmp_gt(beside, zero), v_min(by_cap, by_side), by_cap);
     return v_zero_where(within, v_select(over, by_cap, by_side));
 }
 
