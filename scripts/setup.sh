@@ -25,7 +25,13 @@ study | test) purpose=$1 ;;
     exit 2
     ;;
 esac
-mkdir -p build
+case $(uname -m) in
+x86_64 | amd64) ;;
+*) die "this machine is $(uname -m); the phases are x86-64 code (AVX2, AVX-512), so nothing is installed" ;;
+esac
+{ mkdir -p build && : >build/setup.lock; } 2>/dev/null || die "$root cannot be written (read-only, full, or another user's)"
+: "${HOME:=$root/build}" # pip keeps its cache below it
+export HOME
 if command -v flock >/dev/null; then # one setup at a time
     exec 9>build/setup.lock
     flock 9
@@ -34,9 +40,9 @@ fi
 # --- System packages: what is looked for is the tool or library itself, whoever installed it.
 
 # The first Python that requirements.lock has wheels for; PYTHON3 names another one.
-right_python='import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))'
+right_python='import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))'
 find_python() {
-    for python in "${PYTHON3-}" python3 python3.13 python3.12 python3.11 /usr/bin/python3; do
+    for python in "${PYTHON3-}" python3 python3.14 python3.13 python3.12 python3.11 /usr/bin/python3; do
         [ -n "$python" ] && "$python" -c "$right_python" 2>/dev/null && return
     done
     python=
@@ -71,13 +77,12 @@ missing_packages() {
     fi
 }
 
-# The lists of packages, once a run. apt-get's status is 0 where it reached nothing: its output says so.
-updated='' reached=''
+# The lists of packages, once a run. Without the option, apt-get's status is 0 where it reached nothing.
+updated=''
 update_once() {
     [ -z "$updated" ] || return "$updated"
     updated=0
-    $sudo apt-get update -q >"$log" 2>&1 </dev/null || updated=$?
-    [ "$updated" != 0 ] || grep -q 'Failed to fetch' "$log" || reached=yes
+    $sudo apt-get update -q -o APT::Update::Error-Mode=any >"$log" 2>&1 </dev/null || updated=$?
     return "$updated"
 }
 
@@ -89,9 +94,10 @@ install_packages() {
         die "missing:$missing; to install: sudo apt-get update && sudo apt-get install -y$missing"
     fi
     say "installing$missing by apt-get (log: build/setup.log)"
+    update_once || : # of a source that failed, perhaps another one: what is installed tells
     # shellcheck disable=SC2086
-    { update_once && $sudo env DEBIAN_FRONTEND=noninteractive \
-        apt-get install -y -q --no-install-recommends $missing >"$log" 2>&1 </dev/null; } ||
+    $sudo env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -y -q --no-install-recommends $missing >"$log" 2>&1 </dev/null ||
         die "apt-get could not install$missing: $(grep -E '^(E|W):' "$log" | tail -1); log: build/setup.log"
 }
 
@@ -106,7 +112,7 @@ if [ -n "$missing" ]; then
     fi
 fi
 rm -f build/setup.probe
-[ -n "$python" ] || die "Python 3.11, 3.12 or 3.13 is needed, here is $(python3 --version 2>&1); Debian 12 and 13 and Ubuntu 24.04 have it"
+[ -n "$python" ] || die "Python 3.11 to 3.14 is needed, here is $(python3 --version 2>&1); Debian 12 and 13 and Ubuntu 24.04 and 26.04 have it"
 [ -z "$missing" ] || die "still missing after installation:$missing; log: build/setup.log"
 
 # --- Optional ones. Ubuntu's perf comes with its kernel's tools, and is not there for WSL2's kernel.
@@ -114,11 +120,14 @@ rm -f build/setup.probe
 there() { # a command, or a library's header by its path, which may be a pattern
     command -v "$1" >/dev/null && return
     case "$1" in */*) ;; *) return 1 ;; esac
-    # shellcheck disable=SC2086 # a pattern
-    for path in $1; do
-        [ ! -e "$path" ] || return 0
-    done
-    return 1
+    ( # of a pattern in a path with spaces
+        IFS=
+        # shellcheck disable=SC2086
+        for path in $1; do
+            [ ! -e "$path" ] || exit 0
+        done
+        exit 1
+    )
 }
 
 optional() { # command or header, what it adds, packages of which the first that exists is taken
@@ -130,14 +139,14 @@ optional() { # command or header, what it adds, packages of which the first that
     [ "$(id -u)" = 0 ] || sudo='sudo -n'
     answered=
     if command -v apt-get >/dev/null && $sudo true 2>/dev/null && update_once; then
-        answered=$reached
+        answered=yes
         for package in "$@"; do
             apt-cache show "$package" >/dev/null 2>&1 || continue # not this distribution's name for it
             say "installing $package by apt-get: $adds"
             if $sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$package" \
                 >"$log" 2>&1 </dev/null; then
                 there "$command" && return
-            elif grep -qE 'Failed to fetch|Unable to fetch|Could not get lock|No space left' "$log"; then
+            else
                 answered= # another time it may come
             fi
         done
@@ -170,12 +179,25 @@ if ! .venv/bin/python -c "import pip; $right_python" 2>/dev/null; then
 fi
 say "installing $(grep -c '==' requirements.lock) Python packages into .venv (some 300 MB, a minute or two)"
 rm -f $stamp
-if ! .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --retries 2 --only-binary :all: \
-    --require-hashes -r requirements.lock >"$log" 2>&1 </dev/null; then
+pip_install() {
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --retries 2 --only-binary :all: \
+        --require-hashes -r "$1" >"$log" 2>&1 </dev/null
+}
+# Of a package without a wheel for this Python, all others are installed; what needs it says so when it is run.
+cp requirements.lock build/setup.lock.txt
+rm -f .venv/.without
+until pip_install build/setup.lock.txt; do
     if grep -qiE 'NewConnectionError|name resolution|unreachable|timed out|connection broken' "$log"; then
         die "no network: pip has no connection to the package index; log: build/setup.log"
     fi
-    die "pip failed: $(grep '^ERROR' "$log" | head -1); log: build/setup.log"
-fi
+    lacking=$(sed -n 's/^ERROR: No matching distribution found for \([A-Za-z0-9._-]*\)==.*/\1/p' "$log" | head -1)
+    [ -n "$lacking" ] && grep -q "^$lacking==" build/setup.lock.txt ||
+        die "pip failed: $(grep '^ERROR' "$log" | head -1); log: build/setup.log"
+    say "$lacking has no wheel for $(.venv/bin/python --version): what needs it is left out; the rest goes on"
+    printf '%s\n' "$lacking" >>.venv/.without # scripts/study/core/cli.py
+    awk -v name="$lacking==" 'index($0, name) == 1 {skip = 1} !skip {print} skip && !/\\$/ {skip = 0}' \
+        build/setup.lock.txt >build/setup.lock.new
+    mv build/setup.lock.new build/setup.lock.txt
+done
 printf '%s\n' "$wanted" >$stamp
 say "done"

@@ -63,7 +63,8 @@ def read_results(path: Path, part: str, ended_well: bool) -> Tally:
     try:
         cases = list(ET.parse(path).getroot().iter("testcase"))
     except (OSError, ET.ParseError):
-        return Tally(failed=[f"{part}: no results: it did not start, or crashed"])
+        alone = f"alone: make check PART={part}"
+        return Tally(failed=[f"{part}: no results: it did not start, or crashed; {alone}"])
     for case in cases:
         title = f"{case.get('classname', '').removeprefix('tests.')}::{case.get('name')}"
         title = f"{part}: {title}" if part != "tests" else title

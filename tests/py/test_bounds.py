@@ -305,7 +305,7 @@ def test_without_the_tools_one_line_each_and_the_rest_stays(nest, monkeypatch):
 
 
 def test_without_objdump_one_line(monkeypatch):
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: (_ for _ in ()).throw(FileNotFoundError()))
+    monkeypatch.setattr(regions.child, "run", lambda *_, **__: (_ for _ in ()).throw(FileNotFoundError()))
     with pytest.raises(StudyError, match="objdump is missing; binutils"):
         regions.disassemble(Path("x"), 0, 1)
 

@@ -121,7 +121,7 @@ def test_a_program_in_its_place_is_timed_and_judged(tmp_path: Path) -> None:
     stand_in = tmp_path / "python"
     stand_in.write_text(STAND_IN.format(python=sys.executable))
     stand_in.chmod(stand_in.stat().st_mode | stat.S_IXUSR)
-    work = Measuring(Rival(stand_in, tmp_path / "libLLVM.so"), 16, run.USABLE[-1], tmp_path)
+    work = Measuring(Rival(stand_in, tmp_path / "libLLVM.so"), 16, run.FASTEST, tmp_path)
     point = Point(DRJIT, "scene0_plain", SAME, 1)
     assert work.once(point, 100) == 7e6
     picture = work.picture(point)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from tolerances import FRACTAL, SMOOTH, bound, phase
 
@@ -116,3 +117,13 @@ def test_identical_pictures_pass_every_bound(blank):
     metrics = images.compare(blank(), blank(), (blank(40, 40), blank(40, 40)))
     bounds = {name: 1000 if name in gate.AT_LEAST else 0 for name in gate.METRICS}
     assert not gate.failures(metrics, {**bounds, "depth_agree_fraction": 1, "identical": True})
+
+
+def test_without_flip_its_bounds_are_left_out_and_said_so(monkeypatch):
+    """No wheel for Python 3.14: the other bounds hold on."""
+    declared = {"flip_mean": 1e-5, "psnr_db": 50, "reason": "x"}
+    assert set(gate.failures({"psnr_db": 40, "non_finite": 0}, declared)) == {"flip_mean", "psnr_db"}
+    monkeypatch.setattr(images, "HAS_FLIP", False)
+    assert set(gate.failures({"psnr_db": 40, "non_finite": 0}, declared)) == {"psnr_db"}
+    black = np.zeros((2, 2, 3), np.float32)
+    assert "flip_mean" not in images.colour_errors(black, black)

@@ -1,7 +1,6 @@
 """What is said of the machine."""
 
 import json
-import subprocess
 
 import pytest
 
@@ -98,31 +97,3 @@ def test_context_is_json_and_says_what_it_must():
     assert context["memory_kib"] > 0
     assert context["libraries"]["numpy"]
     assert "sse2" in context["cpu"]["flags"]
-
-
-def test_commit_sees_every_change(tmp_path, monkeypatch):
-    monkeypatch.setattr(machine, "ROOT", tmp_path)
-    assert machine.commit()["commit"] is None or not (tmp_path / ".git").exists()
-
-    def git(*arguments):
-        who = ["-c", "user.name=A", "-c", "user.email=a@example.org"]
-        subprocess.run(["git", "-C", tmp_path, *who, *arguments], check=True, capture_output=True)
-
-    git("init")
-    (tmp_path / "a").write_text("1")
-    before_first = machine.commit()
-    assert before_first["commit"] is None
-    assert before_first["dirty"]
-    git("add", "a")
-    git("commit", "-m", "one")
-    clean = machine.commit()
-    assert len(clean["commit"]) == 40
-    assert (clean["dirty"], clean["diff_sha256"]) == (False, None)
-
-    seen = set()
-    for name, text in [("a", "2"), ("a", "3"), ("new", "4"), ("new", "5")]:
-        (tmp_path / name).write_text(text)
-        state = machine.commit()
-        assert state["dirty"]
-        seen.add(state["diff_sha256"])
-    assert len(seen) == 4

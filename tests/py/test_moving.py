@@ -64,7 +64,7 @@ def test_frames_are_of_as_many_cpus_as_threads(threads, tmp_path, monkeypatch):
     child, seen = run._child, []
     monkeypatch.setattr(run, "_child", lambda a, cpus, *rest: seen.append(cpus) or child(a, cpus, *rest))
     moving.animation("fixed", 2, 16, threads, tmp_path)
-    assert seen == [run.cpu_set(run.USABLE[-1], threads)] and len(seen[0]) == min(threads, len(run.USABLE))
+    assert seen == [run.cpu_set(run.FASTEST, threads)] and len(seen[0]) == min(threads, len(run.USABLE))
 
 
 def test_what_is_whole_is_not_measured_again_until_it_is_forgotten(tmp_path, monkeypatch):

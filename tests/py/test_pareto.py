@@ -176,7 +176,7 @@ def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_count
     # of those with threads one that marches and one by closed forms
     specs = [Spec.parse(name) for name in dict.fromkeys(("baseline", "opt1", *threaded[:1], *threaded[-1:]))]
     grid = measuring.grid(scene, specs, [1e-1], [2])
-    rows, skipped = measuring.study_scene(scene, grid, (24, 24), 6, 1, run.USABLE[-1], tmp_path)
+    rows, skipped = measuring.study_scene(scene, grid, (24, 24), 6, 1, run.FASTEST, tmp_path)
     assert not skipped and len(rows) == 4 * len(specs)
     assert {r["threads"] for r in rows} == {1}
     own = [r for r in rows if r["own_parameters"]]
@@ -229,7 +229,7 @@ def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pyt
         return iter(['{"ns": 1, "warmup": false, "frames": [{"ns": 1}]}'])
 
     monkeypatch.setattr(run, "_lines", fake)
-    scene, cpu = registry.find_scene("scene0"), run.USABLE[-1]
+    scene, cpu = registry.find_scene("scene0"), run.FASTEST
     ablations.measure([(Spec.parse("opt5_threads"), scene.name)], 8, 1, 1, cpu)
     toolchains.measure([toolchains.Program("gcc", "as shipped", "opt5_threads")], scene, 8, 1, 1, cpu)
     measuring.measure(points("a"), scene, 8, 1, 1, cpu)
@@ -243,7 +243,7 @@ def test_a_short_frame_is_timed_behind_a_warm_one(monkeypatch: pytest.MonkeyPatc
         yield {"ns": 2 if warmup else 9, "warmup": False}
 
     cold, warm = points("ab")
-    scene, cpu = registry.find_scene("scene0"), run.USABLE[-1]
+    scene, cpu = registry.find_scene("scene0"), run.FASTEST
     asked: list[int] = []
     monkeypatch.setattr(run, "frames", lambda *a, **more: (asked.append(more["warmup"]), fake(*a, **more))[1])
     assert measuring.measure([cold, warm], scene, 8, 1, 1, cpu, {warm}) == {cold: [9.0], warm: [2.0]}

@@ -71,7 +71,15 @@ def made(tmp_path) -> Path:
 
 def publish(run: Path, folder: Path, *more: str):
     return started.run(
-        [sys.executable, str(ROOT / "scripts" / "stepwise"), "publish", str(run), str(folder), *more]
+        [
+            sys.executable,
+            str(ROOT / "scripts" / "stepwise"),
+            "publish",
+            str(run),
+            str(folder),
+            "--unclean",
+            *more,
+        ]
     )
 
 
@@ -85,7 +93,7 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
         images.write_png(made / "images" / f"{module.PICTURES}.png", noise)
     folder = tmp_path / "published"
     content = json.loads((made / rods.FILE).read_text())
-    content["context"] = {"git": {"commit": "f" * 40}, "time": "2026-01-01T00:00:00+00:00"}
+    content["context"] = {"git": {"commit": "f" * 40, "dirty": False}, "time": "2026-01-01T00:00:00+00:00"}
     store.write_json(made / rods.FILE, content)
     told = ("--command", "make study", "make systems", "--caveat", 'a "busy" machine')
     done = publish(made, folder, *told)
@@ -168,7 +176,7 @@ def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkey
 def test_one_that_is_ended_leaves_nothing(made, tmp_path):
     """A process of its own: started.run does not hand on signals."""
     folder = tmp_path / "new" / "published"
-    command = [sys.executable, ROOT / "scripts" / "stepwise", "publish", made, folder]
+    command = [sys.executable, ROOT / "scripts" / "stepwise", "publish", made, folder, "--unclean"]
     script = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         latest = time.monotonic() + 60

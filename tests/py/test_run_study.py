@@ -14,11 +14,18 @@ import pytest
 
 from study.commands import study as run_study
 from study.core import cli, commands, html, registry, run_schema
+from study.core.host import child
 from study.experiments import cuts, experiment
 from study.experiments.experiment import DEPTHS, Call, Study
 from study.numbers import analysis
 
 FIXTURE = Path(__file__).resolve().parents[1] / "fixtures" / "run"
+
+
+@pytest.fixture(autouse=True)
+def every_page(monkeypatch):
+    """A page after each part, however soon the part has ended."""
+    monkeypatch.setattr(run_study, "PAGE_SECONDS", 0)
 
 
 @pytest.fixture
@@ -92,7 +99,7 @@ def test_a_deeper_study_has_all_of_a_shallower_one(options):
 
 def ends(monkeypatch, status):
     done = subprocess.CompletedProcess([], status)
-    monkeypatch.setattr(run_study.subprocess, "run", lambda *_, **__: done)
+    monkeypatch.setattr(child, "run", lambda *_, **__: done)
     return done
 
 
@@ -172,6 +179,24 @@ def test_a_page_is_written_before_all_phases_are_built(options, elsewhere, monke
     assert set(cuts.read(elsewhere)) == {
         one.name for one in experiment.find_all().values() if one.depth == "quick" and one.cut
     }
+
+
+def test_a_young_page_is_left_as_it_is(options, elsewhere, monkeypatch):
+    """One page before the first part, and the last one."""
+    said = {"run": str(elsewhere), "result": {"failures": [], "estimated_s": 1}}
+    done = []
+
+    def fake(name, *arguments, capture=False, accepted=(cli.OK,)):
+        done.append((name, arguments))
+        return subprocess.CompletedProcess([], cli.OK, stdout=json.dumps(said))
+
+    monkeypatch.setattr(run_study, "run_command", fake)
+    monkeypatch.setattr(run_study, "build_together", lambda tasks, _: None)
+    monkeypatch.setattr(run_study, "arguments", lambda: options)
+    monkeypatch.setattr(run_study, "PAGE_SECONDS", 3600)
+    assert run_study.main() == cli.OK
+    pages = [arguments for name, arguments in done if name == "report"]
+    assert [("--running" in arguments) for arguments in pages] == [True, True, False]
 
 
 def test_the_page_says_what_a_quick_study_cut_and_how_to_have_it_whole(elsewhere, tmp_path):

@@ -628,7 +628,7 @@ def test_every_launch_of_a_crowd_has_a_scene_of_its_own(monkeypatch, tmp_path: P
     monkeypatch.setattr(scaling_scenes, "of_shapes", named_by_path)
     crowd = series.series(90, 5, tmp_path)["crowd"]
     points = {Point("crowd", x, BASE): First(0.1, 0, None) for x in crowd.xs}
-    settings = scaling.Settings(6, 1, run.USABLE[-1], tmp_path, tmp_path)
+    settings = scaling.Settings(6, 1, run.FASTEST, tmp_path, tmp_path)
     found = scaling.measure(crowd, points, {}, settings)
     few, many = ([name for _, name in rendered if f"-{x}-" in name] for x in (16, 4096))
     assert len(found[Point("crowd", 16, BASE)]) == 6 and {height for height, _ in rendered} == {720}

@@ -13,8 +13,10 @@ from study.counting import sde
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "sde"
 MIX, MASKS = FIXTURES / "sde-mix-out.txt", FIXTURES / "sde-dyn-mask-profile.txt"
+OPCODES = FIXTURES / "sde-mix-opcodes.txt"
 
-# By hand from the files, threads 0 and 1, per precision and width: operations, of which FMA.
+# By hand from the files, threads 0 and 1, per precision and width: operations, of which FMA. Comparisons
+# (25 scalar, 60 of 4 lanes, 7 of 8) are elements as well, and x87's 9 sums are none.
 #   double  64: 1540 + 10, FMA 40                   double 256: 4·550, FMA 4·(200 + 50)
 #   double 512: 8·220 unmasked (100 FMA, 120 add) + 250 masked, FMA 800 + 250
 #   single 128: 4·30, all FMA                       single 512: 480 masked, all FMA
@@ -27,13 +29,17 @@ KNOWN = {
     ("fma", "double", 512): 1050,
     ("fma", "single", 128): 120,
     ("fma", "single", 512): 480,
+    ("compare", "double", 64): 25,
+    ("compare", "double", 256): 240,
+    ("compare", "double", 512): 56,
+    ("add", "extended", 80): 9,
 }
 
 
 def test_both_files() -> None:
     counts = sde.read(MIX, MASKS)
     assert dict(counts.lanes) == KNOWN
-    assert counts.machine == 1510 + 1200 + 960 + 2 * (40 + 1000 + 1050 + 120 + 480)
+    assert counts.machine == 1510 + 1200 + 960 + 9 + 2 * (40 + 1000 + 1050 + 120 + 480)
     assert counts.instructions == 9460
     assert (counts.load, counts.store) == (4 * 10 + 8 * 500 + 32 * 50, 8 * 100)
 
@@ -43,7 +49,57 @@ def test_the_formula() -> None:
     elements = 1540 + 10 + 4 * 550 + 8 * 220 + 4 * 30
     fma = 40 + 4 * 250 + 4 * 30
     masked = 250 + 480
-    assert sde.read(MIX, MASKS).machine == elements + fma + masked + (800 + 250 + 480)
+    assert sde.read(MIX, MASKS).machine == elements + fma + masked + (800 + 250 + 480) + 9
+
+
+def test_opcodes_of_several_threads() -> None:
+    """A file as SDE 9.24 writes it without -iform: names that begin with a digit, sections of functions, an
+    empty section of the whole program before the whole one. By hand from it: sums 100 + 11, products 50,
+    4·20 packed sums, 12 quotients; comparisons 25 + 8 + 3 scalar, 4·10 packed; x87's 5 products.
+    """
+    totals = [(one.thread, one.known["*total"]) for one in sde.sections(OPCODES)]
+    assert totals == [(0, 1000), (1, 500), (None, 0), (None, 1500)]
+    counts = sde.read_mix(OPCODES)
+    assert counts.lanes == {
+        ("any", "single", 32): 100 + 11 + 50,
+        ("compare", "single", 32): 25,
+        ("any", "single", 128): 4 * 20,
+        ("compare", "single", 128): 4 * 10,
+        ("any", "double", 64): 12,
+        ("compare", "double", 64): 8 + 3,
+        ("mul", "extended", 80): 5,
+        ("compare", "extended", 80): 4,
+    }
+    assert counts.machine == 161 + 80 + 12 + 5
+    assert (counts.instructions, counts.load, counts.store) == (1500, 4 * 330 + 576 * 2, 8 * 20)
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [("EMIT #1", "EMIT# 1"), ("TID 0  OS-TID 411 EMIT #1", "TID   0   OS-TID 411   EMIT# 1"), ("\n", "\r\n")],
+)
+def test_older_spacings(tmp_path: Path, old: str, new: str) -> None:
+    other = tmp_path / "mix"
+    other.write_text(OPCODES.read_text("latin-1").replace(old, new))
+    assert sde.read_mix(other) == sde.read_mix(OPCODES)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("NOP   ", "VFMADD231PS ", r":24: 686 VFMADD231PS of unknown width: .*; run sde64 with -iform 1"),
+        ("NOP   ", "VFNMSUB132SD ", "VFNMSUB132SD of unknown width"),
+        ("NOP   ", "VCMPPS ", "VCMPPS of unknown width"),
+        ("EMIT_GLOBAL_DYN", "EMIT_OTHER_DYN", "cut off: the whole program's"),
+        (" 500\n# END_DYN", " 501\n# END_DYN", r"\*total add up to 1501, the whole program's is 1500"),
+    ],
+)
+def test_opcodes_that_do_not_do(tmp_path: Path, old: str, new: str, message: str) -> None:
+    other = tmp_path / "mix"
+    other.write_text(OPCODES.read_text("latin-1").replace(old, new))
+    with pytest.raises(StudyError, match=message) as error:
+        sde.read_mix(other)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("file", [MIX, MASKS], ids=["mix", "masks"])
@@ -60,10 +116,10 @@ def test_cut_off(tmp_path: Path, file: Path, keep: float) -> None:
 @pytest.mark.parametrize(
     "file, old, new, message",
     [
-        (MIX, "#       iform ", "#       opcode ", r":\d+: no table of iforms; run sde64 with -iform 1"),
-        (MIX, "# EMIT_DYNAMIC_STATS", "# EMIT_STATIC_STATS", r"no '# EMIT_DYNAMIC_STATS' section"),
+        (MIX, "#       iform ", "#       opcode ", r":\d+: .*: no table of iforms; run sde64 with -iform 1"),
+        (MIX, "# EMIT_DYNAMIC_STATS", "# EMIT_STATIC_STATS", r"no '# EMIT_DYNAMIC_STATS FOR TID' section"),
         (MIX, "*mem-read-4 ", "mem read 4 ", r":\d+: not a name and a count"),
-        (MIX, " 1540", " -1540", r":\d+: not a name and a count"),
+        (MIX, " 1565", " -1565", r":\d+: not a name and a count"),
         (MIX, "*total ", "*sum ", r"no instruction was counted"),
         (MIX, " 30\n", " 31\n", r"more FMA than operations in single, 128 bits"),
         (MASKS, "64b  fp |", "16b  fp |", r":\d+: elements of 16 bits"),
@@ -86,9 +142,9 @@ def test_another_form(tmp_path: Path, file: Path, old: str, new: str, message: s
 def test_a_foreign_file(tmp_path: Path) -> None:
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00ELF")
     for path, message in [
-        (Path(__file__), "no '# EMIT_DYNAMIC_STATS' section"),
+        (Path(__file__), "no '# EMIT_DYNAMIC_STATS FOR TID' section"),
         (tmp_path / "binary", "not text"),
-        (tmp_path / "none", "No such file"),
+        (tmp_path / "none", "No such file or directory; run sde64 with -mix"),
     ]:
         with pytest.raises(StudyError, match=message):
             sde.read(path, MASKS)

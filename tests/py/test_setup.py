@@ -14,11 +14,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 TOOLS = (
     *("sh", "dirname", "mkdir", "flock", "grep", "cut", "cat", "rm", "id", "tail", "sha256sum", "env", "gcc"),
-    *("make", "pkg-config"),
+    *("make", "pkg-config", "uname", "cp", "mv", "sed", "awk", "head"),
 )
 PYTHON = os.path.realpath(sys.executable)  # which("python3") may be a script that asks what it stands for
-UNREACHABLE = "echo 'W: Failed to fetch http://deb.example/InRelease'"  # with status 0, as apt-get does
-CUT_OFF = "echo 'E: Failed to fetch http://deb.example/perf.deb'; exit 100"
+# In another language than English; status 0 unless it is told that an error is one, as apt-get does.
+UNREACHABLE = """echo 'W: Fehlschlag beim Holen von http://deb.example/InRelease'
+case "$*" in *APT::Update::Error-Mode=any*) exit 100 ;; esac"""
+CUT_OFF = "echo 'E: Fehlschlag beim Holen von http://deb.example/perf.deb'; exit 100"
 
 
 @pytest.fixture
@@ -66,9 +68,10 @@ def setup(tree: Path, update: str = "", install: str = "exit 100") -> tuple[str,
 
 
 def test_what_apt_does_not_have_is_asked_for_once(tree: Path) -> None:
+    command(tree, "apt-cache", "exit 100")
     said, asked, remembered = setup(tree)
     assert remembered and "perf is not here and could not be installed" in said
-    assert [line.split()[0] for line in asked] == ["update", "install", "install", "install"]
+    assert [line.split()[0] for line in asked] == ["update"]
     assert setup(tree) == ("", [], True)
 
 
@@ -81,8 +84,7 @@ def test_a_library_is_known_by_its_header(tree: Path, version: int) -> None:
     said, asked, _ = setup(tree)
     assert "rtcore.h is not here" in said and "beside Embree" in said
     assert [line.split()[-1] for line in asked] == ["update", "libembree-dev"] or "-q" in asked[0]
-    assert asked[-1].endswith("libembree-dev") and setup(tree) == ("", [], False)
-    (tree / "build" / "setup.without").unlink()
+    assert asked[-1].endswith("libembree-dev") and not (tree / "build" / "setup.without").exists()
     header = tree / "include" / f"embree{version}" / "rtcore.h"
     said, _, _ = setup(tree, install=f"/bin/mkdir -p {header.parent}; /bin/touch {header}")
     assert "could not" not in said and setup(tree) == ("", [], False)
@@ -98,3 +100,102 @@ def test_what_the_network_kept_back_is_tried_again(tree: Path, trouble: dict[str
         tree, install="; ".join(make.format(tree / "bin" / name) for name in ("perf", "llvm-mca"))
     )
     assert "could not" not in said and len(asked) == 2  # the lists, and one package: it brought both here
+
+
+def ends(tree: Path, purpose: str = "study", **environment: str) -> tuple[int, str, str]:
+    """Status, standard output and errors of a setup."""
+    env = {"PATH": str(tree / "bin"), "STEPWISE_INCLUDE": str(tree / "include")} | environment
+    done = subprocess.run(
+        [tree / "bin" / "sh", tree / "scripts" / "setup.sh", purpose], env=env, capture_output=True, text=True
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def whole(tree: Path) -> None:
+    """Nothing is lacking."""
+    for name in ("perf", "llvm-mca"):
+        command(tree, name, ":")
+
+
+def test_lists_that_did_not_come_are_no_answer(tree: Path) -> None:
+    command(tree, "apt-cache", "exit 100")  # of lists that are old or empty
+    said, asked, remembered = setup(tree, update=UNREACHABLE)
+    assert "could not be installed" in said and len(asked) == 1 and not remembered
+
+
+def test_another_machine_than_x86_64_is_one_line(tree: Path) -> None:
+    (tree / "bin" / "uname").unlink()
+    command(tree, "uname", "echo aarch64")
+    command(tree, "apt-get", f"touch {tree}/asked")
+    status, said, error = ends(tree)
+    assert (status, said) == (1, "") and error.startswith("setup: this machine is aarch64; the phases are")
+    assert error.count("\n") == 1 and not (tree / "asked").exists() and not (tree / "build").exists()
+
+
+@pytest.mark.parametrize("name", ["with space", 'it\'s "quoted"', "käfig ×"])
+def test_a_path_of_any_letters(tree: Path, name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    whole(tree)
+    moved = tmp_path_factory.mktemp("x") / name
+    shutil.copytree(tree, moved, symlinks=True)
+    assert ends(moved, HOME="") == (0, "", "")  # and without a home
+    (moved / "requirements.lock").write_text("# another\n")
+    made = "#!/bin/sh\nexit 0\n"
+    (moved / ".venv" / "bin" / "python").unlink()
+    (moved / ".venv" / "bin" / "python").write_text(made)
+    (moved / ".venv" / "bin" / "python").chmod(0o755)
+    status, said, error = ends(moved)
+    assert (status, error) == (0, "") and said.endswith("setup: done\n")
+
+
+def test_what_cannot_be_written_is_one_line(tree: Path) -> None:
+    whole(tree)
+    (tree / "build").write_text("a file: nobody, root neither, makes a folder of it")
+    status, said, error = ends(tree)
+    assert (status, said) == (1, "") and "cannot be written" in error and error.count("\n") == 1
+
+
+def test_without_sudo_what_to_type_is_one_line(tree: Path) -> None:
+    whole(tree)
+    (tree / "bin" / "pkg-config").unlink()
+    (tree / "bin" / "sudo").unlink()
+    (tree / "bin" / "id").unlink()
+    command(tree, "id", "echo 1000")
+    command(tree, "apt-get", ":")
+    status, _, error = ends(tree)
+    assert status == 1 and error.count("\n") == 1
+    assert "to install: sudo apt-get update && sudo apt-get install -y pkg-config" in error
+
+
+@pytest.mark.parametrize(
+    ("version", "fits"), [("3.10", False), ("3.11", True), ("3.14", True), ("3.15", False)]
+)
+def test_versions_of_python(tree: Path, version: str, fits: bool) -> None:
+    text = (ROOT / "scripts" / "setup.sh").read_text()
+    code = text.partition("right_python='")[2].partition("'")[0]
+    asked = f"import sys; sys.version_info = ({version.replace('.', ', ')}, 1); {code}"
+    assert (subprocess.run([PYTHON, "-c", asked]).returncode == 0) == fits
+
+
+def test_a_package_without_a_wheel_is_named_and_the_rest_goes_on(tree: Path) -> None:
+    whole(tree)
+    (tree / "requirements.lock").write_text(
+        "one==1 \\\n    --hash=sha256:11 \\\n    --hash=sha256:12\n    # via x\n"
+        "little==2 \\\n    --hash=sha256:22\n"
+    )
+    python = tree / ".venv" / "bin" / "python"
+    python.unlink()
+    python.write_text(
+        "#!/bin/sh\n"
+        'case "$*" in --version) echo Python 3.14.0; exit ;; *"pip install"*) ;; *) exit 0 ;; esac\n'
+        "while [ $# -gt 1 ]; do shift; done\n"
+        '! grep -q "^one==" "$1" || {\n'
+        'echo "ERROR: No matching distribution found for one==1"; exit 1; }\n'
+        f'cat "$1" >{tree}/installed\n'
+    )
+    python.chmod(0o755)
+    status, said, error = ends(tree)
+    assert (status, error) == (0, "")
+    assert "setup: one has no wheel for Python 3.14.0: what needs it is left out; the rest goes on\n" in said
+    assert (tree / "installed").read_text() == "    # via x\nlittle==2 \\\n    --hash=sha256:22\n"
+    assert ends(tree) == (0, "", "")
+    assert (tree / ".venv" / ".without").read_text() == "one\n"

@@ -11,7 +11,6 @@ from __future__ import annotations
 import functools
 import re
 import shutil
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,8 +19,10 @@ from typing import Any
 
 from study.core import machine, temporary
 from study.core.cli import StudyError
+from study.core.host import child
 
 PASSES = 100
+MCA_SECONDS = 120.0  # of one region; some inputs never end (a known fault of llvm-mca)
 LCD_SECONDS = 10  # OSACA's search for the longest loop-carried dependency
 
 # Per microarchitecture the models that fit, best first: llvm-mca's -mcpu with the first LLVM release in which
@@ -151,7 +152,7 @@ def mca_program() -> tuple[str, int] | None:
     found = []
     for name in names:
         if path := shutil.which(name):
-            said = subprocess.run([path, "--version"], capture_output=True, text=True).stdout
+            said = child.run([path, "--version"], capture_output=True, text=True).stdout
             if release := re.search(r"LLVM version (\d+)", said):
                 found.append((path, int(release[1])))
     return max(found, key=lambda one: one[1], default=None)
@@ -220,7 +221,7 @@ def run_mca(text: str, mcpu: str) -> Mca:
             "-instruction-info=false",
         ]
         options += ["-resource-pressure=false", "-mtriple=x86_64-linux-gnu"]
-        done = subprocess.run([path[0], *options], input=text, capture_output=True, text=True)
+        done = child.run([path[0], *options], input=text, capture_output=True, text=True, timeout=MCA_SECONDS)
         if done.returncode:
             lines = [line for line in done.stderr.splitlines() if "error" in line]
             raise StudyError(f"llvm-mca: {(lines or ['failed'])[0]}")
@@ -281,7 +282,7 @@ def run_osaca(text: str, arch: str, quick: bool = False) -> Osaca:
         source.write_text(text, encoding="utf-8")
         options = ["--arch", arch, "--syntax", "ATT", "--ignore-unknown", "--yaml-out", str(out)]
         options += ["--fixed", "--lcd-timeout", "0"] if quick else ["--lcd-timeout", str(LCD_SECONDS)]
-        done = subprocess.run([path, *options, str(source)], capture_output=True, text=True)
+        done = child.run([path, *options, str(source)], capture_output=True, text=True)
         if done.returncode or not out.exists():
             raise StudyError(f"osaca: {(done.stderr.strip().splitlines() or ['failed'])[-1]}")
         return parse_osaca(out.read_text(encoding="utf-8"), arch)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import re
-import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import networkx as nx
 
 from study.bounds.profiles import Profile
 from study.core.cli import StudyError
+from study.core.host import child
 from study.counting.elf import Function, Program
 from study.counting.symbols import canonical
 
@@ -73,7 +73,7 @@ def disassemble(binary: Path, start: int, size: int) -> list[Line]:
     command = ["objdump", "-d", "--no-show-raw-insn", "-M", "att"]
     limits = [f"--start-address={start:#x}", f"--stop-address={start + size:#x}"]
     try:
-        done = subprocess.run([*command, *limits, str(binary)], capture_output=True, text=True)
+        done = child.run([*command, *limits, str(binary)], capture_output=True, text=True)
     except OSError:
         raise StudyError("objdump is missing; binutils adds what bounds the hot loops (Table 3)") from None
     if done.returncode:

@@ -9,7 +9,7 @@ from study.core import cli, registry, temporary
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
-from study.core.run import USABLE, render
+from study.core.run import FASTEST, render
 from study.pictures import images, panels
 
 STEP, LARGEST = 36, 720  # heights that are whole in 16:9
@@ -39,7 +39,7 @@ def able(wanted: Spec) -> Spec:
 
 def shoot(spec: Spec, scene: Scene, height: int, out: Path | None = None, warmup: int = 0) -> dict:
     """One timed frame on one thread: the driver's facts, ns (of the frame) and ns_per_pixel."""
-    facts = render(spec, scene.path, height, aov=True, out=out, warmup=warmup, cpu=USABLE[-1])
+    facts = render(spec, scene.path, height, aov=True, out=out, warmup=warmup, cpu=FASTEST)
     frame = next(frame for frame in facts["frames"] if not frame["warmup"])
     kept = ("width", "height", "threads", "isa", "precision", "lanes", "flags", "compiler", "libc")
     shot = {"spec": str(spec), **{key: facts[key] for key in kept}, "ns": frame["ns"]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from study.core import cli, show, store
+from study.core import cli, provenance, show, store
 from study.core.cli import StudyError
 from study.core.marked_blocks import between
 from study.core.registry import ROOT
@@ -34,10 +34,13 @@ def main() -> int:
     add = parser.add_argument
     add("runs", nargs="*", type=Path, metavar="RUN", help="their folders; default: all of results/reference")
     add("--write", action="store_true", help="rewrite the table of results/reference/goals.md")
+    cli.add_unclean(parser)
     args = parser.parse_args()
     folders = args.runs or sorted(p.parent for p in (ROOT / "results" / "reference").glob("*/context.json"))
     if not folders:
         raise StudyError(f"{ROOT / 'results' / 'reference'}: has no run; name one")
+    for folder in folders:
+        provenance.need_clean(folder, args.unclean)
     runs = [analysis.load(folder, strict=False) for folder in folders]
     found, used = goals_page.rows(runs, checked=not args.runs)
     if not found:

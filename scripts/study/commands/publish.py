@@ -6,6 +6,7 @@ import gzip
 import json
 import os
 import shutil
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import OpenImageIO as oiio
 
 from study.core import cli, machine, provenance, store, temporary
 from study.core.cli import StudyError
+from study.core.run_schema import RUN_TOML, About
 from study.experiments import experiment
 from study.experiments.rods import measure as rods
 from study.numbers import analysis
@@ -28,7 +30,8 @@ must have the parts, figures and pictures that it has in the run; only then is t
 being measured is refused; of one that was interrupted, a last line of frames.jsonl that was cut off is
 dropped."""
 PICTURE_BYTES = 300_000
-PACKED = ("counts.json", "validation.json")  # megabytes; what reads them takes both forms (store.stored)
+# Megabytes; what reads them takes both forms (store.stored).
+PACKED = ("counts.json", "validation.json", "hotspots.json")
 SMALLER = 0.85  # each time a picture is still too large
 
 
@@ -135,8 +138,9 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
             made.mkdir()
             copy_files(run, made)
             names = copy_pictures(run, made)
+            store.write_text(made / RUN_TOML, about(made, commands, caveat))
+            About.checked(tomllib.loads((made / RUN_TOML).read_text(encoding="utf-8")), str(made / RUN_TOML))
             check(run, made)
-            store.write_text(made / "run.toml", about(made, commands, caveat))
             os.rename(made, folder)
     except OSError as error:
         raise StudyError(f"{error.filename or folder}: {error.strerror or error}") from None
@@ -161,8 +165,10 @@ def main() -> int:
         "--command", nargs="+", default=[], metavar="TEXT", help="what made the run, for run.toml"
     )
     parser.add_argument("--caveat", default="", metavar="TEXT", help="what limits its numbers, for run.toml")
+    cli.add_unclean(parser)
     args = parser.parse_args()
     run = store.Run.open(args.run)
+    provenance.need_clean(run.path, args.unclean)
     if args.folder.exists() and any(args.folder.iterdir()):
         raise StudyError(f"{args.folder}: is there already and not empty")
     folder = args.folder.absolute()

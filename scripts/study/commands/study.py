@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import shutil
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from typing import Any
 
 from study.core import cli, registry, store
 from study.core.build import build, build_together
+from study.core.host import child
 from study.core.registry import ROOT, Spec, cpu_supports
 from study.core.run import USABLE
 from study.experiments import cuts, experiment
@@ -26,7 +28,8 @@ from study.numbers import analysis
 
 STEPWISE = ROOT / "scripts" / "stepwise"
 PAGE = ROOT / "report" / "out" / "index.html"
-SWEEP_SECONDS = {"quick": 75, "standard": 240}  # of a sweep whose pictures are as large as fits
+PAGE_SECONDS = 120  # a page takes some ten seconds: one that is younger is left as it is
+SWEEP_SECONDS = {"quick": 45, "standard": 240}  # of a sweep whose pictures are as large as fits
 SLACK = 1.6  # of a quick sweep that other work slows down: without six launches there is no interval
 LAUNCHES = {"quick": 6, "standard": 10}
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
@@ -49,7 +52,7 @@ def run_command(
     Crashed where it crashed or was killed, StudyError for any other status that is not accepted.
     """
     command = [sys.executable, str(STEPWISE), name, *arguments]
-    done = subprocess.run(command, stdout=subprocess.PIPE if capture else None, text=True, check=False)
+    done = child.run(command, stdout=subprocess.PIPE if capture else None, text=True, timeout=math.inf)
     if done.returncode == cli.CRASHED:
         raise Crashed(f"stepwise {name} crashed; its traceback is above", cli.CRASHED)
     if done.returncode < 0:
@@ -119,7 +122,7 @@ def counting(run: Path) -> list[tuple[Spec, str]]:
     timed = dict.fromkeys(cell.spec for cell in analysis.load(run).cells)
     made = [(Spec.parse(name), "render-blocks") for name in timed]
     made += [(Spec(name, name), "render-count") for name in registry.ladder()]
-    few = [Spec(name, name) for name in cuts.phases()]
+    few = [Spec(name, name) for name in cuts.three()]
     return made + [(spec, f"render-{kind}") for spec in few for kind in ("calls", "lines", "blocks-calls")]
 
 
@@ -151,12 +154,12 @@ def arguments() -> argparse.Namespace:
         },
     )
     add = parser.add_argument
-    about = "quick: 20 minutes; standard: 40; full: the paper's sweep, hours; default: %(default)s"
+    about = "quick: 14 minutes; standard: 40; full: the paper's sweep, hours; default: %(default)s"
     add("--depth", choices=DEPTHS, default="quick", help=about)
     about = "only this, for the newest run (a small one is made where there is none), and the report"
     add("--part", action="append", choices=experiment.find_all(), metavar="NAME", help=about)
     add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="SCENE", help="scenes to time")
-    about = "for the sweep; default: 75 (quick), 240 (standard)"
+    about = "for the sweep; default: 45 (quick), 240 (standard)"
     add("--budget", type=cli.at_least(1, float), metavar="SECONDS", help=about)
     add("--results", type=Path, default=ROOT / "results", metavar="DIR", help="parent of the run's folder")
     options = parser.parse_args()
@@ -238,8 +241,11 @@ def main() -> int:
         if options.depth == "quick" and not options.part:
             cuts.note(run, "sweep", experiment.find_all()["sweep"].cut)
     study = Study(run, options.scene, height, options.depth, bool(options.part))
+    drawn = -math.inf
     for number, one in enumerate(parts):
-        report(run, [other.what for other in parts[number:]])
+        if time.monotonic() - drawn >= PAGE_SECONDS:
+            report(run, [other.what for other in parts[number:]])
+            drawn = time.monotonic()
         if number == 0 and study.quick:
             step("building what counts")
             build_together(counting(run), len(USABLE))

@@ -86,7 +86,7 @@ def timed_height(both: Sides, scene: Scene) -> int:
     least = SIZES[-1]
     slowest = 0
     for spec in both.both:
-        found = run.render(spec, scene.path, least, scene.size(least)[0], cpu=run.USABLE[-1])
+        found = run.render(spec, scene.path, least, scene.size(least)[0], cpu=run.FASTEST)
         slowest = max(slowest, found["frames"][0]["ns"])
     return next((n for n in SIZES if slowest * (n / least) ** 2 <= FRAME * 1e9), least)
 
@@ -95,12 +95,12 @@ def times(both: Sides, scene: Scene, height: int, launches: int, seed: int) -> d
     """Milliseconds of a frame, per launch the median of three. Raises DriverError."""
 
     def once(spec: Spec, padding: int) -> float:
-        width, cpu = scene.size(height)[0], run.USABLE[-1]
+        width, cpu = scene.size(height)[0], run.FASTEST
         made = run.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding, reps=3, warmup=1)
         with contextlib.closing(made):
             return float(np.median([frame["ns"] / 1e6 for frame in made if not frame["warmup"]]))
 
-    return run.interleaved(both.both, launches, seed, run.USABLE[-1], once, "time")
+    return run.interleaved(both.both, launches, seed, run.FASTEST, once, "time")
 
 
 def counted(spec: Spec, scene: Scene, height: int) -> dict[str, Any] | None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from study.core import progress
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import ROOT, Spec
 
 # As make itself, dash and bash say it.
@@ -57,7 +58,7 @@ def build_together(tasks: Sequence[tuple[Spec, str]], jobs: int) -> None:
         paths = [ROOT / "build" / str(spec) / target for spec, target in tasks]
         missing = [path for path in paths if not path.exists()]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        with subprocess.Popen(command, **quiet) as make:
+        with child.started(command, **quiet) as make:
             total = len(missing) or None
             progress.until(make, "build", lambda: sum(path.exists() for path in missing), total)
 
@@ -68,7 +69,7 @@ def _build(spec: str, target: str) -> Path:
     command = ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))]
     try:
         with _alone(path.parent):
-            done = subprocess.run(command, capture_output=True, text=True)
+            done = child.run(command, capture_output=True, text=True)
     except FileNotFoundError:
         raise StudyError("make is missing; run `make setup` or install make and gcc", CANNOT_RUN) from None
     if done.returncode != 0:

@@ -7,8 +7,10 @@ starts the script again with the Python of ROOT/.venv, or says how to make it.
 from __future__ import annotations
 
 import argparse
+import codecs
 import contextlib
 import dataclasses
+import io
 import json
 import math
 import os
@@ -58,9 +60,19 @@ def _is_installed(distribution: str) -> bool:
     return True
 
 
+def _left_out() -> list[str]:
+    """Distributions that have no wheel for the venv's Python (scripts/setup.sh)."""
+    try:
+        return (DECLARED.parent / ".venv" / ".without").read_text(encoding="ascii").split()
+    except (OSError, UnicodeDecodeError):
+        return []
+
+
 def _need_packages() -> None:
     """Go on in the venv if a package is missing here; the guard stops a venv that lacks it too."""
     missing = [name for name in declared(RUN_TIME) if not _is_installed(name)]
+    if sys.prefix != sys.base_prefix:
+        missing = [name for name in missing if name not in _left_out()]
     if sys.version_info >= (3, 11) and not missing:
         return
     python = Path(__file__).resolve().parents[3] / ".venv" / "bin" / "python"
@@ -89,8 +101,47 @@ def _is_script() -> bool:
     return path is not None and Path(path).resolve().parent == Path(__file__).resolve().parents[2]
 
 
+_ASCII = {
+    "×": "x",
+    "–": "-",
+    "−": "-",
+    "±": "+-",
+    "≤": "<=",
+    "≥": ">=",
+    "µ": "u",
+    "·": "*",
+    "²": "^2",
+    "→": "->",
+    "\u00a0": " ",
+    "…": "...",
+}
+
+
+def _spell(error: UnicodeError) -> tuple[str, int]:
+    """What a terminal's encoding lacks, in letters that it has."""
+    assert isinstance(error, UnicodeEncodeError)
+    letters = (_ASCII.get(sign) or f"\\u{ord(sign):04x}" for sign in error.object[error.start : error.end])
+    return "".join(letters), error.end
+
+
+def speak() -> None:
+    """Standard output and errors take every text, whatever the terminal's encoding."""
+    codecs.register_error("stepwise", _spell)
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:  # closed by the shell: else the next file to be opened would be it
+            with contextlib.suppress(OSError):
+                os.fstat(number)
+                continue
+            opened = os.open(os.devnull, os.O_RDWR)
+            setattr(sys, name, os.fdopen(opened, "w" if number else "r", encoding="utf-8"))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="stepwise")
+
+
 _need_packages()
 if _is_script():
+    speak()
     sys.excepthook = _crash  # of what is raised outside `main`: a module that cannot be imported
 
 
@@ -115,6 +166,12 @@ def parser(description: str, statuses: dict[int, str] | None = None) -> argparse
     return made
 
 
+def add_unclean(parser: argparse.ArgumentParser) -> None:
+    """--unclean, of what would pass a run's numbers on."""
+    text = "take runs of sources with uncommitted changes, or of an unknown commit"
+    parser.add_argument("--unclean", action="store_true", help=text)
+
+
 def of_run(parser: argparse.ArgumentParser, out: str, height: bool = False) -> None:
     """RUN and -o, whose default is `out`; -n of the ladder's pictures if `height`."""
     add = parser.add_argument
@@ -137,9 +194,25 @@ def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
     return parse
 
 
+_enders: list[Callable[[], None]] = []
+
+
+def at_signal(end: Callable[[], None]) -> None:
+    """`end` is called when SIGTERM or Ctrl-C ends the script, before anything is unwound."""
+    _enders.append(end)
+
+
+def _interrupted(number: int, frame: object) -> None:
+    for end in _enders:
+        end()
+    raise KeyboardInterrupt
+
+
 def _ended(number: int, frame: object) -> None:
     """As an exception: what a script has under a temporary name goes with it. A second one ends at once."""
     signal.signal(number, signal.SIG_DFL)
+    for end in _enders:
+        end()
     os.write(2, f"{Path(sys.argv[0]).name}: ended by {signal.Signals(number).name}\n".encode())
     sys.exit(128 + number)
 
@@ -154,7 +227,9 @@ def _name() -> str:
 
 def main(run: Callable[[], int | None]) -> None:
     """Run a script's main function and exit with its status (STATUSES). Errors are one line on stderr."""
-    before = signal.signal(signal.SIGTERM, _ended)
+    before, at_key = signal.signal(signal.SIGTERM, _ended), signal.getsignal(signal.SIGINT)
+    if at_key is signal.default_int_handler:  # else it is ignored, as under nohup
+        signal.signal(signal.SIGINT, _interrupted)
     try:
         status = finish(run() or OK)
         sys.stdout.flush()
@@ -176,6 +251,7 @@ def main(run: Callable[[], int | None]) -> None:
         _crash(type(error), error, error.__traceback__)
     finally:
         signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGINT, at_key)
     sys.exit(status)
 
 

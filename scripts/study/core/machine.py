@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
 import importlib.metadata
 import os
 import platform
@@ -13,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from study.core.registry import ROOT
+from study.core.host import checkout, quotas, topology
 
 LIBRARIES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "Jinja2", "tqdm", "flip-evaluator")
 
@@ -129,41 +128,29 @@ def slug(cpuinfo: str | None = None) -> str:
     return re.sub(r"[^a-z0-9]+", "-", f"{name} {found['family']} {found['model_number']}".lower()).strip("-")
 
 
-def caches() -> list[dict[str, Any]]:
-    """Caches of CPU 0 as the kernel lists them; sizes as it writes them, e.g. 48K."""
-    names = {
-        "level": "level",
-        "type": "type",
-        "size": "size",
-        "ways": "ways_of_associativity",
-        "shared_by": "shared_cpu_list",
-    }
-    folders = sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*"))
-    return [{key: _text(folder / file) for key, file in names.items()} for folder in folders]
-
-
 def steal_ticks() -> int:
     """Time the hypervisor has taken from all CPUs since boot, in 1/100 s."""
     fields = (_text("/proc/stat") or "").split("\n")[0].split()
     return int(fields[8]) if len(fields) > 8 else 0
 
 
-def commit() -> dict[str, Any]:
-    """Git commit, whether the tree differs from it, and a SHA-256 over what differs or is new."""
-    git = ("git", "-C", str(ROOT))
-    digest = hashlib.sha256((_output(*git, "diff", "HEAD", "--binary") or "").encode())
-    new = (_output(*git, "ls-files", "--others", "--exclude-standard", "-z") or "").split("\0")
-    for name in sorted(filter(None, new)):
-        file = ROOT / name  # a link to a folder is listed too, and has no bytes
-        digest.update(
-            name.encode() + b"\0" + hashlib.sha256(file.read_bytes() if file.is_file() else b"").digest()
-        )
-    dirty = bool(_output(*git, "status", "--porcelain"))
-    return {
-        "commit": _output(*git, "rev-parse", "HEAD"),
-        "dirty": dirty,
-        "diff_sha256": digest.hexdigest() if dirty else None,
-    }
+def differs(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What is another machine's between two contexts, in words: none, if a run can go on."""
+    said = []
+    for key in ("model", "microcode", "logical_cpus", "usable_cpus", "cores"):
+        one, other = ((context.get("cpu") or {}).get(key) for context in (then, now))
+        if one != other:
+            said.append(f"{key.replace('_', ' ')} {one}, here {other}")
+    for key in ("machine", "kernel", "hypervisor"):
+        if then.get(key) != now.get(key):
+            said.append(f"{key} {then.get(key)}, here {now.get(key)}")
+    one, other = (context.get("memory_kib") or 0 for context in (then, now))
+    if abs(one - other) > 0.01 * max(one, other):  # a kernel keeps some of it, from boot to boot not the same
+        said.append(f"memory {one / 2**20:.1f} GiB, here {other / 2**20:.1f} GiB")
+    quotas_then, quotas_now = ((context.get("limits") or {}).get("cpus") for context in (then, now))
+    if "limits" in then and quotas_then != quotas_now:
+        said.append(f"quota of CPUs {quotas_then}, here {quotas_now}")
+    return said
 
 
 def _version(package: str) -> str | None:
@@ -180,27 +167,28 @@ def _hypervisor() -> str | None:
     return next(filter(None, names), "yes, name unknown")
 
 
-def context() -> dict[str, Any]:
-    """Everything a figure of this run stands on. Unreadable things are None."""
+def context(pinned: int = topology.FASTEST) -> dict[str, Any]:
+    """Everything a figure of this run stands on; `pinned`: of one thread. Unreadable things are None."""
     memory = re.search(r"MemTotal:\s+(\d+)", _text("/proc/meminfo") or "")
-    policy = Path("/sys/devices/system/cpu/cpu0/cpufreq")
     return {
         "schema": 1,
         "time": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "machine": slug(),
         "cpu": cpu(),
-        "caches": caches(),
+        "pinned": topology.pinned(pinned),
+        "caches": topology.caches(pinned),
         "memory_kib": int(memory[1]) if memory else None,
         "kernel": platform.release(),
         "system": (platform.freedesktop_os_release() if _text("/etc/os-release") else {}).get("PRETTY_NAME"),
         "hypervisor": _hypervisor(),
-        "governor": _text(policy / "scaling_governor"),
+        "governor": topology.pinned(pinned)["governor"],
         "no_turbo": _text("/sys/devices/system/cpu/intel_pstate/no_turbo"),
         "compiler": (_output(os.environ.get("CC", "gcc"), "--version") or "").split("\n")[0] or None,
         "libc": " ".join(platform.libc_ver()).strip() or None,
         "python": platform.python_version(),
         "libraries": {name: _version(name) for name in LIBRARIES},
-        "git": commit(),
+        "git": checkout.state(),
+        "limits": quotas.limits(),
         "load_average": os.getloadavg(),
         "steal_ticks": steal_ticks(),
     }

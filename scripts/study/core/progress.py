@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -13,6 +15,7 @@ from typing import Any, TypeVar
 from tqdm import tqdm
 
 from study.core import cli
+from study.core.host.child import overdue, seconds
 
 T = TypeVar("T")
 PAUSE = 10  # s between two lines
@@ -86,13 +89,22 @@ def each(items: Iterable[T], about: str, total: int | None = None) -> Iterator[T
 
 
 def until(child: subprocess.Popen[Any], about: str, done: Callable[[], int], total: int | None) -> None:
-    """Waits for the child's end; `done` says how far it is."""
+    """Waits for the child's end; `done` says how far it is. StudyError if that stands still too long."""
+    limit = seconds()
     try:
         with Progress(about, total) as progress:
+            heard, before = time.monotonic(), done()
             while child.poll() is None:
+                if time.monotonic() - heard > limit:
+                    raise overdue(about, limit)
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     child.wait(LOOK)
-                progress.to(done())
+                if (now := done()) != before:
+                    heard, before = time.monotonic(), now
+                progress.to(now)
     except BaseException:
+        with contextlib.suppress(ProcessLookupError):
+            if os.getpgid(child.pid) == child.pid:  # a make: what it started goes with it
+                os.killpg(child.pid, signal.SIGKILL)
         child.kill()
         raise

@@ -15,6 +15,7 @@ import numpy as np
 
 from study.core import machine, schema, show, store
 from study.core.cli import StudyError
+from study.core.host import checkout
 from study.core.run_schema import Context
 
 About = Mapping[str, Any]  # the content of a context.json
@@ -46,9 +47,7 @@ def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, About]
 
 def commit(context: About) -> str:
     """The first ten digits, and whether sources were changed."""
-    git = context.get("git") or {}
-    dirty = " with uncommitted changes" if git.get("dirty") else ""
-    return (git.get("commit") or "unknown commit")[:10] + dirty
+    return checkout.said(context.get("git"))
 
 
 def place(context: About) -> str:
@@ -74,6 +73,18 @@ def commits(path: Path) -> dict[str, list[str]]:
     for name, context in contexts(path).items():
         found.setdefault(commit(context), []).append(name)
     return found
+
+
+def need_clean(path: Path, allowed: bool) -> None:
+    """Raises StudyError if a file of a run is of changed or unknown sources and that is not `allowed`."""
+    unclean = {
+        commit(one): (one.get("git") or {}).get("unknown")
+        for one in contexts(path).values()
+        if not checkout.is_clean(one.get("git"))
+    }
+    if unclean and not allowed:
+        said = "; ".join(f"{what} ({why})" if why else what for what, why in unclean.items())
+        raise StudyError(f"{path}: measured of {said}; --unclean takes it all the same")
 
 
 def _launches(content: Any) -> Iterator[Sequence[float]]:

@@ -11,6 +11,8 @@ import random
 import signal
 import subprocess
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,12 +20,14 @@ from typing import Any, TypeVar
 from study.core import progress
 from study.core.build import build
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
+from study.core.host import child
+from study.core.host.topology import FASTEST as FASTEST
+from study.core.host.topology import USABLE, spread
 from study.core.registry import Spec
 
 T = TypeVar("T", bound=Hashable)
 _LIBC = ctypes.CDLL(None)  # loaded here: between fork and exec nothing may be imported
 _PR_SET_PDEATHSIG = 1
-USABLE = sorted(os.sched_getaffinity(0))  # CPUs, before a script moves itself out of the way
 UNTIMED = "STEPWISE_UNTIMED"  # in a driver's environment: it does not measure the clocks' rates, 25 ms
 # Every program but "render" counts, or tells code by its functions: that of costs.def, so that a phase that
 # generates kernels for scenes makes none there.
@@ -41,13 +45,12 @@ class DriverError(StudyError):
 
 
 def cpu_set(cpu: int | None, threads: int) -> set[int] | None:
-    """CPUs to pin to: `cpu` and the next threads - 1 of the usable ones; None: no pinning."""
+    """CPUs to pin to: `cpu` and threads - 1 of the usable ones, a core each first; None: no pinning."""
     if cpu is None:
         return None
     if cpu not in USABLE:
         raise StudyError(f"CPU {cpu} is not available; there are {', '.join(map(str, USABLE))}")
-    first = USABLE.index(cpu)
-    return set((USABLE[first:] + USABLE[:first])[:threads])
+    return spread(cpu, threads, USABLE)
 
 
 def _arguments(
@@ -107,9 +110,10 @@ def _lines(
     The child dies with its reader: killed when the generator is closed, and by the kernel's
     parent-death signal when this process is killed outright.
     """
-    with _child(arguments, cpus, environment(env_bytes, timed, more), subprocess.PIPE) as child:
-        assert child.stdout
-        for line in child.stdout:
+    with _child(arguments, cpus, environment(env_bytes, timed, more), subprocess.PIPE) as (process, watch):
+        assert process.stdout
+        for line in process.stdout:
+            watch.again()
             if line.endswith("\n"):
                 yield line
 
@@ -127,33 +131,63 @@ def environment(
     return found
 
 
+class _Watch:
+    """Kills a process that says nothing for child.seconds(). One thread that sleeps: a line costs no more."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.process, self.seconds, self.ran_out = process, child.seconds(), False
+        self.heard = time.monotonic()
+        self.ended = threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        while not self.ended.wait(max(self.heard + self.seconds - time.monotonic(), 0)):
+            if time.monotonic() >= self.heard + self.seconds:
+                self.ran_out = True
+                self.process.kill()
+                return
+
+    def again(self) -> None:
+        self.heard = time.monotonic()
+
+    def end(self) -> None:
+        self.ended.set()
+
+
 @contextlib.contextmanager
 def _child(
     arguments: list[str], cpus: set[int] | None, environment: dict[str, str], out: Any
-) -> Iterator[subprocess.Popen[str]]:
-    """A child that ends with this: killed if the body is left early; else DriverError if it failed."""
-    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
+) -> Iterator[tuple[subprocess.Popen[str], _Watch]]:
+    """A child that ends with this: killed if the body is left early or the watch not set again in time; else
+    DriverError if it failed."""
+    with contextlib.ExitStack() as stack:
+        errors = stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
+        begun = child.started(
+            arguments,
+            stdout=out,
+            stderr=errors,
+            stdin=subprocess.DEVNULL,
+            env=environment,
+            text=True,
+            preexec_fn=functools.partial(_in_child, cpus),
+        )
         try:
-            child = subprocess.Popen(
-                arguments,
-                stdout=out,
-                stderr=errors,
-                stdin=subprocess.DEVNULL,
-                env=environment,
-                text=True,
-                preexec_fn=functools.partial(_in_child, cpus),
-            )
+            process = stack.enter_context(begun)
         except OSError as error:
             raise DriverError(127, f"{arguments[0]}: {error.strerror}") from None
+        watch = _Watch(process)
         try:
-            yield child
-            status = child.wait()
+            yield process, watch
+            status = process.wait()
         finally:
-            if child.poll() is None:
-                child.kill()
-                child.wait()
-            if child.stdout:
-                child.stdout.close()
+            watch.end()
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+            if process.stdout:
+                process.stdout.close()
+        if watch.ran_out:
+            raise DriverError(status, str(child.overdue(arguments[0], watch.seconds)))
         if status:
             errors.seek(0)
             said = errors.read().strip().splitlines()

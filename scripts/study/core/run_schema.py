@@ -39,8 +39,28 @@ class Git(Record, kw_only=True):
     """The sources."""
 
     commit: Annotated[str | Absent | None, key("", "hash of the commit")] = ABSENT
-    dirty: Annotated[bool | Absent | None, key("", "whether sources were changed since")] = ABSENT
+    dirty: Annotated[bool | Absent | None, key("", "whether sources were changed; null: not known")] = ABSENT
     diff_sha256: Annotated[str | Absent | None, key("", "of that change; null: none")] = ABSENT
+    unknown: Annotated[str | Absent | None, key("", "why something of it is not known")] = ABSENT
+    kind: Annotated[str | Absent | None, key("", "clone, worktree, submodule, archive")] = ABSENT
+
+
+class Pinned(Record, kw_only=True):
+    """The CPU that processes of one thread ran on."""
+
+    cpu: Annotated[int | Absent | None, key("", "its number")] = ABSENT
+    core_type: Annotated[str | Absent | None, key("", "P-core or E-core; null: all cores are alike")] = ABSENT
+    siblings: Annotated[list[int] | Absent, key("", "CPUs of its core, itself among them")] = ABSENT
+    max_khz: Annotated[int | Absent | None, key("kHz", "highest frequency; null: not told")] = ABSENT
+    governor: Annotated[str | Absent | None, key("", "how its clock is chosen")] = ABSENT
+
+
+class Limits(Record, kw_only=True):
+    """What the container may use, by its control groups."""
+
+    cpus: Annotated[float | Absent | None, key("CPUs", "worth of time at once; null: no limit")] = ABSENT
+    memory_bytes: Annotated[int | Absent | None, key("bytes", "null: no limit")] = ABSENT
+    throttled: Annotated[int | Absent | None, key("times", "the quota was used up since the start")] = ABSENT
 
 
 class End(Record, kw_only=True):
@@ -51,6 +71,7 @@ class End(Record, kw_only=True):
         ABSENT
     )
     steal_ticks: Annotated[int | Absent | None, key("1/100 s", "as in context.json")] = ABSENT
+    limits: Annotated[Limits | Absent | None, key("", "as in context.json")] = ABSENT
 
 
 class Context(File, kw_only=True):
@@ -61,6 +82,8 @@ class Context(File, kw_only=True):
     time: Annotated[str | Absent | None, key("UTC", "when it was written; ISO 8601")] = ABSENT
     machine: Annotated[str | Absent | None, key("", "short name, made from the CPU's")] = ABSENT
     cpu: Annotated[Cpu | Absent | None, key("", "the CPU")] = ABSENT
+    pinned: Annotated[Pinned | Absent | None, key("", "the CPU of one thread")] = ABSENT
+    limits: Annotated[Limits | Absent | None, key("", "of the container")] = ABSENT
     caches: Annotated[list[Cache] | Absent | None, key("", "its caches")] = ABSENT
     memory_kib: Annotated[int | Absent | None, key("KiB", "of the machine")] = ABSENT
     kernel: Annotated[str | Absent | None, key("", "version of the operating system's kernel")] = ABSENT

@@ -9,13 +9,13 @@ import fcntl
 import functools
 import json
 import os
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from study.core import cli, temporary
 from study.core.cli import StudyError
+from study.core.host import checkout
 from study.core.json_files import read_json as read_json
 from study.core.json_files import stored as stored
 from study.core.json_files import unpacked as unpacked
@@ -67,12 +67,8 @@ def write_json(path: Path, value: Any) -> None:
 
 def short_commit() -> str:
     """Seven digits of the checked-out commit, or `nocommit` outside a repository."""
-    command = ["git", "-C", str(ROOT), "rev-parse", "--short=7", "HEAD"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True)
-    except OSError:
-        return "nocommit"
-    return done.stdout.strip() if done.returncode == 0 else "nocommit"
+    found = checkout.state()["commit"]
+    return found[:7] if found else "nocommit"
 
 
 class Run:

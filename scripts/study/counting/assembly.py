@@ -16,12 +16,12 @@ import hashlib
 import json
 import shlex
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
 from study.core import cli, store
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.counting.assembly_source import Counters, Source
 from study.counting.decode import Disassembler
 
@@ -68,7 +68,7 @@ def _assemble(compiler: list[str], text: str, path: Path, name: str) -> Path:
     source, made = path / f"{name}.s", path / f"{name}.o"
     source.write_text(text, encoding="utf-8")
     try:
-        done = subprocess.run([*compiler, "-c", str(source), "-o", str(made)], capture_output=True, text=True)
+        done = child.run([*compiler, "-c", str(source), "-o", str(made)], capture_output=True, text=True)
     except OSError as error:
         raise StudyError(f"{compiler[0]}: {error.strerror}", CANNOT_RUN) from None
     if done.returncode:

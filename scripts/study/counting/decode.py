@@ -121,7 +121,7 @@ class Decoded:
 
 
 @cache
-def _arithmetic(name: str) -> tuple[str, bool, int] | None:
+def arithmetic(name: str) -> tuple[str, bool, int] | None:
     """Class, whether packed, bits of an element; None if the mnemonic is no floating-point arithmetic."""
     if match := _FMA.fullmatch(name):
         return "fma", match[1] == "P", _ELEMENT[match[2]]
@@ -272,7 +272,7 @@ class Disassembler:
             "is_call": flow in (FlowControl.CALL, FlowControl.INDIRECT_CALL),
             "ends_block": flow != FlowControl.NEXT,
         }
-        found = None if string else _arithmetic(name)
+        found = None if string else arithmetic(name)
         if found:
             kind, packed, element = found
             bits = width if packed else element

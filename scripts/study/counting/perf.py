@@ -19,6 +19,7 @@ from typing import Any
 from study.core import run, temporary
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Scene, Spec
 
 FREQUENCY = 999  # samples a second: no multiple of the timer's tick
@@ -140,7 +141,7 @@ def event() -> str | None:
 
 
 def _samples(perf: str, data: str) -> bool:
-    done = subprocess.run([perf, "script", "-i", data, "-F", "ip"], capture_output=True)
+    done = child.run([perf, "script", "-i", data, "-F", "ip"], capture_output=True)
     return done.returncode == 0 and bool(done.stdout.strip())
 
 
@@ -177,7 +178,7 @@ def record(
         data = f"{folder}/perf.data"
         options = ["-q", "-B", "-N", "--no-bpf-event", "-e", str(event()), "-F", str(FREQUENCY), "-o", data]
         pin = run.cpu_set(cpu, 1)
-        done = subprocess.run(
+        done = child.run(
             [perf, "record", *options, "--", *driver],
             capture_output=True,
             text=True,
@@ -190,7 +191,7 @@ def record(
             ours = [line for line in said if line.startswith("render:")]
             raise run.DriverError(done.returncode, (ours or said or [f"perf record: {done.returncode}"])[-1])
         fields = "pid,tid,time,period,event,ip,sym,symoff,dso"
-        script = subprocess.run(
+        script = child.run(
             [perf, "script", "-i", data, "--show-mmap-events", "-F", fields], capture_output=True, text=True
         )
     if script.returncode:

@@ -19,7 +19,6 @@ import functools
 import math
 import operator
 import os
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,16 +26,17 @@ from typing import Any
 
 from study.core import machine, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Spec, cpu_flags
 from study.core.run import GENERAL, _arguments, cpu_set, environment, render
 from study.counting import backend, perf
 from study.counting.counts import Counts, Measured
+from study.counting.hardware.perf_stat import Line, parse
 
 FOLDER = Path(__file__).with_name("events")
 PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
 FEW, MANY = 1, 3  # frames, whose difference is measured
 ADDS = "FLOPs, cycles and a top-down split by hardware"
-_FASTEST = 1e12  # events per second that no core reaches
 _KEYS = {"microarchitectures", "source", "notes", "events", "groups", "flops", "topdown"}
 _OPERATORS: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -44,15 +44,6 @@ _OPERATORS: dict[type, Callable[[float, float], float]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-
-
-@dataclass(frozen=True)
-class Line:
-    """One event of perf's output. `value` is perf's, scaled to the whole run; `enabled`: share of it, %."""
-
-    event: str
-    value: float
-    enabled: float
 
 
 @dataclass
@@ -139,50 +130,6 @@ def events_for(microarchitecture: str | None) -> dict[str, Any]:
     )
 
 
-def parse(path: Path, names: list[str]) -> dict[str, Line]:
-    """perf stat -x';' output (perf-stat(1), CSV FORMAT) of the events `names`, in that order.
-
-    StudyError, with file and line, for what is none; for an event that is not supported or was not counted;
-    and for a value that no processor reaches.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or 'not text'}") from None
-    found: list[tuple[int, list[str]]] = []
-    for number, line in enumerate(lines, 1):
-        if line.strip() and not line.startswith("#"):
-            fields = line.split(";")
-            if len(fields) < 5:
-                raise StudyError(f"{path}:{number}: not a line of perf stat -x ';': {line[:60]!r}")
-            if fields[2]:  # without an event: a metric that perf works out
-                found.append((number, fields))
-    if len(found) != len(names):
-        raise StudyError(f"{path}:{len(lines)}: {len(found)} events, {len(names)} were asked for; cut off?")
-    return {
-        name: _line(f"{path}:{number}", fields) for name, (number, fields) in zip(names, found, strict=True)
-    }
-
-
-def _line(where: str, fields: list[str]) -> Line:
-    text, _, event, running, share = fields[:5]
-    if text == "<not supported>":
-        raise StudyError(f"{where}: {event} is not supported by this kernel or machine", CANNOT_RUN)
-    if text == "<not counted>":
-        raise StudyError(f"{where}: {event} was not counted: no counter was free, or another kind of core")
-    try:
-        value, nanoseconds, enabled = float(text), float(running), float(share)
-    except ValueError:
-        raise StudyError(f"{where}: not a value, a time and a share: {';'.join(fields)[:60]!r}") from None
-    if not 0 <= enabled <= 100 or not (math.isfinite(value) and nanoseconds >= 0):
-        raise StudyError(f"{where}: {event}: counted {enabled} % of the time")
-    # The kernel's counters have 64 bits; what runs over in 48 shows as a value out of all proportion.
-    seconds = nanoseconds / 1e9 * 100 / enabled if enabled else 0
-    if value < 0 or value > _FASTEST * max(seconds, 1e-3):
-        raise StudyError(f"{where}: {event}: {text} in {seconds:.3g} s cannot be; the counter has overflowed")
-    return Line(event, value, enabled)
-
-
 def tool() -> str:
     """Path of a perf that starts. StudyError if there is none."""
     path = perf.program()
@@ -215,7 +162,7 @@ def _stat(
     with temporary.folder(prefix="stepwise-perf-") as folder:
         out = folder / "perf.csv"
         try:
-            done = subprocess.run(
+            done = child.run(
                 [program, "stat", "-x", ";", "-o", str(out), "-e", asked, "--", *command],
                 capture_output=True,
                 text=True,

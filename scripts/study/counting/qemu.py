@@ -20,6 +20,7 @@ from pathlib import Path
 from study.core import store, temporary
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Spec, find_phase
 from study.core.run import GENERAL, UNTIMED, _arguments
 from study.counting import backend, calibration, elf
@@ -75,7 +76,7 @@ def record(arguments: list[str], region: str = REGION, *, callback: bool = False
             ]
         )
         try:
-            done = subprocess.run(
+            done = child.run(
                 [emulator(), "-cpu", "max", "-plugin", told, *arguments],
                 capture_output=True,
                 text=True,

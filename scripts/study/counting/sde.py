@@ -2,13 +2,14 @@
 
     FLOPs = sum of n * elements_fp_{single,double}_n + lanes * FMA + computations under masks
 
-An FMA shows once among the elements, so its lanes are added once more; a masked instruction shows in the
-mask profile alone, by computations (active lanes). After Intel, "Calculating 'FLOP' using Intel SDE"
-(article 672372), and IT4Innovations' Intel-SDE-FLOPS, whose reading of the files this follows. What counts:
-ADD SUB MUL DIV SQRT RCP MIN MAX FMA DPP. The region is given by address (Intel, "Pintool Regions", article
-660073). libm and libc called from it are inside the totals; SDE's files do not tell them apart here.
+An FMA shows once among the elements, so its lanes are added once more; a comparison shows there as well and
+is no FLOP. Both are told by their iforms. A masked instruction shows in the mask profile alone, by
+computations (active lanes); x87 is not among the elements. After Intel, "Calculating 'FLOP' using Intel SDE"
+(article 672372), and IT4Innovations' Intel-SDE-FLOPS. The region is given by address (Intel, "Pintool
+Regions", article 660073). libm and libc called from it are inside the totals.
 
-Not yet validated: written from that documentation, never run with an SDE. Its output says so.
+The reader of -mix was held against a public file of SDE 9.24; the mask profile is read as documented. The
+back end was never run with an SDE here: its output says "not yet validated".
 """
 
 from __future__ import annotations
@@ -16,68 +17,106 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
 from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from study.core import temporary
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Spec
 from study.core.run import GENERAL, _arguments
 from study.counting import backend, elf
 from study.counting.counts import Counts, Measured
+from study.counting.decode import arithmetic
 
 TOOL = "sde64"
 REGION = "phase_render"
 _BITS = {"single": 32, "double": 64}
-_PRECISION = {"s": "single", "d": "double"}
 _REGISTER = {"xmm": 128, "ymm": 256, "zmm": 512}
-_BEGIN = re.compile(r"# EMIT_DYNAMIC_STATS FOR TID\s+(\d+)\s")
-_COUNT = re.compile(r"(\*?[A-Za-z][\w-]*)\s+(\d+)")
+_BEGIN = re.compile(r"#\s*EMIT_(?:DYNAMIC_STATS FOR TID\s+(\d+)\b|GLOBAL_DYNAMIC_STATS\b)")
+_END = re.compile(r"#\s*END_(?:GLOBAL_)?DYNAMIC_STATS\b")
+_COUNT = re.compile(r"(\*?[\w-]+)\s+(\d+)")
 _ELEMENTS = re.compile(r"\*elements_fp_(single|double)_(\d+)")
 _MEMORY = re.compile(r"\*mem-(read|write)-(\d+)")
-_FMA = re.compile(r"VFN?M(?:ADDSUB|SUBADD|ADD|SUB)(?:132|213|231)([PS])([SD])_([XYZ]MM)\w*", re.IGNORECASE)
-_FMA_TEXT = re.compile(r"vfn?m(?:addsub|subadd|add|sub)(?:132|213|231)([ps])([sd])\s+(.*)")
+_ANY_WIDTH = re.compile(r"VFN?M(ADD|SUB)|VCMPP[SD]$")
 _MASKED = re.compile(r"masked\s+mask\s+(\d+)b\s+(\d+)elem\s+(\d+)b\s+fp\s+\|\s+(\d+)\s+(\d+)\s+[\d.]+")
 _TAG = re.compile(r"<(thread-number|disassembly|computation-count|execution-counts)>\s+(.*?)\s+</\1>")
 
 
-def _lines(path: Path) -> list[str]:
+def _lines(path: Path, option: str) -> list[str]:
+    """StudyError if there is no such text. Names of images and functions may be in any encoding."""
     try:
-        return path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or 'not text'}") from None
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise StudyError(f"{path}: {error.strerror}; run {TOOL} with {option}") from None
+    if "\0" in text:
+        raise StudyError(f"{path}: not text; run {TOOL} with {option}")
+    return text.splitlines()
+
+
+@dataclass
+class Section:
+    """Names and counts of a thread, or of the whole program (`thread` None); `line`: where it begins."""
+
+    thread: int | None
+    line: int
+    iforms: bool = False
+    known: Counter[str] = field(default_factory=Counter)
+
+
+def sections(path: Path) -> list[Section]:
+    """Of sde-mix-out.txt. What it says of blocks, functions and images is passed over. StudyError."""
+    found: list[Section] = []
+    inside: Section | None = None
+    for number, raw in enumerate(_lines(path, "-mix"), 1):
+        line = raw.strip()
+        if match := _BEGIN.match(line):
+            inside = Section(int(match[1]) if match[1] else None, number)
+            found.append(inside)
+        elif _END.match(line):
+            inside = None
+        elif inside and (not line or line.startswith("#")):
+            inside.iforms |= re.fullmatch(r"#\s*iform\s+count", line) is not None
+        elif inside:
+            if not (match := _COUNT.fullmatch(line)):
+                raise StudyError(f"{path}:{number}: not a name and a count: {line[:60]!r}")
+            inside.known[match[1]] += int(match[2])
+    if inside:
+        raise StudyError(f"{path}:{number}: cut off inside the section that begins in line {inside.line}")
+    if not any(one.thread is not None for one in found):
+        raise StudyError(f"{path}: no '# EMIT_DYNAMIC_STATS FOR TID' section; run {TOOL} with -mix")
+    return found
 
 
 def read_mix(path: Path) -> Counts:
     """Of all threads, from sde-mix-out.txt; what is masked is not in it. StudyError with file and line."""
-    lines, number, threads = _lines(path), 0, 0
+    found = sections(path)
     known: Counter[str] = Counter()
-    while number < len(lines):
-        if not _BEGIN.match(lines[number]):
-            number += 1
-            continue
-        threads += 1
-        start, seen = number, False
-        number += 1
-        while number < len(lines) and not lines[number].startswith("# END_DYNAMIC_STATS"):
-            line = lines[number].strip()
-            seen |= re.fullmatch(r"#\s+iform\s+count", line) is not None
-            if line and not line.startswith("#"):
-                match = _COUNT.fullmatch(line)
-                if not match:
-                    raise StudyError(f"{path}:{number + 1}: not a name and a count: {line[:60]!r}")
-                known[match[1]] += int(match[2])
-            number += 1
-        if number == len(lines):
-            raise StudyError(f"{path}:{number}: cut off inside the section that begins in line {start + 1}")
-        if not seen:
-            raise StudyError(f"{path}:{start + 1}: no table of iforms; run {TOOL} with -iform 1")
-    if not threads:
-        raise StudyError(f"{path}:{len(lines)}: no '# EMIT_DYNAMIC_STATS' section; run {TOOL} with -mix")
+    for one in found:
+        if one.thread is not None:
+            _widths_known(path, one)
+            known += one.known
+    totals = [one.known["*total"] for one in found if one.thread is None]
+    if not totals:
+        raise StudyError(f"{path}: cut off: the whole program's '# EMIT_GLOBAL_DYNAMIC_STATS' is not there")
+    if known["*total"] != totals[-1]:  # an empty one may stand before it
+        raise StudyError(
+            f"{path}: the threads' *total add up to {known['*total']}, the whole program's is {totals[-1]}"
+        )
     if not known["*total"]:
         raise StudyError(f"{path}: no instruction was counted: was {REGION} reached?")
     return _of_mix(path, known)
+
+
+def _widths_known(path: Path, section: Section) -> None:
+    """StudyError for opcodes without iforms, if one of them may be of any width."""
+    for name, n in section.known.items():
+        if n and not section.iforms and _ANY_WIDTH.match(name):
+            raise StudyError(
+                f"{path}:{section.line}: {n} {name} of unknown width: no table of iforms; "
+                f"run {TOOL} with -iform 1"
+            )
 
 
 def _of_mix(path: Path, known: Counter[str]) -> Counts:
@@ -90,17 +129,27 @@ def _of_mix(path: Path, known: Counter[str]) -> Counts:
                 counts.load += int(match[2]) * n
             else:
                 counts.store += int(match[2]) * n
-        elif (match := _FMA.fullmatch(name)) and "_MASK" not in name:  # EVEX: in the mask profile
-            precision = _PRECISION[match[2].lower()]
-            bits = _BITS[precision] if match[1] in "sS" else _REGISTER[match[3].lower()]
-            _turn_fma(path, counts, precision, bits, bits // _BITS[precision] * n)
+        elif "_MASK" not in name and name != "CMPSD":  # EVEX: in the mask profile; the string instruction
+            opcode, _, operands = name.partition("_")
+            register = re.search("[XYZ]MM", operands)  # none: an opcode of SSE, or all in memory
+            _tell_apart(counts, opcode, n, _REGISTER[register[0].lower()] if register else 128)
     return counts
 
 
-def _turn_fma(path: Path, counts: Counts, precision: str, bits: int, lanes: int) -> None:
-    """Lanes that were counted as any operation are those of an FMA: two FLOPs each."""
-    counts.lanes["any", precision, bits] -= lanes
-    counts.lanes["fma", precision, bits] += lanes
+def _tell_apart(counts: Counts, opcode: str, times: int, register: int, computed: int | None = None) -> None:
+    """Takes FMA and comparisons out of what was counted as any operation, and adds x87, which is not in it.
+
+    `register`: bits of the widest operand; `computed`: active lanes, where they are known.
+    """
+    kind, packed, element = arithmetic(opcode.upper()) or ("", False, 0)
+    if element == 80:
+        counts.lanes[kind, "extended", 80] += times
+    elif kind in ("fma", "compare") and element in _BITS.values():
+        bits = register if packed else element
+        lanes = bits // element * times if computed is None else computed
+        precision = "single" if element == 32 else "double"
+        counts.lanes["any", precision, bits] -= lanes
+        counts.lanes[kind, precision, bits] += lanes
 
 
 def add_masks(counts: Counts, path: Path) -> None:
@@ -108,7 +157,7 @@ def add_masks(counts: Counts, path: Path) -> None:
     thread, table, details = 0, False, False
     found: dict[str, str] = {}
     threads = 0
-    for number, raw in enumerate(_lines(path), 1):
+    for number, raw in enumerate(_lines(path, "-dyn_mask_profile"), 1):
         line = raw.strip()
         where = f"{path}:{number}"
         if line in ("<thread>", "</thread>"):
@@ -124,7 +173,7 @@ def add_masks(counts: Counts, path: Path) -> None:
             if not thread or table or details == (line == "<instruction-details>"):
                 raise StudyError(f"{where}: {line} out of place")
             if details:
-                _add_details(counts, found, where, path)
+                _add_details(counts, found, where)
             details, found = not details, {}
         elif table and line.startswith("masked") and " fp " in line:
             match = _MASKED.fullmatch(line)
@@ -141,17 +190,17 @@ def add_masks(counts: Counts, path: Path) -> None:
         raise StudyError(f"{path}: {'cut off inside <thread>' if thread else 'no <thread> section'}")
 
 
-def _add_details(counts: Counts, found: dict[str, str], where: str, path: Path) -> None:
-    match = _FMA_TEXT.match(found.get("disassembly", ""))
-    if not match:
+def _add_details(counts: Counts, found: dict[str, str], where: str) -> None:
+    opcode, _, operands = found.get("disassembly", "").partition(" ")
+    kind, _, element = arithmetic(opcode.upper()) or ("", False, 0)
+    if kind not in ("fma", "compare") or element not in _BITS.values():
         return
     computed = found.get("computation-count", "")
-    register = re.match(r"([xyz]mm)\d+", match[3])
-    if not computed.isdigit() or not register:
-        raise StudyError(f"{where}: an FMA without <computation-count> or register")
-    precision = _PRECISION[match[2]]
-    bits = _BITS[precision] if match[1] == "s" else _REGISTER[register[1]]
-    _turn_fma(path, counts, precision, bits, int(computed))
+    registers = [_REGISTER[name] for name in re.findall(r"([xyz]mm)\d", operands)]
+    if not computed.isdigit() or not registers:
+        name = "an FMA" if kind == "fma" else "a comparison"
+        raise StudyError(f"{where}: {name} without <computation-count> or register")
+    _tell_apart(counts, opcode, 0, max(registers), int(computed))
 
 
 def read(mix: Path, masks: Path) -> Counts:
@@ -202,7 +251,7 @@ def count(arguments: list[str], region: str = REGION) -> tuple[Counts, str]:
         command = [str(tool()), "-iform", "1", "-mix", "-omix", str(mix)]
         command += ["-dyn_mask_profile", "-odyn_mask_profile", str(masks), "-control", control, "--"]
         try:
-            done = subprocess.run(
+            done = child.run(
                 [*command, *arguments],
                 capture_output=True,
                 text=True,

@@ -5,11 +5,11 @@ section 3.3.8, as addr2line reads it).
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
 from study.core.cli import StudyError
+from study.core.host import child
 from study.counting.decode import Disassembler
 from study.counting.elf import Program
 
@@ -61,7 +61,7 @@ def inlined(binary: Path, addresses: Sequence[int]) -> dict[int, list[str]]:
     text = "\n".join(f"{address:#x}" for address in addresses)
     try:
         command = ["addr2line", "-a", "-f", "-i", "-e", str(binary)]
-        done = subprocess.run(command, input=text, capture_output=True, text=True)
+        done = child.run(command, input=text, capture_output=True, text=True)
     except OSError:
         return chains
     return parse_addr2line(done.stdout) if done.returncode == 0 else chains

@@ -9,16 +9,6 @@ from study.core.registry import Spec, cpu_supports, ladder
 from study.core.run_schema import STUDY, Cuts
 
 
-def phases() -> list[str]:
-    """Those of the ladder whose builds take seconds, and the last one: for what needs builds of its own.
-
-    From opt6 on each build has two variants and takes up to half a minute.
-    """
-    known = ladder()
-    names = [name for name, phase in known.items() if not phase.variants]
-    return [name for name in dict.fromkeys([*names, [*known][-1]]) if cpu_supports(Spec.parse(name))]
-
-
 def three() -> list[str]:
     """The first phase of the ladder, the paper's last and the last, as far as this CPU has them."""
     known = ladder()

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from study.core.cli import StudyError
 from study.core.registry import SYSTEMS, Phase, Scene, scenes
+from study.pictures import images
 
 # In the order in which they are judged: what explains the rest comes first.
 METRICS = (
@@ -112,6 +113,8 @@ def failures(metrics: Mapping, declared: Mapping | None) -> dict[str, str]:
     for name in METRICS:
         if name not in bounds or (name == "antialiased.non_finite" and name not in values):
             continue
+        if name.startswith("flip") and not images.HAS_FLIP:
+            continue  # images.FLIP_TOOL says so in the file
         value, bound = values.get(name, math.nan), bounds[name]
         if name == "identical":
             if value is not True:

@@ -13,11 +13,15 @@ import os
 from importlib.metadata import version
 from pathlib import Path
 
-import flip_evaluator
 import numpy as np
 import OpenImageIO as oiio
 
 from study.core.cli import StudyError
+
+try:
+    import flip_evaluator
+except ImportError:  # no wheel for Python 3.14: setup says so, and pictures are judged without
+    flip_evaluator = None
 
 Picture = dict[str, np.ndarray]
 
@@ -26,7 +30,12 @@ GAMMA = 0.4545
 ONE_STEP = 1 / 255  # of 8 bits: what a pixel may be off by before it counts
 DEPTH_AGREES = 1e-3  # relative; see depth_agree_fraction
 # OpenImageIO has FLIP too, but it may fail for want of a colour space in the default configuration.
-FLIP_TOOL = f"flip-evaluator {version('flip-evaluator')}, LDR, display pictures, default viewing distance"
+HAS_FLIP = flip_evaluator is not None
+FLIP_TOOL = (
+    f"flip-evaluator {version('flip-evaluator')}, LDR, display pictures, default viewing distance"
+    if HAS_FLIP
+    else "none: FLIP has no wheel for this Python, its bounds are not checked"
+)
 
 PICTURE_TOOL = f"OpenImageIO {oiio.VERSION_STRING} ImageBufAlgo.compare"
 
@@ -232,7 +241,7 @@ def colour_errors(
         "psnr_display_db": psnr8,
         "fraction_over_1_255_display": over8,
     }
-    if with_flip:
+    if with_flip and HAS_FLIP:
         none = math.nan, math.nan
         found["flip_mean"], found["flip_max"] = flip(*display, judged) if finite and judged.any() else none
     return found

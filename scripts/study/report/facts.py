@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from study.core.host import checkout, quotas
 from study.numbers import analysis
 from study.numbers.analysis import Data
 
@@ -16,7 +17,9 @@ def machine(data: Data) -> list[tuple[str, str]]:
     count = f"{cpu['logical_cpus']} logical CPUs" if cpu.get("logical_cpus") else None
     caches = [f"L{c.get('level')} {c.get('type')} {c.get('size')}" for c in context.get("caches") or []]
     libraries = context.get("libraries") or {}
-    changes = f"yes, SHA-256 {git.get('diff_sha256')}" if git.get("dirty") else "none" if git else None
+    changes = "none" if checkout.is_clean(git) else git.get("unknown") or ("unknown" if git else None)
+    if git.get("dirty"):
+        changes = f"yes, SHA-256 {git.get('diff_sha256')}"
     known = {
         "CPU": _join(cpu.get("model"), cpu.get("microarchitecture"), count),
         "caches": _join(*caches),
@@ -30,6 +33,7 @@ def machine(data: Data) -> list[tuple[str, str]]:
         "commit": git.get("commit"),
         "uncommitted changes": changes,
         "measured": context.get("time"),
+        "limits": "; ".join(quotas.notices(context)) or None,
         "load average before": _join(*(f"{load:.2f}" for load in context.get("load_average") or [])),
     }
     return [(label, str(text)) for label, text in known.items() if text]

@@ -38,7 +38,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("-n", type=cli.at_least(1), default=120, metavar="HEIGHT", help="height in pixels; default: 120")
     add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
     add("--seed", type=int, help="of order and padding; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     add("--no-flops", action="store_true", help="do not count FLOPs (saves the counting builds)")
     add("--run", type=Path, metavar="DIR", help="for ablations.json or ideas.json; default: build/ablations")
     cores = len(os.sched_getaffinity(0))

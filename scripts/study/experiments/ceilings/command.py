@@ -13,7 +13,7 @@ from study.experiments.roofline import tables as roof_tables
 def main() -> int:
     parser = cli.parser(__doc__ or "")
     parser.add_argument("--run", type=Path, metavar="DIR", help="for ceilings.json; default: the newest run")
-    parser.add_argument("--cpu", type=int, help="CPU to pin to; default: the last one")
+    parser.add_argument("--cpu", type=int, help="CPU to pin to; default: of a fast core")
     parser.add_argument("--samples", type=int, metavar="N", help="of each ceiling, 5 to 1000; default: 30")
     args = parser.parse_args()
     target = store.Run.open(args.run) if args.run else store.latest()

@@ -32,7 +32,7 @@ def arguments() -> argparse.Namespace:
     running.height(parser, 720)
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
     add("--python", type=Path, metavar="FILE", help="a Python with drjit; default: one in build/drjit")
-    add("--cpu", type=int, default=run.USABLE[-1], help="first CPU to pin to; default: the last")
+    add("--cpu", type=int, default=run.FASTEST, help="first CPU to pin to; default: of a fast core")
     running.options(parser, "drjit.json", "drjit")
     args = parser.parse_args()
     args.threads = args.threads or [1, len(run.USABLE)]

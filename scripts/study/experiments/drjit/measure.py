@@ -8,7 +8,6 @@ import functools
 import json
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import numpy as np
 
 from study.core import cli, registry, run, store
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import Spec
 from study.experiments.drjit.schema import DrJit
 from study.experiments.frames import measure as frames
@@ -96,7 +96,7 @@ def find_llvm(given: str | None, folders: Iterable[Path] | None = None) -> Path:
 
 def _has_drjit(python: Path) -> bool:
     try:
-        done = subprocess.run([python, "-I", "-c", "import drjit, numpy"], capture_output=True)
+        done = child.run([python, "-I", "-c", "import drjit, numpy"], capture_output=True)
     except OSError:
         return False
     return done.returncode == 0
@@ -116,7 +116,7 @@ def find_python(given: Path | None, home: Path = HOME) -> Path:
         [sys.executable, "-m", "venv", "--clear", home / "venv"],
         [python, "-m", "pip", "install", "-q", "--disable-pip-version-check", *PACKAGES],
     ):
-        done = subprocess.run(command, capture_output=True, text=True)
+        done = child.run(command, capture_output=True, text=True)
         if done.returncode:
             said = (done.stderr or done.stdout).strip().splitlines()
             last = said[-1] if said else f"exit status {done.returncode}"
@@ -166,7 +166,7 @@ class Measuring:
         environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(self.rival.llvm), "HOME": str(HOME)}
         environment |= {"STEPWISE_PADDING": "x" * padding}
         cpus = run.cpu_set(self.cpu, point.threads)
-        done = subprocess.run(
+        done = child.run(
             command,
             env=environment,
             capture_output=True,

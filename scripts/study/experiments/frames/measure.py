@@ -273,16 +273,14 @@ def measure(
 
     def once(point: tuple[Spec, Case], padding: int) -> Any:
         spec, case = point
-        how = {"cpu": run.USABLE[-1], "threads": _threads(spec, settings)}
+        how = {"cpu": run.FASTEST, "threads": _threads(spec, settings)}
         how |= {"env_bytes": padding, "warmup": 1, "display": True}
         how["reps"] = reps_of(taken[point])
         with contextlib.closing(run.frames(spec, *_size(case), **how)) as made:
             timed = [frame for frame in made if not frame["warmup"]]
         return [frame["ns"] for frame in timed], [frame["present_ns"] for frame in timed]
 
-    found = run.interleaved(
-        list(taken), settings.launches, settings.seed, run.USABLE[-1], once, "time frames"
-    )
+    found = run.interleaved(list(taken), settings.launches, settings.seed, run.FASTEST, once, "time frames")
     return found  # type: ignore[return-value]
 
 

@@ -38,7 +38,7 @@ def arguments() -> argparse.Namespace:
     add("--vectors", type=whole(1024, 1 << 30), help=f"to normalise at most; default: {functions.VECTORS}")
     add("--jobs", type=whole(1, 1024), help="threads of the error search; default: all CPUs")
     add("--seed", type=whole(0, 2**63), help="of samples and order; default: random")
-    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin timing to; default: the last")
+    add("--cpu", type=int, default=run.FASTEST, help="CPU to pin timing to; default: of a fast core")
     add("--run", type=Path, metavar="DIR", help="for functions.json and figures/; default: build/functions")
     add("--derive", action="store_true", help="only write common/functions/coefficients.h again")
     return parser.parse_args()

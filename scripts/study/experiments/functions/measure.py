@@ -12,7 +12,6 @@ import hashlib
 import json
 import math
 import os
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ import numpy as np
 from study.core import machine, run
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.experiments.functions import edges as functions_edges
 from study.experiments.functions.schema import Functions
 from study.numbers import stats
@@ -57,7 +57,7 @@ def program() -> Path:
 def bench(*arguments: str, cpu: int | None = None, data: bytes | None = None) -> bytes:
     """Standard output of build/functions/bench, pinned to `cpu`. StudyError with what it said."""
     pin = run.cpu_set(cpu, 1)
-    done = subprocess.run(
+    done = child.run(
         [program(), *arguments],
         input=data,
         capture_output=True,

@@ -192,9 +192,7 @@ def notes(record: Row) -> list[str]:
 
 def read(path: Path) -> Row:
     """A run's hotspots.json, or an empty record. Raises StudyError for another thing's JSON."""
-    if not path.exists():
-        return {"schema": 1, "profiles": [], "beside": {}, "bounds": []}
-    return Hotspots.read(path)
+    return Hotspots.read_if_there(path) or {"schema": 1, "profiles": [], "beside": {}, "bounds": []}
 
 
 def merge(old: Row, new: Row) -> Row:

@@ -29,7 +29,7 @@ def arguments() -> argparse.Namespace:
     )
     running.height(parser, 180, "height for errors", "--error-n", 9)
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1, 2 and all CPUs")
-    add("--cpu", type=int, default=run.USABLE[-1], help="first CPU to pin to; default: the last")
+    add("--cpu", type=int, default=run.FASTEST, help="first CPU to pin to; default: of a fast core")
     running.options(parser, "lattice.json", "systems")
     args = parser.parse_args()
     args.threads = args.threads or sorted({1, min(2, len(run.USABLE)), len(run.USABLE)})

@@ -10,7 +10,6 @@ import functools
 import os
 import re
 import shutil
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy as np
 
 from study.core import run, temporary
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
 from study.core.registry import ROOT, Scene, Spec
 from study.experiments.original.schema import Original
 from study.numbers import stats
@@ -56,7 +56,7 @@ def fetch(repository: str, folder: Path) -> None:
     shutil.rmtree(part, ignore_errors=True)
     command = ["git", "clone", "--quiet", "--no-checkout", repository, str(part)]
     try:
-        done = subprocess.run(command, capture_output=True, text=True)
+        done = child.run(command, capture_output=True, text=True)
     except FileNotFoundError:
         raise StudyError("git is missing; install it by `apt-get install git`", CANNOT_RUN) from None
     if done.returncode:
@@ -84,16 +84,16 @@ def build(repository: Path, phase: str, height: int) -> Path:
         return program
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    packed = subprocess.run(
+    packed = child.run(
         ["git", "-C", str(repository), "archive", COMMITS[phase]], capture_output=True, check=False
     )
     if packed.returncode:
         raise StudyError(f"{repository}: lacks commit {COMMITS[phase]}, the paper's {phase}")
-    subprocess.run(["tar", "x", "-C", str(folder)], input=packed.stdout, check=True)
+    child.run(["tar", "x", "-C", str(folder)], input=packed.stdout, check=True)
     config = folder / "include" / "config.h"
     config.write_text(configured(config.read_text(), height))
     (folder / "build" / "obj" / "geometry").mkdir(parents=True, exist_ok=True)
-    made = subprocess.run(
+    made = child.run(
         ["make", "-s", "-C", str(folder / "build"), "raymarcher"], capture_output=True, text=True
     )
     if made.returncode:
@@ -105,7 +105,7 @@ def launch(program: Path, scene: str, cpu: int, env_bytes: int = 0) -> tuple[int
     """TSC cycles of one picture, and the picture as displayed: height × width × 3 bytes."""
     output = program.parents[1] / "output"
     shutil.rmtree(output, ignore_errors=True)
-    done = subprocess.run(
+    done = child.run(
         [program, "benchmark", scene],
         cwd=program.parent,
         env=os.environ | {"STEPWISE_PADDING": "x" * env_bytes},
@@ -131,7 +131,7 @@ def difference(theirs: np.ndarray, ours: np.ndarray) -> dict[str, float]:
 
 def measure(programs: Mapping[str, Path], scene: Scene, phase: str, settings: Settings) -> Row:
     """One phase and scene, both programs interleaved on one CPU: ms with intervals, and ours over theirs."""
-    cpu, spec = run.USABLE[-1], Spec.parse(phase)
+    cpu, spec = run.FASTEST, Spec.parse(phase)
     wide, high = scene.size(settings.height)
     seen: dict[str, Any] = {}
 

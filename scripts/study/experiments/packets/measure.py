@@ -89,7 +89,7 @@ def one_launch(
 ) -> tuple[Row, np.ndarray]:
     """A process: medians over its repetitions in ns, ours and (with our own settings) Embree's."""
     words, limit = VARIANTS[name]
-    where = {"cpu": run.USABLE[-1], "env_bytes": env_bytes}
+    where = {"cpu": run.FASTEST, "env_bytes": env_bytes}
     record, found = packets_rays.hits(scene.path, rays, kind, words, limit, reps, name == "own", **where)
     keys = ("ns", *(f"{way}_ns" for way in EMBREE))
     times = {key: float(np.median(record[key])) if record[key] else None for key in keys}
@@ -108,7 +108,7 @@ def of_rays(scene: Scene, rays: Rays, kind: str, launches: int, reps: int, seed:
         return float(took["ns"])
 
     about = f"{scene.name}, {kind}"
-    run.interleaved(names, launches, zlib.crc32(f"{seed} {about}".encode()), run.USABLE[-1], once, about)
+    run.interleaved(names, launches, zlib.crc32(f"{seed} {about}".encode()), run.FASTEST, once, about)
     ours, count = times["own"], len(rays)
     found: Row = {"scene": scene.name, "kind": kind, "rays": count, "embree": ours[0]["embree"]}
     found["variants"] = [
@@ -257,7 +257,7 @@ def normalised(vectors: int, seed: int) -> list[Row]:
     """The article's benchmark: ms to normalise so many vectors of three floats, error in ulp, and how many
     times as fast as scalar code that is. All of it is in the function study. Raises StudyError.
     """
-    rows = functions.normalise(vectors, NORMALISE_ROUNDS, seed, run.USABLE[-1])
+    rows = functions.normalise(vectors, NORMALISE_ROUNDS, seed, run.FASTEST)
     largest = max(row["vectors"] for row in rows)
     return [
         {key: row[key] for key in ("vectors", "isa", "layout", "name", "max_ulp")}

@@ -11,7 +11,6 @@ import json
 import math
 import os
 import re
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ import numpy as np
 from study.core import generated_scenes as scaling_scenes
 from study.core import run, store, temporary
 from study.core.build import build
+from study.core.host import child
 from study.core.registry import Scene, find_scene
 
 KINDS = ("primary", "shadow", "mirror", "scattered")
@@ -124,7 +124,7 @@ def secondary(
 @functools.cache
 def asserts(program: Path) -> bool:
     """Whether the program's Embree was built with assertions, as Debian's 3.13.5 is: it could be faster."""
-    linked = subprocess.run(["ldd", program], capture_output=True, text=True, check=False).stdout
+    linked = child.run(["ldd", program], capture_output=True, text=True, check=False).stdout
     library = re.search(r"libembree\S* => (/\S+)", linked)
     return bool(library) and b"__assert_fail" in Path(library[1]).read_bytes()
 
@@ -156,7 +156,7 @@ def hits(
     with temporary.folder() as scratch:
         out = scratch / "hits"
         command = [program, scene, *options, "--reps", str(reps), "-o", out]
-        done = subprocess.run(
+        done = child.run(
             [str(w) for w in command],
             input=rays.tobytes(),
             capture_output=True,

@@ -57,7 +57,7 @@ def arguments() -> argparse.Namespace:
     about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
     add("--antialias-n", type=cli.at_least(1), metavar="HEIGHT", help=about)
     running.budget(parser, 600)
-    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     running.options(parser, "pareto.json and figures/", "pareto")
     return parser.parse_args()
 

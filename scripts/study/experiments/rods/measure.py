@@ -59,7 +59,7 @@ def milliseconds(
     phase: str, words: str, scene: Scene, size: tuple[int, int], reps: int, env_bytes: int = 0, **more: Any
 ) -> float:
     """Median time of a launch's frames, on as many CPUs as it has threads. Raises StudyError."""
-    how = {"cpu": run.USABLE[-1], "env_bytes": env_bytes, "reps": reps, "warmup": 1, "timed": False}
+    how = {"cpu": run.FASTEST, "env_bytes": env_bytes, "reps": reps, "warmup": 1, "timed": False}
     with settings(words):
         record = run.render(phase, scene.path, size[1], size[0], **how, **more)
     return float(np.median([f["ns"] for f in record["frames"] if not f["warmup"]])) / 1e6
@@ -110,7 +110,7 @@ def interleaved(
     cases: Mapping[str, Callable[[int], float]], launches: int, seed: int
 ) -> dict[str, list[float]]:
     """run.interleaved of cases by name, each a function of the bytes that its environment is padded with."""
-    return run.interleaved(list(cases), launches, seed, run.USABLE[-1], lambda name, pad: cases[name](pad))
+    return run.interleaved(list(cases), launches, seed, run.FASTEST, lambda name, pad: cases[name](pad))
 
 
 def timed(times: Sequence[float]) -> Row:

@@ -44,7 +44,7 @@ def arguments() -> argparse.Namespace:
     )
     add("--full", action="store_true", help=f"n = {FULL_HEIGHT} and {FULL_SECONDS} s: nearly every point")
     add("--scene-seed", type=int, default=1, help="of the generated scenes; default: 1")
-    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     running.options(parser, "scaling.json, figures/, images/", "scaling")
     args = parser.parse_args()
     args.n = args.n or (FULL_HEIGHT if args.full else HEIGHT)

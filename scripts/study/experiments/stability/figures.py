@@ -25,7 +25,8 @@ def reached(row: dict[str, Any]) -> float:
 def draw(data: dict[str, Any]) -> Figure:
     """A line a case, a column a phase: the first strength that fails, darker the easier it is."""
     names = [phase["name"] for phase in data["phases"]]
-    figure = Figure(figsize=(3.6 + 0.72 * len(names), 0.235 * len(data["cases"]) + 1.9), layout="constrained")
+    width = max(8.0, 3.6 + 0.72 * len(names))  # the titles of the cases take half of the least
+    figure = Figure(figsize=(width, 0.235 * len(data["cases"]) + 1.9), layout="constrained")
     figure.suptitle(
         "The first strength of each hard case at which a phase fails", x=0.01, ha="left", fontsize=12
     )

@@ -17,6 +17,7 @@ from typing import Any
 from study.core import cli, machine, progress, run, store
 from study.core.build import build
 from study.core.cli import StudyError
+from study.core.host import quotas
 from study.core.registry import Spec, find_scene, ladder
 from study.core.run import DriverError
 from study.experiments.sweep import summary
@@ -70,7 +71,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         help="a frame longer than that warms itself up: one per launch, no warm-up",
     )
     plan.add_argument("--seed", type=natural, help="of order and padding; default: random")
-    plan.add_argument("--cpu", type=natural, help="CPU to pin to; default: the last one")
+    plan.add_argument("--cpu", type=natural, help="CPU to pin to; default: of a fast core")
     plan.add_argument("--hit-distance", type=cli.at_least(1e-300, float), metavar="X", help="in scene units")
     plan.add_argument("--max-steps", type=whole, metavar="K", help="evaluations per ray")
     about = "opt2@PHASE beside each PHASE with other flags; default: where all of the ladder is swept"
@@ -89,7 +90,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "n": [size("180")],
     }
     defaults |= {"threads": [1], "reps": 3, "launches": 10, "warmup": 1, "seed": secrets.randbelow(2**32)}
-    defaults |= {"cpu": run.USABLE[-1], "results": store.RESULTS}
+    defaults |= {"cpu": run.FASTEST, "results": store.RESULTS}
     for action in plan._group_actions:
         if options.run and getattr(options, action.dest) is not None:
             name = action.option_strings[0]
@@ -246,15 +247,18 @@ class Sweep:
         self.plan["finished"] = now()
         store.write_json(self.run.path / "plan.json", self.plan)
         end = {"time": now(), "load_average": os.getloadavg(), "steal_ticks": machine.steal_ticks()}
+        end["limits"] = quotas.limits()
         store.write_json(self.run.path / "context.json", self.run.context | {"end": end})
 
 
 def resume(options: argparse.Namespace) -> Sweep:
     """The run at --run; refused where machine or programs are not what they were."""
     target = store.Run.open(options.run)
-    plan, cpu = target.plan, target.context["cpu"]
-    if (cpu["model"], target.context["machine"]) != (machine.cpu()["model"], machine.slug()):
-        raise StudyError(f"{target}: measured on another machine ({cpu['model']}); start a new run here")
+    plan = target.plan
+    if other := machine.differs(target.context, machine.context(plan["cpu"])):
+        raise StudyError(f"{target}: measured on another machine ({'; '.join(other)}); start a new run here")
+    if plan["cpu"] not in run.USABLE:
+        raise StudyError(f"{target}: CPU {plan['cpu']} is not available; start a new run here")
     for spec, digest in plan["binaries"].items():
         if sha256(build(Spec.parse(spec))) != digest:
             raise StudyError(f"{target}: {spec} is another program now (sources, compiler); start a new run")
@@ -285,7 +289,10 @@ def start(plan: dict[str, Any], options: argparse.Namespace) -> Sweep:
         cli.say(f"note: {other} measures the same and is unfinished; --run {other} --resume goes on with it")
     target = store.Run.create(options.results, machine.slug())
     target.lock()
-    store.write_json(target.path / "context.json", machine.context())
+    context = machine.context(plan["cpu"])
+    store.write_json(target.path / "context.json", context)
+    for notice in quotas.notices(context):
+        cli.say(f"note: {notice}")
     return Sweep(target, plan, options.budget)
 
 
@@ -318,6 +325,7 @@ def report(sweep: Sweep, as_json: bool) -> int:
     frames, plan = sweep.run.frames(), sweep.plan
     rows = summary.rows(frames)
     warnings = summary.indistinguishable(frames) + stats.noise_warnings(frames)
+    warnings += quotas.notices(sweep.run.context)
     for entry in plan["not_reached"]:
         warnings.append(f"budget: {entry['name']} has {entry['launches']} of {plan['launches']} launches")
     if as_json:

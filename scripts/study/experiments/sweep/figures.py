@@ -151,11 +151,9 @@ def truth_text(row: pd.Series) -> str:
 
 
 def error_text(row: pd.Series) -> str:
-    """The error beside a speed: PSNR to baseline and whether it is within the tolerance."""
+    """The error beside a speed: PSNR to baseline (– if not measured), and whether it is too much."""
     text = show.psnr(row, "psnr_db")
-    if text == show.NOTHING:
-        text = "error not measured"
-    elif text not in ("reference", "identical"):
+    if text not in (show.NOTHING, "reference", "identical"):
         text += " dB"
     return text + (", OUTSIDE" if show.gate_mark(row) == "bad" else "")
 

@@ -81,7 +81,9 @@ def indistinguishable(frames: pd.DataFrame) -> list[str]:
             continue
         for a, b in stats.too_noisy(times):
             ratio = stats.ratio_interval(times[a], times[b]).text()
-            sentences.append(f"{where}: noise hides the difference of {a} and {b} (ratio {ratio})")
+            sentences.append(
+                f"{where}: noise hides the difference of {a} and {b} (time of {a} over {b}: {ratio})"
+            )
     return sentences
 
 

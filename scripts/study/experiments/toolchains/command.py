@@ -33,7 +33,7 @@ def arguments() -> argparse.Namespace:
     )
     add("--flags", nargs="+", default=list(SETS), choices=SETS, metavar="SET", help="default: all four")
     running.height(parser, 90, least=1)
-    add("--cpu", type=int, default=run.USABLE[-1], help="CPU to pin to; default: the last one")
+    add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     add("--no-truth", action="store_true", help="do not compare with truth (saves rendering it)")
     running.options(parser, "toolchains.json", "toolchains")
     return parser.parse_args()

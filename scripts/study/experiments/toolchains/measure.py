@@ -19,6 +19,7 @@ import numpy as np
 
 from study.core import cli, progress, run
 from study.core.cli import StudyError
+from study.core.host import child
 from study.core.registry import ROOT, Scene, Spec
 from study.experiments.accuracy import measure as accuracy
 from study.experiments.toolchains.schema import Toolchains
@@ -86,7 +87,7 @@ def build(program: Program) -> str | None:
     """Builds it; None, or the last lines of what the compiler said."""
     command = ["make", "-s", "-C", str(ROOT), f"CC={program.compiler}", f"BUILD={program.folder}"]
     environment = os.environ | {"CFLAGS_MORE": SETS[program.flags]}
-    done = subprocess.run(
+    done = child.run(
         [*command, str(program.folder / program.phase / "render")],
         capture_output=True,
         text=True,

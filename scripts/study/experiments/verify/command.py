@@ -196,10 +196,14 @@ def report(args: argparse.Namespace, result: dict, folder: Path) -> None:
         print(f"Pictures: {folder}/images")
     for item in result["skipped"]:
         cli.say(f"skipped {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}")
+    by_truth: dict[str, list[str]] = {}
     for pair in result["pairs"]:
         if pair.get("left_to"):
-            about = f"{pair['phase']} on {pair['scene']} is left to {TRUTH}"
-            cli.say(f"{about}: it declares tolerance.truth alone; here only that all samples are finite")
+            by_truth.setdefault(pair["phase"], []).append(pair["scene"])
+    for phase, scenes in by_truth.items():
+        cli.say(f"{phase}: {TRUTH} judges its error to ground truth; here only that all samples are finite")
+        cli.say(f"  on {' '.join(scenes)}")
+    for pair in result["pairs"]:
         if pair["within_tolerance"] is False and not pair["beside"]:
             where = f" (heat map: {folder / pair['heatmap']})" if "heatmap" in pair else ""
             cli.say(f"FAIL {pair['phase']} on {pair['scene']}: {'; '.join(pair['why'])}{where}")

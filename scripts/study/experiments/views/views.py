@@ -8,7 +8,6 @@ more. A camera that would be in a shape, or within a fiftieth of the way of one,
 from __future__ import annotations
 
 import dataclasses
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 from study.core import store
 from study.core.build import build
 from study.core.cli import StudyError
+from study.core.host import child
 from study.core.registry import Scene
 
 OWN = "own"  # the view that the scene comes with
@@ -85,7 +85,7 @@ def turned(data: dict[str, Any], degrees: float, nearer: float = 1.0) -> dict[st
 
 def probed(path: Path, point: np.ndarray) -> float:
     """The signed distance from a point to the scene, by the judge. Raises StudyError."""
-    done = subprocess.run(
+    done = child.run(
         [build(JUDGE, "probe"), path], input=np.asarray(point, float).tobytes(), capture_output=True
     )
     if done.returncode or len(done.stdout) != 16:

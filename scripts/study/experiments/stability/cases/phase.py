@@ -23,6 +23,7 @@ import numpy as np
 
 from study.core import build, registry, temporary
 from study.core.cli import StudyError
+from study.core.host import child
 from study.core.run import NO_ISA, UNSUPPORTED, UNTIMED
 from study.pictures import images
 from study.pictures.images import Picture
@@ -76,16 +77,13 @@ class Phase:
     ) -> subprocess.CompletedProcess[bytes]:
         """Run a program to its end, whatever its exit status. Raises Hung, or Crashed for a signal."""
         command = [str(word) for word in arguments]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
         try:
-            done = subprocess.run(
-                command,
-                input=stdin,
-                capture_output=True,
-                timeout=self.time_limit,
-                env=os.environ | {UNTIMED: "1"} | (env or {}),
-            )
+            with child.started(command, env=os.environ | {UNTIMED: "1"} | (env or {}), **pipes) as program:
+                said = program.communicate(stdin, self.time_limit)
         except subprocess.TimeoutExpired:
             raise Hung(f"not done after {self.time_limit:g} s") from None
+        done = subprocess.CompletedProcess(command, program.returncode, *said)
         if done.returncode < 0:
             raise Crashed(f"killed by {signal.Signals(-done.returncode).name}")
         return done
@@ -165,7 +163,7 @@ def _copy(name: str, target: str, folder: str, make: tuple[str, ...]) -> Path:
 def _made(name: str, target: str, folder: str, make: tuple[str, ...]) -> Path:
     path = f"{folder}/{name}/{target}"
     command = ["make", "-s", "-C", str(registry.ROOT), f"BUILD={folder}", *make, path]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = child.run(command, capture_output=True, text=True)
     if done.returncode != 0:
         said = [line for line in done.stderr.splitlines() if "error" in line] or ["make failed"]
         raise StudyError(f"{path} does not build: {said[0].strip()}")

@@ -1,0 +1,102 @@
+"""What is known of the sources' version: the commit, what differs from it, and why one is not known."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from study.core.registry import ROOT
+
+ARCHIVED = ".git_archival.txt"  # git archive puts the commit into it (.gitattributes)
+_OF_A_HOOK = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")  # they would name another repository
+
+
+def _git(*arguments: str) -> tuple[str | None, str]:
+    """Standard output, or None and git's words."""
+    environment = {k: v for k, v in os.environ.items() if k not in _OF_A_HOOK} | {"LC_ALL": "C"}
+    command = ("git", "-C", str(ROOT), *arguments)
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=60, env=environment)
+    except FileNotFoundError:
+        return None, "git is not installed"
+    except (OSError, subprocess.TimeoutExpired):
+        return None, "git does not answer"
+    said = done.stderr.decode(errors="replace").strip().splitlines() or ["git fails"]
+    return (done.stdout.decode(errors="replace").strip() if done.returncode == 0 else None), said[0]
+
+
+def _unknown() -> str | None:
+    """Why git cannot speak of this tree; None if it can."""
+    top, said = _git("rev-parse", "--show-toplevel")
+    if top is None and "dubious ownership" in said:
+        return f"the checkout belongs to another user: git config --global --add safe.directory {ROOT}"
+    if top is None:
+        return "no git repository: a copy or an archive" if not (ROOT / ".git").exists() else said
+    if Path(top).resolve() != ROOT.resolve():
+        return f"a copy without .git, inside another repository ({top})"
+    return None
+
+
+def _archived() -> str | None:
+    """The commit that `git archive` wrote into a tarball."""
+    try:
+        text = (ROOT / ARCHIVED).read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return None
+    return text if len(text) == 40 and all(sign in "0123456789abcdef" for sign in text) else None
+
+
+def state() -> dict[str, Any]:
+    """Commit; whether the tree differs from it (None: not known), with a SHA-256 over what differs or is new;
+    `unknown`: why something is not known; `kind` of checkout."""
+    if why := _unknown():
+        kind = "archive" if _archived() else None
+        return {"commit": _archived(), "dirty": None, "diff_sha256": None, "unknown": why, "kind": kind}
+    status, _ = _git("status", "--porcelain")
+    dirty = None if status is None else bool(status)
+    return {
+        "commit": _git("rev-parse", "--verify", "-q", "HEAD")[0] or None,
+        "dirty": dirty,
+        "diff_sha256": _digest() if dirty else None,
+        "unknown": "git status fails" if dirty is None else None,
+        "kind": _kind(),
+    }
+
+
+def _kind() -> str:
+    if _git("rev-parse", "--show-superproject-working-tree")[0]:
+        return "submodule"
+    if _git("rev-parse", "--git-dir")[0] != _git("rev-parse", "--git-common-dir")[0]:
+        return "worktree"
+    return "shallow clone" if _git("rev-parse", "--is-shallow-repository")[0] == "true" else "clone"
+
+
+def _digest() -> str:
+    digest = hashlib.sha256((_git("diff", "HEAD", "--binary")[0] or "").encode())
+    new = (_git("ls-files", "--others", "--exclude-standard", "-z")[0] or "").split("\0")
+    for name in sorted(filter(None, new)):
+        file = ROOT / name  # a link to a folder is listed too, and has no bytes
+        digest.update(
+            name.encode() + b"\0" + hashlib.sha256(file.read_bytes() if file.is_file() else b"").digest()
+        )
+    return digest.hexdigest()
+
+
+def said(git: Mapping[str, Any] | None) -> str:
+    """Of a context's `git`: ten digits, and whether sources were changed; "unknown" is not "clean"."""
+    git = git or {}
+    commit = git.get("commit")
+    if not commit:
+        return "unknown commit"
+    if git.get("dirty") is None:
+        return f"{commit[:10]}, changed or not is unknown"
+    return commit[:10] + (" with uncommitted changes" if git["dirty"] else "")
+
+
+def is_clean(git: Mapping[str, Any] | None) -> bool:
+    """A known commit, known to be all there was."""
+    return bool(git and git.get("commit")) and git.get("dirty") is False

@@ -1,0 +1,104 @@
+"""Runs another program to its end, which comes in time: a child that hangs is killed with all it started."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from study.core import cli
+from study.core.cli import CANNOT_RUN, StudyError
+
+SECONDS = 3600.0  # of one program; a compiler or a tool takes minutes
+LIMIT = "STEPWISE_CHILD_SECONDS"
+
+
+def seconds() -> float:
+    """What a child may take, by the environment or SECONDS. StudyError for no number."""
+    text = os.environ.get(LIMIT)
+    with contextlib.suppress(ValueError):
+        if (limit := float(text) if text else SECONDS) > 0:
+            return limit
+    raise StudyError(f"{LIMIT}={text}: must be a number of seconds above 0")
+
+
+def overdue(name: object, limit: float) -> StudyError:
+    """What is said of a child that was killed."""
+    return StudyError(
+        f"{Path(str(name)).name}: no end after {limit:g} s; killed ({LIMIT} allows more)", CANNOT_RUN
+    )
+
+
+_live: set[int] = set()  # process groups: they do not see a terminal's Ctrl-C by themselves
+_ending = threading.Event()
+
+
+def _end_all() -> None:
+    """SIGTERM, at which make removes what is half made. Threads that still work start nothing more."""
+    _ending.set()
+    for group in list(_live):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGTERM)
+
+
+cli.at_signal(_end_all)
+
+
+def may_start() -> None:
+    """To be called before a child starts. StudyError once a signal ends the script: nobody waits for more."""
+    if _ending.is_set():
+        raise StudyError("nothing more is started: the script is ending", CANNOT_RUN)
+
+
+@contextlib.contextmanager
+def started(command: Sequence[str | Path], **options: Any) -> Iterator[subprocess.Popen]:
+    """The program in a process group of its own, which ends with the script, and with an exception."""
+    may_start()
+    with subprocess.Popen(command, process_group=0, **options) as child:
+        _live.add(child.pid)
+        try:
+            may_start()  # the signal may have come in between
+            yield child
+        except BaseException as error:
+            late = isinstance(error, subprocess.TimeoutExpired)
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL if late else signal.SIGTERM)
+            raise
+        finally:
+            _live.discard(child.pid)
+
+
+def run(
+    command: Sequence[str | Path],
+    *,
+    input: Any = None,
+    capture_output: bool = False,
+    check: bool = False,
+    timeout: float | None = None,
+    **options: Any,
+) -> subprocess.CompletedProcess:
+    """As subprocess.run, for at most `timeout` (inf: without end) or `seconds()`; text is always UTF-8.
+
+    StudyError (cannot run) when it was killed for that.
+    """
+    if options.get("text"):
+        options = {"encoding": "utf-8", "errors": "replace"} | options
+    if capture_output:
+        options |= {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    if input is not None:
+        options["stdin"] = subprocess.PIPE
+    limit = timeout or seconds()
+    try:
+        with started(command, **options) as child:
+            out, err = child.communicate(input, None if limit == math.inf else limit)
+    except subprocess.TimeoutExpired:
+        raise overdue(command[0], limit) from None
+    if check and child.returncode:
+        raise subprocess.CalledProcessError(child.returncode, command, out, err)
+    return subprocess.CompletedProcess(command, child.returncode, out, err)

@@ -1,0 +1,79 @@
+"""What a container may use of the machine, by control groups, and whether it was throttled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+CGROUP, MOUNTED = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _groups(controller: str) -> list[Path]:
+    """Folders of this process's group and of all above it; of version 1, those of the controller."""
+    found = []
+    for line in _text(CGROUP).splitlines():
+        _, names, place = line.split(":", 2)
+        if names and controller not in names.split(","):
+            continue
+        root = MOUNTED / names if names else MOUNTED
+        parts = [part for part in Path(place).parts[1:] if part != ".."]
+        found += [root.joinpath(*parts[:n]) for n in range(len(parts), -1, -1)]
+    return found
+
+
+def _cpus(group: Path) -> float | None:
+    """CPUs' worth of time that a group may have at once."""
+    two = _text(group / "cpu.max").split()
+    quota, period = two if len(two) == 2 else (_text(group / f"cpu.cfs_{n}_us") for n in ("quota", "period"))
+    return int(quota) / int(period) if quota.isdigit() and period.isdigit() and int(period) else None
+
+
+def throttled() -> int | None:
+    """How often a group of this process had used up its quota since it was made; None: not known."""
+    counts = [
+        int(line.split()[1])
+        for group in _groups("cpu")
+        for line in _text(group / "cpu.stat").splitlines()
+        if line.startswith("nr_throttled ")
+    ]
+    return sum(counts) if counts else None
+
+
+def limits() -> dict[str, Any]:
+    """`cpus`: worth of time, `memory_bytes`: None without a limit. `throttled`: as above."""
+    cpus = [n for n in map(_cpus, _groups("cpu")) if n is not None]
+    memory = [
+        int(text)
+        for group in _groups("memory")
+        for name in ("memory.max", "memory.limit_in_bytes")
+        if (text := _text(group / name)).isdigit() and int(text) < 1 << 60  # version 1: no limit is 2^63
+    ]
+    return {
+        "cpus": min(cpus, default=None),
+        "memory_bytes": min(memory, default=None),
+        "throttled": throttled(),
+    }
+
+
+def notices(context: Mapping[str, Any]) -> list[str]:
+    """What a run's context says of quotas that its times must not be read without."""
+    before, after = ((one or {}).get("limits") or {} for one in (context, context.get("end")))
+    said = []
+    usable = (context.get("cpu") or {}).get("usable_cpus")
+    if before.get("cpus") is not None and usable and before["cpus"] < usable:
+        said.append(
+            f"this container may use {before['cpus']:g} CPUs' time (cpu.max) on {usable} CPUs: "
+            "times of more threads are the quota's"
+        )
+    counts = [one.get("throttled") for one in (before, after)]
+    if None not in counts and counts[1] > counts[0]:
+        said.append(f"throttled {counts[1] - counts[0]} times while it was measured (nr_throttled)")
+    return said
