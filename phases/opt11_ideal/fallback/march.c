@@ -200,6 +200,7 @@ void ray_march(struct point origin, struct vec direction, vmask active,
 #define ROOM (1.0f / 1024)
 static vfloat soft_shadow(vfloat distance, vmask active, const struct trace_context *world) {
     COUNT(soft_shadow, call);
+    COUNT(soft_shadow, scalar);
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
     vmask done = v_not(active);
@@ -209,7 +210,6 @@ static vfloat soft_shadow(vfloat distance, vmask active, const struct trace_cont
     done = v_or(done, v_not(v_cmp_lt(t, distance)));
     while (!v_all(done)) {
         ACTIVE(LANES - v_count(done));
-        COUNT(soft_shadow, eval);
         COUNT(soft_shadow, step);
         vfloat h = sdf(world->local_rays, t, scene, done, NULL);
         best = v_select(done, best, v_min(best, v_max(h / t, zero)));

@@ -56,6 +56,7 @@ vmask trivially_lit(const struct vec *point, const struct vec *local, const stru
 
 vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light, vfloat facing,
                    const struct prepared *scene) {
+    COUNT(self_shadow, call);
     vfloat strength = v_splat((float)KNOWN(scene)->model.shadow_strength), ratio = facing;
     vfloat offset = v_splat((float)KNOWN(scene)->model.march.surface_offset);
     if (s->eval != EVAL_LINEAR)

@@ -14,6 +14,8 @@
 
 // The ratio of a plane falls or rises all along.
 INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_scene *scene) {
+    ACTIVE(v_count(w->active));
+    COUNT(darken_by_plane, call);
     const struct primitive *s = &scene->primitives[i];
     vmask self = is_shape(w->shape, i);
     vfloat slope = add_dot(s->normal, w->to_light), zero = v_splat(0.0f);
@@ -24,15 +26,21 @@ INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_sce
 }
 
 INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared *prepared) {
+    ACTIVE(v_count(w->active));
+    COUNT(darken_by_solid, call);
     const struct known_scene *scene = KNOWN(prepared);
     const struct primitive *s = &scene->primitives[i];
     vmask self = v_and(is_shape(w->shape, i), w->active), others = w->active;
     vmask far_side = v_mask_none();
     if (v_any(self)) {
+        ACTIVE(v_count(self));
+        COUNT(darken_by_solid, self);
         vfloat own = own_ratio(s, w->local, turned(s, w->to_light), w->near);
         w->best = v_select(self, v_min(w->best, own), w->best);
         others = v_andnot(self, others);
         if (!s->convex) {
+            COUNT(darken_by_solid, ring);
+            COUNT(darken_by_solid, ring_scalar);
             vfloat square = v_madd(w->local.x, w->local.x, w->local.z * w->local.z);
             far_side = v_and(self, v_cmp_lt(square, v_splat(s->a * s->a)));
         }
@@ -47,6 +55,9 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
     vmask met = v_or(v_andnot(clear, others), far_side);
     if (!v_any(met))
         return;
+    ACTIVE(v_count(met));
+    COUNT(darken_by_solid, met);
+    COUNT(darken_by_solid, met_scalar);
     struct vec zero = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     struct cone_rays r = {turned(s, vec_along(zero, to, v_splat(-1.0f))), turned(s, w->to_light),
                           w->near, w->far};
@@ -56,6 +67,8 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
     } else if (s->convex) {
         w->best = widest_convex(&r, s, best, met, room, &where);
     } else {
+        COUNT(darken_by_solid, torus);
+        COUNT(darken_by_solid, torus_scalar);
         r.o = vec_select(far_side, w->local, r.o);
         r.near = v_select(far_side, v_max(r.near, v_splat(NEAR_TUBE * s->b)), r.near);
         met = v_and(met, v_cmp_lt(r.near, r.far));
@@ -69,11 +82,17 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
 // A Mandelbulb has no closed form: steps that no ratio below `best` can hide in.
 INLINE void darken_by_bulb(const struct primitive *s, int i, struct soft_packet *w,
                            const struct known_scene *scene) {
+    ACTIVE(v_count(w->active));
+    COUNT(darken_by_bulb, call);
+    COUNT(darken_by_bulb, scalar);
     struct vec o = vec_select(is_shape(w->shape, i), w->local, to_local(s, w->point));
     struct vec d = turned(s, w->to_light);
     vfloat zero = v_splat(0.0f), one = v_splat(1.0f), t = w->near;
-    vfloat room = v_splat(BULB_ROOM_SHARE / fmaxf(1.0f, (float)scene->model.shadow_strength));
+    float strength = (float)scene->model.shadow_strength;
+    vfloat room = v_splat(BULB_ROOM_SHARE / (strength > 1.0f ? strength : 1.0f));
     for (vmask going = w->active; v_any(going);) {
+        ACTIVE(v_count(going));
+        COUNT(darken_by_bulb, step);
         vfloat h = sdf_mandelbulb(vec_along(o, d, t), s, v_not(going));
         w->best = v_select(going, v_min(w->best, v_max(h / t, zero)), w->best);
         going = v_and(going, v_and(v_cmp_gt(w->best, zero), v_cmp_lt(t, w->far)));
@@ -100,6 +119,9 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
 
 // Sets how far the rays go, and the ratio of a lit ray.
 static void begin_soft_packet(struct soft_packet *w, const struct tile_context *work) {
+    ACTIVE(v_count(w->active));
+    COUNT(begin_soft_packet, call);
+    COUNT(begin_soft_packet, scalar);
     const struct known_model *model = &KNOWN(work->scene)->model;
     struct vec l = {v_splat(work->light[0]) - w->point.x, v_splat(work->light[1]) - w->point.y,
                     v_splat(work->light[2]) - w->point.z};
@@ -110,6 +132,7 @@ static void begin_soft_packet(struct soft_packet *w, const struct tile_context *
 }
 
 static inline vfloat lit_share(const struct soft_packet *w, const struct tile_context *work) {
+    COUNT(lit_share, call);
     vfloat strength = v_splat((float)KNOWN(work->scene)->model.shadow_strength);
     return v_min(strength * w->best, v_splat(1.0f));
 }
@@ -118,6 +141,9 @@ static inline vfloat lit_share(const struct soft_packet *w, const struct tile_co
 // cone about them all. Returns false if the rays are too far apart for that.
 static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
                             const struct tile_context *work) {
+    ACTIVE(v_count(rays));
+    COUNT(list_for_packet, call);
+    COUNT(list_for_packet, scalar);
     vfloat infinite = v_splat(INFINITY);
     const vfloat at[3] = {w->point.x, w->point.y, w->point.z};
     float centre[3], to_light[3], square = 0, distance = 0;
@@ -133,6 +159,7 @@ static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
     float radius = sqrtf(square) * (1 + 1e-4f);
     if (!(radius < 0.25f * distance))
         return false;
+    COUNT(list_for_packet, near);
     for (int k = 0; k < 3; k++)
         to_light[k] /= distance;
     bvh_list_towards_light(centre, radius, to_light, q + radius / (distance - radius), work);
@@ -148,6 +175,7 @@ static void darken_by_listed(struct soft_packet *w, const struct tile_context *w
         vmask rays = v_and(w->active, v_cmp_gt(w->best, zero));
         if (!v_any(rays))
             return;
+        COUNT(darken_by_listed, round);
         float q = round == 0 ? 1e-3f : v_reduce_max(v_select_or_zero(rays, w->best));
         bool all = !list_for_packet(w, rays, q * (1 + 1e-5f), work);
         int count = all ? KNOWN(work->scene)->model.shape_count : set_end(listed);
@@ -164,6 +192,7 @@ static struct vec gather_vec(float field[][QUEUE_ROOM], vindex at) {
 
 // With a BVH. The queue is sorted, so that the rays of a packet are near to each other: by solid, in the BVH's order.
 static void cast_sorted(const struct tile_context *work) {
+    COUNT(cast_sorted, call);
     struct worker_scratch *scratch = work->scratch;
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     sort_shadow_rays(scratch, work->scene);
@@ -175,6 +204,7 @@ static void cast_sorted(const struct tile_context *work) {
                                 .to_light = gather_vec(field + S_TO_LIGHT, at),
                                 .shape = v_gather(field[S_SHAPE], at),
                                 .active = rays};
+        COUNT(cast_sorted, packet);
         begin_soft_packet(&w, work);
         darken_by_listed(&w, work);
         add_light(rays, vec_scale(gather_vec(field + S_LIGHT, at), lit_share(&w, work)),
@@ -184,6 +214,7 @@ static void cast_sorted(const struct tile_context *work) {
 
 // All shapes in turn, for the queue's packets as they are.
 static inline void cast_in_order(const struct tile_context *work) {
+    COUNT(cast_in_order, call);
     struct worker_scratch *scratch = work->scratch;
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     for (int first = 0; first < scratch->shadows; first += LANES) {
@@ -193,6 +224,7 @@ static inline void cast_in_order(const struct tile_context *work) {
                                 .to_light = load_vec(field + S_TO_LIGHT, first),
                                 .shape = v_load(&field[S_SHAPE][first]),
                                 .active = rays};
+        COUNT(cast_in_order, packet);
         begin_soft_packet(&w, work);
         UNROLL_SHAPES
         for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
