@@ -30,7 +30,8 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
         COUNT(trivially_lit, solid);
         COUNT(trivially_lit, solid_scalar);
         // A Mandelbulb's estimate is this share of the distance or more.
-        float slope = s->type == SHAPE_MANDELBULB ? fmaxf(1.0f, q / BULB_SHARE) : q;
+        float slope = s->type == SHAPE_MANDELBULB ? q / BULB_SHARE : q;
+        slope = slope < 1.0f ? slope : 1.0f; // a cone of slope 1 meets all
         struct vec to = to_centre(s, point);
         here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);
         if (v_any(v_andnot(here, *clear))) {

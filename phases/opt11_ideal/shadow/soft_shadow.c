@@ -1,6 +1,5 @@
 // Soft shadows without a march: the least strength·h(t)/t between the start of a shadow ray and the light, solid by
 // solid. The scene's least ratio is the least over its shapes, in any order.
-#include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
 #include "core/sdf.h"
 #include "core/tile_context.h"
@@ -10,6 +9,7 @@
 #include "shadow/shadow_cone.h"
 #include "shadow/shadow_rays.h"
 #include "shadow/soft_packet.h"
+#include "shadow/widest_bulb.h"
 #include "shadow/widest_torus.h"
 
 // The ratio of a plane falls or rises all along.
@@ -76,32 +76,7 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
     }
 }
 
-// The share of t by which a Mandelbulb's ratio may be missed. Its estimate falls about as fast as t grows.
-#define BULB_ROOM_SHARE (1.0f / 8)
-
-// A Mandelbulb has no closed form: steps that no ratio below `best` can hide in.
-INLINE void darken_by_bulb(const struct primitive *s, int i, struct soft_packet *w,
-                           const struct known_scene *scene) {
-    ACTIVE(v_count(w->active));
-    COUNT(darken_by_bulb, call);
-    COUNT(darken_by_bulb, scalar);
-    struct vec o = vec_select(is_shape(w->shape, i), w->local, to_local(s, w->point));
-    struct vec d = turned(s, w->to_light);
-    vfloat zero = v_splat(0.0f), one = v_splat(1.0f), t = w->near;
-    float strength = (float)scene->model.shadow_strength;
-    vfloat room = v_splat(BULB_ROOM_SHARE / (strength > 1.0f ? strength : 1.0f));
-    for (vmask going = w->active; v_any(going);) {
-        ACTIVE(v_count(going));
-        COUNT(darken_by_bulb, step);
-        vfloat h = sdf_mandelbulb(vec_along(o, d, t), s, v_not(going));
-        w->best = v_select(going, v_min(w->best, v_max(h / t, zero)), w->best);
-        going = v_and(going, v_and(v_cmp_gt(w->best, zero), v_cmp_lt(t, w->far)));
-        vfloat goal = w->best - room;
-        vfloat step = v_nmadd(goal, t, h) / (one + v_max(goal, zero));
-        t = v_select(going, v_min(t + v_max(step, v_splat(0x1p-20f) * t), w->far), t);
-    }
-}
-
+// A Mandelbulb is searched for all queued rays at once, by search_bulb().
 INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepared) {
     const struct primitive *s = &KNOWN(prepared)->primitives[i];
     if (!v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.0f)))))
@@ -111,9 +86,7 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
     else if (REPEATED(s))
         w->best = widest_in_cells(i, w, room_for((float)KNOWN(prepared)->model.shadow_strength),
                                   prepared);
-    else if (s->type == SHAPE_MANDELBULB)
-        darken_by_bulb(s, i, w, KNOWN(prepared));
-    else
+    else if (s->type != SHAPE_MANDELBULB)
         darken_by_solid(i, w, prepared);
 }
 
@@ -131,10 +104,10 @@ static void begin_soft_packet(struct soft_packet *w, const struct tile_context *
     w->best = v_splat((float)(1.0 / model->shadow_strength));
 }
 
-static inline vfloat lit_share(const struct soft_packet *w, const struct tile_context *work) {
+static inline vfloat lit_share(vfloat ratio, const struct tile_context *work) {
     COUNT(lit_share, call);
     vfloat strength = v_splat((float)KNOWN(work->scene)->model.shadow_strength);
-    return v_min(strength * w->best, v_splat(1.0f));
+    return v_min(strength * ratio, v_splat(1.0f));
 }
 
 // Lists in scratch->occluders the shapes that a cone about a ray of the packet can meet: those that the BVH finds for one
@@ -207,9 +180,31 @@ static void cast_sorted(const struct tile_context *work) {
         COUNT(cast_sorted, packet);
         begin_soft_packet(&w, work);
         darken_by_listed(&w, work);
-        add_light(rays, vec_scale(gather_vec(field + S_LIGHT, at), lit_share(&w, work)),
+        add_light(rays, vec_scale(gather_vec(field + S_LIGHT, at), lit_share(w.best, work)),
                   v_gather(field[S_PIXEL], at), scratch);
     }
+}
+
+// Adds the light of the queued rays that begin at `first`, by their ratios.
+static inline void add_queued_light(int first, vmask rays, vfloat ratio,
+                                    const struct tile_context *work) {
+    ACTIVE(v_count(rays));
+    COUNT(add_queued_light, call);
+    float (*field)[QUEUE_ROOM] = work->scratch->shadow;
+    add_light(rays, vec_scale(load_vec(field + S_LIGHT, first), lit_share(ratio, work)),
+              v_load(&field[S_PIXEL][first]), work->scratch);
+}
+
+// Then the scene's Mandelbulb, for all packets of the queue.
+static inline void cast_to_bulb(const struct tile_context *work) {
+    struct worker_scratch *scratch = work->scratch;
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+        if (KNOWN(work->scene)->primitives[i].type == SHAPE_MANDELBULB)
+            search_bulb(i, work);
+    for (int first = 0; first < scratch->shadows; first += LANES)
+        add_queued_light(first, v_mask_first(int_min(LANES, scratch->shadows - first)),
+                         v_load(&scratch->shadow[S_LIT][first]), work);
 }
 
 // All shapes in turn, for the queue's packets as they are.
@@ -224,14 +219,17 @@ static inline void cast_in_order(const struct tile_context *work) {
                                 .to_light = load_vec(field + S_TO_LIGHT, first),
                                 .shape = v_load(&field[S_SHAPE][first]),
                                 .active = rays};
-        COUNT(cast_in_order, packet);
         begin_soft_packet(&w, work);
         UNROLL_SHAPES
         for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
             darken_by(i, &w, work->scene);
-        add_light(rays, vec_scale(load_vec(field + S_LIGHT, first), lit_share(&w, work)),
-                  v_load(&field[S_PIXEL][first]), scratch);
+        if (KNOWN(work->scene)->bulbs > 0)
+            v_store(w.best, &field[S_LIT][first]);
+        else
+            add_queued_light(first, rays, w.best, work);
     }
+    if (KNOWN(work->scene)->bulbs > 0)
+        cast_to_bulb(work);
 }
 
 void cast_packets(const struct tile_context *work) {

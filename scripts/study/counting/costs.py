@@ -3,7 +3,7 @@
 A line of residues.def, RESIDUE(build, function, part, kind, least, most) // why, says where a compiler's code
 does otherwise than costs.def: so many operations more per lane and execution of the part. No count has it in.
 Of kind `call`: so many of the declared calls of math.h fewer go to libm, since they are an instruction.
-RESIDUES_OF(opt4) // confirmed how: the lines of opt4 hold here too, but for parts that the phase does not have.
+RESIDUES_OF(opt4) // confirmed how: the lines of opt4 hold here too, of parts that the phase has.
 
 A derived phase without a residues.def of its own has its ancestor's. That was read in other code: it explains
 nothing until the phase has a file of its own. An empty one says that no residue is known.
