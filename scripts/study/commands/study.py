@@ -28,7 +28,7 @@ from study.numbers import analysis
 
 STEPWISE = ROOT / "scripts" / "stepwise"
 PAGE = ROOT / "report" / "out" / "index.html"
-PAGE_SECONDS = 120  # a page takes some ten seconds: one that is younger is left as it is
+PAGE_SECONDS = 180  # a page takes some ten seconds: one that is younger is left as it is
 SWEEP_SECONDS = {"quick": 45, "standard": 240}  # of a sweep whose pictures are as large as fits
 SLACK = 1.6  # of a quick sweep that other work slows down: without six launches there is no interval
 LAUNCHES = {"quick": 6, "standard": 10}
@@ -154,7 +154,7 @@ def arguments() -> argparse.Namespace:
         },
     )
     add = parser.add_argument
-    about = "quick: 14 minutes; standard: 40; full: the paper's sweep, hours; default: %(default)s"
+    about = "quick: 10 minutes; standard: 40; full: the paper's sweep, hours; default: %(default)s"
     add("--depth", choices=DEPTHS, default="quick", help=about)
     about = "only this, for the newest run (a small one is made where there is none), and the report"
     add("--part", action="append", choices=experiment.find_all(), metavar="NAME", help=about)
