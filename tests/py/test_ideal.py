@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -140,6 +142,25 @@ def test_a_million_rays_a_solid() -> None:
         environment = os.environ | {"STEPWISE_RAYS": "1000000"}
         done = subprocess.run([program], cwd=ROOT, capture_output=True, text=True, env=environment)
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("gcc"), reason="gcc would compile kernels")
+@pytest.mark.parametrize("name", ["scene0", "mandelbulb", "lattice"])
+def test_a_kernel_draws_what_the_general_code_draws(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = registry.scenes()[name].path
+    general = harness.render(PHASE, path, WIDTH, HEIGHT)
+    monkeypatch.setenv("STEPWISE_CC", "gcc")
+    monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path))
+    kernel = harness.render(PHASE, path, WIDTH, HEIGHT)
+    assert kernel.record["kernel"] == "generated" != general.record["kernel"]
+    for plane, values in general.picture.items():
+        allowed = 4e-6 if plane in "RGB" else 0  # highlights; where a search ends (room_for)
+        with np.errstate(invalid="ignore"):
+            apart = np.abs(np.where(values == kernel.picture[plane], 0, values - kernel.picture[plane]))
+        assert (apart <= allowed).all(), (plane, apart.max())
 
 
 def test_declared_and_judged_by_the_ideal() -> None:
