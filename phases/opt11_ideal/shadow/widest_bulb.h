@@ -9,7 +9,7 @@
 #include "shadow/widest_cone.h"
 
 // The share of t by which a ratio may be missed. The estimate falls about as fast as t grows.
-#define BULB_ROOM_SHARE (1.0f / 8)
+#define BULB_ROOM_SHARE (1.0f / 4)
 
 // Rays in the Mandelbulb's frame. `ray`: their numbers in the queue.
 struct bulb_search {
