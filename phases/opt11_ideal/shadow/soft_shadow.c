@@ -9,7 +9,6 @@
 #include "shadow/shadow_cone.h"
 #include "shadow/shadow_rays.h"
 #include "shadow/soft_packet.h"
-#include "shadow/widest_bulb.h"
 #include "shadow/widest_torus.h"
 
 // The ratio of a plane falls or rises all along.
@@ -198,10 +197,7 @@ static inline void add_queued_light(int first, vmask rays, vfloat ratio,
 // Then the scene's Mandelbulb, for all packets of the queue.
 static inline void cast_to_bulb(const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
-    UNROLL_SHAPES
-    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
-        if (KNOWN(work->scene)->primitives[i].type == SHAPE_MANDELBULB)
-            search_bulb(i, work);
+    search_bulb(work);
     for (int first = 0; first < scratch->shadows; first += LANES)
         add_queued_light(first, v_mask_first(int_min(LANES, scratch->shadows - first)),
                          v_load(&scratch->shadow[S_LIT][first]), work);

@@ -1,11 +1,9 @@
 // The least ratio of a Mandelbulb for all queued shadow rays. Its estimate has no closed form: steps that no ratio
 // below the best can hide in. Some rays take hundreds of them, so ended lanes get other rays.
-#ifndef OPT11_WIDEST_BULB_H
-#define OPT11_WIDEST_BULB_H
-
 #include "bulb/bulb_estimate.h"
 #include "core/sdf.h"
 #include "core/tile_context.h"
+#include "shadow/soft_packet.h"
 #include "shadow/widest_cone.h"
 
 // The share of t by which a ratio may be missed. The estimate falls about as fast as t grows.
@@ -125,10 +123,10 @@ INLINE int step_search(struct search_packet *all, const struct primitive *s, vfl
     return rays;
 }
 
-// Lowers the ratios of the queued rays, S_LIT, by shape i, a Mandelbulb.
-INLINE void search_bulb(int i, const struct tile_context *work) {
-    COUNT(search_bulb, call);
-    COUNT(search_bulb, scalar);
+// Lowers the ratios of the queued rays by shape i.
+INLINE void search_shape(int i, const struct tile_context *work) {
+    COUNT(search_shape, call);
+    COUNT(search_shape, scalar);
     float strength = (float)KNOWN(work->scene)->model.shadow_strength;
     vfloat room = v_splat(BULB_ROOM_SHARE / (strength > 1.0f ? strength : 1.0f));
     struct search_packet all[INTERLEAVED + 1]; // the last is ready
@@ -148,4 +146,9 @@ INLINE void search_bulb(int i, const struct tile_context *work) {
     }
 }
 
-#endif
+void search_bulb(const struct tile_context *work) {
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+        if (KNOWN(work->scene)->primitives[i].type == SHAPE_MANDELBULB)
+            search_shape(i, work);
+}
