@@ -207,6 +207,16 @@ def on_a_bulb(picture: images.Picture, scene: dict) -> np.ndarray:
     return np.isin(picture["id"], bulbs)
 
 
+def without_ideal(made: images.Picture, exact: images.Picture, scene: dict) -> np.ndarray:
+    """Pixels whose ideal shadow truth does not know: it has another shape there, or gives up among copies.
+
+    At seed 65 it has the ratio at the start of a ray, and a dense search the phase's, close to the light.
+    """
+    copies = [i for i, shape in enumerate(scene["shapes"]) if "repeat" in shape]
+    unsure = np.isin(exact["id"], copies) & (exact["status.all"] != 2)
+    return (made["id"] != exact["id"]) | unsure
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_phase_is_alone(seed: int) -> None:
     name, scene = f"random_march_{seed}", lit(seed)
@@ -221,7 +231,9 @@ def test_no_phase_is_alone(seed: int) -> None:
         for lanes in ("", "avx2"):
             made = drawn(phase, name, scene, lanes)
             wrong = np.logical_and.reduce([unlike(made, one) for one in others]) & counted
-            wrong &= ~(ideal & on_a_bulb(made, scene))
+            if ideal:
+                unknown = without_ideal(made, exact, scene) & (made["id"] == base["id"])
+                wrong &= ~(unknown | on_a_bulb(made, scene))
             found[f"{phase} {lanes}"] = int(wrong.sum())
     allowed = ALLOWED + int((unlike(parent, exact) & unlike(parent, base)).sum())
     assert max(found.values()) <= allowed, f"build/test-scenes/{name}.json: {allowed}, {found}"
