@@ -255,7 +255,7 @@ def main() -> int:
         if options.depth == "quick" and not options.part:
             cuts.note(run, "sweep", experiment.find_all()["sweep"].cut)
     study = Study(run, options.scene, height, options.depth, bool(options.part))
-    drawn = -math.inf
+    drawn = -math.inf if options.part else begin  # the first look is a page
     for number, one in enumerate(parts):
         if time.monotonic() - drawn >= PAGE_SECONDS:
             report(run, [other.what for other in parts[number:]])

@@ -10,7 +10,7 @@ from study.experiments.hotspots.schema import SCHEMAS
 from study.experiments.section import Section
 from study.numbers.analysis import Data
 
-SAMPLES, QUICK = "1500", "1000"  # of a phase
+SAMPLES, QUICK = "1500", "600"  # of a phase
 
 
 def calls(study: Study) -> list[Call]:
