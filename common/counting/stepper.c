@@ -271,7 +271,8 @@ static void find_bias(uint64_t entry) {
     }
     unsigned size, offset, c, d;
     if (__get_cpuid_count(0xd, MASK_STATE, &size, &offset, &c, &d) && size)
-        it.mask_offset = offset; // in the standard format, which the kernel gives (Intel SDM vol. 1, 13.4)
+        it.mask_offset =
+            offset; // in the standard format, which the kernel gives (Intel SDM vol. 1, 13.4)
 }
 
 static void run(void) {
@@ -326,11 +327,11 @@ int main(int argc, char **argv) {
     int status;
     if (argc == 2 && strcmp(argv[1], "--probe") == 0) {
         start((char *[]){"/proc/self/exe", NULL});
-        return proceed(PTRACE_SINGLESTEP, 0, &status) == 0 ? 0 : CANNOT; // it dies with this process
+        return proceed(PTRACE_SINGLESTEP, 0, &status) == 0 ? 0
+                                                           : CANNOT; // it dies with this process
     }
     if (!parse(argc, argv, &entry)) {
-        fprintf(stderr,
-                "stepper: OUT ENTRY CODE BEGIN [FROM+TARGET …] -- PROGRAM … is required\n");
+        fprintf(stderr, "stepper: OUT ENTRY CODE BEGIN [FROM+TARGET …] -- PROGRAM … is required\n");
         return 2;
     }
     start(argv + 6 + it.jump_count);

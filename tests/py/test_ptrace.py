@@ -1,4 +1,4 @@
-"""The ptrace back end, for real: known work, the phases with 16 lanes next to the block counters, refusals."""
+"""The ptrace back end, for real: known work, phases with 16 lanes next to the block counters, refusals."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import errno
 import os
 import struct
 import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -17,10 +18,11 @@ from test_qemu import FIXTURES, KNOWN, SCALAR
 
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
-from study.core.registry import find_scene
+from study.core.registry import ROOT, cpu_flags, find_scene
 from study.counting import blocks, calibration, ptrace, recording
 
 REPEATS = 3
+STEPWISE = [sys.executable, str(ROOT / "scripts" / "stepwise")]
 POOL = {"workers_run", "draw_tiles", "take_tiles"}  # of common/workers: blocks do not see it
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
@@ -36,11 +38,11 @@ def region(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("part", calibration.parts())
+@pytest.mark.parametrize("part", [part for part in calibration.parts() if part != "threads"])
 def test_known_work_is_counted_exactly(part: str) -> None:
     """Operations (active lanes), bytes, mix and calls, by the table that is added up by hand."""
-    if part not in ptrace.calibration_parts():
-        pytest.skip(f"{part}: the CPU lacks {calibration.parts()[part]}, or it has threads")
+    if lacking := calibration.parts()[part]:
+        pytest.skip(f"the CPU lacks {', '.join(lacking)}")
     assert ptrace.calibrate(part, REPEATS) == []
 
 
@@ -109,20 +111,24 @@ def test_the_block_counters_agree(phase: str, scene: str) -> None:
     assert own.total.machine == other.total.machine > 0 and other.calibrated is True
     assert own.functions.keys() == other.functions.keys() - POOL
     for name, counts in own.functions.items():
-        assert calibration.flat(counts) == calibration.flat(other.functions[name]), name
+        linked = calibration.flat(other.functions[name])
+        # Blocks are decoded before the linker makes a LEA of an address's load out of a table.
+        if lea := counts.mix["move"] - other.functions[name].mix["move"]:
+            for what, more in (("move", lea), ("integer", -lea), ("loaded", 8 * lea)):
+                linked[what] = linked.get(what, 0) + more
+        assert calibration.flat(counts) == linked and lea >= 0, name
         assert counts.doublings == other.functions[name].doublings, name
     assert sum(other.functions[name].machine for name in POOL & other.functions.keys()) == 0
     width = max(bits for _, _, bits in other.total.lanes)
-    assert width == (512 if "avx512f" in needs.cpu_flags() else 256)
+    assert width == (512 if "avx512f" in cpu_flags() else 256)
 
 
 @pytest.mark.slow
 def test_it_validates_a_phase() -> None:
-    done = started.stepwise(
-        *("flops", "--validate", "--backend", "ptrace", "--phase", "opt9_convex", "--scene", "trio", "-n", "2")
-    )
+    words = ["--validate", "--backend", "ptrace", "--phase", "opt4", "--scene", "trio", "-n", "2"]
+    done = started.run([*STEPWISE, "flops", *words])
     assert done.returncode == 0, done.stderr
-    assert "calls by name: " in done.stdout and "scalar" not in done.stderr
+    assert "calls by name: " in done.stdout
 
 
 # --- where tracing is forbidden
@@ -148,7 +154,7 @@ def forbid_ptrace() -> None:
 
 def test_where_ptrace_is_forbidden_it_says_so_in_one_line() -> None:
     build("common", "stepper")
-    command = [*started.COMMAND, "flops", "--measure", "--backend", "ptrace", "--phase", "opt4", "-n", "2"]
+    command = [*STEPWISE, "flops", "--measure", "--backend", "ptrace", "--phase", "opt4", "-n", "2"]
     done = subprocess.run(command, capture_output=True, text=True, preexec_fn=forbid_ptrace)
     if done.returncode == 77:
         pytest.skip("this kernel has no seccomp filters")
@@ -188,7 +194,9 @@ def test_a_foreign_recording(tmp_path: Path, old: str, new: str) -> None:
         recording.read(tmp_path / "r", "stepper")
 
 
-@pytest.mark.parametrize("arguments", [[], ["out", "x", "1", "1", "--", "true"], ["out", "1", "1", "1", "1-2"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["out", "x", "1", "1", "--", "true"], ["out", "1", "1", "1", "1-2"]]
+)
 def test_the_stepper_refuses_wrong_arguments(arguments: list[str]) -> None:
     done = subprocess.run([build("common", "stepper"), *arguments], capture_output=True, text=True)
     assert done.returncode == 2 and "is required" in done.stderr

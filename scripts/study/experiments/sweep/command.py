@@ -353,7 +353,8 @@ def main() -> int:
     store.write_json(sweep.run.path / "plan.json", sweep.plan)
     cli.say(f"run: {sweep.run}")
     if others := set(run.USABLE) - run.cpu_set(sweep.plan["cpu"], 1):
-        os.sched_setaffinity(0, others)  # this process only waits and writes: not on the measured CPU
+        with contextlib.suppress(OSError):  # no longer allowed there: the first launch says so
+            os.sched_setaffinity(0, others)  # this process only waits and writes: not on the measured CPU
     try:
         sweep.measure()
     except KeyboardInterrupt:
