@@ -19,16 +19,18 @@ from test_qemu import FIXTURES, KNOWN, SCALAR
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import ROOT, cpu_flags, find_scene
-from study.counting import blocks, calibration, ptrace, recording
+from study.counting import blocks, calibration, decode, ptrace, recording
 
 REPEATS = 3
 STEPWISE = [sys.executable, str(ROOT / "scripts" / "stepwise")]
 POOL = {"workers_run", "draw_tiles", "take_tiles"}  # of common/workers: blocks do not see it
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
-pytestmark = pytest.mark.skipif(
-    ptrace.available() is not None, reason="ptrace is not allowed: counts by single steps are not tested"
-)
+
+@pytest.fixture(scope="module", autouse=True)
+def allowed() -> None:
+    if reason := ptrace.available():
+        pytest.skip(reason)
 
 
 @pytest.fixture(scope="module")
@@ -176,6 +178,26 @@ def test_a_recording_is_read_whole(tmp_path: Path) -> None:
     (tmp_path / "r").write_text(WHOLE)
     found = recording.read(tmp_path / "r", "stepper")
     assert found.masked == {0x1000: [2, 2, 4, 4, 4, 4]} and found.maps == [(0x1000, 0x2000, 0, "/a b")]
+
+
+def test_steps_are_joined_to_the_straight_line_that_they_are() -> None:
+    """A copy and a sum x + x: known as one only in one block. A jump, a target, a repeated one end it."""
+    move, add = (
+        bytes.fromhex("c5fc28c8"),
+        bytes.fromhex("c5f458d0"),
+    )  # vmovaps ymm1, ymm0; vaddps ymm2, ymm1, ymm0
+    jump, string = bytes.fromhex("eb00"), bytes.fromhex("f3aa")
+
+    def blocks_of(*steps: tuple[int, int, bytes]) -> list[tuple[int, int]]:
+        made = ptrace.joined(recording.Recording(0, 1, blocks=[recording.Block(*step) for step in steps]))
+        return [(block.address, len(block.code)) for block in made.blocks]
+
+    assert blocks_of((4, 9, add + b"\x90" * 11), (0, 9, move + add)) == [(0, 8)]
+    assert decode.Disassembler().decode(move + add)[1].doubling
+    assert blocks_of((0, 9, move), (4, 8, add)) == [(0, 4), (4, 4)]
+    assert blocks_of((0, 9, move), (5, 9, add)) == [(0, 4), (5, 4)]
+    assert blocks_of((0, 9, jump), (2, 9, add)) == [(0, 2), (2, 4)]
+    assert blocks_of((0, 9, move), (4, 9, string), (6, 9, add)) == [(0, 4), (4, 2), (6, 4)]
 
 
 @pytest.mark.parametrize(
