@@ -2,8 +2,8 @@
 
 common/counting/stepper.c notes each instruction between the entry of `phase_render` and its return, and the
 active lanes where it is masked. The very program that is timed runs, unchanged, with all the instruction
-sets of the CPU, some thousand times slower, libm and libc seen from inside. One thread only. Nothing is
-shared with the block counters but the decoder.
+sets of the CPU, libm and libc seen from inside, some hundred thousand times slower. One thread only.
+Nothing is shared with the block counters but the decoder.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from study.experiments.flops import columns as flops_columns
 from study.experiments.flops import table1
 
 HEIGHT = 720  # of the paper's pictures
-SLOW = {"qemu": (24, "a hundred"), "ptrace": (18, "some ten thousand")}  # height; times slower
+SLOW = {"qemu": (24, "a hundred"), "ptrace": (18, "some hundred thousand")}  # height; times slower
 MATH_SAID = "calls of math.h, by function and in all: {} of {} within 1 % of the calls into libm"
 
 
