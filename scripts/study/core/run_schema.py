@@ -84,6 +84,7 @@ class Context(File, kw_only=True):
     cpu: Annotated[Cpu | Absent | None, key("", "the CPU")] = ABSENT
     pinned: Annotated[Pinned | Absent | None, key("", "the CPU of one thread")] = ABSENT
     limits: Annotated[Limits | Absent | None, key("", "of the container")] = ABSENT
+    no_energy: Annotated[str | Absent | None, key("", "why there is no J per frame; null: there is")] = ABSENT
     caches: Annotated[list[Cache] | Absent | None, key("", "its caches")] = ABSENT
     memory_kib: Annotated[int | Absent | None, key("KiB", "of the machine")] = ABSENT
     kernel: Annotated[str | Absent | None, key("", "version of the operating system's kernel")] = ABSENT
@@ -235,6 +236,14 @@ class Frame(File, kw_only=True):
     faults_major: Annotated[int | Absent, key("faults", "major page faults during the frame")] = ABSENT
     max_rss_kib: Annotated[int | Absent, key("KiB", "peak resident memory of the process so far")] = ABSENT
     cpu: Annotated[int | Absent | None, key("", "CPU it was pinned to; −1: not pinned")] = ABSENT
+    joules: Annotated[
+        float | Absent | None,
+        key(
+            "J per frame",
+            "at a process's last frame: energy of all packages (RAPL) from the end of its warm-up, or from "
+            "its start if it had none, divided by its timed frames",
+        ),
+    ] = ABSENT
     env_bytes: Annotated[int | Absent, key("bytes", "padding of this launch's environment (layout bias)")] = (
         ABSENT
     )

@@ -66,14 +66,15 @@ class Segment:
 
 @dataclass(frozen=True)
 class Program:
-    """An executable: its functions by address, segments, stubs (address → name of what is imported), and
-    where the functions of the phase begin, if that was asked for."""
+    """An executable: its functions by address, segments, stubs (address → name of what is imported), where
+    the functions of the phase begin, if that was asked for, and where the program itself does."""
 
     path: Path
     functions: list[Function]
     segments: list[Segment]
     imports: dict[int, str] = field(default_factory=dict)
     of_phase: frozenset[int] = frozenset()
+    entry: int = 0
 
     @cached_property
     def _starts(self) -> list[int]:
@@ -154,7 +155,7 @@ def read(path: Path | str, phase_object: Path | str | None = None) -> Program:
             for s in elf.iter_segments("PT_LOAD")
         ]
         symbols = [function for function, _ in _symbols(elf, ".symtab")]
-        made = Program(Path(path), _functions(elf), segments, _stubs(elf))
+        made = Program(Path(path), _functions(elf), segments, _stubs(elf), entry=elf["e_entry"])
     if not made.functions:
         raise StudyError(f"{path}: has no symbols; link it without -s and do not strip it")
     if phase_object is None:

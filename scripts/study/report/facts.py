@@ -34,6 +34,7 @@ def machine(data: Data) -> list[tuple[str, str]]:
         "uncommitted changes": changes,
         "measured": context.get("time"),
         "limits": "; ".join(quotas.notices(context)) or None,
+        "energy": context.get("no_energy"),
         "load average before": _join(*(f"{load:.2f}" for load in context.get("load_average") or [])),
     }
     return [(label, str(text)) for label, text in known.items() if text]

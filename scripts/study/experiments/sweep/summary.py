@@ -16,6 +16,7 @@ from study.numbers.analysis import Cell
 SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
 SPEED += [("launches", "launches"), ("ms", "median ms [95 %]"), ("ns_per_pixel", "ns/pixel [95 %]")]
 SPEED += [("tsc_cycles", "TSC cycles"), ("core_cycles_per_pixel", "core cycles/pixel")]
+SPEED += [("joules", "J/frame [95 %]")]
 SPEED += [("speedup", f"× {BASE} [95 %]"), ("parent", "parent"), ("parent_speedup", "× parent [95 %]")]
 SPEED += [("second_base", "second base"), ("second_speedup", "× second base [95 %]")]
 
@@ -57,6 +58,7 @@ def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
                 "ns_per_pixel": stats.median_interval(ns / cell.pixels),
                 "tsc_cycles": cell.median("tsc_cycles").value,
                 "core_cycles_per_pixel": cell.median("core_cycles").value / cell.pixels,
+                "joules": cell.median("joules") if "joules" in cell.values else None,
                 "speedup": over(cell, BASE),
                 "parent": parent if over_parent else None,
                 "parent_speedup": over_parent,
