@@ -42,6 +42,7 @@ COLUMNS += [("verdict", "run is")]
 CONTEXT = ("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib")
 CONTEXT_PARTS = {
     "cpu": ("model", "microarchitecture", "stepping", "microcode", "logical_cpus"),
+    "pinned": ("core_type",),
     "git": ("commit", "dirty", "diff_sha256"),
 }
 MOVED = 0.005  # a quantity that changed by less is not what moved, however narrow its interval
@@ -134,6 +135,12 @@ def other_machine(base: Side, other: Side) -> str | None:
     return "other machines: " + " and ".join(said)
 
 
+def other_core(base: Side, other: Side) -> str | None:
+    """Why two runs are of two kinds of core of a hybrid processor. None: nothing says so."""
+    kinds = [(side.run.context.get("pinned") or {}).get("core_type") for side in (base, other)]
+    return None if None in kinds or kinds[0] == kinds[1] else f"other core types: {' and '.join(kinds)}"
+
+
 def _values(frames: pd.DataFrame) -> dict[tuple, pd.DataFrame]:
     """Configuration → its launches: ns, core_cycles, core_hz (NaN where the run has none)."""
     known = clocks.clocked(frames)
@@ -178,7 +185,7 @@ def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = F
     """
     ours, theirs = _values(base.frames), _values(other.frames)
     no_scene = other_work(base.frames, other.frames)
-    another = not machine_may_differ and other_machine(base, other) is not None
+    another = not machine_may_differ and bool(other_machine(base, other) or other_core(base, other))
     found = []
     for key in ours.keys() & theirs.keys():
         a, b = ours[key], theirs[key]
@@ -204,7 +211,7 @@ def warnings(base: Side, other: Side, machine_may_differ: bool) -> list[Fault]:
     """What has no verdict, to be said before anything else."""
     found = [Fault(SCENE, other.letter, text) for text in other_work(base.frames, other.frames).values()]
     found += [Fault(SIZE, other.letter, text) for text in other_sizes(base.frames, other.frames).values()]
-    if (text := other_machine(base, other)) and not machine_may_differ:
+    if (text := other_machine(base, other) or other_core(base, other)) and not machine_may_differ:
         found.insert(0, Fault(MACHINE, other.letter, text))
     return found
 
@@ -286,13 +293,13 @@ def show(
     sides: Sequence[Side], first: Sequence[Fault], found: Sequence[dict[str, Any]], left_out: bool
 ) -> None:
     for side in sides:
-        print(f"{side.letter}: {side.run}")
-    print(*(f"{NONE} on {one.run}: {one.text}" for one in first), "", sep="\n")
+        print(cli.one_line(f"{side.letter}: {side.run}"))
+    print(*(cli.one_line(f"{NONE} on {one.run}: {one.text}") for one in first), "", sep="\n")
     if found:
         print(summary.table(found, COLUMNS))
     for side in sides:
         for one in side.off:
-            print(f"{'left out of' if left_out else 'in'} {side.letter}: {one.text()}")
+            print(cli.one_line(f"{'left out of' if left_out else 'in'} {side.letter}: {one.text()}"))
 
 
 def main() -> int:
@@ -317,10 +324,15 @@ def main() -> int:
         cli.emit(about | {"off_clock": {side.letter: list(side.off) for side in sides}})
     else:
         show(sides, first, found, options.leave_out_off_clock)
-        print(*(fault.text for fault in missing), *new, sep="\n", end="\n" if missing or new else "")
+        print(
+            *map(cli.one_line, [*(fault.text for fault in missing), *new]),
+            sep="\n",
+            end="\n" if missing or new else "",
+        )
         print("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
         for name, values in differ.items():
-            print(f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items()), sep="\n")
+            lines = [f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items())]
+            print(*map(cli.one_line, lines), sep="\n")
     if not options.fail_on_slower:
         return cli.OK
     slower = [
@@ -330,5 +342,5 @@ def main() -> int:
     ]
     stopping = [fault for fault in (*first, *missing, *slower) if fault.kind not in options.allow]
     for fault in stopping:
-        cli.say(f"FAIL {fault.text}")
+        cli.say(cli.one_line(f"FAIL {fault.text}"))
     return cli.FAILED if stopping else cli.OK
