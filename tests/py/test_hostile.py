@@ -28,8 +28,8 @@ from study.report import facts
 RUN = ROOT / "tests" / "fixtures" / "run"
 NASTY = (
     "<script>alert(1)</script><img src=x onerror=alert(1)> | `a|b` \"q\" 'p' \x1b[2J\x07\x9b "
-    "\u202e\u2066\u200f {{ 7*7 }} {% raw %} %s %(a)s {0} $\\nope{1$ $(id)$ ; \\| \\ &amp; --> </style> </table>\n"
-    "| a | b |\n# head\r\n<b>"
+    "\u202e\u2066\u200f {{ 7*7 }} {% raw %} %s %(a)s {0} $\\nope{1$ $(id)$ ; \\| \\ &amp; --> </style> "
+    "</table>\n| a | b |\n# head\r\n<b>"
 )
 NAMES = ["scene", "phase", "flags_from", "spec", "compiler", "flags", "libc", "isa", "precision"]
 NAMES += [
