@@ -85,6 +85,8 @@ def read(path: Path) -> Recording:
                 raise ValueError
             if kind == "trouble":
                 (trouble,) = rest
+                if trouble not in ("none", *_TROUBLE):
+                    raise ValueError
             elif kind == "start":
                 (found.start,) = (_natural(x, 16) for x in rest)
             elif kind == "regions":
@@ -120,7 +122,7 @@ def read(path: Path) -> Recording:
     if not whole:
         raise StudyError(f"{path}:{len(lines)}: cut off here: its last line must be 'end'")
     if trouble != "none":
-        raise StudyError(f"the program under QEMU {_TROUBLE.get(str(trouble), trouble)}")
+        raise StudyError(f"the program under QEMU {_TROUBLE[str(trouble)]}")
     if not found.regions:
         raise StudyError(f"the program under QEMU never returned from {REGION}, or never entered it")
     return found
