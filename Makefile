@@ -21,7 +21,7 @@ help: ## this list
 	@echo "make NAME PHASE=opt4 SCENE=scene0 N=360 runs it alone, for that."
 	@for name in $(EXPERIMENTS); do printf "  make %-10s %s\n" $$name "$$(sed -n '1s/^"""//;1s/"""$$//;1p' scripts/study/experiments/$$name/experiment.py)"; done
 
-study: setup ## install what is needed, build, time, verify, count, write report/out/index.html (DEPTH=quick: 14 minutes; standard: 40 minutes; full: hours)
+study: setup ## install what is needed, build, time, verify, count, write report/out/index.html (DEPTH=quick: 10 minutes; standard: 40 minutes; full: hours)
 	@$(PY) scripts/stepwise study $(if $(DEPTH),--depth $(DEPTH)) $(if $(FULL),--depth full) $(ARGS)
 
 demo: setup ## one picture by baseline and by PHASE=opt4 of SCENE=scene0, the time and the error between them (60 s)
@@ -67,10 +67,10 @@ format: setup-test ## rewrite C and Python in the house style
 	@$(PY) -c "import clang_format; clang_format.clang_format()" -i $(wildcard common/*.[ch] common/*/*.[ch] phases/*/*.[ch] phases/*/*/*.[ch] tests/*/*.[ch] tests/*/*/*.[ch])
 	@.venv/bin/ruff format -q scripts tests common && .venv/bin/ruff check -q --fix scripts tests common
 
-setup:
+setup: ## install what `make study` needs: .venv and the packages that are missing
 	@scripts/setup.sh study
 
-setup-test:
+setup-test: ## and what `make test` needs
 	@scripts/setup.sh test
 
 clean: ## remove what was built; results and .venv stay

@@ -16,6 +16,7 @@ from study.core import patches
 from study.core.cli import StudyError
 from study.core.json_files import read_json
 
+BASE = "baseline"  # what speed-ups are over
 ROOT = Path(__file__).resolve().parents[3]
 OPTIONAL = {
     "planes",

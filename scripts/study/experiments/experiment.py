@@ -29,7 +29,7 @@ QUESTIONS = {  # of the report, in their order
     6: "More",
     7: "What was run, and how",
 }
-DEPTHS = ("quick", "standard", "full")  # of a study: 14 minutes, 40, hours
+DEPTHS = ("quick", "standard", "full")  # of a study: 10 minutes, 40, hours
 
 
 @dataclass(frozen=True)

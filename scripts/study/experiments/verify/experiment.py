@@ -13,7 +13,7 @@ LEAST = 180  # pixels of height
 def calls(study: Study) -> list[Call]:
     """On every scene. Shares of pixels need pictures that are not too small."""
     specs = dict.fromkeys(cell.spec for cell in analysis.load(study.run).cells if cell.spec != "baseline")
-    averaged = "180" if study.depth == "full" else "90"
+    averaged = {"full": "180", "standard": "90"}.get(study.depth, "60")
     size = ["-n", str(max(study.height, LEAST)), "--antialias-n", averaged]
     run = ["--run", str(study.run)]
     sheet = [] if study.asked else [Call("pictures", run)]
@@ -27,6 +27,7 @@ EXPERIMENT = Experiment(
     schemas={"verify.json": Verify},
     calls=calls,
     depth="quick",
+    cut="The Mandelbulb's 4×4 means at height 60.",
     sections=[(510, chapter.verification)],
     goals=goals.reached,
 )
