@@ -97,8 +97,8 @@ def _places(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def edits(sound: Any) -> st.SearchStrategy[list[tuple[tuple[Any, ...], str, Any]]]:
-    """Up to three values to be replaced, removed or doubled: where, how, by what."""
-    how = st.sampled_from(["replace"] * 4 + ["remove", "double"])
+    """Up to three values to be replaced, removed, doubled or put in: where, how, by what."""
+    how = st.sampled_from(["replace"] * 4 + ["remove", "double", "new"])
     return st.lists(
         st.tuples(st.sampled_from(_places(sound)), how, st.sampled_from(VALUES)), min_size=1, max_size=3
     )
@@ -114,6 +114,8 @@ def edited(sound: Any, changes: list[tuple[tuple[Any, ...], str, Any]]) -> Any:
             key = place[-1]
             if how == "remove":
                 del holder[key]
+            elif how == "new" and isinstance(holder, dict):
+                holder["of another version"] = {"of": [copy.deepcopy(value)]}
             elif how == "double" and isinstance(holder, list):
                 holder.insert(0, holder[key])
             else:
@@ -154,14 +156,14 @@ def bytes_like(draw: st.DrawFn, sound: bytes) -> bytes:
 
 
 @contextmanager
-def in_time() -> Iterator[None]:
-    """A reader that hangs fails."""
+def in_time(seconds: int = SECONDS) -> Iterator[None]:
+    """What hangs fails. For the main thread alone."""
 
     def late(number: int, frame: object) -> None:
-        raise AssertionError(f"not read within {SECONDS} s")
+        raise AssertionError(f"no end within {seconds} s")
 
     before = signal.signal(signal.SIGALRM, late)
-    signal.alarm(SECONDS)
+    signal.alarm(seconds)
     try:
         yield
     finally:

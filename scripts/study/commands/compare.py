@@ -127,23 +127,19 @@ def other_sizes(base: pd.DataFrame, other: pd.DataFrame) -> dict[str, str]:
 
 
 def other_machine(base: Side, other: Side) -> str | None:
-    """Why two runs are of two machines: CPU, number of CPUs or TSC rate. None: nothing says so."""
+    """Why two runs are of two machines: CPU, CPUs, TSC rate, kind of core. None: nothing says so."""
+    kinds = [(side.run.context.get("pinned") or {}).get("core_type") for side in (base, other)]
     cpus = [side.run.context.get("cpu") or {} for side in (base, other)]
     rates = [float(clocks.clocked(side.frames)["tsc_hz"].median()) for side in (base, other)]
     counts = [cpu.get("logical_cpus") for cpu in cpus]
     if not ceilings.other_cpu(*cpus, rates) and (None in counts or counts[0] == counts[1]):
-        return None
+        same = None in kinds or kinds[0] == kinds[1]
+        return None if same else f"other core types: {' and '.join(kinds)}"
     said = [
         ceilings.describe(cpu, hz) + (f", {n} CPUs" if n else "")
         for cpu, hz, n in zip(cpus, rates, counts, strict=True)
     ]
     return "other machines: " + " and ".join(said)
-
-
-def other_core(base: Side, other: Side) -> str | None:
-    """Why two runs are of two kinds of core of a hybrid processor. None: nothing says so."""
-    kinds = [(side.run.context.get("pinned") or {}).get("core_type") for side in (base, other)]
-    return None if None in kinds or kinds[0] == kinds[1] else f"other core types: {' and '.join(kinds)}"
 
 
 def _values(frames: pd.DataFrame) -> dict[tuple, pd.DataFrame]:
@@ -202,7 +198,7 @@ def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = F
     """
     ours, theirs = _values(base.frames), _values(other.frames)
     no_scene = other_work(base.frames, other.frames)
-    another = not machine_may_differ and bool(other_machine(base, other) or other_core(base, other))
+    another = not machine_may_differ and other_machine(base, other) is not None
     found = []
     for key in ours.keys() & theirs.keys():
         a, b = ours[key], theirs[key]
@@ -229,7 +225,7 @@ def warnings(base: Side, other: Side, machine_may_differ: bool) -> list[Fault]:
     """What has no verdict, to be said before anything else."""
     found = [Fault(SCENE, other.letter, text) for text in other_work(base.frames, other.frames).values()]
     found += [Fault(SIZE, other.letter, text) for text in other_sizes(base.frames, other.frames).values()]
-    if (text := other_machine(base, other) or other_core(base, other)) and not machine_may_differ:
+    if (text := other_machine(base, other)) and not machine_may_differ:
         found.insert(0, Fault(MACHINE, other.letter, text))
     return found
 
@@ -386,15 +382,11 @@ def main() -> int:
         cli.emit(about | {"off_clock": {side.letter: list(side.off) for side in sides}})
     else:
         show(sides, first, found, options)
-        print(
-            *map(cli.one_line, [*(fault.text for fault in missing), *new]),
-            sep="\n",
-            end="\n" if missing or new else "",
-        )
+        for text in (*(fault.text for fault in missing), *new):
+            print(cli.one_line(text))
         print("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
         for name, values in differ.items():
-            lines = [f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items())]
-            print(*map(cli.one_line, lines), sep="\n")
+            print(*map(cli.one_line, [f"  {name}", *(f"    {k}  {v}" for k, v in values.items())]), sep="\n")
     if not options.fail_on_slower:
         return cli.OK
     slower = [
