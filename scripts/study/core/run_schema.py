@@ -124,9 +124,9 @@ class Configuration(Record, kw_only=True):
 class Variant(Record, kw_only=True):
     """A phase's sources built for another number of lanes."""
 
-    lanes: Annotated[int, key("lanes", "rays at once")]
-    isa: Annotated[list[str], key("", "what it needs beyond the phase's")]
     flags: Annotated[str, key("", "of the compiler, after the phase's")]
+    lanes: Annotated[int | Absent, key("lanes", "rays at once")] = ABSENT
+    isa: Annotated[list[str] | Absent, key("", "what it needs beyond the phase's")] = ABSENT
 
 
 class PhaseJson(Record, kw_only=True):
