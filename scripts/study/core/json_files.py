@@ -78,19 +78,24 @@ def _real(digits: str) -> float:
     return value
 
 
-def _loaded(text: str) -> Any:
+def _loaded(text: str, any_number: bool) -> Any:
     """json.loads, which is faster where no number can be too large: Python's have no end, others' do."""
+    if any_number:
+        return json.loads(text)
     hooks = {"parse_int": _whole, "parse_float": _real} if _LARGE.search(text) else {}
     return json.loads(text, parse_constant=_not_json, **hooks)
 
 
-def parsed(data: bytes, where: str) -> Any:
-    """The JSON in `data`, which is UTF-8. Raises StudyError: `where`, line and column."""
+def parsed(data: bytes, where: str, any_number: bool = False) -> Any:
+    """The JSON in `data`, which is UTF-8. Raises StudyError: `where`, line and column.
+
+    `any_number`: NaN and numbers of over 64 bits pass, for a reader that names their keys.
+    """
     try:
         if _depth(data) > DEEPEST and _depth(_TEXTS.sub(b"", data)) > DEEPEST:
             raise StudyError(f"{where}: nested too deep")
         text = data.decode("utf-8")
-        made = _loaded(text)
+        made = _loaded(text, any_number)
         if _HALF.search(text):
             json.dumps(made, ensure_ascii=False).encode()
         return made
@@ -104,9 +109,9 @@ def parsed(data: bytes, where: str) -> Any:
         raise StudyError(f"{where}: {error}") from None
 
 
-def read_json(path: Path) -> Any:
-    """Of `path`, which may be packed (`stored`). Raises StudyError with file, line and column."""
+def read_json(path: Path, any_number: bool = False) -> Any:
+    """`parsed` of `path`, which may be packed (`stored`). Raises StudyError with file, line and column."""
     try:
-        return parsed(content(path), str(path))
+        return parsed(content(path), str(path), any_number)
     except OSError as error:
         raise StudyError(f"{path}: {error.strerror or error}") from None
