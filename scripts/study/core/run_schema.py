@@ -122,6 +122,33 @@ class Configuration(Record, kw_only=True):
     once: Annotated[bool | Absent, key("", "one cold frame a launch: it takes longer than `long`")] = ABSENT
 
 
+class Variant(Record, kw_only=True):
+    """A phase's sources built for another number of lanes."""
+
+    flags: Annotated[str, key("", "of the compiler, after the phase's")]
+    lanes: Annotated[int | Absent, key("lanes", "rays at once")] = ABSENT
+    isa: Annotated[list[str] | Absent, key("", "what it needs beyond the phase's")] = ABSENT
+
+
+class PhaseJson(Record, kw_only=True):
+    """A phase.json (`class Phase` in scripts/study/core/registry.py)."""
+
+    name: Annotated[str | Absent, key("", "of the phase")] = ABSENT
+    title: Annotated[str | Absent | None, key("", "in a few words")] = ABSENT
+    family: Annotated[str | Absent | None, key("", "ladder, systems or truth")] = ABSENT
+    order: Annotated[float | Absent | None, key("", "place in its family")] = ABSENT
+    parent: Annotated[str | Absent | None, key("", "what it changes")] = ABSENT
+    idea: Annotated[str | Absent | None, key("", "in a sentence")] = ABSENT
+    paper: Annotated[str | Absent | None, key("", "the paper's name for it")] = ABSENT
+    isa: Annotated[list[str] | Absent | None, key("", "instruction sets that it needs")] = ABSENT
+    precision: Annotated[str | Absent | None, key("", "float or double")] = ABSENT
+    lanes: Annotated[int | Absent | None, key("lanes", "rays at once, at the most")] = ABSENT
+    threads: Annotated[bool | Absent | None, key("", "whether it takes several")] = ABSENT
+    algorithm: Annotated[str | Absent | None, key("", "its name")] = ABSENT
+    cflags: Annotated[str | Absent | None, key("", "of the compiler")] = ABSENT
+    variants: Annotated[list[Variant] | Absent | None, key("", "builds by lanes, widest first")] = ABSENT
+
+
 class Plan(File, kw_only=True):
     """What a sweep set out to measure."""
 
@@ -143,8 +170,8 @@ class Plan(File, kw_only=True):
     began: Annotated[str | Absent | None, key("UTC", "ISO 8601")] = ABSENT
     finished: Annotated[str | Absent | None, key("UTC", "ISO 8601; null: not yet")] = ABSENT
     phases: Annotated[
-        dict[str, dict[str, Any]] | list[dict[str, Any]] | Absent | None,
-        key("", "phase → its phase.json as it was (`class Phase` in scripts/study/core/registry.py)"),
+        dict[str, PhaseJson] | list[PhaseJson] | Absent | None,
+        key("", "phase → its phase.json as it was"),
     ] = ABSENT
     binaries: Annotated[dict[str, str] | Absent, key("", "program → SHA-256")] = ABSENT
     configurations: Annotated[list[Configuration] | Absent | None, key("", "what is timed")] = ABSENT

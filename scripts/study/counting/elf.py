@@ -21,6 +21,8 @@ from iced_x86 import Decoder, FlowControl, OpKind
 from study.core.cli import StudyError
 
 _EXECUTABLE = 1  # p_flags and, shifted, sh_flags: System V ABI, Program Loading
+# What pyelftools raises of a broken file.
+_BROKEN = (ELFError, ValueError, LookupError, AttributeError, TypeError, ArithmeticError, MemoryError)
 _CODE = ("STT_FUNC", "STT_LOOS", "STT_GNU_IFUNC")  # pyelftools knows GNU's indirect functions by number only
 
 
@@ -142,7 +144,7 @@ def _opened(path: Path | str) -> Iterator[ELFFile]:
             yield elf
     except OSError as error:
         raise StudyError(f"{path}: {error.strerror}") from None
-    except (ELFError, UnicodeDecodeError, ValueError, KeyError, AttributeError):
+    except _BROKEN:
         raise StudyError(f"{path}: not a whole ELF file; an x86-64 Linux program is required") from None
 
 
@@ -195,7 +197,7 @@ def exported(path: Path | str) -> set[str]:
     try:
         with Path(path).open("rb") as file:
             return {function.name for function, _ in _symbols(ELFFile(file), ".dynsym")}
-    except (OSError, ELFError):
+    except (OSError, *_BROKEN):
         return set()
 
 

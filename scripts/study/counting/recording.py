@@ -93,6 +93,8 @@ def read(path: Path, writer: str = "qemu_plugin") -> Recording:
                 raise ValueError
             if kind == "trouble":
                 (trouble,) = rest
+                if trouble not in ("none", *_TROUBLE):
+                    raise ValueError
             elif kind == "start":
                 (found.start,) = (_natural(x, 16) for x in rest)
             elif kind == "regions":
@@ -134,7 +136,7 @@ def read(path: Path, writer: str = "qemu_plugin") -> Recording:
     if not whole:
         raise StudyError(f"{path}:{len(lines)}: cut off here: its last line must be 'end'")
     if trouble != "none":
-        raise StudyError(f"the program {how} {_TROUBLE.get(str(trouble), trouble)}")
+        raise StudyError(f"the program {how} {_TROUBLE[str(trouble)]}")
     if not found.regions:
         raise StudyError(f"the program {how} never returned from {REGION}, or never entered it")
     return found
