@@ -179,4 +179,4 @@ $(BUILD)/%/render-blocks: $(BUILD)/%/blocks/phase.o $(BUILD)/%/blocks/blocks.o $
 $(BUILD)/%/render-blocks-calls: $(BUILD)/%/blocks-calls/phase.o $(BUILD)/%/blocks-calls/blocks.o $(COUNTER)
 	$(LINK) -Wl,--wrap=pthread_create -o $@
 
-include common/tools/tools.mk common/ceilings/ceilings.mk common/functions/functions.mk
+include common/tools/tools.mk common/ceilings/ceilings.mk common/functions/functions.mk common/viewer/viewer.mk
