@@ -13,6 +13,12 @@ void canvas_scale(struct canvas *canvas, const uint8_t *rgb8, int width, int hei
                   int to) {
     for (int y = 0; y < canvas->height; y++) {
         uint32_t *out = canvas->pixels + (size_t)y * (size_t)canvas->width;
+        if (from >= to)
+            return;
+        if (y > 0 && (long)y * height / canvas->height == (long)(y - 1) * height / canvas->height) {
+            memcpy(out + from, out + from - canvas->width, (size_t)(to - from) * sizeof *out);
+            continue;
+        }
         const uint8_t *row = rgb8 + 3 * (size_t)width * (size_t)((long)y * height / canvas->height);
         // Equals x * width / canvas->width, without a division for each pixel.
         long at = (long)from * width;

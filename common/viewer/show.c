@@ -80,7 +80,8 @@ uint64_t show_ns(const struct show *show) {
 }
 
 // Left of the divider the phase, right of it the reference, and of a difference a third between them.
-static void compose(struct show *show, int width) {
+void show_compose(struct show *show) {
+    int width = show_width(show);
     struct canvas *canvas = &show->canvas;
     int at = (int)lround(show->divider * canvas->width), begin = at, end = at;
     int height = show->height, all = canvas->width;
@@ -119,6 +120,6 @@ bool show_draw(struct show *show, char *error) {
             return false;
         picture_paint(show->mode, &show->right.frame, show->presenter, show->right8);
     }
-    compose(show, width);
+    show_compose(show);
     return true;
 }

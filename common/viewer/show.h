@@ -42,6 +42,8 @@ bool show_compares(const struct show *show);
 
 // Renders, paints and composes one frame on the canvas.
 bool show_draw(struct show *show, char *error);
+// Composes the frame that was drawn last again, for another divider or amplification.
+void show_compose(struct show *show);
 // Returns the time of the last frame's rendering in nanoseconds: of both phases, if both were drawn.
 uint64_t show_ns(const struct show *show);
 
