@@ -107,6 +107,7 @@ static void key_show(struct window *w, SDL_Keycode key, bool shift, bool control
     case SDLK_d:
         if (shift)
             set_mode(w, MODE_DIFFERENCE);
+        w->rightward = !shift; // also if Shift is let go first: the D of Shift+D never moves
         break;
     case SDLK_e: set_mode(w, MODE_EVALS); break;
     case SDLK_z: set_mode(w, MODE_DEPTH); break;
@@ -196,7 +197,7 @@ void window_held_keys(struct window *w, double seconds) {
     bool shift = mod & KMOD_SHIFT;
     double step = seconds * w->speed * (shift ? 4 : 1);
     double move[3] = {
-        step * ((held[SDL_SCANCODE_D] && !shift) - held[SDL_SCANCODE_A]),
+        step * ((held[SDL_SCANCODE_D] && w->rightward) - held[SDL_SCANCODE_A]),
         step * (held[SDL_SCANCODE_PAGEUP] - held[SDL_SCANCODE_PAGEDOWN]),
         step * (held[SDL_SCANCODE_W] - held[SDL_SCANCODE_S]),
     };

@@ -12,12 +12,18 @@ $(BUILD)/common/viewer_parts: FORCE
 	$(write_line)
 $(BUILD)/common/viewer_parts: LINE = $(VIEWER_PHASES) $(VIEWER_SDL)
 
-$(BUILD)/%/viewer.o: common/viewer/entry.c $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_HEADERS) common/viewer/viewer.mk
+$(BUILD)/%/viewer.o: common/viewer/entry.c common/viewer/phases.h $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_HEADERS) common/viewer/viewer.mk
 	@$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $(@D)/viewer_entry.o
 	@ld -r -o $@.tmp $(@D)/viewer_entry.o $(@D)/phase.o $(@D)/variant.o
 	@objcopy --keep-global-symbol=none_is_kept $@.tmp $@ && rm -f $@.tmp
 
-# SDL's and libpng's headers warn in strict C11 on no compiler that is used here.
+.PHONY: need-libpng
+need-libpng:
+	@pkg-config --exists libpng || { echo 'viewer: libpng-dev is missing; make view installs it' >&2; exit 1; }
+$(BUILD)/common/viewer/canvas.o: | need-libpng
+$(patsubst %.c,$(BUILD)/%.o,$(wildcard common/viewer/*.c)): $(wildcard common/viewer/*.h)
+
+# Its sources include the headers of both libraries.
 $(BUILD)/common/viewer/%.o: COMMON_CFLAGS += $(shell pkg-config --cflags libpng $(VIEWER_SDL))
 $(BUILD)/viewer: $(VIEWER_PHASES:%=$(BUILD)/%/viewer.o) $(VIEWER_SOURCES:%.c=$(BUILD)/%.o) $$(VIEWER_OBJECTS) $(SCENE_OBJECTS) $(BUILD)/common/viewer_parts
 	$(CC) $(SANITIZERS) $(filter %.o,$^) $(LIBS) $(shell pkg-config --libs libpng $(VIEWER_SDL)) -ldl -o $@

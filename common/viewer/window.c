@@ -2,6 +2,7 @@
 // what is seen.
 #include <math.h>
 #include <stdarg.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "timing/timer.h"
@@ -168,6 +169,14 @@ static int run(struct window *w) {
     return good ? OK : viewer_error(BAD_INPUT, "%s", error);
 }
 
+// Starts SDL, by X11 or Wayland: left alone it takes a driver that shows nothing where there is no
+// display. The environment's SDL_VIDEODRIVER comes first.
+static bool start_sdl(void) {
+    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
+    SDL_SetHint(SDL_HINT_VIDEODRIVER, getenv("WAYLAND_DISPLAY") ? "wayland,x11" : "x11");
+    return SDL_Init(SDL_INIT_VIDEO) == 0;
+}
+
 int window_run(const struct viewer_options *options, struct show *show) {
     char error[SCENE_ERROR_SIZE];
     struct window w = {.show = show, .overlay = true, .open = true, .pace = {.adaptive = true}};
@@ -175,11 +184,13 @@ int window_run(const struct viewer_options *options, struct show *show) {
     if (options->script && !script_read(&script, options->script, error))
         return viewer_error(BAD_INPUT, "%s", error);
     w.script = options->script ? &script : NULL;
-    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
-    if (SDL_Init(SDL_INIT_VIDEO) != 0) {
+    if (!start_sdl()) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "%s", SDL_GetError());
+        SDL_Quit();
         script_free(&script);
         return viewer_error(BAD_INPUT, "no display: %s; --script FILE --headless -o DIR needs none",
-                            SDL_GetError());
+                            reason);
     }
     w.window = SDL_CreateWindow("Stepwise", SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
                                 options->width, options->height, SDL_WINDOW_RESIZABLE);

@@ -27,6 +27,7 @@ struct window {
     uint32_t message_until;
     double speed; // scene units a second
     bool overlay, help, paused, dragging, open;
+    bool rightward; // the D that is held moves
 };
 
 // window_overlay.c: draws text on the canvas.
