@@ -17,6 +17,7 @@ static const struct viewer_phase ENTRY = {
     .update = phase_update,
     .render = phase_render,
     .release = phase_release,
+    .kernel = phase_kernel,
 };
 
 // The linker puts the pointers of all phases next to each other: that is the table.

@@ -22,6 +22,8 @@ struct viewer_phase {
     bool (*update)(struct prepared *prepared, const struct model *model);
     bool (*render)(const struct prepared *prepared, const struct view *view, struct frame *frame);
     void (*release)(struct prepared *prepared);
+    const struct kernel_facts *(*kernel)(
+        const struct prepared *prepared); // or NULL: generates none
 };
 
 // Sorts the phases: the ladder first, then the others by name. Called once, before the functions below.

@@ -2,7 +2,7 @@
 #ifndef STEPWISE_VIEWER_SHOW_H
 #define STEPWISE_VIEWER_SHOW_H
 
-#include "viewer/picture.h"
+#include "viewer/picture/picture.h"
 #include "viewer/stage.h"
 
 struct show {

@@ -4,9 +4,9 @@
 # Left out unless named: truth, which takes minutes for a frame.
 VIEWER_PHASES ?= $(filter-out truth,$(PHASES))
 VIEWER_SDL = $(shell pkg-config --exists sdl2 && echo sdl2)
-VIEWER_SOURCES := $(filter-out common/viewer/entry.c common/viewer/window% common/viewer/keys.c common/viewer/no_window.c,$(wildcard common/viewer/*.c))
-VIEWER_WINDOW = $(if $(VIEWER_SDL),$(wildcard common/viewer/window*.c common/viewer/keys.c),common/viewer/no_window.c)
-VIEWER_OBJECTS = $(patsubst %.c,$(BUILD)/%.o,$(VIEWER_SOURCES) $(VIEWER_WINDOW))
+VIEWER_WINDOW = $(if $(VIEWER_SDL),$(filter-out %/no_window.c,$(wildcard common/viewer/window/*.c)),common/viewer/window/no_window.c)
+VIEWER_SOURCES = $(filter-out %/entry.c,$(wildcard common/viewer/*.c common/viewer/picture/*.c)) $(VIEWER_WINDOW)
+VIEWER_OBJECTS = $(patsubst %.c,$(BUILD)/%.o,$(VIEWER_SOURCES))
 
 $(BUILD)/common/viewer_parts: FORCE
 	$(write_line)
@@ -20,10 +20,10 @@ $(BUILD)/%/viewer.o: common/viewer/entry.c common/viewer/phases.h $(BUILD)/%/pha
 .PHONY: need-libpng
 need-libpng:
 	@pkg-config --exists libpng || { echo 'viewer: libpng-dev is missing; make view installs it' >&2; exit 1; }
-$(BUILD)/common/viewer/canvas.o: | need-libpng
-$(patsubst %.c,$(BUILD)/%.o,$(wildcard common/viewer/*.c)): $(wildcard common/viewer/*.h)
+$(BUILD)/common/viewer/picture/canvas.o: | need-libpng
+$(patsubst %.c,$(BUILD)/%.o,$(wildcard common/viewer/*.c common/viewer/*/*.c)): $(wildcard common/viewer/*.h common/viewer/*/*.h)
 
 # Its sources include the headers of both libraries.
 $(BUILD)/common/viewer/%.o: COMMON_CFLAGS += $(shell pkg-config --cflags libpng $(VIEWER_SDL))
-$(BUILD)/viewer: $(VIEWER_PHASES:%=$(BUILD)/%/viewer.o) $(VIEWER_SOURCES:%.c=$(BUILD)/%.o) $$(VIEWER_OBJECTS) $(SCENE_OBJECTS) $(BUILD)/common/viewer_parts
+$(BUILD)/viewer: $(VIEWER_PHASES:%=$(BUILD)/%/viewer.o) $$(VIEWER_OBJECTS) $(SCENE_OBJECTS) $(BUILD)/common/viewer_parts
 	$(CC) $(SANITIZERS) $(filter %.o,$^) $(LIBS) $(shell pkg-config --libs libpng $(VIEWER_SDL)) -ldl -o $@

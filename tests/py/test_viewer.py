@@ -83,7 +83,8 @@ def test_depth_normals_and_ids(tmp_path: Path) -> None:
     depth, normals, ids = viewer.headless(tmp_path, lines, SIZE)
     found = planes(tmp_path, "opt4")
     hit, t = found["id"] >= 0, found["Z"]
-    grey = 1 - 0.85 * (t - t[hit].min()) / (t[hit].max() - t[hit].min())
+    near_1, far_1 = 1 / t[hit].min(), 1 / t[hit].max()
+    grey = 0.15 + 0.85 * (1 / t - far_1) / (near_1 - far_1)
     assert near(depth, np.where(hit, grey, 0)[..., None])
     normal = np.stack([found[f"N.{axis}"] for axis in "xyz"], -1)
     assert near(normals, np.where(hit[..., None], (normal + 1) / 2, 0))

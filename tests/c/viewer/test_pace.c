@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "viewer/pace.c"
+#include "viewer/window/pace.c"
 
 static void percentiles_are_nearest_ranks(void **state) {
     (void)state;

@@ -4,10 +4,10 @@
 
 #include <SDL.h>
 
-#include "viewer/pace.h"
-#include "viewer/reference.h"
 #include "viewer/script.h"
 #include "viewer/viewer.h"
+#include "viewer/window/pace.h"
+#include "viewer/window/reference.h"
 
 struct window {
     SDL_Window *window;
@@ -30,7 +30,7 @@ struct window {
     bool rightward; // the D that is held moves
 };
 
-// window_overlay.c: draws text on the canvas.
+// overlay.c: draws text on the canvas.
 void window_overlay(struct window *w);
 
 // keys.c: what an event does.

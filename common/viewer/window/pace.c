@@ -1,5 +1,5 @@
 // Adaptive resolution. A frame's time grows with its pixels, so the height goes with the root of it.
-#include "viewer/pace.h"
+#include "viewer/window/pace.h"
 
 #include <math.h>
 #include <stdlib.h>

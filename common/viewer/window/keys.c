@@ -1,9 +1,10 @@
 // What keys and mouse do. docs/view.md lists them.
+#include <math.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
-#include "viewer/window.h"
+#include "viewer/window/window.h"
 
 static void set_mode(struct window *w, enum mode mode) {
     w->show->mode = w->show->mode == mode ? MODE_COLOURS : mode; // again: back
@@ -202,7 +203,11 @@ void window_held_keys(struct window *w, double seconds) {
         step * (held[SDL_SCANCODE_W] - held[SDL_SCANCODE_S]),
     };
     double away = held[SDL_SCANCODE_UP] - held[SDL_SCANCODE_DOWN];
-    double light_step = 5 * seconds * w->speed; // the light is far
+    double apart =
+        0; // of light and camera: the step grows with it, else a far light seems to stand
+    for (int i = 0; i < 3; i++)
+        apart += pow(show->camera.light[i] - show->camera.position[i], 2);
+    double light_step = seconds * fmax(w->speed, sqrt(apart) / 3);
     double light[3] = {light_step * (held[SDL_SCANCODE_RIGHT] - held[SDL_SCANCODE_LEFT]),
                        shift ? light_step * away : 0, shift ? 0 : light_step * away};
     struct view view = camera_view(show->world, &show->camera);

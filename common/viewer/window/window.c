@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "timing/timer.h"
-#include "viewer/window.h"
+#include "viewer/window/window.h"
 
 enum { MESSAGE_MS = 4000, STILL_AFTER_MS = 400, FRAME_NS = 16666667, SECOND = 1000000000 };
 
@@ -36,22 +36,35 @@ static bool present(struct window *w) {
     return done;
 }
 
-// Scenes are of any size: cross the way to the point that the camera looks at in four seconds, and
-// not less than a tenth of the way to the origin.
-static double speed_in(const struct camera *camera) {
-    double look = 0, origin = 0;
-    for (int i = 0; i < 3; i++) {
-        look +=
-            (camera->look_at[i] - camera->position[i]) * (camera->look_at[i] - camera->position[i]);
-        origin += camera->position[i] * camera->position[i];
-    }
-    return fmax(sqrt(look) / 4, fmax(sqrt(origin) / 10, 0.01));
+static int by_depth(const void *a, const void *b) {
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+// Scenes are of any size: a third of the way to what one sees (the median depth of a few pixels) in
+// a second. Where nothing is seen: a tenth of the way to the light.
+static double fitting_speed(struct show *show) {
+    enum { COLUMNS = 16, ROWS = 9 };
+    char error[SCENE_ERROR_SIZE];
+    struct view view = camera_view(show->world, &show->camera);
+    float hits[COLUMNS * ROWS];
+    size_t count = 0;
+    if (stage_render(&show->left, &view, show->camera.seconds, COLUMNS, ROWS, true, error))
+        for (int i = 0; i < COLUMNS * ROWS; i++)
+            if (isfinite(show->left.frame.depth[i]))
+                hits[count++] = show->left.frame.depth[i];
+    qsort(hits, count, sizeof *hits, by_depth);
+    double light = 0;
+    for (int i = 0; i < 3; i++)
+        light += pow(show->camera.light[i] - show->camera.position[i], 2);
+    return fmax(count > 0 ? hits[count / 2] / 3 : sqrt(light) / 10, 1e-6);
 }
 
 void window_open(struct window *w, const struct viewer_phase *phase, const struct world *world) {
     char error[SCENE_ERROR_SIZE], text[256];
-    // opt10_scene compiles a kernel first: say so on the picture that is there.
-    snprintf(text, sizeof text, "preparing %.60s for %.60s ...", phase->name, world->scene.name);
+    // Keys wait meanwhile, so say why, on the picture that is there.
+    snprintf(text, sizeof text, "preparing %.60s for %.60s ...%s", phase->name, world->scene.name,
+             phase->kernel ? " a kernel for a scene takes seconds, once" : "");
     canvas_shade(&w->show->canvas, 0, w->show->canvas.height / 2 - 10, w->show->canvas.width, 34);
     canvas_text(&w->show->canvas, 20, w->show->canvas.height / 2, 2, 0xffffff, text);
     present(w);
@@ -59,7 +72,7 @@ void window_open(struct window *w, const struct viewer_phase *phase, const struc
     if (!show_open(w->show, phase, world, error))
         window_say(w, "%s", error);
     else if (other)
-        w->speed = speed_in(&world->camera);
+        w->speed = fitting_speed(w->show);
     window_restart(w);
 }
 
@@ -194,7 +207,7 @@ int window_run(const struct viewer_options *options, struct show *show) {
     }
     w.window = SDL_CreateWindow("Stepwise", SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
                                 options->width, options->height, SDL_WINDOW_RESIZABLE);
-    w.speed = speed_in(&show->camera);
+    w.speed = fitting_speed(show);
     w.reference = reference_start();
     window_restart(&w);
     int status = w.window ? run(&w) : viewer_error(BAD_INPUT, "no window: %s", SDL_GetError());

@@ -1,5 +1,5 @@
 // False colours, differences, PSNR.
-#include "viewer/picture.h"
+#include "viewer/picture/picture.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -80,7 +80,9 @@ void picture_paint(enum mode mode, const struct frame *frame, const struct prese
                 out[k] = frame->id[i] < 0 ? 0 : byte_of((frame->normal[3 * i + k] + 1) / 2);
             break;
         default:
-            grey = farthest > nearest ? 1 - 0.85 * (depth - nearest) / (farthest - nearest) : 1;
+            grey = farthest > nearest
+                       ? 0.15 + 0.85 * (1 / depth - 1 / farthest) / (1 / nearest - 1 / farthest)
+                       : 1;
             memset(out, isfinite(depth) ? byte_of(grey) : 0, 3);
         }
     }
@@ -109,7 +111,8 @@ void picture_legend(enum mode mode, const struct frame *frame, char *text, size_
     double nearest, farthest, sum = 0, most = 0;
     *text = '\0';
     if (mode == MODE_DEPTH && depth_range(frame, &nearest, &farthest))
-        snprintf(text, size, "depth: white %.4g, dark %.4g, black: no hit", nearest, farthest);
+        snprintf(text, size, "depth: white %.4g, dark %.4g (grey: its inverse), black: no hit",
+                 nearest, farthest);
     else if (mode == MODE_DEPTH)
         snprintf(text, size, "depth: no ray hits a shape");
     else if (mode == MODE_NORMALS)

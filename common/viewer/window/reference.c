@@ -1,5 +1,5 @@
 // The thread that compares. It has stages of its own, since a phase draws one frame at a time.
-#include "viewer/reference.h"
+#include "viewer/window/reference.h"
 
 #include <math.h>
 #include <pthread.h>

@@ -1,5 +1,5 @@
 // The glyphs, column by column.
-#include "viewer/font.h"
+#include "viewer/picture/font.h"
 
 static const unsigned char GLYPHS[95][5] = {
     {0x00, 0x00, 0x00, 0x00, 0x00}, // space

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "viewer/window.h"
+#include "viewer/window/window.h"
 
 static const char HELP[] =
     "W A S D       move; Page Up, Page Down: up and down; Shift: faster\n"
@@ -57,7 +57,7 @@ static void psnr_line(const struct window *w, char *text, size_t size) {
 static void figures(struct window *w, char *text, size_t size) {
     const struct show *show = w->show;
     const struct stage *left = &show->left;
-    char psnr[256], other[64] = "";
+    char psnr[256], other[64] = "", threads[48];
     psnr_line(w, psnr, sizeof psnr);
     double median = (double)times_percentile(&w->renders, 50) / 1e6;
     double slow = (double)times_percentile(&w->renders, 99) / 1e6;
@@ -65,16 +65,21 @@ static void figures(struct window *w, char *text, size_t size) {
     double pixels = (double)show->height * show_width(show);
     if (show_compares(show))
         snprintf(other, sizeof other, " and %s", show->reference->name);
+    if (show_compares(show) && show->right.threads != left->threads)
+        snprintf(threads, sizeof threads, "%d and %d threads", left->threads, show->right.threads);
+    else
+        snprintf(threads, sizeof threads, "%d thread%s", left->threads,
+                 left->threads > 1 ? "s" : "");
     snprintf(text, size,
-             "%s%s, %s, %d thread%s, %s\n"
+             "%s%s, %s, %s, %s\n"
              "frame %.2f ms, 99 %% %.2f ms (median of %d), %.1f ns/pixel, %.0f frames a second\n"
              "resolution %d x %d of %d x %d: %s\n"
              "%s\n"
              "H: help",
-             left->phase->name, other, show->world->scene.name, left->threads,
-             left->threads > 1 ? "s" : "", mode_name(show->mode), median, slow, w->renders.count,
-             median * 1e6 / pixels, gap > 0 ? 1e9 / gap : 0, show_width(show), show->height,
-             show->canvas.width, show->canvas.height, w->pace.says, psnr);
+             left->phase->name, other, show->world->scene.name, threads, mode_name(show->mode),
+             median, slow, w->renders.count, median * 1e6 / pixels, gap > 0 ? 1e9 / gap : 0,
+             show_width(show), show->height, show->canvas.width, show->canvas.height, w->pace.says,
+             psnr);
 }
 
 static void sides(struct window *w, int scale) {
