@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include "viewer/script.h"
+#include "viewer/show.h"
 #include "viewer/viewer.h"
 
 static int play(struct script *script, const struct viewer_options *options, struct show *show) {

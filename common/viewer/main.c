@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "viewer/show.h"
 #include "viewer/viewer.h"
 
 static const char USAGE[] =

@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "viewer/show.h"
+
 enum { MAX_FRAMES = 1000000 };
 
 static const char *const VECTORS[] = {"position", "look_at", "up", "light", NULL};

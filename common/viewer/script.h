@@ -5,7 +5,9 @@
 #include <jansson.h>
 #include <stdio.h>
 
-#include "viewer/show.h"
+#include "viewer/world.h"
+
+struct show;
 
 // A script that is being played. docs/view.md describes its lines.
 struct script {

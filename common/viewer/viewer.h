@@ -3,7 +3,10 @@
 #define STEPWISE_VIEWER_VIEWER_H
 
 #include "driver/errors.h" // the exit statuses
-#include "viewer/show.h"
+
+#include <stdbool.h>
+
+struct show;
 
 struct viewer_options {
     const char *scene, *phase, *reference, *script, *out;

@@ -4,6 +4,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "viewer/script.h"
+#include "viewer/show.h"
 #include "viewer/window/window.h"
 
 static void set_mode(struct window *w, enum mode mode) {

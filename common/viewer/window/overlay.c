@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "viewer/show.h"
 #include "viewer/window/window.h"
 
 static const char HELP[] =

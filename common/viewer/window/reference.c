@@ -5,6 +5,8 @@
 #include <pthread.h>
 #include <stdlib.h>
 
+#include "viewer/show.h"
+
 enum { STACK = 64 << 20, LEAST_HEIGHT = 18, SECOND = 1000000000 };
 
 struct reference {

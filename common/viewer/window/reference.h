@@ -2,7 +2,13 @@
 #ifndef STEPWISE_VIEWER_REFERENCE_H
 #define STEPWISE_VIEWER_REFERENCE_H
 
-#include "viewer/show.h"
+#include <stdbool.h>
+
+#include "scene/scene.h"
+
+struct show;
+struct viewer_phase;
+struct world;
 
 // What was compared: the same view by two phases, at this size. The phases' frames are functions of
 // the view, so the thread draws both anew at the size that the reference can draw in about a second.

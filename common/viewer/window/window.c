@@ -6,6 +6,9 @@
 #include <string.h>
 
 #include "timing/timer.h"
+#include "viewer/script.h"
+#include "viewer/show.h"
+#include "viewer/viewer.h"
 #include "viewer/window/window.h"
 
 enum { MESSAGE_MS = 4000, STILL_AFTER_MS = 400, FRAME_NS = 16666667, SECOND = 1000000000 };

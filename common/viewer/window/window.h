@@ -3,11 +3,14 @@
 #define STEPWISE_VIEWER_WINDOW_H
 
 #include <SDL.h>
+#include <stdio.h>
 
-#include "viewer/script.h"
-#include "viewer/viewer.h"
 #include "viewer/window/pace.h"
 #include "viewer/window/reference.h"
+#include "viewer/world.h"
+
+struct script;
+struct show;
 
 struct window {
     SDL_Window *window;
