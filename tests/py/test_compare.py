@@ -1,50 +1,17 @@
 """Two runs side by side, made up so that the answer is known."""
 
-import io
 import json
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from types import SimpleNamespace
-from unittest.mock import patch
 
 import complete
 import emitted
-import numpy as np
 import pytest
+from compared import make_run, rows, run, sides
 
-from study.commands import compare
-from study.core import cli, store
 from study.core.registry import ROOT
-from study.core.run_schema import Frame
-from study.core.store import Run
 from study.numbers import stats
-
-CONTEXT = {"cpu": {"model": "Some CPU"}, "git": {"commit": "1" * 40, "dirty": False}, "libc": "glibc 2.36"}
-LINE = {"schema": 1, "scene_hash": "aa", "width": 16, "height": 9, "threads": 1, "steal_ticks": 0}
-LINE |= {"hit_distance": 1e-6, "max_steps": 3000, "flags": "-O3", "compiler": "gcc 12", "libc": "2.36"}
-
-NO_CLOCK = dict.fromkeys(("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles"), 0.0)  # as untimed
-
-
-def make_run(folder, times, context=None, launches=8, **line) -> Run:
-    """A run with the given milliseconds of each (phase, scene), 1 % of noise and a slow warm-up frame."""
-    made = Run(folder)
-    store.write_json(made.path / "plan.json", {})
-    store.write_json(made.path / "context.json", CONTEXT | (context or {}))
-    whole = complete.filled(LINE | NO_CLOCK, Frame)
-    noise = 1 + 0.01 * np.random.default_rng(1).standard_normal(launches)
-    for (phase, scene), ms in times.items():
-        for launch in range(launches):
-            for frame in (-1, 0):
-                facts = {"phase": phase, "flags_from": phase, "scene": scene, "config": phase + scene}
-                facts |= {"launch": launch, "frame": frame, "warmup": frame < 0}
-                ns = 1_000_000_000 if frame < 0 else round(ms * 1e6 * noise[launch])
-                made.append_frame(whole | facts | {"ns": ns} | line)
-    made.close()
-    return made
-
 
 TIMES = {("opt1", "s"): 100, ("opt1", "t"): 50, ("opt2", "s"): 30}
 LATER = {("opt1", "s"): 50, ("opt1", "t"): 100, ("opt2", "s"): 30, ("opt3", "s"): 5}
@@ -54,28 +21,6 @@ LATER = {("opt1", "s"): 50, ("opt1", "t"): 100, ("opt2", "s"): 30, ("opt3", "s")
 def two(tmp_path):
     a = make_run(tmp_path / "a", TIMES)
     return a, make_run(tmp_path / "b", LATER, {"libc": "glibc 2.40"}, compiler="gcc 13", libc="2.40")
-
-
-def run(*arguments) -> SimpleNamespace:
-    """The command within this process: status and what it wrote."""
-    out, err = io.StringIO(), io.StringIO()
-    argv = ["stepwise compare", *map(str, arguments)]
-    with (
-        patch("sys.argv", argv),
-        redirect_stdout(out),
-        redirect_stderr(err),
-        pytest.raises(SystemExit) as ended,
-    ):
-        cli.main(compare.main)
-    return SimpleNamespace(returncode=ended.value.code, stdout=out.getvalue(), stderr=err.getvalue())
-
-
-def sides(*runs, leave_out=False) -> list[compare.Side]:
-    return [compare.read(letter, run.path, leave_out) for letter, run in zip("ABC", runs, strict=False)]
-
-
-def rows(*runs, **how) -> dict:
-    return {(row["spec"], row["scene"]): row for row in compare.rows(*sides(*runs), **how)}
 
 
 def clocked(ghz, ms, tsc=2.5) -> dict:

@@ -103,6 +103,40 @@ def ends(monkeypatch, status):
     return done
 
 
+def plan_of(start: float, programs: dict[str, float]) -> dict:
+    """A dry run's plan: seconds of a launch of 1 + 3 frames, which take `programs` seconds at height 100."""
+    made = [
+        {"spec": spec, "scene": "s", "height": n, "estimate_s": start + 4 * frame * (n / 100) ** 2}
+        for spec, frame in programs.items()
+        for n in run_study.CALIBRATED
+    ]
+    return {"reps": 3, "warmup": 1, "configurations": made}
+
+
+@pytest.mark.parametrize(
+    ("start", "programs", "seconds", "height"),
+    [
+        (0.0, {"a": 0.001}, 1e9, 360),  # everything fits
+        # Of six launches at 160, 80, 40: 4 frames of 0.0256, 0.0064, 0.0016 s each, in all 0.8064 s.
+        (0.0, {"a": 0.01}, 0.807, 160),
+        (0.0, {"a": 0.01}, 0.806, 128),
+        # Three starts of 0.1 s a launch, 1.8 s in all, are of no size.
+        (0.1, {"a": 0.01}, 2.607, 160),
+        (0.1, {"a": 0.01}, 2.606, 128),
+        # A frame of more than 0.25 s is alone: at 96, 48, 24: 0.4608 + 4·0.1152 + 4·0.0288 s.
+        (0.0, {"a": 0.5}, 6.23, 96),
+        (0.0, {"a": 0.5}, 6.21, 64),
+        (0.0, {"a": 0.01, "b": 0.01}, 1.613, 160),  # two programs take twice as long
+        (0.0, {"a": 9.0}, 1.0, 64),  # nothing fits: the least
+    ],
+)
+def test_the_largest_picture_that_fits(start, programs, seconds, height, monkeypatch):
+    said = json.dumps({"result": plan_of(start, programs)})
+    done = subprocess.CompletedProcess([], 0, stdout=said)
+    monkeypatch.setattr(run_study, "run_command", lambda *_, **__: done)
+    assert run_study.choose_height(["s"], seconds, 6) == height
+
+
 def test_a_failed_check_is_an_end_only_where_a_command_judges(monkeypatch):
     done = ends(monkeypatch, cli.FAILED)
     with pytest.raises(cli.StudyError, match=r"stepwise tables ended with status 1"):

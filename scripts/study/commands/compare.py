@@ -12,12 +12,13 @@ from typing import Any
 import pandas as pd
 
 from study.bounds import ceilings
-from study.core import cli, provenance
+from study.core import cli, provenance, store
 from study.core.cli import StudyError
+from study.core.registry import BASE
 from study.core.store import Run
 from study.experiments.accuracy import measure as accuracy
-from study.experiments.sweep import summary
-from study.numbers import clocks, stats
+from study.experiments.sweep import exports, summary
+from study.numbers import clocks, history, stats
 from study.numbers.schema import Verify
 from study.numbers.stats import Interval
 
@@ -37,8 +38,12 @@ KEY = ["scene", "width", "height", "threads", "spec"]
 LIMITS = ["hit_distance", "max_steps", "scene_hash"]
 COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads"), ("run", "run")]
 COLUMNS += [("base_ms", "A ms [95 %]"), ("ms", "run ms [95 %]"), ("time", "time A / run [95 %]")]
-COLUMNS += [("cycles", "cycles A / run [95 %]"), ("clock", "clock run / A [95 %]"), ("moved", "moved")]
+COLUMNS += [("cycles", "cycles A / run [95 %]"), ("clock", "clock run / A [95 %]")]
+COLUMNS += [("baseline", "× baseline, run / A [95 %]"), ("moved", "moved")]
 COLUMNS += [("verdict", "run is")]
+HISTORY = [("made", "made (UTC)"), ("commit", "commit"), ("run", "run"), ("scene", "scene"), ("size", "size")]
+HISTORY += [("threads", "threads"), ("ms", "ms [95 %]"), ("over_base", "× baseline [95 %]"), ("ghz", "GHz")]
+HISTORY += [("step", "step: before / after [95 %]")]
 CONTEXT = ("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib")
 CONTEXT_PARTS = {
     "cpu": ("model", "microarchitecture", "stepping", "microcode", "logical_cpus"),
@@ -143,7 +148,7 @@ def _values(frames: pd.DataFrame) -> dict[tuple, pd.DataFrame]:
         for name in columns
     }
     together = tables["ns"].assign(**{name: tables[name][name] for name in columns})
-    return {key: group[list(columns)] for key, group in together.groupby(KEY)}
+    return {key: group[[*columns, "round"]] for key, group in together.groupby(KEY)}
 
 
 def ratio(base: pd.Series, other: pd.Series) -> Interval | None:
@@ -153,9 +158,21 @@ def ratio(base: pd.Series, other: pd.Series) -> Interval | None:
     return stats.ratio_interval(base.to_numpy(float), other.to_numpy(float), rounds=False)  # none in common
 
 
+def over_baseline(key: tuple, base: dict, other: dict) -> Interval | None:
+    """The phase's speed-up over baseline in `other` by that in `base`; None for baseline and without it.
+
+    Both speed-ups are of one interleaved run each: what slows a whole run is in neither.
+    """
+    first = (*key[:-1], BASE)
+    if key[-1] == BASE or first not in base or first not in other:
+        return None
+    pairs = [tuple(one[name].set_index("round")["ns"] for name in (first, key)) for one in (base, other)]
+    return stats.change_interval(*pairs)
+
+
 def judge(found: Interval | None) -> str:
     if found is None:
-        return f"{NONE} (no clock)"
+        return f"{NONE} (not measured)"
     if not found.sufficient:
         return FEW
     return "faster" if found.low > 1 else SLOWER if found.high < 1 else SAME
@@ -172,9 +189,9 @@ def moved(cycles: Interval | None, clock: Interval | None) -> str:
 
 
 def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = False) -> list[dict[str, Any]]:
-    """One row per configuration of both runs: base_ms, ms, the ratios time, cycles, clock, and verdict.
+    """One row per configuration of both runs: base_ms, ms, the ratios time, cycles, clock, baseline, verdict.
 
-    `by`: the ratio that the verdict is of, time or cycles. Other work has no ratio.
+    `by`: the ratio that the verdict is of, time, cycles or baseline. Other work has no ratio.
     """
     ours, theirs = _values(base.frames), _values(other.frames)
     no_scene = other_work(base.frames, other.frames)
@@ -187,6 +204,7 @@ def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = F
             "time": ratio(a["ns"], b["ns"]) if same else None,
             "cycles": ratio(a["core_cycles"], b["core_cycles"]) if same else None,
             "clock": ratio(b["core_hz"], a["core_hz"]) if same else None,
+            "baseline": over_baseline(key, ours, theirs) if same else None,
         }
         verdict = judge(ratios[by]) if same else f"{NONE} (other scene)"
         found.append(
@@ -261,17 +279,30 @@ def differences(sides: Sequence[Side]) -> dict[str, dict[str, Any]]:
 
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "with --fail-on-slower: see above"})
-    parser.add_argument("runs", metavar="RUN", nargs="+", type=Path, help="folders of runs, the base first")
+    parser.add_argument("runs", metavar="RUN", nargs="*", type=Path, help="folders of runs, the base first")
     parser.add_argument("--base", metavar="RUN", type=Path, help="the base; default: the first RUN")
     parser.add_argument(
-        "--by", choices=("time", "cycles"), default="time", help="of the verdict; default: time"
+        "--by", choices=("time", "cycles", "baseline"), default="time", help="of the verdict; default: time"
     )
     about = "leave out launches whose TSC rate is 0.01 %% off the run's, or whose core clock 3 %% off its "
     parser.add_argument("--leave-out-off-clock", action="store_true", help=about + "configuration's")
     parser.add_argument("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
     about = f"do not fail for it (machine: and give a verdict): {', '.join(KINDS)}; may be repeated"
     parser.add_argument("--allow", action="append", default=[], choices=KINDS, metavar="KIND", help=about)
+    about = "instead: this phase in all runs below results/, by machine and date, with its steps"
+    parser.add_argument("--history", metavar="PHASE", help=about)
+    parser.add_argument("--scene", nargs="+", default=[], metavar="SCENE", help="of --history; default: all")
+    about = "instead: the times of one RUN for other programs; with --by baseline over baseline's"
+    parser.add_argument("--export", choices=exports.KINDS, help=about)
+    parser.add_argument(
+        "-o", "--out", type=Path, metavar="PATH", help="of --export; default: standard output"
+    )
     options = parser.parse_args()
+    if options.history or options.export:
+        wanted = 0 if options.history else 1
+        if len(options.runs) != wanted or (options.history and options.export):
+            parser.error("--history takes no RUN, --export takes one RUN; not both")
+        return options
     if options.base is not None:
         rest = [path for path in options.runs if path.resolve() != options.base.resolve()]
         options.runs = [options.base, *rest]
@@ -283,20 +314,50 @@ def arguments() -> argparse.Namespace:
 
 
 def show(
-    sides: Sequence[Side], first: Sequence[Fault], found: Sequence[dict[str, Any]], left_out: bool
+    sides: Sequence[Side],
+    first: Sequence[Fault],
+    found: Sequence[dict[str, Any]],
+    options: argparse.Namespace,
 ) -> None:
     for side in sides:
         print(f"{side.letter}: {side.run}")
     print(*(f"{NONE} on {one.run}: {one.text}" for one in first), "", sep="\n")
     if found:
-        print(summary.table(found, COLUMNS))
+        print(
+            summary.table(found, [one for one in COLUMNS if options.by == "baseline" or one[0] != "baseline"])
+        )
     for side in sides:
         for one in side.off:
-            print(f"{'left out of' if left_out else 'in'} {side.letter}: {one.text()}")
+            print(f"{'left out of' if options.leave_out_off_clock else 'in'} {side.letter}: {one.text()}")
+
+
+def show_history(found: Sequence[history.Point]) -> None:
+    """A table a machine; `step` names how a point differs from the one above it."""
+    for machine in dict.fromkeys(point.machine for point in found):
+        made = [
+            {
+                **vars(point),
+                "size": point.size,
+                "step": f"{'faster' if point.change.value > 1 else SLOWER} {point.change.text()}"
+                if point.step and point.change
+                else "",
+            }
+            for point in found
+            if point.machine == machine
+        ]
+        print(machine, "", summary.table(made, HISTORY), "", sep="\n")
 
 
 def main() -> int:
     options = arguments()
+    if options.history:
+        points = history.points(history.runs(), options.history, options.scene)
+        cli.emit({"points": points}) if options.json else show_history(points)
+        return cli.OK
+    if options.export:
+        made = exports.text(Run.open(options.runs[0]), options.export, options.by == "baseline")
+        print(made, end="") if options.out is None else store.write_text(options.out, made)
+        return cli.OK
     sides = [
         read(letter, path, options.leave_out_off_clock)
         for letter, path in zip(ascii_uppercase, options.runs, strict=False)
@@ -316,7 +377,7 @@ def main() -> int:
         about |= {"no_verdict": first, "missing": missing, "new": new, "differences": differ}
         cli.emit(about | {"off_clock": {side.letter: list(side.off) for side in sides}})
     else:
-        show(sides, first, found, options.leave_out_off_clock)
+        show(sides, first, found, options)
         print(*(fault.text for fault in missing), *new, sep="\n", end="\n" if missing or new else "")
         print("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
         for name, values in differ.items():

@@ -29,10 +29,11 @@ from study.numbers import analysis
 STEPWISE = ROOT / "scripts" / "stepwise"
 PAGE = ROOT / "report" / "out" / "index.html"
 PAGE_SECONDS = 180  # a page takes some ten seconds: one that is younger is left as it is
-SWEEP_SECONDS = {"quick": 45, "standard": 240}  # of a sweep whose pictures are as large as fits
-SLACK = 1.6  # of a quick sweep that other work slows down: without six launches there is no interval
+SWEEP_SECONDS = {"quick": 75, "standard": 240}  # of a sweep whose pictures are as large as fits
+SLACK = 1.5  # of a quick sweep that other work slows down: without six launches there is no interval
 LAUNCHES = {"quick": 6, "standard": 10}
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
+CALIBRATED = (45, 90)  # heights whose frames tell what larger ones take
 HEIGHTS = (360, 320, 288, 256, 224, 192, 160, 128, 96, 64)  # of the headline
 FIRST, FIRST_HEIGHT, FIRST_LAUNCHES = ROOT / "build" / "first-look", 90, 6
 PART_HEIGHT = 180  # of a run that is made for single parts
@@ -83,14 +84,27 @@ def newest(options: argparse.Namespace) -> tuple[Path | None, int]:
 def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
     """The largest picture whose interleaved rounds fit the time, by the sweep's own calibration.
 
-    The estimate comes from frames at n = 45, which have more of edges than large ones: the sweep takes less.
-    Time goes with the number of pixels.
+    Two sizes of each program tell its start and its frame apart; a frame's time goes with its pixels.
     """
-    plan = sweep_plan(HEIGHTS[0], scenes, launches)
-    said = run_command("sweep", *plan, "--dry-run", "--json", capture=True)
-    largest = json.loads(said.stdout)["result"]["estimated_s"]
-    fits = (height for height in HEIGHTS if largest * (height / HEIGHTS[0]) ** 2 <= seconds)
-    return next(fits, HEIGHTS[-1])
+    small = CALIBRATED
+    plan = ["--scene", *scenes, "-n", *map(str, small), "--launches", "1"]
+    found = json.loads(run_command("sweep", *plan, "--dry-run", "--json", capture=True).stdout)["result"]
+    frames = found["reps"] + found["warmup"]
+    programs: dict[tuple[str, str], dict[int, float]] = {}
+    for one in found["configurations"]:
+        programs.setdefault((one["spec"], one["scene"]), {})[one["height"]] = one["estimate_s"]
+
+    def launch(by_height: dict[int, float], height: int) -> float:
+        low, high = (by_height[n] for n in small)
+        frame = (high - low) / frames / (small[1] ** 2 - small[0] ** 2) * height**2
+        start = max(low - frame * frames * (small[0] / height) ** 2, 0)
+        return start + frame * (1 if frame > LONG_FRAME else frames)
+
+    def total(height: int) -> float:
+        sizes = (height // 4, height // 2, height)
+        return launches * sum(launch(program, n) for program in programs.values() for n in sizes)
+
+    return next((height for height in HEIGHTS if total(height) <= seconds), HEIGHTS[-1])
 
 
 def sweep(options: argparse.Namespace) -> dict[str, Any]:
@@ -159,7 +173,7 @@ def arguments() -> argparse.Namespace:
     about = "only this, for the newest run (a small one is made where there is none), and the report"
     add("--part", action="append", choices=experiment.find_all(), metavar="NAME", help=about)
     add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="SCENE", help="scenes to time")
-    about = "for the sweep; default: 45 (quick), 240 (standard)"
+    about = "for the sweep; default: 75 (quick), 240 (standard)"
     add("--budget", type=cli.at_least(1, float), metavar="SECONDS", help=about)
     add("--results", type=Path, default=ROOT / "results", metavar="DIR", help="parent of the run's folder")
     options = parser.parse_args()

@@ -16,6 +16,7 @@ from typing import Any
 from study.core import patches
 from study.core.cli import StudyError
 
+BASE = "baseline"  # what speed-ups are over
 ROOT = Path(__file__).resolve().parents[3]
 OPTIONAL = {
     "planes",

@@ -199,6 +199,26 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
     return Interval(value, *_ratio_ends(*times, (first, second), seed, RATIO), launches, True)
 
 
+def change_interval(
+    before: tuple[ArrayLike, ArrayLike], after: tuple[ArrayLike, ArrayLike], seed: int = 1
+) -> Interval:
+    """The ratio median / median of `after` over that of `before`, two runs, each (of the one, of the other).
+
+    Launches of one round are drawn together (of_one_round), the two runs each by itself: what slows a whole
+    run slows both of its medians.
+    """
+    both = before, after
+    launches = min(np.size(one) for pair in both for one in pair)
+    ratios = [float(np.median(one) / np.median(other)) if launches else np.nan for one, other in both]
+    value = ratios[1] / ratios[0]
+    if launches < RATIO.least or not all(np.isfinite(one).all() for pair in both for one in pair):
+        return Interval(value, np.nan, np.nan, launches, False)
+    random = np.random.default_rng(seed)
+    first, second = (resampled_ratios(*pair, random, RATIO.resamples) for pair in both)
+    low, high = np.percentile(second / first, RATIO.percentiles())
+    return Interval(value, float(low), float(high), launches, True)
+
+
 def mean_ratio_interval(many: ArrayLike, few: ArrayLike) -> Interval:
     """mean(many) / mean(few) of two samples drawn apart from one another, such as scenes.
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from study.core import registry
+from study.core.registry import BASE as BASE
 from study.counting import costs, paper_rule
 from study.numbers import paper
 
-BASE = "baseline"
 # What a function is for, in all phases, and those of published runs: its name, or with * how that begins or
 # ends. A whole name counts before any pattern; of several patterns the first that fits counts.
 TERMS = {

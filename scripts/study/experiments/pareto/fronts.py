@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from study.core import cli
+from study.core.registry import BASE as BASE
 from study.experiments.pareto.schema import Pareto
 
 FILE = "pareto.json"
@@ -27,7 +28,6 @@ MEASURES = {
     "dt_p99": "|Δt|, 99th percentile, scene units",
 }
 LEVELS = (40, 50, 60, 80)  # dB
-BASE = "baseline"
 FACTOR = 4  # of the averaged pictures of fractals, each way
 WITHIN = 2  # times the time of a nearer point: farther from it none is timed again
 Row = dict[str, Any]

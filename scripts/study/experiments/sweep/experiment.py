@@ -18,7 +18,7 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
-    cut="Six launches instead of ten, and pictures as large as 45 seconds allow.",
+    cut="Six launches instead of ten, and pictures as large as 75 seconds allow.",
     sections=[(110, chapter.speeds), (130, chapter.sizes), (240, rungs.section)],
     goals=goals.reached,
 )

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from study.core.registry import BASE as BASE
 from study.experiments.accuracy import measure as accuracy
 from study.numbers import paper, stats
 from study.numbers.analysis import Cell, Data, described, second_base
 from study.numbers.stats import Interval
 
-BASE = "baseline"  # what speed-ups are over
 ERRORS = (
     "identical",
     "non_finite",

@@ -9,11 +9,10 @@ import numpy as np
 import pandas as pd
 
 from study.core.cli import StudyError
-from study.core.registry import arithmetic_flags, phases
+from study.core.registry import BASE, arithmetic_flags, phases
 from study.numbers import analysis, stats
 from study.numbers.analysis import Cell
 
-BASE = "baseline"
 SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
 SPEED += [("launches", "launches"), ("ms", "median ms [95 %]"), ("ns_per_pixel", "ns/pixel [95 %]")]
 SPEED += [("tsc_cycles", "TSC cycles"), ("core_cycles_per_pixel", "core cycles/pixel")]

@@ -1,0 +1,128 @@
+"""One phase over runs whose times are made up, a run for other programs, and verdicts by baseline's time."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from compared import make_run, rows, run
+
+from study.commands import compare
+from study.core import cli
+from study.core.registry import ROOT
+from study.experiments.sweep import exports
+from study.numbers import history, stats
+
+ZEN = {"cpu": {"model": "Some CPU", "microarchitecture": "Zen", "logical_cpus": 2}}
+SIZE = ("s", 16, 9, 1)
+
+
+def at(day: int, machine=ZEN) -> dict:
+    git = {"commit": f"{day}" * 40, "dirty": day == 3}
+    return machine | {"time": f"2026-01-0{day}T00:00:00+00:00", "git": git}
+
+
+@pytest.fixture
+def results(tmp_path):
+    """opt1 takes 10, 10.2, 5 ms on one machine and 20 on another; baseline 100 everywhere."""
+    for day, ms in ((1, 10), (2, 10.2), (3, 5)):
+        make_run(tmp_path / "zen" / f"run{day}", {("baseline", "s"): 100, ("opt1", "s"): ms}, at(day))
+    other = {"cpu": {"model": "Other CPU", "logical_cpus": 2}}
+    make_run(tmp_path / "other" / "run4", {("opt1", "s"): 20}, at(4, other))
+    return tmp_path
+
+
+def test_a_phase_s_history_has_its_steps(results):
+    points = history.points(history.runs(results), "opt1")
+    assert [(one.machine[:3], one.made[:10], one.commit[:2]) for one in points] == [
+        ("Oth", "2026-01-04", "44"),
+        ("Zen", "2026-01-01", "11"),
+        ("Zen", "2026-01-02", "22"),
+        ("Zen", "2026-01-03", "33"),
+    ]
+    assert points[3].commit.endswith("+")  # of a checkout with changes
+    assert [one.step for one in points] == [False, False, False, True]
+    assert points[3].change.value == pytest.approx(10.2 / 5)
+    assert [one.over_base and round(one.over_base.value, 1) for one in points] == [None, 10, 9.8, 20]
+
+
+def test_other_work_is_no_step(results):
+    """Another content of the scene, other limits, other lanes."""
+    for number, differs in enumerate(({"scene_hash": "bb"}, {"max_steps": 7}, {"lanes": 16})):
+        folder = results / "zen" / f"run{5 + number}"
+        make_run(folder, {("opt1", "s"): 50}, at(5 + number), **differs)
+    assert sum(one.step for one in history.points(history.runs(results), "opt1")) == 1
+
+
+def test_a_phase_that_no_run_has(results):
+    with pytest.raises(cli.StudyError, match="no run has timed opt7 on s"):
+        history.points(history.runs(results), "opt7", ["s"])
+
+
+def test_the_history_s_table(results, monkeypatch):
+    found = history.runs(results)
+    monkeypatch.setattr(compare.history, "runs", lambda: found)
+    done = run("--history", "opt1")
+    assert done.returncode == 0 and done.stdout.count("faster 2.04") == 1
+    assert run("--history", "opt1", results / "zen" / "run1").returncode == 2
+    assert run("--history", "opt1", "--export", "csv").returncode == 2
+
+
+def test_published_runs_have_a_history():
+    points = history.points(history.runs(ROOT / "results"), "opt4", ["scene0"])
+    assert {one.machine.partition(",")[0] for one in points} >= {"Zen 3", "Zen 4", "Zen 5"}
+
+
+def test_a_run_for_other_programs(results):
+    one = results / "zen" / "run1"
+    done = run("--export", "csv", one)
+    rows = {row["spec"]: row for row in csv.DictReader(io.StringIO(done.stdout))}
+    assert float(rows["opt1"]["ms"]) == pytest.approx(10, rel=0.01)
+    assert float(rows["opt1"]["over_base"]) == pytest.approx(0.1)
+    found = json.loads(run("--export", "json", one).stdout)["rows"]
+    assert {row["spec"]: row["width"] for row in found} == {"baseline": 16, "opt1": 16}
+    bench = json.loads(run("--export", exports.KINDS[0], one).stdout)
+    assert [set(row) for row in bench] == [{"name", "unit", "value", "range", "extra"}] * 2
+    assert {row["name"]: row["unit"] for row in bench} == {"baseline s 16x9": "ms", "opt1 s 16x9": "ms"}
+    over = json.loads(run("--export", exports.KINDS[0], "--by", "baseline", one).stdout)
+    assert [(row["name"], row["value"]) for row in over] == [("opt1 s 16x9", pytest.approx(0.1))]
+
+
+def test_an_export_s_file(results, tmp_path):
+    out = tmp_path / "out.csv"
+    assert run("--export", "csv", "-o", out, results / "zen" / "run1").returncode == 0
+    assert out.read_text().startswith("scene,width,height,threads,spec,")
+    assert run("--export", "csv").returncode == 2
+
+
+def test_a_slow_hour_is_no_slower_phase(tmp_path):
+    """All of B took 1.3 times as long, and opt2 1.2 times more: by baseline's time opt2 alone is slower."""
+    times = {("baseline", "s"): 100, ("opt1", "s"): 10, ("opt2", "s"): 5}
+    a = make_run(tmp_path / "a", times)
+    slow = {key: ms * 1.3 * (1.2 if key[0] == "opt2" else 1) for key, ms in times.items()}
+    b = make_run(tmp_path / "b", slow)
+    found = rows(a, b, by="baseline")
+    assert {key[0]: row["verdict"] for key, row in found.items()} == {
+        "baseline": "no verdict (not measured)",
+        "opt1": "the same within noise",
+        "opt2": "slower",
+    }
+    assert found["opt2", "s"]["baseline"].value == pytest.approx(1 / 1.2)
+    assert {row["verdict"] for row in rows(a, b).values()} == {"slower"}
+    done = run(a, b, "--by", "baseline", "--fail-on-slower")
+    assert done.returncode == 1 and done.stderr.count("FAIL") == 1 and "opt2" in done.stderr
+
+
+def test_the_interval_of_a_change_holds_the_true_one():
+    """300 pairs of runs of 8 launches, 3 % of noise in a launch and 10 % of it in a run's rounds."""
+    random, held = np.random.default_rng(5), 0
+    for _ in range(300):
+        pairs = []
+        for speed_up in (4.0, 5.0):
+            rounds = random.normal(1, 0.1, 8)
+            noise = random.normal(1, 0.03, (2, 8))
+            pairs.append((100 * rounds * noise[0], 100 / speed_up * rounds * noise[1]))
+        found = stats.change_interval(*pairs)
+        held += found.low <= 1.25 <= found.high
+    assert held / 300 >= 0.9
