@@ -20,7 +20,7 @@ static const char HELP[] =
     "Space         stop and go on with an animation\n"
     "K             screenshot; F: write this view as a scene file\n"
     "L             record the camera's path; L again: end\n"
-    "O             this text's figures off and on; H: help; Escape: quit";
+    "O             the figures off and on; H: help; Escape: quit";
 
 // Writes lines on a darkened rectangle. Returns the y below it.
 static int block(struct canvas *canvas, int x, int y, int scale, const char *text) {
