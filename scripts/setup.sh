@@ -1,5 +1,6 @@
 #!/bin/sh
-# setup.sh study|test: installs what the study, or the tests, need and this machine lacks; quick when nothing does.
+# setup.sh study|test|view: installs what the study, the tests or the window need and this machine lacks; quick
+# when nothing does.
 # What can be done without (perf, llvm-mca, Embree, ccache) is tried until apt has answered, and named in a
 # line when it does not come.
 #
@@ -19,9 +20,9 @@ die() {
 }
 
 case "${1-}" in
-study | test) purpose=$1 ;;
+study | test | view) purpose=$1 ;;
 *)
-    printf 'usage: scripts/setup.sh study|test\n' >&2
+    printf 'usage: scripts/setup.sh study|test|view\n' >&2
     exit 2
     ;;
 esac
@@ -64,6 +65,10 @@ missing_packages() {
         need python3-venv
     elif [ ! -e $stamp ] && ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
         need python3-venv
+    fi
+    if [ "$purpose" = view ]; then
+        pkg-config --exists sdl2 2>/dev/null || need libsdl2-dev
+        pkg-config --exists libpng 2>/dev/null || need libpng-dev
     fi
     [ "$purpose" = test ] || return 0
     command -v qemu-x86_64 >/dev/null || need qemu-user

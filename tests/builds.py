@@ -125,7 +125,13 @@ def quick_needs() -> Wanted:
     test that wants it tells.
     """
     hard = {folder: ["baseline/render"] for folder in ("build/hard-fast", "build/hard-fma")}
-    return {"build": ["truth/rays"], **hard}
+    return {"build": ["truth/rays", *viewer()], **hard}
+
+
+def viewer() -> list[str]:
+    """The viewer, where its library is: with a window if SDL2 is there too (common/viewer/viewer.mk)."""
+    found = subprocess.run(["pkg-config", "--exists", "libpng"]).returncode == 0
+    return ["viewer"] if found else []
 
 
 def rest_needs() -> Wanted:
