@@ -6,14 +6,14 @@ include common/rules.mk
 PY := .venv/bin/python
 ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
-LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene
+LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene opt11_ideal
 
 # Found by their folders: make NAME measures one into the newest run and writes the report again.
 EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard scripts/study/experiments/*/experiment.py))
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: fuzz help setup setup-test study demo test test-rest test-all report try new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 $(EXPERIMENTS)
+.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view try new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -36,7 +36,7 @@ test-rest: setup-test ## the tests that `make test` leaves out
 test-all: setup-test ## every test there is
 	@$(MAKE) --no-print-directory check-all
 
-phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
+phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
 	@$(MAKE) --no-print-directory phase-$(word $(shell expr $* + 1),$(LADDER))
 
 phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3
@@ -54,6 +54,11 @@ truth: setup ## the exact pictures of SCENE=… (default: scene0) at N=360, in p
 enclosures: setup-test ## truth's enclosures against exact roots, 100,000 random and adversarial rays per shape
 	@STEPWISE_RAYS=100000 $(PY) -m pytest -q tests/py/test_enclosures.py $(ARGS)
 
+view: ## a window on SCENE=scene0 by PHASE=… (default: the ladder's last): walk about, compare phases, see their errors (docs/view.md)
+	@scripts/setup.sh view
+	@echo "view: building every phase: a few minutes the first time" && $(MAKE) --no-print-directory -sj$$(nproc) $(BUILD)/viewer
+	@$(BUILD)/viewer $(SCENE) $(if $(PHASE),--phase $(PHASE)) $(ARGS)
+
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/stepwise report $(ARGS)
 
@@ -64,7 +69,7 @@ new-phase: setup ## NAME=opt4b FROM=opt4: start a phase of your own, derived fro
 	@$(PY) scripts/stepwise new-phase $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM)) $(if $(WHOLE),--whole)
 
 format: setup-test ## rewrite C and Python in the house style
-	@.venv/bin/clang-format -i $(wildcard common/*.[ch] common/*/*.[ch] phases/*/*.[ch] phases/*/*/*.[ch] tests/*/*.[ch] tests/*/*/*.[ch])
+	@$(PY) -c "import clang_format; clang_format.clang_format()" -i $(wildcard common/*.[ch] common/*/*.[ch] common/*/*/*.[ch] phases/*/*.[ch] phases/*/*/*.[ch] tests/*/*.[ch] tests/*/*/*.[ch])
 	@.venv/bin/ruff format -q scripts tests common && .venv/bin/ruff check -q --fix scripts tests common
 
 setup: ## install what `make study` needs: .venv and the packages that are missing

@@ -36,7 +36,7 @@ COMMON_CFLAGS = -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon $(
 LIBRARY_INCLUDES := $(shell pkg-config --cflags jansson OpenEXR)
 LIBS := -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 LINK = $(CC) $(SANITIZERS) $(filter %.o,$^) $(LIBS)
-COMMON_HEADERS := $(wildcard common/*.h common/*/*.h)
+COMMON_HEADERS := $(filter-out common/viewer/%,$(wildcard common/*.h common/*/*.h)) # a change of the viewer's builds no phase again
 
 EMULATION := $(if $(EMULATE),$(CURDIR)/tests/emulate)
 SIMDE_INCLUDE ?= /usr/local/include /usr/include
@@ -179,4 +179,4 @@ $(BUILD)/%/render-blocks: $(BUILD)/%/blocks/phase.o $(BUILD)/%/blocks/blocks.o $
 $(BUILD)/%/render-blocks-calls: $(BUILD)/%/blocks-calls/phase.o $(BUILD)/%/blocks-calls/blocks.o $(COUNTER)
 	$(LINK) -Wl,--wrap=pthread_create -o $@
 
-include common/tools/tools.mk common/ceilings/ceilings.mk common/functions/functions.mk
+include common/tools/tools.mk common/ceilings/ceilings.mk common/functions/functions.mk common/viewer/viewer.mk

@@ -1,5 +1,6 @@
 #!/bin/sh
-# setup.sh study|test: installs what the study, or the tests, need and this machine lacks; quick when nothing does.
+# setup.sh study|test|view: installs what the study, the tests or the window need and this machine lacks; quick
+# when nothing does.
 # What can be done without (perf, llvm-mca, Embree, ccache) is tried until apt has answered, and named in a
 # line when it does not come.
 #
@@ -19,9 +20,9 @@ die() {
 }
 
 case "${1-}" in
-study | test) purpose=$1 ;;
+study | test | view) purpose=$1 ;;
 *)
-    printf 'usage: scripts/setup.sh study|test\n' >&2
+    printf 'usage: scripts/setup.sh study|test|view\n' >&2
     exit 2
     ;;
 esac
@@ -64,6 +65,10 @@ missing_packages() {
         need python3-venv
     elif [ ! -e $stamp ] && ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
         need python3-venv
+    fi
+    if [ "$purpose" = view ]; then
+        pkg-config --exists sdl2 2>/dev/null || need libsdl2-dev
+        pkg-config --exists libpng 2>/dev/null || need libpng-dev
     fi
     [ "$purpose" = test ] || return 0
     command -v qemu-x86_64 >/dev/null || need qemu-user
@@ -171,33 +176,69 @@ wanted=$(sha256sum <requirements.lock | cut -d' ' -f1)
 if [ -e $stamp ] && [ "$(cat $stamp)" = "$wanted" ] && .venv/bin/python -c '' 2>/dev/null; then
     exit 0
 fi
+need_room() { # megabytes, at, for what, those that it has already
+    left=$(df -Pk "$2" | awk 'NR == 2 {print int($4 / 1024)}')
+    [ "$((left + $4))" -ge "$1" ] || die "the disk of $2 is too small: $3 takes $1 MB, and $left MB are left"
+}
 # A .venv that was left half-made, or whose Python is gone or another, is made again.
 if ! .venv/bin/python -c "import pip; $right_python" 2>/dev/null; then
     say "making .venv with $("$python" --version)"
     rm -rf .venv
-    "$python" -m venv .venv >"$log" 2>&1 || die "$python -m venv failed: $(tail -1 "$log")"
+    "$python" -m venv .venv >"$log" 2>&1 || {
+        need_room 700 . "what is installed" 0
+        die "$python -m venv failed: $(tail -1 "$log")"
+    }
 fi
 say "installing $(grep -c '==' requirements.lock) Python packages into .venv (some 300 MB, a minute or two)"
 rm -f $stamp
-pip_install() {
+pip_install() { # of a lock file, which names all that its packages need
+    file=$1
+    shift
     .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --retries 2 --only-binary :all: \
-        --require-hashes -r "$1" >"$log" 2>&1 </dev/null
+        --no-deps --require-hashes "$@" -r "$file" >"$log" 2>&1 </dev/null
+}
+# Why pip failed is found by asking anew, not from its words: they change with its versions.
+of_package() { # the lines of $1 in the lock file; with $2, all others
+    awk -v name="$1==" -v others="${2-}" 'index($0, name) == 1 {mine = 1}
+        mine ? !others : others {print} mine && !/\\$/ {mine = 0}' build/setup.lock.txt
+}
+index=${PIP_INDEX_URL:-$(.venv/bin/python -m pip config get global.index-url 2>/dev/null || :)}
+index=${index:-https://pypi.org/simple}
+answers() { # the index, whatever it answers: pip judges that
+    .venv/bin/python - "${index%/}/pip/" <<'END'
+import ssl, sys, urllib.error, urllib.request
+try:
+    urllib.request.urlopen(urllib.request.Request(sys.argv[1], method="HEAD"), timeout=30)
+except urllib.error.HTTPError:
+    pass
+except Exception as error:
+    sys.exit(not isinstance(getattr(error, "reason", error), ssl.SSLError))
+END
 }
 # Of a package without a wheel for this Python, all others are installed; what needs it says so when it is run.
 cp requirements.lock build/setup.lock.txt
 rm -f .venv/.without
-until pip_install build/setup.lock.txt; do
-    if grep -qiE 'NewConnectionError|name resolution|unreachable|timed out|connection broken' "$log"; then
-        die "no network: pip has no connection to the package index; log: build/setup.log"
-    fi
-    lacking=$(sed -n 's/^ERROR: No matching distribution found for \([A-Za-z0-9._-]*\)==.*/\1/p' "$log" | head -1)
-    [ -n "$lacking" ] && grep -q "^$lacking==" build/setup.lock.txt ||
-        die "pip failed: $(grep '^ERROR' "$log" | head -1); log: build/setup.log"
-    say "$lacking has no wheel for $(.venv/bin/python --version): what needs it is left out; the rest goes on"
-    printf '%s\n' "$lacking" >>.venv/.without # scripts/study/core/cli.py
-    awk -v name="$lacking==" 'index($0, name) == 1 {skip = 1} !skip {print} skip && !/\\$/ {skip = 0}' \
-        build/setup.lock.txt >build/setup.lock.new
-    mv build/setup.lock.new build/setup.lock.txt
-done
+if ! pip_install build/setup.lock.txt; then
+    cp "$log" build/setup.pip.log
+    said="$(tail -1 "$log" | cut -c1-300); log: build/setup.pip.log"
+    need_room 700 .venv "what is installed" "$(du -sm .venv | cut -f1)"
+    need_room 300 "${TMPDIR:-/tmp}" "what is downloaded" 0
+    [ -n "${PIP_NO_INDEX-}" ] || answers ||
+        die "no network, or a proxy that is none: no answer from ${index##*@}; log: build/setup.pip.log"
+    lacking=
+    names=$(sed -n 's/^\([A-Za-z0-9._-]*\)==.*/\1/p' build/setup.lock.txt)
+    for name in $names; do
+        of_package "$name" >build/setup.one.txt
+        pip_install build/setup.one.txt --dry-run || lacking="$lacking $name"
+    done
+    [ -n "$lacking" ] && [ "$lacking" != " $(echo $names)" ] || die "pip failed: $said"
+    for name in $lacking; do
+        say "$name has no wheel for $(.venv/bin/python --version): what needs it is left out; the rest goes on"
+        printf '%s\n' "$name" >>.venv/.without # scripts/study/core/cli.py
+        of_package "$name" others >build/setup.lock.new
+        mv build/setup.lock.new build/setup.lock.txt
+    done
+    pip_install build/setup.lock.txt || die "pip failed: $(tail -1 "$log" | cut -c1-300); log: build/setup.log"
+fi
 printf '%s\n' "$wanted" >$stamp
 say "done"

@@ -125,7 +125,13 @@ def quick_needs() -> Wanted:
     test that wants it tells.
     """
     hard = {folder: ["baseline/render"] for folder in ("build/hard-fast", "build/hard-fma")}
-    return {"build": ["truth/rays"], **hard}
+    return {"build": ["truth/rays", *viewer()], **hard}
+
+
+def viewer() -> list[str]:
+    """The viewer, where its library is: with a window if SDL2 is there too (common/viewer/viewer.mk)."""
+    found = subprocess.run(["pkg-config", "--exists", "libpng"]).returncode == 0
+    return ["viewer"] if found else []
 
 
 def rest_needs() -> Wanted:
@@ -146,6 +152,7 @@ def rest_needs() -> Wanted:
             *(f"{name}/render" for name in steps),
             *(f"{name}/{t}" for name, told in steps.items() if told for t in ("render-count", blocks[1])),
             *("calibration/calibrate", "calibration/calibrate-blocks", "common/qemu_plugin.so"),
+            "common/stepper",
             *("functions/bench", "rsqrt", "opt2@opt3/render", "packets/hits", "tests/test_upper_halves"),
         ],
         "build/clang": [

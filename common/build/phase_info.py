@@ -211,4 +211,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except OSError as error:  # a folder that cannot be written, a full disk
+        sys.exit(f"phase_info: {error.filename or 'output'}: {error.strerror or error}")

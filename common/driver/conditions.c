@@ -1,9 +1,9 @@
 // Counters of the operating system for this process and machine.
-#include <sched.h>
 #include <stdio.h>
 #include <sys/resource.h>
 
 #include "driver/driver.h"
+#include "workers/cpus.h"
 
 // Peak resident memory (VmHWM) in KiB, 0 if unknown. getrusage's ru_maxrss would not do: it survives
 // exec, so under a script that uses more memory than the renderer it is the script's peak.
@@ -39,11 +39,12 @@ struct conditions driver_conditions(void) {
 }
 
 int driver_cpu(void) {
-    cpu_set_t set;
-    if (sched_getaffinity(0, sizeof set, &set) != 0 || CPU_COUNT(&set) != 1)
-        return -1;
-    for (int cpu = 0; cpu < CPU_SETSIZE; cpu++)
-        if (CPU_ISSET(cpu, &set))
-            return cpu;
-    return -1;
+    struct cpus cpus = {0};
+    int found = -1;
+    if (cpus_get(&cpus) == 0 && CPU_COUNT_S(cpus.size, cpus.set) == 1)
+        for (int cpu = 0; cpu < cpus_end(&cpus); cpu++)
+            if (CPU_ISSET_S((size_t)cpu, cpus.size, cpus.set))
+                found = cpu;
+    cpus_free(&cpus);
+    return found;
 }

@@ -9,12 +9,12 @@
 #include <immintrin.h>
 #include <math.h>
 #include <pthread.h>
-#include <sched.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "frame/frame.h"
+#include "workers/cpus.h"
 
 // Bins FIRST to LAST cover the floats from below the first threshold to 1. bits + table word has the
 // displayed byte in bits 16 to 23.
@@ -38,7 +38,7 @@ typedef void convert(const uint32_t *bins, const float *linear, size_t samples, 
 struct presenter {
     convert *stream, *cached; // for samples in memory; for samples that are in the cache
     int threads;
-    cpu_set_t cpus; // of the process before a phase pins the calling thread
+    struct cpus cpus; // of the process before a phase pins the calling thread
     uint32_t bins[LAST - FIRST + 1];
 };
 
@@ -183,7 +183,8 @@ struct presenter *presenter_create(int threads) {
     if (!p)
         return NULL;
     choose_widest(p);
-    p->threads = sched_getaffinity(0, sizeof p->cpus, &p->cpus) == 0 ? threads : 1;
+    p->cpus = (struct cpus){0};
+    p->threads = cpus_get(&p->cpus) == 0 ? threads : 1;
     for (uint32_t bin = FIRST; bin <= LAST; bin++)
         p->bins[bin - FIRST] = ((uint32_t)displayed_level(from_bits(bin << HALF)) - bin) << HALF;
     for (int k = 1; k < 256; k++) {
@@ -195,6 +196,8 @@ struct presenter *presenter_create(int threads) {
 }
 
 void presenter_free(struct presenter *presenter) {
+    if (presenter)
+        cpus_free(&presenter->cpus);
     free(presenter);
 }
 
@@ -217,8 +220,8 @@ static bool start_part(pthread_t *thread, struct part *part) {
     pthread_attr_t attributes;
     if (pthread_attr_init(&attributes) != 0)
         return false;
-    const cpu_set_t *cpus = &part->presenter->cpus;
-    bool started = pthread_attr_setaffinity_np(&attributes, sizeof *cpus, cpus) == 0 &&
+    const struct cpus *cpus = &part->presenter->cpus;
+    bool started = pthread_attr_setaffinity_np(&attributes, cpus->size, cpus->set) == 0 &&
                    pthread_create(thread, &attributes, present_part, part) == 0;
     pthread_attr_destroy(&attributes);
     return started;

@@ -21,6 +21,23 @@ const char *shadows_name(enum shadows shadows) {
     return SHADOW_NAMES[shadows];
 }
 
+enum aim view_aim(struct view *view, const double look_at[3], const double upward[3]) {
+    double up[3] = {upward[0], upward[1], upward[2]};
+    for (int i = 0; i < 3; i++)
+        view->forward[i] = look_at[i] - view->position[i];
+    bool seen = normalize3(view->forward);
+    bool is_direction = normalize3(up);
+    cross3(up, view->forward, view->right);
+    if (!seen)
+        return AIM_AT_ITSELF;
+    // 1e-6 is the sine of the angle. Below it rounding errors would decide the camera's frame.
+    if (!is_direction || !(sqrt(dot3(view->right, view->right)) > 1e-6))
+        return AIM_ALONG_UP;
+    normalize3(view->right);
+    cross3(view->forward, view->right, view->up);
+    return AIM_OK;
+}
+
 static void read_camera(struct reader *r, json_t *root, struct view *view) {
     json_t *camera = reader_member(r, root, "camera", JSON_OBJECT, "an object");
     if (!camera)
@@ -34,21 +51,12 @@ static void read_camera(struct reader *r, json_t *root, struct view *view) {
     reader_vector(r, camera, "up", ANY, up);
     double fov = reader_number(r, camera, "vertical_fov_degrees", FIELD_OF_VIEW);
     if (!r->failed) {
-        for (int i = 0; i < 3; i++)
-            view->forward[i] = look_at[i] - view->position[i];
-        bool seen = normalize3(view->forward);
-        bool upward = normalize3(up);
-        cross3(up, view->forward, view->right);
-        if (!seen)
+        enum aim aim = view_aim(view, look_at, up);
+        if (aim == AIM_AT_ITSELF)
             reader_fail(r, "look_at", "is the camera's position; it must differ from it");
-        // 1e-6 is the sine of the angle. Below it rounding errors would decide the camera's frame.
-        else if (!upward || !(sqrt(dot3(view->right, view->right)) > 1e-6))
+        else if (aim == AIM_ALONG_UP)
             reader_fail(r, "up", "is zero or parallel to the direction of view");
-        else {
-            normalize3(view->right);
-            cross3(view->forward, view->right, view->up);
-            view->tan_half_fov = tan(fov * (M_PI / 180.0) / 2.0);
-        }
+        view->tan_half_fov = tan(fov * (M_PI / 180.0) / 2.0);
     }
     reader_leave(r, back);
 }

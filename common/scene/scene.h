@@ -135,6 +135,12 @@ bool scene_load(const char *path, const struct scene_overrides *overrides, struc
                 char *error);
 void scene_free(struct scene *scene);
 
+// Points the camera, whose position is set, at `look_at`: sets right, up and forward of the view.
+// Unless it returns AIM_OK, look_at is the position, or `up` is zero or parallel to the direction of
+// view. The three vectors are then of no use.
+enum aim { AIM_OK, AIM_AT_ITSELF, AIM_ALONG_UP };
+enum aim view_aim(struct view *view, const double look_at[3], const double up[3]);
+
 // Writes the model's shapes to `moved` with their positions at `seconds`, which may be negative.
 // `moved` is a copy of `model` with its own array of shapes of the same length.
 void model_move(const struct model *model, double seconds, struct model *moved);

@@ -5,6 +5,10 @@ QEMU_PLUGIN := common/counting/qemu_plugin.c common/counting/qemu_recording.c
 $(BUILD)/common/qemu_plugin.so: $(QEMU_PLUGIN) $(wildcard common/counting/qemu_*.h) common/tools/tools.mk common/rules.mk $(BUILD)/common/toolchain
 	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -Icommon -fPIC -fvisibility=hidden -shared $(QEMU_PLUGIN) -o $@
 
+# Steps a program (scripts/study/counting/ptrace.py).
+$(BUILD)/common/stepper: common/counting/stepper.c common/tools/tools.mk common/rules.mk $(BUILD)/common/toolchain
+	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $< -o $@
+
 # Prints the results of the CPU's approximate reciprocal roots (hard case 20).
 $(BUILD)/rsqrt: $(BUILD)/common/tools/rsqrt.o
 	$(CC) $(SANITIZERS) $^ -lm -o $@

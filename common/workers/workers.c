@@ -12,12 +12,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "workers/cpus.h"
+
 struct worker {
     struct workers *workers;
     void *scratch; // NULL: memory was short
     pthread_t thread;
-    int cpu;   // to be pinned to; −1: not known which there are
-    int error; // of pinning
+    int cpu;           // to be pinned to; −1: not known which there are
+    int error;         // of pinning
+    struct cpus alone; // its CPU
 };
 
 struct workers {
@@ -36,29 +39,28 @@ struct workers {
     bool ending, stated; // that a thread is not pinned
     int count;           // workers, the caller as the first
     size_t scratch_size;
+    struct cpus before; // the caller's, between frames
     struct worker worker[];
 };
 
-static int pin(int cpu) {
-    cpu_set_t one;
-    CPU_ZERO(&one);
-    CPU_SET(cpu, &one);
-    return pthread_setaffinity_np(pthread_self(), sizeof one, &one);
+// The next CPU of a set that is not empty, after the last the first.
+static int next_cpu(const struct cpus *cpus, int cpu) {
+    do
+        cpu = (cpu + 1) % cpus_end(cpus);
+    while (!CPU_ISSET_S((size_t)cpu, cpus->size, cpus->set));
+    return cpu;
 }
 
 // The CPUs that this process may use by turns, the caller's own first.
 static void assign_cpus(struct workers *workers) {
-    cpu_set_t allowed;
-    int cpus[CPU_SETSIZE], count = 0, first = 0, here = sched_getcpu();
-    int error = pthread_getaffinity_np(pthread_self(), sizeof allowed, &allowed);
-    for (int cpu = 0; cpu < CPU_SETSIZE && !error; cpu++)
-        if (CPU_ISSET(cpu, &allowed)) {
-            first = cpu == here ? count : first;
-            cpus[count++] = cpu;
-        }
+    const struct cpus *allowed = &workers->before;
+    int error = cpus_get(&workers->before), cpu = sched_getcpu();
+    if (!error && (cpu < 0 || !CPU_ISSET_S((size_t)cpu, allowed->size, allowed->set)))
+        cpu = next_cpu(allowed, -1);
     for (int i = 0; i < workers->count; i++) {
-        workers->worker[i].cpu = error ? -1 : cpus[(first + i) % count];
+        workers->worker[i].cpu = error ? -1 : cpu;
         workers->worker[i].error = error;
+        cpu = error ? cpu : next_cpu(allowed, cpu);
     }
 }
 
@@ -106,7 +108,7 @@ static void *live(void *argument) {
     struct worker *self = argument;
     struct workers *workers = self->workers;
     if (self->cpu >= 0)
-        self->error = pin(self->cpu);
+        self->error = cpus_pin(&self->alone, self->cpu);
     self->scratch = scratch_memory(workers->scratch_size);
     pthread_mutex_lock(&workers->lock);
     workers->ready++;
@@ -126,6 +128,7 @@ static void *live(void *argument) {
     }
     pthread_mutex_unlock(&workers->lock);
     free(self->scratch);
+    cpus_free(&self->alone);
     return NULL;
 }
 
@@ -198,17 +201,15 @@ void workers_run(struct workers *workers, workers_task *task, const void *job, i
     pthread_cond_broadcast(&workers->begin);
     pthread_mutex_unlock(&workers->lock);
     // The caller is pinned for the frame only: afterwards it is its owner's again.
-    cpu_set_t before;
     bool pinned = false;
-    if (workers->count > 1 && self->cpu >= 0 &&
-        pthread_getaffinity_np(pthread_self(), sizeof before, &before) == 0) {
-        int error = pin(self->cpu);
+    if (workers->count > 1 && self->cpu >= 0 && cpus_get(&workers->before) == 0) {
+        int error = cpus_pin(&self->alone, self->cpu);
         pinned = error == 0;
         state_unpinned(workers, !pinned, error);
     }
     draw_tiles(workers, self);
     if (pinned)
-        pthread_setaffinity_np(pthread_self(), sizeof before, &before);
+        cpus_use(&workers->before);
     pthread_mutex_lock(&workers->lock);
     workers->open = false; // who has not woken by now need not
     while (workers->busy > 0)
@@ -224,6 +225,8 @@ void workers_end(struct workers *workers) {
     for (int i = 1; i < workers->count; i++)
         pthread_join(workers->worker[i].thread, NULL);
     free(workers->worker[0].scratch);
+    cpus_free(&workers->worker[0].alone);
+    cpus_free(&workers->before);
     pthread_cond_destroy(&workers->rest);
     pthread_cond_destroy(&workers->begin);
     pthread_mutex_destroy(&workers->lock);

@@ -50,7 +50,7 @@ from drawn import examples
 from study.core import registry, schema
 from study.core.registry import ROOT
 from study.core.run_schema import Frame
-from study.pictures import images
+from study.pictures import gate, images
 
 SCENES = {name: found.path for name, found in registry.scenes().items()}
 WIDTH, HEIGHT = (17, 5) if REDUCED else (48, 27)
@@ -119,6 +119,12 @@ def angles(p: dict[str, np.ndarray], q: dict[str, np.ndarray]) -> np.ndarray:
     return np.degrees(np.linalg.norm(difference, axis=0))
 
 
+def in_ideal_shadow(expected: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What a phase that draws the ideal shadow should: truth's colours with it, where truth has the hit."""
+    same = truth["id"] == expected["id"]
+    return expected | {name: np.where(same, truth[f"ideal.{name}"], expected[name]) for name in "RGB"}
+
+
 def compare(run: Run, expected: dict[str, np.ndarray], bounds: Bounds) -> None:
     """The run's picture against another one of the same scene."""
     p, q = run.picture, expected
@@ -157,7 +163,11 @@ def check(run: Run, *options: str | int) -> None:
     bounds = (FRACTAL if fractal else SMOOTH)[precision(run.record["phase"])]
     if "start" in run.picture:  # from elsewhere a march ends elsewhere within the hit distance
         bounds = replace(bounds, depth=bounds.depth + run.record["hit_distance"])
-    compare(run, within_reach(reference.picture, run, lambda: drawn(phase=harness.TRUTH).picture), bounds)
+    expected = within_reach(reference.picture, run, lambda: drawn(phase=harness.TRUTH).picture)
+    soft = run.scene["light"]["shadows"] == "soft"
+    if soft and gate.draws_ideal(registry.phases()[run.record["phase"]]):
+        expected = in_ideal_shadow(expected, drawn(phase=harness.TRUTH).picture)
+    compare(run, expected, bounds)
     phase, original = (registry.phases()[name] for name in (run.record["phase"], harness.REFERENCE))
     if phase.tolerance.get("fractal" if fractal else "smooth", {}).get("identical"):
         same_bits(run, reference)
@@ -316,6 +326,9 @@ def test_picture_is_what_the_words_say(phase: str, name: str) -> None:
     """Against a renderer in NumPy that was written from the text and shares nothing with any phase."""
     run = render(phase, keep(f"opinion_{name}", drawn_by_numpy(name)), 32, 18)
     mine = opinion(name)
+    if gate.draws_ideal(registry.phases()[phase]):
+        truth = harness.reference(keep(f"opinion_{name}", drawn_by_numpy(name)), 32, 18, phase=harness.TRUTH)
+        mine = in_ideal_shadow(mine, truth.picture)
     compare(run, mine, SMOOTH[precision(phase)])
     if phase == harness.REFERENCE:  # the others may find their hits in fewer evaluations
         assert (run.picture["evals"] == mine["evals"]).mean() > 0.95, (

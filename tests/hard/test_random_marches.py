@@ -17,7 +17,7 @@ import pytest
 
 from conformance import harness
 from study.core import registry
-from study.pictures import images
+from study.pictures import gate, images
 
 pytestmark = pytest.mark.slow
 
@@ -194,6 +194,29 @@ def chaotic(name: str, scene: dict) -> np.ndarray:
     return found
 
 
+def in_ideal_shadow(picture: images.Picture, exact: images.Picture) -> images.Picture:
+    """The picture with truth's colours in the ideal shadow, where it has truth's shape."""
+    same = picture["id"] == exact["id"]
+    colours = {name: np.where(same, exact[f"ideal.{name}"], picture[name]) for name in "RGB"}
+    return {**picture, **colours}
+
+
+def on_a_bulb(picture: images.Picture, scene: dict) -> np.ndarray:
+    """Pixels whose own shadow is chaotic: float does not know from where on the fractal their ray starts."""
+    bulbs = [i for i, shape in enumerate(scene["shapes"]) if shape["type"] == "mandelbulb"]
+    return np.isin(picture["id"], bulbs)
+
+
+def without_ideal(made: images.Picture, exact: images.Picture, scene: dict) -> np.ndarray:
+    """Pixels whose ideal shadow truth does not know: it has another shape there, or gives up among copies.
+
+    At seed 65 it has the ratio at the start of a ray, and a dense search the phase's, close to the light.
+    """
+    copies = [i for i, shape in enumerate(scene["shapes"]) if "repeat" in shape]
+    unsure = np.isin(exact["id"], copies) & (exact["status.all"] != 2)
+    return (made["id"] != exact["id"]) | unsure
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_phase_is_alone(seed: int) -> None:
     name, scene = f"random_march_{seed}", lit(seed)
@@ -201,10 +224,17 @@ def test_no_phase_is_alone(seed: int) -> None:
     counted = ~chaotic(name, scene)
     found = {}
     for phase in PHASES:
+        others = [exact, base, parent]
+        ideal = scene["light"]["shadows"] == "soft" and gate.draws_ideal(registry.phases()[phase])
+        if ideal:
+            others = [in_ideal_shadow(one, exact) for one in others]
         for lanes in ("", "avx2"):
             made = drawn(phase, name, scene, lanes)
-            wrong = unlike(made, exact) & unlike(made, base) & unlike(made, parent)
-            found[f"{phase} {lanes}"] = int((wrong & counted).sum())
+            wrong = np.logical_and.reduce([unlike(made, one) for one in others]) & counted
+            if ideal:
+                unknown = without_ideal(made, exact, scene) & (made["id"] == base["id"])
+                wrong &= ~(unknown | on_a_bulb(made, scene))
+            found[f"{phase} {lanes}"] = int(wrong.sum())
     allowed = ALLOWED + int((unlike(parent, exact) & unlike(parent, base)).sum())
     assert max(found.values()) <= allowed, f"build/test-scenes/{name}.json: {allowed}, {found}"
 

@@ -36,6 +36,7 @@ LADDER = (
     "opt8_streams",
     "opt9_convex",
     "opt10_scene",
+    "opt11_ideal",
 )
 
 

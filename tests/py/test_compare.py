@@ -113,6 +113,32 @@ def test_two_machines_are_said_first_and_have_no_verdict(tmp_path, cpu, ghz):
     assert allowed == {"faster", "slower", "the same within noise"}
 
 
+def pinned(kind):
+    return {"pinned": {"cpu": 1, "core_type": kind}}
+
+
+def test_two_kinds_of_core_are_said_first_and_have_no_verdict(tmp_path):
+    """Of one hybrid processor. Where one run does not say its kind, nothing is known to differ."""
+    a, b, c, d = (
+        make_run(tmp_path / name, times, context, **clocked(3, 10))
+        for name, times, context in (
+            ("a", TIMES, pinned("P-core")),
+            ("b", LATER, pinned("E-core")),
+            ("c", LATER, pinned("P-core")),
+            ("d", LATER, pinned(None)),
+        )
+    )
+    done = run(a.path, b.path)
+    assert done.stdout.splitlines()[2] == "no verdict on B: other core types: P-core and E-core"
+    assert "  pinned.core_type\n    A  P-core\n    B  E-core\n" in done.stdout
+    assert {row["verdict"] for row in rows(a, b).values()} == {"no verdict (other machine)"}
+    done = run(a.path, b.path, "--fail-on-slower")
+    assert done.returncode == 1 and "FAIL other core types: P-core and E-core" in done.stderr
+    for other in (c, d):
+        assert "no verdict" not in run(a.path, other.path).stdout
+    assert "no verdict" not in {row["verdict"] for row in rows(a, b, machine_may_differ=True).values()}
+
+
 def test_other_sizes_are_said_first(tmp_path):
     a, b = make_run(tmp_path / "a", TIMES), make_run(tmp_path / "b", TIMES, width=32, height=18)
     done = run(a.path, b.path)

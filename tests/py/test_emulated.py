@@ -319,11 +319,13 @@ PHASES = {
     "opt7_tiles": ["scene0", "trio", "spheres40", "cubes"],
     "opt8_streams": ["scene0", "trio", "mandelbulb", "cubes"],
     "opt10_scene": ["scene0", "trio", "mandelbulb", "cubes", "lattice", "spheres40"],
+    "opt11_ideal": ["scene0", "trio", "mandelbulb", "cubes", "spheres40"],
     "rods_simd": ["two_spheres", "trio"],
     "fixed_simd": ["spheres40"],
     "fixed_float": ["spheres40"],
 }
 ULP = {("opt10_scene", "trio"): 6e-8}  # a few pixels' colours by the last bit, 16 lanes against 8
+ULP |= {("opt11_ideal", scene): 4e-6 for scene in ("scene0", "trio")}  # where a search ends (room_for)
 
 
 @needs_emulation

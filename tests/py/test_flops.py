@@ -425,7 +425,10 @@ def test_inherited_residues_are_marked_and_explain_nothing(derived, own, known, 
     assert row["inherited_from"] == ("opt4" if own is None else None)
 
 
-def test_an_inherited_residue_of_a_part_that_is_gone_is_no_error(derived):
+@pytest.mark.parametrize("own", [None, "RESIDUES_OF(opt4) // read anew\n"])
+def test_an_inherited_residue_of_a_part_that_is_gone_is_no_error(derived, own):
+    if own is not None:
+        (derived / "residues.def").write_text(own)
     (derived / "costs.def").write_text("COST(g, call, LANES, 0,100,0,0,0,0,0,0,0)\n")
     assert costs.residues_of(registry.find_phase("mine"), costs.read(derived / "costs.def")) == []
 

@@ -79,7 +79,7 @@ def test_another_version_of_a_package_is_another_analysis(
     assert len(counted) == 2
 
 
-@pytest.mark.parametrize("module", ["study.counting.blocks", "study.counting.qemu"])
+@pytest.mark.parametrize("module", ["study.counting.blocks", "study.counting.qemu", "study.counting.ptrace"])
 def test_a_back_end_rests_on_its_decoder_and_on_no_page(module: str) -> None:
     found = imports.closure(module)
     stems = {path.stem for path in found.files}

@@ -13,7 +13,7 @@ import pytest
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, find_scene
-from study.counting import blocks, calibration, decode, elf, qemu, qemu_recording
+from study.counting import blocks, calibration, decode, elf, qemu, recording
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "qemu"
 REPEATS = 1000
@@ -210,7 +210,7 @@ RECORDING = (FIXTURES / "recording.txt").read_text() if (FIXTURES / "recording.t
 def test_a_recording_is_read_whole(tmp_path: Path) -> None:
     path = tmp_path / "recording"
     path.write_text(RECORDING)
-    found = qemu_recording.read(path)
+    found = recording.read(path)
     assert found.regions == 1
     assert len(found.blocks) + len(found.repeated) == int(RECORDING.split()[-1])
     assert all(block.count > 0 and block.code for block in found.blocks)
@@ -221,7 +221,7 @@ def test_a_truncated_recording(tmp_path: Path, keep: float) -> None:
     path = tmp_path / "recording"
     path.write_text(RECORDING[: int(len(RECORDING) * keep)])
     with pytest.raises(StudyError, match=rf"{path}:\d+: "):
-        qemu_recording.read(path)
+        recording.read(path)
 
 
 @pytest.mark.parametrize(
@@ -242,7 +242,7 @@ def test_a_foreign_recording(tmp_path: Path, old: str, new: str) -> None:
     path = tmp_path / "recording"
     path.write_text(RECORDING.replace(old, new, 1))
     with pytest.raises(StudyError, match=rf"{path}:\d+: "):
-        qemu_recording.read(path)
+        recording.read(path)
 
 
 @pytest.mark.parametrize("name", ["baseline", "opt2", "opt3", "opt4"])

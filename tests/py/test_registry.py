@@ -178,4 +178,12 @@ def test_small_print_has_the_first_word_for_copies():
 
 
 def test_which_phases_copy_lanes_whole():
-    assert WIDE == ["opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene", "fixed_simd"]
+    assert WIDE == [
+        "opt6_wide",
+        "opt7_tiles",
+        "opt8_streams",
+        "opt9_convex",
+        "opt10_scene",
+        "opt11_ideal",
+        "fixed_simd",
+    ]

@@ -476,6 +476,39 @@ def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) 
     assert kernel.read_bytes() == whole and kept.read_bytes() == source
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files to another user")
+@pytest.mark.parametrize("what", ["folder", "link to it", "kernel"])
+def test_what_is_another_users_is_not_trusted(what: str, shop: Workshop, tmp_path: Path) -> None:
+    """A folder, and a link to one, is refused; a kernel in one's own is made anew."""
+    folder, link = tmp_path / "cache", tmp_path / "link"
+    facts, _, picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    kernel = folder / f"{facts['hash']}.so"
+    link.symlink_to(folder)
+    os.chown(kernel if what == "kernel" else folder, 65534, 65534)
+    asked = link if what == "link to it" else folder
+    again, said, other_picture = shop.run("two_spheres", STEPWISE_CACHE=str(asked))
+    if what == "kernel":
+        assert again["generated"] and not again["cached"] and kernel.stat().st_uid == 0
+        same(picture, other_picture)
+    else:
+        assert not again["generated"] and "another user's: a folder of one's own is required" in said
+
+
+def test_nothing_is_written_through_a_link(shop: Workshop, tmp_path: Path) -> None:
+    """Where a kernel and its source should be, there are links to a file elsewhere and to none."""
+    folder, precious = tmp_path / "cache", tmp_path / "precious"
+    facts, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    kernel, source = (folder / f"{facts['hash']}.{ending}" for ending in ("so", "c"))
+    precious.write_text("kept")
+    for path, target in ((kernel, precious), (source, tmp_path / "none")):
+        path.unlink()
+        path.symlink_to(target)
+    again, said, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    assert again["generated"] and not again["cached"] and not said
+    assert precious.read_text() == "kept" and not (tmp_path / "none").exists()
+    assert not kernel.is_symlink() and not source.is_symlink()
+
+
 def test_two_at_once(shop: Workshop, tmp_path: Path) -> None:
     environment = shop.environment({"STEPWISE_CACHE": str(tmp_path / "cache")})
     both = [

@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 TOOLS = (
     *("sh", "dirname", "mkdir", "flock", "grep", "cut", "cat", "rm", "id", "tail", "sha256sum", "env", "gcc"),
-    *("make", "pkg-config", "uname", "cp", "mv", "sed", "awk", "head"),
+    *("make", "pkg-config", "uname", "cp", "mv", "sed", "awk", "head", "df", "du"),
 )
 PYTHON = os.path.realpath(sys.executable)  # which("python3") may be a script that asks what it stands for
 # In another language than English; status 0 unless it is told that an error is one, as apt-get does.
@@ -176,26 +176,62 @@ def test_versions_of_python(tree: Path, version: str, fits: bool) -> None:
     assert (subprocess.run([PYTHON, "-c", asked]).returncode == 0) == fits
 
 
-def test_a_package_without_a_wheel_is_named_and_the_rest_goes_on(tree: Path) -> None:
+LOCK = """one==1 \\
+    --hash=sha256:11 \\
+    --hash=sha256:12
+    # via x
+little==2 \\
+    --hash=sha256:22
+"""
+
+
+def pip(tree: Path, body: str, answers: int = 0) -> None:
+    """A venv's Python whose pip does `body` ($1: the lock file), in another language than English.
+
+    `answers`: the status of the question whether the index answers.
+    """
     whole(tree)
-    (tree / "requirements.lock").write_text(
-        "one==1 \\\n    --hash=sha256:11 \\\n    --hash=sha256:12\n    # via x\n"
-        "little==2 \\\n    --hash=sha256:22\n"
-    )
+    (tree / "requirements.lock").write_text(LOCK)
     python = tree / ".venv" / "bin" / "python"
     python.unlink()
     python.write_text(
         "#!/bin/sh\n"
-        'case "$*" in --version) echo Python 3.14.0; exit ;; *"pip install"*) ;; *) exit 0 ;; esac\n'
+        f'case "$*" in --version) echo Python 3.14.0; exit ;; "- "*) exit {answers} ;; '
+        '*"pip install"*) ;; *) exit 0 ;; esac\n'
+        f'echo "$*" >>{tree}/asked\n'
         "while [ $# -gt 1 ]; do shift; done\n"
-        '! grep -q "^one==" "$1" || {\n'
-        'echo "ERROR: No matching distribution found for one==1"; exit 1; }\n'
-        f'cat "$1" >{tree}/installed\n'
+        f"{body}\n"
     )
     python.chmod(0o755)
+
+
+def test_a_package_without_a_wheel_is_named_and_the_rest_goes_on(tree: Path) -> None:
+    fails = 'if grep -q "^one==" "$1"; then echo "FEHLER: kein passendes Paket"; exit 1; fi'
+    pip(tree, f'{fails}; cat "$1" >{tree}/installed')
     status, said, error = ends(tree)
     assert (status, error) == (0, "")
     assert "setup: one has no wheel for Python 3.14.0: what needs it is left out; the rest goes on\n" in said
     assert (tree / "installed").read_text() == "    # via x\nlittle==2 \\\n    --hash=sha256:22\n"
     assert ends(tree) == (0, "", "")
     assert (tree / ".venv" / ".without").read_text() == "one\n"
+
+
+@pytest.mark.parametrize(
+    "trouble, answers, room, said",
+    [
+        ("exit 1", 0, 10**9, "pip failed: FEHLER: so nicht; log: build/setup.pip.log"),
+        ("exit 1", 1, 10**9, "no network, or a proxy that is none: no answer from https://pypi.org/simple"),
+        ("exit 1", 0, 10**5, "the disk of .venv is too small: what is installed takes 700 MB, and 97 MB are"),
+    ],
+)
+def test_why_pip_failed_is_not_told_by_its_words(
+    tree: Path, trouble: str, answers: int, room: int, said: str
+) -> None:
+    pip(tree, f'echo "FEHLER: so nicht"; {trouble}', answers)
+    (tree / "bin" / "df").unlink()
+    command(tree, "df", f'echo "Dateisystem 1K-Blöcke"; echo "tmpfs 9 9 {room} 1% /"')
+    (tree / "bin" / "du").unlink()
+    command(tree, "du", "printf '0\\t.venv\\n'")
+    status, _, error = ends(tree)
+    assert status == 1 and error.startswith(f"setup: {said}") and error.count("\n") == 1, error
+    assert not (tree / ".venv" / ".installed-from").exists()

@@ -15,7 +15,7 @@ import started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from study.core import registry, run, store
+from study.core import machine, registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.core.run import DriverError
@@ -392,6 +392,33 @@ def test_a_run_of_other_programs_or_machine_is_not_continued(measured, tmp_path)
     done = sweep("--resume", "--run", copy.path)
     assert done.returncode == 2
     assert "measured on another machine" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"cpu": {"logical_cpus": 999}}, "logical cpus 999, here "),
+        ({"cpu": {"cores": 777}}, "cores 777, here "),
+        ({"cpu": {"microcode": "0xdead"}}, "microcode 0xdead, here "),
+        ({"kernel": "4.4.0"}, "kernel 4.4.0, here "),
+        ({"memory_kib": 1 << 20}, "memory 1.0 GiB, here "),
+        ({"cpu": {"microcode": "0xdead"}, "kernel": "4.4.0"}, "microcode 0xdead, here "),
+    ],
+)
+def test_resuming_on_another_machine_says_what_differs(tmp_path, capsys, change, said):
+    """Before anything is built or measured; in one line; what is the same is not in it."""
+    here = machine.context()
+    then = here | {key: here[key] | value if key == "cpu" else value for key, value in change.items()}
+    frames = tmp_path / "run" / "frames.jsonl"
+    store.write_json(tmp_path / "run" / "plan.json", {"cpu": run.FASTEST, "binaries": {"opt1": "0" * 64}})
+    store.write_json(tmp_path / "run" / "context.json", then)
+    frames.write_text("")
+    done = sweep("--resume", "--run", tmp_path / "run")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    start = f"stepwise sweep: {tmp_path / 'run'}: measured on another machine ("
+    assert done.stderr.startswith(start + said) and done.stderr.endswith("); start a new run here\n")
+    assert done.stderr.count(", here ") == sum(len(v) if key == "cpu" else 1 for key, v in change.items())
+    assert frames.read_text() == ""
 
 
 def test_a_changed_scene_is_not_mixed_in(tmp_path):

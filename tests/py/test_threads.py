@@ -26,6 +26,7 @@ from study.core.registry import ROOT
 from study.pictures import images
 
 PHASE, PARENT = "opt5_threads", "opt4"
+CPUS_C = ROOT / "common" / "workers" / "cpus.c"
 CPUS = sorted(os.sched_getaffinity(0))
 # Ground truth starts threads of its own for each frame.
 THREADED = [name for name, phase in registry.phases().items() if phase.threads and name != registry.TRUTH]
@@ -382,7 +383,18 @@ def test_each_tile_is_drawn_once_without_a_race(pool: str, words: tuple[str, ...
     source.write_text(POOL)
     made = call(
         *("gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", "-g1", "-fsanitize=thread", "-pthread"),
-        *(*words, "-I", ROOT / "common", "-iquote", (ROOT / pool).parent, source, ROOT / pool, "-o", program),
+        *(
+            *words,
+            "-I",
+            ROOT / "common",
+            "-iquote",
+            (ROOT / pool).parent,
+            source,
+            ROOT / pool,
+            CPUS_C,
+            "-o",
+            program,
+        ),
     )
     if "tsan" in made.stderr:
         pytest.skip(SANITIZER)

@@ -126,3 +126,40 @@ def test_margins_are_declared_with_a_reason():
     ):
         with pytest.raises(StudyError, match=message):
             gate.check(rung(5, truth=wrong))
+
+
+def test_a_phase_that_draws_the_ideal_is_judged_by_it_and_not_by_the_estimator():
+    base, far = values(), values(psnr_db=10.0, psnr_display_db=10.0, psnr_ideal_db=91.0)
+    ideal = {"psnr_ideal_db": 90.0, "antialiased.psnr_ideal_db": 40.0}
+    assert set(inferior(far, base, {})) == {"psnr_db", "psnr_display_db"}
+    assert gate.inferior(far, {"baseline": base}, {}, ideal) == {}
+    near = gate.inferior(values(psnr_ideal_db=89.9), {"baseline": base}, {}, ideal)
+    assert near == {"psnr_ideal_db": "89.9, should be at least 90, as the phase declares"}
+    assert list(gate.inferior(values(psnr_ideal_db=math.nan), {"baseline": base}, {}, ideal)) == [
+        "psnr_ideal_db"
+    ]
+    assert list(gate.inferior(values(psnr_ideal_db=91.0, dt_p99=6.0), {"baseline": base}, {}, ideal)) == [
+        "dt_p99"
+    ]
+    mean = {f"psnr{w}{s}_db": 39.0 for w in ("", "_none", "_ideal") for s in ("", "_display")}
+    bulb = values(converged_only=True, depth_agree_fraction=1.0, antialiased=mean)
+    assert list(gate.inferior(bulb, {"baseline": bulb}, {}, ideal)) == ["antialiased.psnr_ideal_db"]
+
+
+def test_the_ideal_is_declared_with_a_reason():
+    granted = {"reason": "24 bits", "dt_p99": 1e-6}
+    phase = rung(11, truth=granted, ideal={"psnr_ideal_db": 90, "reason": "float"})
+    gate.check(phase)
+    assert (
+        gate.draws_ideal(phase)
+        and gate.left_to_truth(phase)
+        and gate.ideal_bounds(phase) == {"psnr_ideal_db": 90}
+    )
+    assert not gate.draws_ideal(rung(11, truth=granted)) and gate.ideal_bounds(rung(11, truth=granted)) == {}
+    for wrong, message in (
+        ({"psnr_ideal_db": 90}, "lacks its reason"),
+        ({"psnr_db": 90, "reason": "so"}, "no such metric"),
+        ({"reason": "so"}, "bounds no metric"),
+    ):
+        with pytest.raises(StudyError, match=message):
+            gate.check(rung(11, truth=granted, ideal=wrong))

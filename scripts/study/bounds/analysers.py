@@ -8,13 +8,15 @@ port pressure, critical path and loop-carried dependency.
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import importlib.util
+import math
 import re
 import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from study.core import machine, temporary
@@ -116,6 +118,14 @@ class Mca:
         }
 
 
+def _number(tool: str, text: str) -> float:
+    """StudyError for digits and dots that are none, or of no finite value."""
+    with contextlib.suppress(ValueError):
+        if math.isfinite(value := float(text)):
+            return value
+    raise StudyError(f"{tool}: no number: {text[:60]!r}")
+
+
 def parse_mca(text: str, passes: int = PASSES) -> dict[str, float]:
     """Figures of llvm-mca's summary and bottleneck views. StudyError for other or cut-off text."""
     wanted = {
@@ -131,7 +141,7 @@ def parse_mca(text: str, passes: int = PASSES) -> dict[str, float]:
         match = re.search(pattern, text, re.MULTILINE)
         if not match:
             raise StudyError(f"llvm-mca: its output lacks {name}; it begins {text[:60]!r}")
-        found[name] = float(match[1])
+        found[name] = _number("llvm-mca", match[1])
     if found["iterations"] != passes or not found["cycles"] or not found["width"]:
         raise StudyError(f"llvm-mca: {found['iterations']:.0f} iterations in place of {passes}")
     # Without a bottleneck there is no such view.
@@ -141,7 +151,7 @@ def parse_mca(text: str, passes: int = PASSES) -> dict[str, float]:
         ("memory", "- Memory Dependencies"),
     ):
         match = re.search(rf"{label}\s+\[\s*([\d.]+)%\s*\]", text)
-        found[name] = float(match[1]) / 100 if match else 0.0
+        found[name] = _number("llvm-mca", match[1]) / 100 if match else 0.0
     return found
 
 
@@ -166,9 +176,11 @@ def mca_missing() -> str | None:
     )
 
 
-def osaca_program() -> str | None:
-    beside = Path(sys.executable).with_name("osaca")
-    return str(beside) if beside.exists() else shutil.which("osaca")
+def osaca_program() -> list[str] | None:
+    """How it is called: as a module, since a script in a path with quotes does not start."""
+    if importlib.util.find_spec("osaca"):
+        return [sys.executable, "-m", "osaca"]
+    return [found] if (found := shutil.which("osaca")) else None
 
 
 def osaca_missing() -> str | None:
@@ -263,29 +275,31 @@ def parse_osaca(text: str, arch: str) -> Osaca:
     path, carried = re.search(r"CriticalPath: ([\d.]+)", flat), re.search(r"LCD: ([\d.]+)", flat)
     if not (ports and path and carried):
         raise StudyError("osaca: its summary lacks PortPressure, CriticalPath or LCD")
-    pressure = {name: float(value) for name, value in re.findall(r"'?(\w+)'?: ([\d.]+)", ports[1])}
+    pressure = {name: _number("osaca", value) for name, value in re.findall(r"'?(\w+)'?: ([\d.]+)", ports[1])}
+    if not pressure:
+        raise StudyError("osaca: its summary has no port")
     worst = max(pressure, key=pressure.__getitem__)
     instructions = len(re.findall(r"^  Instruction: (?!null)\S", text, re.MULTILINE))
     unknown = len(re.findall(r"^  Flags: \[[^\]]*tp_unk", text, re.MULTILINE))
     late = re.search(r"^Warnings: .*LCDWarning", text, re.MULTILINE | re.DOTALL)
-    loop_carried = None if late else float(carried[1])
-    return Osaca(arch, pressure[worst], worst, float(path[1]), loop_carried, instructions, unknown)
+    loop_carried = None if late else _number("osaca", carried[1])
+    return Osaca(arch, pressure[worst], worst, _number("osaca", path[1]), loop_carried, instructions, unknown)
 
 
 def run_osaca(text: str, arch: str, quick: bool = False) -> Osaca:
     """OSACA of some assembly; `quick` without the search for loop-carried dependencies."""
-    path = osaca_program()
-    if path is None:
+    program = osaca_program()
+    if program is None:
         raise StudyError(str(osaca_missing()))
     with temporary.folder() as folder:
         source, out = folder / "region.s", folder / "region.yaml"
         source.write_text(text, encoding="utf-8")
         options = ["--arch", arch, "--syntax", "ATT", "--ignore-unknown", "--yaml-out", str(out)]
         options += ["--fixed", "--lcd-timeout", "0"] if quick else ["--lcd-timeout", str(LCD_SECONDS)]
-        done = child.run([path, *options, str(source)], capture_output=True, text=True)
+        done = child.run([*program, *options, str(source)], capture_output=True, text=True)
         if done.returncode or not out.exists():
             raise StudyError(f"osaca: {(done.stderr.strip().splitlines() or ['failed'])[-1]}")
-        return parse_osaca(out.read_text(encoding="utf-8"), arch)
+        return parse_osaca(out.read_text(encoding="utf-8", errors="replace"), arch)
 
 
 def osaca_arch(text: str, archs: Sequence[str]) -> str:

@@ -47,6 +47,7 @@ HISTORY += [("step", "step: before / after [95 %]")]
 CONTEXT = ("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib")
 CONTEXT_PARTS = {
     "cpu": ("model", "microarchitecture", "stepping", "microcode", "logical_cpus"),
+    "pinned": ("core_type",),
     "git": ("commit", "dirty", "diff_sha256"),
 }
 MOVED = 0.005  # a quantity that changed by less is not what moved, however narrow its interval
@@ -126,12 +127,14 @@ def other_sizes(base: pd.DataFrame, other: pd.DataFrame) -> dict[str, str]:
 
 
 def other_machine(base: Side, other: Side) -> str | None:
-    """Why two runs are of two machines: CPU, number of CPUs or TSC rate. None: nothing says so."""
+    """Why two runs are of two machines: CPU, CPUs, TSC rate, kind of core. None: nothing says so."""
+    kinds = [(side.run.context.get("pinned") or {}).get("core_type") for side in (base, other)]
     cpus = [side.run.context.get("cpu") or {} for side in (base, other)]
     rates = [float(clocks.clocked(side.frames)["tsc_hz"].median()) for side in (base, other)]
     counts = [cpu.get("logical_cpus") for cpu in cpus]
     if not ceilings.other_cpu(*cpus, rates) and (None in counts or counts[0] == counts[1]):
-        return None
+        same = None in kinds or kinds[0] == kinds[1]
+        return None if same else f"other core types: {' and '.join(kinds)}"
     said = [
         ceilings.describe(cpu, hz) + (f", {n} CPUs" if n else "")
         for cpu, hz, n in zip(cpus, rates, counts, strict=True)
@@ -320,15 +323,16 @@ def show(
     options: argparse.Namespace,
 ) -> None:
     for side in sides:
-        print(f"{side.letter}: {side.run}")
-    print(*(f"{NONE} on {one.run}: {one.text}" for one in first), "", sep="\n")
+        print(cli.one_line(f"{side.letter}: {side.run}"))
+    print(*(cli.one_line(f"{NONE} on {one.run}: {one.text}") for one in first), "", sep="\n")
     if found:
         print(
             summary.table(found, [one for one in COLUMNS if options.by == "baseline" or one[0] != "baseline"])
         )
     for side in sides:
         for one in side.off:
-            print(f"{'left out of' if options.leave_out_off_clock else 'in'} {side.letter}: {one.text()}")
+            left = "left out of" if options.leave_out_off_clock else "in"
+            print(cli.one_line(f"{left} {side.letter}: {one.text()}"))
 
 
 def show_history(found: Sequence[history.Point]) -> None:
@@ -345,7 +349,7 @@ def show_history(found: Sequence[history.Point]) -> None:
             for point in found
             if point.machine == machine
         ]
-        print(machine, "", summary.table(made, HISTORY), "", sep="\n")
+        print(cli.one_line(machine), "", summary.table(made, HISTORY), "", sep="\n")
 
 
 def main() -> int:
@@ -378,10 +382,11 @@ def main() -> int:
         cli.emit(about | {"off_clock": {side.letter: list(side.off) for side in sides}})
     else:
         show(sides, first, found, options)
-        print(*(fault.text for fault in missing), *new, sep="\n", end="\n" if missing or new else "")
+        for text in (*(fault.text for fault in missing), *new):
+            print(cli.one_line(text))
         print("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
         for name, values in differ.items():
-            print(f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items()), sep="\n")
+            print(*map(cli.one_line, [f"  {name}", *(f"    {k}  {v}" for k, v in values.items())]), sep="\n")
     if not options.fail_on_slower:
         return cli.OK
     slower = [
@@ -391,5 +396,5 @@ def main() -> int:
     ]
     stopping = [fault for fault in (*first, *missing, *slower) if fault.kind not in options.allow]
     for fault in stopping:
-        cli.say(f"FAIL {fault.text}")
+        cli.say(cli.one_line(f"FAIL {fault.text}"))
     return cli.FAILED if stopping else cli.OK

@@ -23,7 +23,7 @@ def marked(text: str, table: str, note: str) -> str:
 
 def page(found: Sequence[goals_page.Row], used: Mapping[str, str]) -> tuple[str, str]:
     """The table, and the note below. `used`: machine → its runs."""
-    runs = "; ".join(f"{here}: {names}" for here, names in used.items())
+    runs = "; ".join(show.inert(f"{here}: {names}") for here, names in used.items())
     return show.markdown(
         show.table(found, goals_page.columns(list(used)))
     ), f"{goals_page.NOTE} Runs: {runs}."

@@ -73,7 +73,7 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
     found = [section for some in questions.values() for section in some]
     table_files.write(tables.make(data, rows, found), out.parent / "tables")
     environment = html.templates()
-    environment.filters["prose"] = html.markdown().renderInline
+    environment.filters["prose"] = html.prose
     environment.filters["code"] = lambda text: re.fullmatch(r"`([^`]+)`", text)
     folder = out.parent / "figures"
     figures.draw(found, folder, reuse=bool(running))

@@ -34,7 +34,7 @@ def ladder_text(rows: pd.DataFrame) -> str:
     lines = []
     for scene, group in ladder.ladders(rows).items():
         records = group.to_dict("records")
-        lines.append(f"### {scene}, {records[0]['width']}×{records[0]['height']}\n")
+        lines.append(f"### {show.inert(scene)}, {records[0]['width']}×{records[0]['height']}\n")
         for part, title in sweep_columns.PARTS:
             lines += [f"{title}\n", show.markdown(show.table(records, sweep_columns.sized(part, records)))]
     return "\n".join(lines)
@@ -82,7 +82,7 @@ def systems_page(text: str, data: Data) -> str:
         raise StudyError(f"{data.path}: has no systems; make systems")
     block = show.markdown(show.table(rows, systems.ROWS))
     made_of = provenance.contexts(data.path, systems.FILES)
-    note = f"Measured on {provenance.line(made_of) or machine_line(data)}; all rows: "
+    note = f"Measured on {show.inert(provenance.line(made_of) or machine_line(data))}; all rows: "
     note += f"`{data.path.name}/tables/` (systems.md and, of P2's rays, packets.md: here are the best and "
     note += "the worst ratio of all scenes and kinds). "
     note += f"{provenance.disturbed(data.path, systems.FILES)}".strip()

@@ -10,6 +10,7 @@ import argparse
 import codecs
 import contextlib
 import dataclasses
+import functools
 import io
 import json
 import math
@@ -124,8 +125,32 @@ def _spell(error: UnicodeError) -> tuple[str, int]:
     return "".join(letters), error.end
 
 
+# Controls but tab and line feed, signs that turn text about, invisible ones, halves of surrogate pairs.
+_HIDDEN = [*range(0x09), *range(0x0B, 0x20), *range(0x7F, 0xA0), 0xAD, 0x61C, 0x180E, *range(0x200B, 0x2010)]
+_HIDDEN += [*range(0x2028, 0x202F), *range(0x2060, 0x2070), *range(0xFFF9, 0xFFFC), *range(0xD800, 0xE000)]
+_HIDDEN += [0xFEFF, *range(0xE0000, 0xE0080)]
+_SEEN = {sign: ascii(chr(sign))[1:-1] for sign in _HIDDEN}
+
+
+def visible(text: str) -> str:
+    """`text`, where what a terminal or a page would obey and not show stands as `\\x1b` or `\\u202e`."""
+    return text.translate(_SEEN)
+
+
+def one_line(text: str) -> str:
+    """`text` made visible, without its line breaks: no part of it can pass for another line."""
+    return visible(" ".join(text.splitlines()))
+
+
+def _write(stream: io.TextIOWrapper, text: str) -> int:
+    return io.TextIOWrapper.write(stream, visible(text))
+
+
 def speak() -> None:
-    """Standard output and errors take every text, whatever the terminal's encoding."""
+    """Standard output and errors take every text, whatever the terminal's encoding; none steers the terminal.
+
+    What moves the cursor on purpose calls the class's own `write` (study.core.progress).
+    """
     codecs.register_error("stepwise", _spell)
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:  # closed by the shell: else the next file to be opened would be it
@@ -137,6 +162,7 @@ def speak() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="stepwise")
+            stream.write = functools.partial(_write, stream)  # type: ignore[method-assign]
 
 
 _need_packages()
@@ -234,7 +260,7 @@ def main(run: Callable[[], int | None]) -> None:
         status = finish(run() or OK)
         sys.stdout.flush()
     except StudyError as error:
-        print(f"{_name()}: {error}", file=sys.stderr)
+        print(f"{_name()}: {one_line(str(error))}", file=sys.stderr)
         status = error.exit_status
     except KeyboardInterrupt:
         print(f"{_name()}: interrupted", file=sys.stderr)

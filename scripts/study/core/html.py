@@ -19,6 +19,16 @@ def markdown() -> markdown_it.MarkdownIt:
 
 
 @cache
+def _words() -> markdown_it.MarkdownIt:
+    return markdown_it.MarkdownIt("zero").enable(["backticks", "emphasis"])
+
+
+def prose(text: str) -> str:
+    """A paragraph that a run's file has: code and emphasis, no links."""
+    return _words().renderInline(text)
+
+
+@cache
 def templates() -> jinja2.Environment:
     """Of report/templates; what is put in is escaped, and a name that is not known is an error."""
     return jinja2.Environment(

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from study.core.host import checkout, quotas, topology
+from study.core.host import checkout, energy, quotas, topology
 
 LIBRARIES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "Jinja2", "tqdm", "flip-evaluator")
 
@@ -189,6 +189,7 @@ def context(pinned: int = topology.FASTEST) -> dict[str, Any]:
         "libraries": {name: _version(name) for name in LIBRARIES},
         "git": checkout.state(),
         "limits": quotas.limits(),
+        "no_energy": energy.missing(),
         "load_average": os.getloadavg(),
         "steal_ticks": steal_ticks(),
     }

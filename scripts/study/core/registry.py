@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
-import json
 import os
 import re
 from collections.abc import Iterable
@@ -15,6 +14,7 @@ from typing import Any
 
 from study.core import patches
 from study.core.cli import StudyError
+from study.core.json_files import read_json
 
 BASE = "baseline"  # what speed-ups are over
 ROOT = Path(__file__).resolve().parents[3]
@@ -135,12 +135,7 @@ class Spec:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    data = read_json(path)
     if not isinstance(data, dict):
         raise StudyError(f"{path}: must be a JSON object")
     return data

@@ -38,8 +38,8 @@ NO_ISA, UNSUPPORTED, NO_MEMORY = 3, 4, 5  # exit statuses of the driver
 class DriverError(StudyError):
     """The driver ended with `status` (negative: killed by that signal) and said `message`."""
 
-    def __init__(self, status: int, message: str) -> None:
-        super().__init__(message, CANNOT_RUN if status == NO_ISA else BAD_INPUT)
+    def __init__(self, status: int, message: str, exit_status: int | None = None) -> None:
+        super().__init__(message, exit_status or (CANNOT_RUN if status == NO_ISA else BAD_INPUT))
         self.status = status
         self.message = message
 
@@ -175,6 +175,8 @@ def _child(
             process = stack.enter_context(begun)
         except OSError as error:
             raise DriverError(127, f"{arguments[0]}: {error.strerror}") from None
+        except child.NotPinned as error:
+            raise DriverError(126, str(error), CANNOT_RUN) from None
         watch = _Watch(process)
         try:
             yield process, watch
@@ -311,7 +313,8 @@ def interleaved(
         for item in progress.each(order, about):
             values[item].append(once(item, dice.randint(0, 4096)))
     finally:
-        os.sched_setaffinity(0, here)
+        with contextlib.suppress(OSError):  # the cpuset has changed: the kernel has moved this process
+            os.sched_setaffinity(0, here)
     return values
 
 

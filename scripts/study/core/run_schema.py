@@ -84,6 +84,7 @@ class Context(File, kw_only=True):
     cpu: Annotated[Cpu | Absent | None, key("", "the CPU")] = ABSENT
     pinned: Annotated[Pinned | Absent | None, key("", "the CPU of one thread")] = ABSENT
     limits: Annotated[Limits | Absent | None, key("", "of the container")] = ABSENT
+    no_energy: Annotated[str | Absent | None, key("", "why there is no J per frame; null: there is")] = ABSENT
     caches: Annotated[list[Cache] | Absent | None, key("", "its caches")] = ABSENT
     memory_kib: Annotated[int | Absent | None, key("KiB", "of the machine")] = ABSENT
     kernel: Annotated[str | Absent | None, key("", "version of the operating system's kernel")] = ABSENT
@@ -121,6 +122,33 @@ class Configuration(Record, kw_only=True):
     once: Annotated[bool | Absent, key("", "one cold frame a launch: it takes longer than `long`")] = ABSENT
 
 
+class Variant(Record, kw_only=True):
+    """A phase's sources built for another number of lanes."""
+
+    flags: Annotated[str, key("", "of the compiler, after the phase's")]
+    lanes: Annotated[int | Absent, key("lanes", "rays at once")] = ABSENT
+    isa: Annotated[list[str] | Absent, key("", "what it needs beyond the phase's")] = ABSENT
+
+
+class PhaseJson(Record, kw_only=True):
+    """A phase.json (`class Phase` in scripts/study/core/registry.py)."""
+
+    name: Annotated[str | Absent, key("", "of the phase")] = ABSENT
+    title: Annotated[str | Absent | None, key("", "in a few words")] = ABSENT
+    family: Annotated[str | Absent | None, key("", "ladder, systems or truth")] = ABSENT
+    order: Annotated[float | Absent | None, key("", "place in its family")] = ABSENT
+    parent: Annotated[str | Absent | None, key("", "what it changes")] = ABSENT
+    idea: Annotated[str | Absent | None, key("", "in a sentence")] = ABSENT
+    paper: Annotated[str | Absent | None, key("", "the paper's name for it")] = ABSENT
+    isa: Annotated[list[str] | Absent | None, key("", "instruction sets that it needs")] = ABSENT
+    precision: Annotated[str | Absent | None, key("", "float or double")] = ABSENT
+    lanes: Annotated[int | Absent | None, key("lanes", "rays at once, at the most")] = ABSENT
+    threads: Annotated[bool | Absent | None, key("", "whether it takes several")] = ABSENT
+    algorithm: Annotated[str | Absent | None, key("", "its name")] = ABSENT
+    cflags: Annotated[str | Absent | None, key("", "of the compiler")] = ABSENT
+    variants: Annotated[list[Variant] | Absent | None, key("", "builds by lanes, widest first")] = ABSENT
+
+
 class Plan(File, kw_only=True):
     """What a sweep set out to measure."""
 
@@ -142,8 +170,8 @@ class Plan(File, kw_only=True):
     began: Annotated[str | Absent | None, key("UTC", "ISO 8601")] = ABSENT
     finished: Annotated[str | Absent | None, key("UTC", "ISO 8601; null: not yet")] = ABSENT
     phases: Annotated[
-        dict[str, dict[str, Any]] | list[dict[str, Any]] | Absent | None,
-        key("", "phase → its phase.json as it was (`class Phase` in scripts/study/core/registry.py)"),
+        dict[str, PhaseJson] | list[PhaseJson] | Absent | None,
+        key("", "phase → its phase.json as it was"),
     ] = ABSENT
     binaries: Annotated[dict[str, str] | Absent, key("", "program → SHA-256")] = ABSENT
     configurations: Annotated[list[Configuration] | Absent | None, key("", "what is timed")] = ABSENT
@@ -235,6 +263,14 @@ class Frame(File, kw_only=True):
     faults_major: Annotated[int | Absent, key("faults", "major page faults during the frame")] = ABSENT
     max_rss_kib: Annotated[int | Absent, key("KiB", "peak resident memory of the process so far")] = ABSENT
     cpu: Annotated[int | Absent | None, key("", "CPU it was pinned to; −1: not pinned")] = ABSENT
+    joules: Annotated[
+        float | Absent | None,
+        key(
+            "J per frame",
+            "at a process's last frame: energy of all packages (RAPL) from the end of its warm-up, or from "
+            "its start if it had none, divided by its timed frames",
+        ),
+    ] = ABSENT
     env_bytes: Annotated[int | Absent, key("bytes", "padding of this launch's environment (layout bias)")] = (
         ABSENT
     )

@@ -79,8 +79,11 @@ class File(Record):
 
 
 def _filled(data: Any, whole: Any) -> Any:
-    """`data` with the keys that only `whole` has: the same content with its defaults."""
-    if isinstance(data, dict):
+    """`data` with the keys that only `whole` has: the same content with its defaults.
+
+    What stands under a key that no type knows is not in `whole`.
+    """
+    if isinstance(data, dict) and isinstance(whole, dict):
         return whole | {name: _filled(value, whole.get(name)) for name, value in data.items()}
     if isinstance(data, list):
         return [_filled(one, other) for one, other in zip(data, whole, strict=True)] if whole else data

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
+
+from study.core import cli
 
 NOTHING = "–"
 LONG = (
@@ -226,11 +229,14 @@ def table(rows: Sequence[Row], columns: Sequence[Column]) -> Table:
     return Table([columns[i] for i in kept], cells)
 
 
+def inert(text: str) -> str:
+    """`text` for a place in a Markdown page: one line, no HTML, no end of a cell; code and links stay."""
+    text = cli.one_line(text).replace("\\", "\\\\").replace("|", "\\|")
+    return re.sub("<(?=[A-Za-z/!?])", "&lt;", text)
+
+
 def markdown(made: Table) -> str:
     """A Markdown table. A column's group goes before its name."""
     heads = [f"{c.group}: {c.name}" if c.group else c.name for c in made.columns]
     lines = [heads, ["---"] * len(heads), *[[text for text, _ in row] for row in made.cells]]
-    return (
-        "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
-        + "\n"
-    )
+    return "".join("| " + " | ".join(map(inert, line)) + " |\n" for line in lines)

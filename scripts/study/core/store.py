@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 from study.core import cli, temporary
 from study.core.cli import StudyError
 from study.core.host import checkout
+from study.core.json_files import content, parsed
 from study.core.json_files import read_json as read_json
 from study.core.json_files import stored as stored
-from study.core.json_files import unpacked as unpacked
 from study.core.registry import ROOT
 from study.core.run_schema import Context, Frame, Plan
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 RESULTS = ROOT / "results"
 NOT_MACHINES = ("paper", "reference")
+LARGEST = 1 << 28  # bytes of all frames of a run
 AGAIN = f"make it again with scripts/stepwise {Frame.made_by}"
 
 
@@ -35,12 +36,15 @@ def _problem(path: Path, error: OSError) -> StudyError:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Replace `path` by `text` in one step: a reader or a kill sees the old file or the new one."""
+    """Replace `path` by `text` in one step: a reader or a kill sees the old file or the new one.
+
+    What would steer a terminal or turn a line about is written as it is named (cli.visible).
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.file(path.parent, f".{path.name}.") as made:
             with made.open("w", encoding="utf-8") as file:
-                file.write(text)
+                file.write(cli.visible(text))
                 file.flush()
                 os.fsync(file.fileno())
             made.chmod(0o644)
@@ -209,7 +213,7 @@ class Run:
         data, path = b"", stored(self.frames_path)
         try:
             if path.exists():
-                data = unpacked(path) if path != self.frames_path else path.read_bytes()
+                data = content(path, LARGEST)
         except OSError as error:
             raise _problem(self.frames_path, error) from None
         whole = whole_lines(data)
@@ -218,8 +222,8 @@ class Run:
         rows = []
         for number, line in enumerate(data[:whole].splitlines(), 1):
             try:
-                row = json.loads(line)
-            except (ValueError, RecursionError):
+                row = parsed(line, "")
+            except StudyError:
                 raise StudyError(f"{self.frames_path}:{number}: not a whole JSON object; {AGAIN}") from None
             row = Frame.checked(row, f"{self.frames_path}:{number}")
             other = "" if row["phase"] == row["flags_from"] else f"@{row['flags_from']}"

@@ -152,7 +152,7 @@ class Source:
         self.aliases: dict[str, str] = {}
         self._scan()
         self._read()
-        for block, behind in zip(self.blocks, [*self.blocks[1:], None], strict=True):
+        for block, behind in zip(self.blocks, [*self.blocks[1:], None], strict=False):
             if block.conditional and (behind is None or behind.section != block.section):
                 raise self._refuse(self.statements[block.at], "a conditional jump at a section's end")
 

@@ -22,6 +22,7 @@ from study.core import run, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import Spec
+from study.core.schema import BROKEN
 from study.counting import backend, calibration
 from study.counting.assembly import digest
 from study.counting.counts import Counts, Measured
@@ -94,7 +95,7 @@ def _read_table(path: Path, *_: int) -> Table:
             {(int(b), int(i)): n for n, (b, i) in enumerate(data["masked"])},
             {(int(b), int(i)): n for n, (b, i) in enumerate(data["repeated"])},
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except BROKEN as error:
         raise StudyError(
             f"{path}: not a block table of scripts/study/counting/assembly.py ({error!r})"
         ) from None

@@ -3,7 +3,7 @@
 A line of residues.def, RESIDUE(build, function, part, kind, least, most) // why, says where a compiler's code
 does otherwise than costs.def: so many operations more per lane and execution of the part. No count has it in.
 Of kind `call`: so many of the declared calls of math.h fewer go to libm, since they are an instruction.
-RESIDUES_OF(opt4) // confirmed how: the lines of opt4 hold here too.
+RESIDUES_OF(opt4) // confirmed how: the lines of opt4 hold here too, of parts that the phase has.
 
 A derived phase without a residues.def of its own has its ancestor's. That was read in other code: it explains
 nothing until the phase has a file of its own. An empty one says that no residue is known.
@@ -12,7 +12,7 @@ nothing until the phase has a file of its own. An empty one says that no residue
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,12 +74,15 @@ class Residue:
 
 def residues_of(phase: registry.Phase, lines: Iterable[Cost]) -> list[Residue]:
     """Of the phase's residues.def. Of an ancestor's, what is about parts that the phase has too."""
-    path, lines = phase.file("residues.def"), list(lines)
-    if not phase.inherits("residues.def"):
-        return residues(path, lines)
-    known = {(cost.function, cost.part) for cost in lines}
-    ancestor = registry.find_phase(phase.inherits("residues.def"))
-    every = residues(path, read(ancestor.file("costs.def")))
+    if ancestor := phase.inherits("residues.def"):
+        return _of_ancestor(ancestor, {(cost.function, cost.part) for cost in lines})
+    return residues(phase.file("residues.def"), lines)
+
+
+def _of_ancestor(name: str, known: Container[tuple[str, str]]) -> list[Residue]:
+    """The phase's residues of the known parts."""
+    ancestor = registry.find_phase(name)
+    every = residues(ancestor.file("residues.def"), read(ancestor.file("costs.def")))
     return [one for one in every if (one.function, one.part) in known]
 
 
@@ -94,7 +97,7 @@ def residues(path: Path, costs: Iterable[Cost]) -> list[Residue]:
         if not line.strip() or line.lstrip().startswith("//"):
             continue
         if same := _SAME.fullmatch(line.strip()):
-            found += residues(registry.find_phase(same[1]).file("residues.def"), costs)
+            found += _of_ancestor(same[1], known)
             continue
         match = _RESIDUE.fullmatch(line.strip())
         if not match or int(match[5]) > int(match[6]):

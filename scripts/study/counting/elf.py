@@ -21,6 +21,8 @@ from iced_x86 import Decoder, FlowControl, OpKind
 from study.core.cli import StudyError
 
 _EXECUTABLE = 1  # p_flags and, shifted, sh_flags: System V ABI, Program Loading
+# What pyelftools raises of a broken file.
+_BROKEN = (ELFError, ValueError, LookupError, AttributeError, TypeError, ArithmeticError, MemoryError)
 _CODE = ("STT_FUNC", "STT_LOOS", "STT_GNU_IFUNC")  # pyelftools knows GNU's indirect functions by number only
 
 
@@ -66,14 +68,15 @@ class Segment:
 
 @dataclass(frozen=True)
 class Program:
-    """An executable: its functions by address, segments, stubs (address → name of what is imported), and
-    where the functions of the phase begin, if that was asked for."""
+    """An executable: its functions by address, segments, stubs (address → name of what is imported), where
+    the functions of the phase begin, if that was asked for, and where the program itself does."""
 
     path: Path
     functions: list[Function]
     segments: list[Segment]
     imports: dict[int, str] = field(default_factory=dict)
     of_phase: frozenset[int] = frozenset()
+    entry: int = 0
 
     @cached_property
     def _starts(self) -> list[int]:
@@ -141,7 +144,7 @@ def _opened(path: Path | str) -> Iterator[ELFFile]:
             yield elf
     except OSError as error:
         raise StudyError(f"{path}: {error.strerror}") from None
-    except (ELFError, UnicodeDecodeError, ValueError, KeyError, AttributeError):
+    except _BROKEN:
         raise StudyError(f"{path}: not a whole ELF file; an x86-64 Linux program is required") from None
 
 
@@ -154,7 +157,7 @@ def read(path: Path | str, phase_object: Path | str | None = None) -> Program:
             for s in elf.iter_segments("PT_LOAD")
         ]
         symbols = [function for function, _ in _symbols(elf, ".symtab")]
-        made = Program(Path(path), _functions(elf), segments, _stubs(elf))
+        made = Program(Path(path), _functions(elf), segments, _stubs(elf), entry=elf["e_entry"])
     if not made.functions:
         raise StudyError(f"{path}: has no symbols; link it without -s and do not strip it")
     if phase_object is None:
@@ -194,7 +197,7 @@ def exported(path: Path | str) -> set[str]:
     try:
         with Path(path).open("rb") as file:
             return {function.name for function, _ in _symbols(ELFFile(file), ".dynsym")}
-    except (OSError, ELFError):
+    except (OSError, *_BROKEN):
         return set()
 
 

@@ -25,9 +25,9 @@ KEYS = ("flops", "by_function", "by_class", "executed", "useful", "useful_paper"
 Row = dict[str, Any]
 
 
-BACKENDS = ("blocks", "qemu", "sde", "pmu")
+BACKENDS = ("blocks", "qemu", "ptrace", "sde", "pmu")
 # Those that know functions; the others see totals, with the inside of libm in them.
-WITH_FUNCTIONS = ("blocks", "qemu")
+WITH_FUNCTIONS = ("blocks", "qemu", "ptrace")
 LIBM_INSIDE = ("sde", "pmu")
 _TARGETS = {"shipped": "render", "calls": "render-calls"}
 

@@ -29,8 +29,9 @@ from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import Spec, cpu_flags
 from study.core.run import GENERAL, _arguments, cpu_set, environment, render
-from study.counting import backend, perf
+from study.counting import backend
 from study.counting.counts import Counts, Measured
+from study.counting.hardware import perf
 from study.counting.hardware.perf_stat import Line, parse
 
 FOLDER = Path(__file__).with_name("events")

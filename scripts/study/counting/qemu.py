@@ -25,7 +25,7 @@ from study.core.registry import Spec, find_phase
 from study.core.run import GENERAL, UNTIMED, _arguments
 from study.counting import backend, calibration, elf
 from study.counting.counts import Measured
-from study.counting.qemu_recording import REGION, Profile, Recording, attribute, read
+from study.counting.recording import REGION, Profile, Recording, attribute, read
 
 EMULATOR = "qemu-x86_64"
 

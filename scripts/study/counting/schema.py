@@ -77,7 +77,7 @@ class Executed(Record, kw_only=True):
 class Build(Record, kw_only=True):
     """One picture's timed region by one back end."""
 
-    backend: Annotated[str, key("", "blocks, qemu, sde or pmu (docs/method.md)")]
+    backend: Annotated[str, key("", "blocks, qemu, ptrace, sde or pmu (docs/method.md)")]
     variant: Annotated[str, key("", "`shipped`, or `calls`: without inlining")]
     phase: Annotated[str, key("", "its name")]
     flags_from: Annotated[str, key("", "the phase whose compiler flags built it")]

@@ -36,11 +36,12 @@ _BITS = {"single": 32, "double": 64}
 _REGISTER = {"xmm": 128, "ymm": 256, "zmm": 512}
 _BEGIN = re.compile(r"#\s*EMIT_(?:DYNAMIC_STATS FOR TID\s+(\d+)\b|GLOBAL_DYNAMIC_STATS\b)")
 _END = re.compile(r"#\s*END_(?:GLOBAL_)?DYNAMIC_STATS\b")
-_COUNT = re.compile(r"(\*?[\w-]+)\s+(\d+)")
+_COUNT = re.compile(r"(\*?[\w-]+)\s+(\d{1,20})")  # of 64 bits
 _ELEMENTS = re.compile(r"\*elements_fp_(single|double)_(\d+)")
 _MEMORY = re.compile(r"\*mem-(read|write)-(\d+)")
 _ANY_WIDTH = re.compile(r"VFN?M(ADD|SUB)|VCMPP[SD]$")
-_MASKED = re.compile(r"masked\s+mask\s+(\d+)b\s+(\d+)elem\s+(\d+)b\s+fp\s+\|\s+(\d+)\s+(\d+)\s+[\d.]+")
+_N = r"(\d{1,20})"
+_MASKED = re.compile(rf"masked\s+mask\s+{_N}b\s+{_N}elem\s+{_N}b\s+fp\s+\|\s+{_N}\s+{_N}\s+[\d.]+")
 _TAG = re.compile(r"<(thread-number|disassembly|computation-count|execution-counts)>\s+(.*?)\s+</\1>")
 
 
@@ -197,7 +198,7 @@ def _add_details(counts: Counts, found: dict[str, str], where: str) -> None:
         return
     computed = found.get("computation-count", "")
     registers = [_REGISTER[name] for name in re.findall(r"([xyz]mm)\d", operands)]
-    if not computed.isdigit() or not registers:
+    if not re.fullmatch(_N, computed, re.ASCII) or not registers:
         name = "an FMA" if kind == "fma" else "a comparison"
         raise StudyError(f"{where}: {name} without <computation-count> or register")
     _tell_apart(counts, opcode, 0, max(registers), int(computed))

@@ -6,6 +6,7 @@ A file that is broken ends in a StudyError that names it and its script, never i
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,7 +39,16 @@ class Part:
 
     @property
     def markdown(self) -> str:
-        return show.markdown(self.table) + "".join(f"\n{line}\n" for line in self.foot.splitlines())
+        return show.markdown(self.table) + "".join(
+            f"\n{show.inert(line)}\n" for line in self.foot.splitlines()
+        )
+
+
+def inside(run: Path, name: str) -> Path:
+    """The file of a run that one of its files names. StudyError for a place elsewhere."""
+    if Path(name).is_absolute() or ".." in Path(name).parts or "\0" in name:
+        raise StudyError(f"{run}: {name!r} is no file of this run")
+    return run / name
 
 
 @dataclass(frozen=True)
@@ -64,6 +74,11 @@ class Section:
     images: dict[Path, str] = field(default_factory=dict)  # pictures, which no figure replaces; captions
     cut: str = ""  # what a quick study left out of it, and how to get it
     html: str = ""  # a fragment of its own, behind the tables
+
+    def __post_init__(self) -> None:
+        for name in (*self.drawn, *(part.name for part in self.parts)):
+            if not re.fullmatch(r"[\w.+@-]*", name):
+                raise StudyError(f"{self.file or self.id}: {name!r} cannot be a file's name")
 
 
 @contextlib.contextmanager

@@ -166,7 +166,7 @@ def cells_of(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
         presented_ns=frames["ns"] + frames["present_ns"],
         round=stats.rounds_of(frames),
     )
-    optional = tuple(name for name in ("core_hz_load", "kernel_compile_ns") if name in frames)
+    optional = tuple(name for name in ("core_hz_load", "kernel_compile_ns", "joules") if name in frames)
     columns = (
         *optional,
         "ns",

@@ -20,6 +20,8 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from study.core.cli import StudyError
+from study.core.json_files import parsed
+from study.pictures import embed
 
 KEY = "Contents"  # of the PNG's text chunk
 DIGITS = 6
@@ -42,12 +44,12 @@ def chunk(figure: Figure) -> PngInfo:
 
 def read(path: Path) -> dict[str, Any]:
     """The contents that a PNG of draw.save keeps. StudyError for a picture without."""
-    with Image.open(path) as picture:
+    with embed.reading(path), Image.open(path) as picture:
         picture.load()
         text = getattr(picture, "text", {}).get(KEY)
     if text is None:
         raise StudyError(f"{path}: keeps no contents of a figure; draw it again with scripts/stepwise redraw")
-    return json.loads(text)
+    return parsed(text.encode("utf-8", "replace"), str(path))
 
 
 def _axes(axes: Axes) -> dict[str, Any]:

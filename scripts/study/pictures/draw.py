@@ -19,6 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
@@ -147,7 +148,9 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     said = _ready(figure, note)
     try:
         stem.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
+        drawn = io.StringIO()
+        figure.savefig(drawn, format="svg", metadata={"Date": None})
+        store.write_text(stem.with_suffix(".svg"), drawn.getvalue())
         made = _pixels(figure, 130)
         made.save(stem.with_suffix(".png"), optimize=True, pnginfo=said)
     except OSError as error:
@@ -164,12 +167,18 @@ def thumbnail(figure: Figure, note: str) -> bytes:
 
 
 def _ready(figure: Figure, note: str) -> PngInfo:
-    """Puts the note under the figure and everything in its place; the figure's numbers and words."""
+    """Puts the note under the figure and everything in its place; the figure's numbers and words.
+
+    A name with two dollar signs is no formula; Matplotlib's own labels of logarithmic axes are.
+    """
     across = int(figure.get_figwidth() * 17)  # characters of this size
     note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
     said = contents.chunk(figure)  # before names are moved about
     FigureCanvasAgg(figure)
+    for text in figure.findobj(Text):
+        if "\\mathdefault" not in text.get_text():
+            text.set_parse_math(False)
     labels.settle(figure)
     _lay_out(figure)
     return said

@@ -3,13 +3,35 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import io
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
 
 from PIL import Image
+
+from study.core.cli import StudyError, one_line
 
 MIME = {"png": "image/png", "svg": "image/svg+xml", "jpeg": "image/jpeg", "webp": "image/webp"}
 SHORTER = 0.6  # a JPEG stands in for a rendered picture where it has at most this share of its bytes
 QUALITY = 85
+
+
+# What PIL raises of a broken file.
+_BROKEN = (OSError, ValueError, SyntaxError, EOFError, ArithmeticError, MemoryError, struct.error, zlib.error)
+_BROKEN += (Image.DecompressionBombError,)
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Raises StudyError for a picture that PIL cannot read."""
+    try:
+        yield
+    except _BROKEN as error:
+        why = getattr(error, "strerror", None) or one_line(str(error))
+        raise StudyError(f"{path}: not a whole picture: {why}") from None
 
 
 def data_uri(content: bytes, kind: str) -> str:

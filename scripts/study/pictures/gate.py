@@ -40,10 +40,15 @@ ALWAYS = {"non_finite": 0, "antialiased.non_finite": 0}  # no phase may allow an
 
 # Against truth (scripts/stepwise accuracy) a phase may be no worse than baseline is, on any of these.
 _COLOURS = tuple(f"psnr{which}{space}_db" for which in ("_none", "", "_ideal") for space in ("", "_display"))
+_ESTIMATED = ("psnr_db", "psnr_display_db")  # colours in the estimator's shadow
 HITS = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99")
 TRUTH_METRICS = (*HITS, *_COLOURS)
 CONVERGED_METRICS = (*HITS, "depth_agree_fraction", *(f"antialiased.{name}" for name in _COLOURS))
 TRUTH = "truth"  # key of a phase's tolerance: by how much it may be worse than baseline
+# Key of a phase that draws the ideal shadow itself: how near to the ideal picture it must be, at least. Its
+# distance to the estimator's picture is shown and not judged.
+IDEAL = "ideal"
+IDEAL_METRICS = ("psnr_ideal_db", "psnr_ideal_display_db", "antialiased.psnr_ideal_db")
 LAST_AGAINST_BASELINE = (
     4  # rung of the ladder up to which the reference is baseline (scripts/stepwise verify)
 )
@@ -69,12 +74,11 @@ def check(phase: Phase) -> None:
     """Raises StudyError for a tolerance that is of no scene or class, bounds no metric, or has no reason."""
     for name, declared in phase.tolerance.items():
         where = f"{phase.name}: phase.json: tolerance.{name}"
-        if name not in ("smooth", "fractal", TRUTH, *scenes()):
-            raise StudyError(
-                f"{where}: no such scene or class; there are smooth, fractal, {TRUTH}, {', '.join(scenes())}"
-            )
+        if name not in ("smooth", "fractal", TRUTH, IDEAL, *scenes()):
+            known = ", ".join(("smooth", "fractal", TRUTH, IDEAL, *scenes()))
+            raise StudyError(f"{where}: no such scene or class; there are {known}")
         margin_of = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH, OUTLINE))
-        known = margin_of if name == TRUTH else METRICS
+        known = margin_of if name == TRUTH else IDEAL_METRICS if name == IDEAL else METRICS
         if not isinstance(declared, Mapping):
             raise StudyError(f"{where}: should be an object of metric: bound")
         if not isinstance(declared.get("reason"), str) or not declared["reason"].strip():
@@ -132,7 +136,18 @@ def by_truth(phase: Phase) -> bool:
 
 def left_to_truth(phase: Phase) -> bool:
     """Whether a rung behind opt4 declares what truth grants and nothing else: no tolerance to baseline."""
-    return by_truth(phase) and set(phase.tolerance) == {TRUTH}
+    return by_truth(phase) and set(phase.tolerance) - {IDEAL} == {TRUTH}
+
+
+def draws_ideal(phase: Phase) -> bool:
+    """Whether the phase draws the ideal soft shadow, not an estimate of it, and is judged by that."""
+    return IDEAL in phase.tolerance
+
+
+def ideal_bounds(phase: Phase) -> dict[str, float]:
+    """Metric → the least PSNR to the ideal picture that the phase declares, in dB; or nothing."""
+    declared = flatten(phase.tolerance.get(IDEAL) or {})
+    return {name: bound for name, bound in declared.items() if name != "reason"}
 
 
 def margins(phase: Phase) -> dict[str, float]:
@@ -156,14 +171,18 @@ def visible(baseline: Mapping) -> dict[str, float]:
 
 
 def inferior(
-    metrics: Mapping, references: Mapping[str, Mapping], allowed: Mapping[str, float]
+    metrics: Mapping,
+    references: Mapping[str, Mapping],
+    allowed: Mapping[str, float],
+    ideal: Mapping[str, float] | None = None,
 ) -> dict[str, str]:
     """Metric on which the picture is further from truth than every reference, by more than is allowed → why.
 
     `references`: name → metrics, baseline's first; per metric the worst of them is the bound. Where rounding
     has brought baseline nearer to the ideal shadow than what it computes is (scene0: 45.254 to 45.252 dB), a
     phase need not repeat that luck. A reference that lacks a metric does not judge it. A scene whose truth
-    is converged only has the hits of its proved pixels, if there are any.
+    is converged only has the hits of its proved pixels, if there are any. `ideal`: of a phase that draws the
+    ideal shadow, the least PSNR to that picture; then no metric is judged that holds the estimator's shadow.
     """
     mine, others = flatten(metrics), {who: flatten(values) for who, values in references.items()}
     found, enough = {}, allowed.get(ENOUGH, NEAREST)
@@ -171,6 +190,8 @@ def inferior(
         found["non_finite"] = f"{mine['non_finite']} samples, should be none"
     for name in CONVERGED_METRICS if mine["converged_only"] else TRUTH_METRICS:
         if mine["converged_only"] and name in HITS and mine["proved_fraction"] == 0:
+            continue
+        if ideal and name.removeprefix("antialiased.") in _ESTIMATED:
             continue
         db = name.endswith("_db")
         at_least = db or name in AT_LEAST
@@ -189,4 +210,9 @@ def inferior(
                 found[name] = f"{value:.6g}, {who} has {bound:.6g}{grant}: should be at least that"
         elif not (value <= bound + margin):
             found[name] = f"{value:.6g}, {who} has {bound:.6g}{grant}: should be at most that"
+    for name, bound in (ideal or {}).items():
+        if name in (CONVERGED_METRICS if mine["converged_only"] else TRUTH_METRICS):
+            value = mine.get(name, math.nan)
+            if not (value >= bound):
+                found[name] = f"{value:.6g}, should be at least {bound:g}, as the phase declares"
     return found

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from study.core.cli import StudyError
+from study.core.cli import StudyError, one_line
 
 try:
     import flip_evaluator
@@ -27,6 +27,7 @@ Picture = dict[str, np.ndarray]
 
 AOVS = ("R", "G", "B", "Z", "id", "N.x", "N.y", "N.z", "evals")
 GAMMA = 0.4545
+SMALLEST_SHARE = 1100  # deflate packs 1032 bytes into one at the most (zlib.net/zlib_tech.html)
 ONE_STEP = 1 / 255  # of 8 bits: what a pixel may be off by before it counts
 DEPTH_AGREES = 1e-3  # relative; see depth_agree_fraction
 # OpenImageIO has FLIP too, but it may fail for want of a colour space in the default configuration.
@@ -40,19 +41,36 @@ FLIP_TOOL = (
 PICTURE_TOOL = f"OpenImageIO {oiio.VERSION_STRING} ImageBufAlgo.compare"
 
 
-def read(path: Path | str) -> Picture:
-    """Reads every channel of a float EXR, by name. Raises StudyError if it is not one."""
+def _read(path: Path | str, kind: str) -> tuple[oiio.ImageSpec, np.ndarray]:
+    """Head and samples, height × width × channels. Raises StudyError for what is no whole picture."""
+    try:
+        return _read_text(path, kind)
+    except UnicodeDecodeError:  # of OpenImageIO's binding, which takes every text for UTF-8
+        raise StudyError(f"{path}: not a readable picture: a name in its head is no text") from None
+
+
+def _read_text(path: Path | str, kind: str) -> tuple[oiio.ImageSpec, np.ndarray]:
     file = oiio.ImageInput.open(str(path))
     if file is None:
-        raise StudyError(f"{path}: not a readable picture: {oiio.geterror().strip()}")
+        raise StudyError(f"{path}: not a readable picture: {one_line(oiio.geterror())}")
     try:
-        spec, samples = file.spec(), file.read_image("float")
+        spec = file.spec()
+        _ = spec.channelnames
+        if spec.image_bytes() > SMALLEST_SHARE * Path(path).stat().st_size + (1 << 20):
+            raise StudyError(f"{path}: {spec.width}x{spec.height} pixels are not in so small a file")
+        samples = file.read_image(kind)
         if samples is None:
-            raise StudyError(f"{path}: {file.geterror().strip()}")
-        if str(spec.format) != "float" or any(str(f) != "float" for f in spec.channelformats):
-            raise StudyError(f"{path}: its samples are {spec.format}, should be 32-bit float")
+            raise StudyError(f"{path}: not a whole picture: {one_line(file.geterror())}")
+        return spec, samples
     finally:
         file.close()
+
+
+def read(path: Path | str) -> Picture:
+    """Reads every channel of a float EXR, by name. Raises StudyError if it is not one."""
+    spec, samples = _read(path, "float")
+    if str(spec.format) != "float" or any(str(f) != "float" for f in spec.channelformats):
+        raise StudyError(f"{path}: its samples are {spec.format}, should be 32-bit float")
     return {name: np.ascontiguousarray(samples[..., i]) for i, name in enumerate(spec.channelnames)}
 
 
@@ -72,13 +90,10 @@ def read_ppm(path: Path) -> np.ndarray:
 
 def read_png(path: Path) -> np.ndarray:
     """Height × width × 3 bytes of a PNG, without its alpha. Raises StudyError of another file."""
-    file = oiio.ImageInput.open(str(path))
-    if file is None:
-        raise StudyError(f"{path}: not a readable picture: {oiio.geterror().strip()}")
-    try:
-        return file.read_image("uint8")[:, :, :3]
-    finally:
-        file.close()
+    samples = _read(path, "uint8")[1]
+    if samples.ndim != 3 or samples.shape[2] < 3:
+        raise StudyError(f"{path}: has no three channels")
+    return samples[:, :, :3]
 
 
 def rgb(picture: Picture) -> np.ndarray:

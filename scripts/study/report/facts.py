@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from typing import Any
 
@@ -34,6 +35,7 @@ def machine(data: Data) -> list[tuple[str, str]]:
         "uncommitted changes": changes,
         "measured": context.get("time"),
         "limits": "; ".join(quotas.notices(context)) or None,
+        "energy": context.get("no_energy"),
         "load average before": _join(*(f"{load:.2f}" for load in context.get("load_average") or [])),
     }
     return [(label, str(text)) for label, text in known.items() if text]
@@ -104,6 +106,6 @@ def command(plan: Mapping) -> str:
         *((f"--{key}", [plan.get(key)]) for key in ("launches", "reps", "warmup", "long", "seed", "cpu")),
         ("--budget", [plan.get("budget_s")]),
     ):
-        given = [str(value) for value in dict.fromkeys(values) if value is not None]
+        given = [shlex.quote(str(value)) for value in dict.fromkeys(values) if value is not None]
         parts += [option, *given] if given else []
     return " ".join(parts) if asked else ""

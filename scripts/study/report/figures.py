@@ -29,10 +29,8 @@ def read(path: Path) -> bytes:
 
 def picture(path: Path) -> str:
     """A rendered picture's data URI. The PNG itself lies beside the page."""
-    try:
+    with embed.reading(path):
         return embed.rendered(read(path))
-    except OSError as error:
-        raise StudyError(f"{path}: {error}") from None
 
 
 def inline(path: Path) -> str:

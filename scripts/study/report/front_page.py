@@ -96,7 +96,8 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
     table = markdown(head, lines + (originals(data.path) if ratios else []))
     at = truth_height([row for several in found.values() for row in several.values()])
     note = (
-        f"{size['width']}×{size['height']}, one thread, {provenance.place(data.context)}. Times are medians "
+        f"{size['width']}×{size['height']}, one thread, {show.inert(provenance.place(data.context))}. "
+        "Times are medians "
         "over process launches.\nIntervals hold 95 %. dB: PSNR to the ground truth "
         f"(linear RGB, pictures{at or ' not measured'};\nmandelbulb: 4×4 means). "
         "Bound by: the lowest roof of the roofline on scene0.\n"
@@ -109,7 +110,7 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
 def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """A table of texts."""
     rows = [head, ["---"] * len(head), *lines]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+    return "".join(f"| {' | '.join(map(show.inert, cells))} |\n" for cells in rows)
 
 
 def machines_block(runs: Sequence[Data]) -> str:
@@ -131,6 +132,7 @@ def machines_block(runs: Sequence[Data]) -> str:
             [phase, *(text for scene in SCENES for text in _cells(of.get(scene), ratios))]
             for phase, of in found.items()
         ]
-        title = f"## {here}\n\n{provenance.place(data.context)}: run `{data.path.name}`.\n"
+        place = show.inert(provenance.place(data.context))
+        title = f"## {show.inert(here)}\n\n{place}: run `{data.path.name}`.\n"
         parts += [title, markdown(head, lines)]
     return "\n".join(parts)

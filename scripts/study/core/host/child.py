@@ -56,11 +56,30 @@ def may_start() -> None:
         raise StudyError("nothing more is started: the script is ending", CANNOT_RUN)
 
 
+class NotPinned(StudyError):
+    """A program did not start since it may not run on the CPUs that it was to be pinned to."""
+
+    def __init__(self, name: object) -> None:
+        now = ", ".join(map(str, sorted(os.sched_getaffinity(0))))
+        super().__init__(
+            f"{Path(str(name)).name}: cannot be pinned as the run began; the CPUs that may be used "
+            f"(taskset, cpuset) are now {now}",
+            CANNOT_RUN,
+        )
+
+
 @contextlib.contextmanager
 def started(command: Sequence[str | Path], **options: Any) -> Iterator[subprocess.Popen]:
-    """The program in a process group of its own, which ends with the script, and with an exception."""
+    """The program in a process group of its own, which ends with the script, and with an exception.
+
+    NotPinned where the CPUs that it was to be pinned to may no longer be used.
+    """
     may_start()
-    with subprocess.Popen(command, process_group=0, **options) as child:
+    try:
+        child = subprocess.Popen(command, process_group=0, **options)
+    except subprocess.SubprocessError:  # preexec_fn, which pins it; the system says no more
+        raise NotPinned(command[0]) from None
+    with child:
         _live.add(child.pid)
         try:
             may_start()  # the signal may have come in between

@@ -141,8 +141,10 @@ def _objects(where: str, line: str) -> Iterator[dict[str, Any]]:
     while rest:
         try:
             found, end = decoder.raw_decode(rest)
-        except ValueError:
-            raise StudyError(f"{where}: not a JSON object of perf stat -j: {line.strip()[:60]!r}") from None
+        except (ValueError, RecursionError):
+            found, end = None, 0
+        if not isinstance(found, dict):
+            raise StudyError(f"{where}: not a JSON object of perf stat -j: {line.strip()[:60]!r}")
         yield found
         rest = rest[end:].lstrip(" ,")
 

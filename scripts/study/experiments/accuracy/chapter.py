@@ -9,7 +9,7 @@ from study.core import show
 from study.core.show import Row
 from study.experiments.accuracy import measure as accuracy
 from study.experiments.accuracy import tables as accuracy_page
-from study.experiments.section import Section, part, reading
+from study.experiments.section import Section, inside, part, reading
 from study.pictures.draw import Drawing
 
 
@@ -69,7 +69,7 @@ def errors(path: Path) -> Section:
             }
             script = _again(result)
             images = {
-                path / row["picture"]: f"{row['scene']} by {row['phase']}: where it is wrong"
+                inside(path, row["picture"]): f"{row['scene']} by {row['phase']}: where it is wrong"
                 for row in result["rows"]
                 if row.get("picture") and row["phase"] in ("baseline", "opt4")
             }

@@ -24,7 +24,8 @@ DESCRIPTION = """\
 Each phase's picture is held against truth's, below the picture first. Rungs behind opt4 are gated: on no
 metric may one be further from truth than baseline (from the ideal shadow: than baseline or the estimator in
 exact arithmetic; from a truth that is converged only: than baseline or opt4), but for what its phase.json
-grants (tolerance.truth, with a reason); in |Δt| over as many of the true hits as baseline has. baseline to
+grants (tolerance.truth, with a reason); in |Δt| over as many of the true hits as baseline has. A phase that
+draws the ideal shadow (tolerance.ideal) is judged by that and not by the estimator's picture. baseline to
 opt4, and what is not on the ladder, are shown; scripts/stepwise verify has their gate."""
 BASE = Spec("baseline", "baseline")
 FLOAT = Spec("opt4", "opt4")  # where truth is converged only, rungs behind it may be as far as it is
@@ -91,7 +92,8 @@ class Subject:
 
         # What is not asked of the phase is not allowed it as an error of the references' either.
         others = {who: values | beyond(self.pictures[who]) for who, values in self.references.items()}
-        worse = gate.inferior(found | beyond(made) | {"dt_p99": as_many}, others, granted)
+        ideal = gate.ideal_bounds(phase)
+        worse = gate.inferior(found | beyond(made) | {"dt_p99": as_many}, others, granted, ideal)
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size
         stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
@@ -106,6 +108,7 @@ class Subject:
             "beyond_outlines": beyond(made) or None,
             **where.shares(self.where, wrong),
             "gated": gated,
+            "judged_by": gate.IDEAL if ideal else "estimator",
             "margins": granted,
             "worse": list(worse),
             "why": [f"{name}: {text}" for name, text in worse.items()],

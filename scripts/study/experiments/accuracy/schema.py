@@ -96,6 +96,10 @@ class Row(Colours, kw_only=True):
     bad_reflection: Annotated[float | Absent | None, key("share of bad pixels", "a mirror is seen")] = ABSENT
     bad_interior: Annotated[float | Absent | None, key("share of bad pixels", "none of these")] = ABSENT
     gated: Annotated[bool | Absent | None, key("", "whether the phase can fail (docs/method.md)")] = ABSENT
+    judged_by: Annotated[
+        str | Absent | None,
+        key("", "ideal: the phase draws the ideal shadow and is held against that picture; else estimator"),
+    ] = ABSENT
     margins: Annotated[
         dict[str, float | None] | Absent | None,
         key("", "how much further from truth than baseline it may be"),

@@ -55,6 +55,8 @@ def _verdict(row: Row) -> str:
         return "baseline"
     if not row["gated"]:
         return f"{MARK} further than baseline" if row["worse"] else "no further than baseline"
+    if row.get("judged_by") == "ideal":
+        return "✗ FAR from the ideal picture" if row["failed"] else "✓ at the ideal picture"
     return "✗ FURTHER than baseline" if row["failed"] else "✓ no further than baseline"
 
 

@@ -8,7 +8,6 @@ import functools
 import json
 import os
 import re
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from study.core import cli, registry, run, store
+from study.core import registry, run, store
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import Spec
+from study.experiments import venvs
 from study.experiments.drjit.schema import DrJit
 from study.experiments.frames import measure as frames
 from study.numbers import stats, verdicts
@@ -28,6 +28,7 @@ from study.pictures import images
 FILE = "drjit.json"
 DRJIT = "Dr.Jit"
 PACKAGES = ("drjit==1.5.0", "numpy")
+NEEDED = "drjit, numpy"  # modules
 HOME = registry.ROOT / "build" / "drjit"
 WORKER = Path(__file__).with_name("render.py")
 ADDS = "it would add the ratio of our phases to Dr.Jit's kernels on this machine"
@@ -94,33 +95,18 @@ def find_llvm(given: str | None, folders: Iterable[Path] | None = None) -> Path:
     return max(able, key=lambda path: (able[path], str(path)))
 
 
-def _has_drjit(python: Path) -> bool:
-    try:
-        done = child.run([python, "-I", "-c", "import drjit, numpy"], capture_output=True)
-    except OSError:
-        return False
-    return done.returncode == 0
-
-
 def find_python(given: Path | None, home: Path = HOME) -> Path:
     """The Python that is named, or one of our own in build/drjit, made now. Raises StudyError."""
     if given:
-        if not _has_drjit(given):
+        if not venvs.has(given, NEEDED):
             raise StudyError(f"{given}: is no Python with drjit and numpy; {ADDS}", CANNOT_RUN)
         return given
-    python = home / "venv" / "bin" / "python"
-    if _has_drjit(python):
-        return python
-    cli.say(f"installing {' '.join(PACKAGES)} into {home / 'venv'}")
-    for command in (
-        [sys.executable, "-m", "venv", "--clear", home / "venv"],
-        [python, "-m", "pip", "install", "-q", "--disable-pip-version-check", *PACKAGES],
-    ):
-        done = child.run(command, capture_output=True, text=True)
-        if done.returncode:
-            said = (done.stderr or done.stdout).strip().splitlines()
-            last = said[-1] if said else f"exit status {done.returncode}"
-            raise StudyError(f"drjit is missing, and cannot be installed ({last}); {ADDS}", CANNOT_RUN)
+    python = venvs.python_of(home)
+    if not venvs.has(python, NEEDED):
+        try:
+            venvs.install(home, PACKAGES)
+        except StudyError as error:
+            raise StudyError(f"drjit is missing: {error}; {ADDS}", CANNOT_RUN) from None
     return python
 
 

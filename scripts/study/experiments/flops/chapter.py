@@ -35,6 +35,7 @@ GENERAL = "{phases}: counted is the general code, with no kernel generated for t
 MEANS = {
     "blocks": "every basic block that was executed, decoded",
     "qemu": "every block that the emulator executed, decoded",
+    "ptrace": "every instruction that was executed, one step at a time, decoded",
     "sde": "Intel's emulator, by instruction",
     "pmu": "the CPU's own counters",
 }

@@ -20,7 +20,7 @@ from study.experiments.flops import columns as flops_columns
 from study.experiments.flops import table1
 
 HEIGHT = 720  # of the paper's pictures
-QEMU_HEIGHT = 24  # it is about a hundred times slower than the machine
+SLOW = {"qemu": (24, "a hundred"), "ptrace": (18, "some hundred thousand")}  # height; times slower
 MATH_SAID = "calls of math.h, by function and in all: {} of {} within 1 % of the calls into libm"
 
 
@@ -81,7 +81,8 @@ def main() -> int:
     parser.add_argument(
         "--scene", nargs="+", metavar="SCENE", help="default: scene0 mandelbulb, and trio with --validate"
     )
-    heights = f"picture height ({HEIGHT}; {QEMU_HEIGHT} with qemu, which is a hundred times slower)"
+    slow = [f"{height} with {name}, {times} times slower" for name, (height, times) in SLOW.items()]
+    heights = f"picture height ({'; '.join([str(HEIGHT), *slow])})"
     parser.add_argument("-n", type=int, metavar="HEIGHT", help=heights)
     parser.add_argument("--validate", action="store_true", help="against measurement, exit 1 beyond 1 %%")
     parser.add_argument(
@@ -97,14 +98,15 @@ def main() -> int:
         raise StudyError(f"--backend {args.backend} measures nothing by itself: add --validate or --measure")
     args.backend = args.backend or "blocks"
     if args.n is None:
-        args.n = QEMU_HEIGHT if args.backend == "qemu" else HEIGHT
+        args.n = SLOW.get(args.backend, (HEIGHT,))[0]
     if args.n < 1 or args.jobs < 1:
         raise StudyError("-n and --jobs: whole numbers from 1 are required")
     target = store.Run.open(args.run) if args.run else None
     if (args.validate or args.measure) and (lacking := flops.missing(args.backend)):
         raise StudyError(lacking, cli.CANNOT_RUN)
-    if args.backend == "qemu" and args.n > QEMU_HEIGHT:
-        cli.say(f"qemu is some hundred times slower than the machine: -n {QEMU_HEIGHT} is enough")
+    if args.backend in SLOW and args.n > SLOW[args.backend][0]:
+        height, times = SLOW[args.backend]
+        cli.say(f"{args.backend} is {times} times slower than the machine: -n {height} is enough")
     scenes = args.scene or ["scene0", "mandelbulb", *(["trio"] if args.validate else [])]
     chosen = pairs(args.phase, scenes)
     if not chosen:

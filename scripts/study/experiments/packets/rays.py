@@ -67,15 +67,21 @@ def _unit(v: np.ndarray) -> np.ndarray:
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
+def places(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column of each pixel in the order in which the phase has them: tiles, in them blocks, in those
+    rows."""
+    row, column = (a.ravel() for a in np.mgrid[:height, :width])
+    order = np.lexsort((column, row, column // BLOCK, row // BLOCK, column // TILE, row // TILE))
+    return row[order], column[order]
+
+
 def camera(data: dict[str, Any], width: int, height: int) -> Rays:
-    """In the order in which the phase has them: tiles, in them blocks, in those rows."""
+    """In the order of `places`."""
     c = data["camera"]
     ahead = _unit(np.subtract(c["look_at"], c["position"]).astype(float))
     right = _unit(np.cross(c["up"], ahead))
     up, half = np.cross(ahead, right), math.tan(math.radians(c["vertical_fov_degrees"]) / 2)
-    row, column = (a.ravel() for a in np.mgrid[:height, :width])
-    place = np.lexsort((column, row, column // BLOCK, row // BLOCK, column // TILE, row // TILE))
-    row, column = row[place], column[place]
+    row, column = places(width, height)
     x, y = (2 * column + 1 - width) * half / height, (height - 2 * row - 1) * half / height
     d = _unit(ahead + x[:, None] * right + y[:, None] * up)
     return _packed(np.broadcast_to(c["position"], d.shape), d)

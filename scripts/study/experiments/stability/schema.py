@@ -20,7 +20,7 @@ class Case(Record, kw_only=True):
     """A hard case: its texts, and strengths from easy to hard."""
 
     number: Annotated[int, key("", "of its file")]
-    name: Annotated[str, key("", "of its file")]
+    name: Annotated[str, key("", "of its file", pattern=r"^\w+$")]
     title: Annotated[str, key("", "in words")]
     what: Annotated[str, key("", "what it is")]
     why: Annotated[str, key("", "why it is hard")]

@@ -37,7 +37,7 @@ def read(path: Path) -> dict[str, Any]:
 
 def prose(text: str) -> str:
     """Markdown of one paragraph."""
-    return html.markdown().renderInline(text)
+    return html.prose(text)
 
 
 def anchor(case: dict) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -45,6 +46,11 @@ def _code(row: Row) -> str:
 def _load(row: Row) -> str:
     """Of a scalar phase there is none (0)."""
     return number(row["core_hz_load"] / 1e9, 4) if row.get("core_hz_load") else NOTHING
+
+
+def _joules(row: Row) -> str:
+    """Of the processor's packages, where they tell it."""
+    return NOTHING if pd.isna(row.get("joules", math.nan)) else interval(row, "joules", 3)
 
 
 def _fractal_depth(row: Row) -> str:
@@ -201,6 +207,7 @@ RUNTIME = [
     Column("", "least launch, ms", plain("ms_least", 4)),
     Column("", "ns/pixel [95\u00a0%]", lambda r: interval(r, "ns_per_pixel")),
     Column("", "core cycles/pixel", plain("core_cycles_per_pixel", 4)),
+    Column("", "J/frame [95\u00a0%]", _joules),
     Column("", "speed-up over baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
     Column("", "over its one thread [95\u00a0%]", _over_one_thread),
     Column("", "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),

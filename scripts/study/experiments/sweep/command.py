@@ -17,7 +17,7 @@ from typing import Any
 from study.core import cli, machine, progress, run, store
 from study.core.build import build
 from study.core.cli import StudyError
-from study.core.host import quotas
+from study.core.host import energy, quotas
 from study.core.registry import Spec, find_scene, ladder
 from study.core.run import DriverError
 from study.experiments.sweep import summary
@@ -188,11 +188,16 @@ class Sweep:
             env_bytes=padding,
             **overrides(self.plan),
         )
-        begin = time.perf_counter()
+        begin, before, count = time.perf_counter(), energy.reading(), self.reps(config) - offset
         with contextlib.closing(frames):
             for frame in frames:
                 if frame["scene_hash"] != config.scene_hash:
                     raise StudyError(f"scene {config.scene} changed since the run began; start a new run")
+                if frame["warmup"]:
+                    before = energy.reading()
+                elif before and frame["frame"] == count - 1:  # of all that the process timed, and did between
+                    used = energy.joules(before, energy.reading())
+                    frame |= {} if used is None else {"joules": used / count}
                 frame["frame"] += 0 if frame["warmup"] else offset
                 if frame["frame"] in there:  # warm-up that the launch's first process has stored
                     continue
@@ -353,7 +358,8 @@ def main() -> int:
     store.write_json(sweep.run.path / "plan.json", sweep.plan)
     cli.say(f"run: {sweep.run}")
     if others := set(run.USABLE) - run.cpu_set(sweep.plan["cpu"], 1):
-        os.sched_setaffinity(0, others)  # this process only waits and writes: not on the measured CPU
+        with contextlib.suppress(OSError):  # no longer allowed there: the first launch says so
+            os.sched_setaffinity(0, others)  # this process only waits and writes: not on the measured CPU
     try:
         sweep.measure()
     except KeyboardInterrupt:

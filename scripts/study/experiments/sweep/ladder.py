@@ -117,6 +117,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         **_spread("ns_per_pixel", ns, cell.pixels),
         "tsc_cycles": cell.median("tsc_cycles").value,
         **_spread("core_cycles_per_pixel", cell.median("core_cycles"), cell.pixels),
+        **_spread("joules", cell.median("joules") if "joules" in cell.values else None),
         "tsc_hz": cell.median("tsc_hz").value,
         "core_hz": cell.median("core_hz").value,
         "core_hz_load": cell.median("core_hz_load").value if "core_hz_load" in cell.values else math.nan,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from study.core import cli
 from study.core.cli import StudyError
 from study.core.registry import BASE, arithmetic_flags, phases
 from study.numbers import analysis, stats
@@ -16,6 +17,7 @@ from study.numbers.analysis import Cell
 SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
 SPEED += [("launches", "launches"), ("ms", "median ms [95 %]"), ("ns_per_pixel", "ns/pixel [95 %]")]
 SPEED += [("tsc_cycles", "TSC cycles"), ("core_cycles_per_pixel", "core cycles/pixel")]
+SPEED += [("joules", "J/frame [95 %]")]
 SPEED += [("speedup", f"× {BASE} [95 %]"), ("parent", "parent"), ("parent_speedup", "× parent [95 %]")]
 SPEED += [("second_base", "second base"), ("second_speedup", "× second base [95 %]")]
 
@@ -57,6 +59,7 @@ def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
                 "ns_per_pixel": stats.median_interval(ns / cell.pixels),
                 "tsc_cycles": cell.median("tsc_cycles").value,
                 "core_cycles_per_pixel": cell.median("core_cycles").value / cell.pixels,
+                "joules": cell.median("joules") if "joules" in cell.values else None,
                 "speedup": over(cell, BASE),
                 "parent": parent if over_parent else None,
                 "parent_speedup": over_parent,
@@ -100,7 +103,7 @@ def cell(value: Any) -> str:
     if isinstance(value, stats.Interval):
         ends = f"[{number(value.low)}, {number(value.high)}]" if value.sufficient else "insufficient"
         return f"{number(value.value)} {ends}"
-    return number(value) if isinstance(value, (float, np.floating)) else str(value)
+    return number(value) if isinstance(value, (float, np.floating)) else cli.one_line(str(value))
 
 
 def table(rows: Sequence[dict[str, Any]], columns: Sequence[tuple[str, str]]) -> str:

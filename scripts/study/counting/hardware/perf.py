@@ -28,12 +28,12 @@ PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
 ADDS = "adds where the time goes (hotspots, Tables 2 to 4)"
 
 _MAP = re.compile(
-    r"^\s*(?P<pid>-?\d+)/-?\d+\s.*PERF_RECORD_MMAP2? -?\d+/-?\d+: "
+    r"^\s*(?P<pid>-?\d{1,20})/-?\d+\s.*PERF_RECORD_MMAP2? -?\d+/-?\d+: "
     r"\[0x(?P<start>[0-9a-f]+)\(0x(?P<length>[0-9a-f]+)\) @ (?:0x)?(?P<offset>[0-9a-f]+)[^\]]*\]: "
     r"\S+ (?P<path>.+)$"
 )
 _SAMPLE = re.compile(
-    r"^\s*(?P<pid>\d+)/(?P<tid>\d+)\s+(?P<time>\d+\.\d+):\s+(?P<period>\d+)\s+(?P<event>\S+):\s+"
+    r"^\s*(?P<pid>\d{1,20})/(?P<tid>\d{1,20})\s+(?P<time>\d+\.\d+):\s+(?P<period>\d{1,20})\s+(?P<event>\S+):\s+"
     r"(?P<ip>[0-9a-f]+) (?P<name>.+?)(?:\+0x[0-9a-f]+)? \((?P<dso>.*)\)$"
 )
 _OTHER = re.compile(r"PERF_RECORD_\w+")  # records that carry neither: COMM, FORK, EXIT, LOST …

@@ -1,4 +1,6 @@
-"""What the plugin of counting.qemu wrote: reads it, gives its blocks to functions, libraries, call edges."""
+"""What counting.qemu's plugin or counting.ptrace's stepper wrote: reads it, gives its blocks to functions,
+libraries and call edges.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +15,15 @@ from study.counting.decode import Decoded, Disassembler
 from study.counting.elf import Program, exported
 
 REGION = "phase_render"
-_HEAD = "stepwise-qemu 1"
+# Who writes such a file: its first line, and how the program is said to have run.
+_WRITERS = {
+    "qemu_plugin": ("stepwise-qemu 1", "under QEMU"),
+    "stepper": ("stepwise-steps 1", "in single steps"),
+}
+_WIDTHS = 6  # a masked instruction's active lanes are told for 1, 2, 4 … 32 of them
 _PAGE, _LONGEST = 4096, 15  # bytes, of a page and of an instruction
 _TROUBLE = {
-    "threads": "started a second thread; QEMU's counters are not atomic: run it with one",
+    "threads": "started a second thread, which is not counted: run it with one",
     "recursion": f"entered {REGION} again before it returned",
     "unfinished": f"ended inside {REGION}",
     "memory": "ran out of memory while counting",
@@ -38,7 +45,8 @@ class Recording:
 
     `maps`: (first address, one behind the last, offset in the file, file), in the host.
     `repeated`: (address, block's address, block's size) to bytes loaded and stored. `taken`: of conditional
-    jumps to a function's entry, by address.
+    jumps to a function's entry, by address. `masked`: active lanes of a masked instruction, by address, for
+    1, 2, 4 … 32 lanes.
     """
 
     start: int
@@ -47,6 +55,7 @@ class Recording:
     blocks: list[Block] = field(default_factory=list)
     repeated: dict[tuple[int, int, int], tuple[int, int]] = field(default_factory=dict)
     taken: dict[int, int] = field(default_factory=dict)
+    masked: dict[int, list[int]] = field(default_factory=dict)
 
 
 @dataclass
@@ -67,16 +76,15 @@ def _natural(text: str, base: int = 10) -> int:
     return int(text, base)
 
 
-def read(path: Path) -> Recording:
-    """Parses what the plugin wrote. StudyError with file and line for anything else or a part of it."""
+def read(path: Path, writer: str = "qemu_plugin") -> Recording:
+    """Parses what the writer wrote. StudyError with file and line for anything else or a part of it."""
+    head, how = _WRITERS[writer]
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f"{path}: {getattr(error, 'strerror', None) or 'not text'}") from None
-    if not lines or lines[0] != _HEAD:
-        raise StudyError(
-            f"{path}:1: not a recording of common/counting/qemu_plugin.c ('{_HEAD}' is required)"
-        )
+    if not lines or lines[0] != head:
+        raise StudyError(f"{path}:1: not a recording of common/counting/{writer}.c ('{head}' is required)")
     found, counted, whole, trouble = Recording(0, 0), 0, False, None
     for number, line in enumerate(lines[1:], 2):
         kind, *rest = line.split(" ", 4) if line.startswith("map ") else line.split(" ")
@@ -85,6 +93,8 @@ def read(path: Path) -> Recording:
                 raise ValueError
             if kind == "trouble":
                 (trouble,) = rest
+                if trouble not in ("none", *_TROUBLE):
+                    raise ValueError
             elif kind == "start":
                 (found.start,) = (_natural(x, 16) for x in rest)
             elif kind == "regions":
@@ -106,6 +116,12 @@ def read(path: Path) -> Recording:
                 counted += 1
                 at, turns = rest
                 found.taken[_natural(at, 16)] = _natural(turns)
+            elif kind == "masked":
+                counted += 1
+                at, *lanes = rest
+                if len(lanes) != _WIDTHS:
+                    raise ValueError
+                found.masked[_natural(at, 16)] = [_natural(n) for n in lanes]
             elif kind == "end":
                 (announced,) = map(_natural, rest)
                 whole = announced == counted
@@ -115,20 +131,21 @@ def read(path: Path) -> Recording:
                 raise ValueError
         except (ValueError, IndexError):
             raise StudyError(
-                f"{path}:{number}: not a line of common/counting/qemu_plugin.c: {line[:60]!r}"
+                f"{path}:{number}: not a line of common/counting/{writer}.c: {line[:60]!r}"
             ) from None
     if not whole:
         raise StudyError(f"{path}:{len(lines)}: cut off here: its last line must be 'end'")
     if trouble != "none":
-        raise StudyError(f"the program under QEMU {_TROUBLE.get(str(trouble), trouble)}")
+        raise StudyError(f"the program {how} {_TROUBLE[str(trouble)]}")
     if not found.regions:
-        raise StudyError(f"the program under QEMU never returned from {REGION}, or never entered it")
+        raise StudyError(f"the program {how} never returned from {REGION}, or never entered it")
     return found
 
 
 @dataclass
 class _Repeated:
-    """A repeated string instruction: QEMU 7.2 comes by once per element and once to see that none is left.
+    """A repeated string instruction: QEMU 7.2 comes by once per element and once to see that none is left
+    (the stepper writes its turns and its elements as one sum, which comes to the same).
 
     So it was executed `executed` minus the elements times. A comparison that ends early lacks that last
     time: then `fresh`, how often it was reached from the instruction before it. Bytes are its accesses'.
@@ -219,7 +236,8 @@ def attribute(program: Program, recording: Recording, output: str = "") -> Profi
             else:
                 counts = libraries["plt"]
             if not one.repeat:
-                counts.add(one, block.count)
+                lanes = recording.masked.get(one.address) if one.mask and one.lanes else None
+                counts.add(one, block.count, lanes and lanes[one.lanes.bit_length() - 1])
                 continue
             turns = repeated.setdefault(one.address, _Repeated(one, counts))
             turns.executed += block.count

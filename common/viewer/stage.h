@@ -1,0 +1,27 @@
+// A phase that is prepared for a scene, and the frame it draws.
+#ifndef STEPWISE_VIEWER_STAGE_H
+#define STEPWISE_VIEWER_STAGE_H
+
+#include "viewer/phases.h"
+#include "viewer/world.h"
+
+struct stage {
+    const struct viewer_phase *phase;
+    const struct world *world;
+    int threads;
+    struct prepared *prepared; // NULL: closed
+    struct model moving;       // of an animated scene: where the shapes are
+    struct frame frame;
+    uint64_t ns; // of the last frame: phase_update and phase_render, as the driver times them
+};
+
+// Opens a phase for a scene; closes what `stage` had before. Returns false with the reason in
+// `error` (SCENE_ERROR_SIZE bytes); the stage is then closed.
+bool stage_open(struct stage *stage, const struct viewer_phase *phase, const struct world *world,
+                int threads, char *error);
+// Renders the view at width x height pixels; `aov`: with depth, id, normal and evaluations.
+bool stage_render(struct stage *stage, const struct view *view, double seconds, int width,
+                  int height, bool aov, char *error);
+void stage_close(struct stage *stage);
+
+#endif

@@ -1,0 +1,262 @@
+// Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
+// of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+#include "fallback/trace.h"
+#include "simd/simd.h"
+
+#include <limits.h>
+
+// A ray leaves the bounds when |o + t·d|² > radius². That is a polynomial in t, and float knows it to a few
+// 2^-24 of radius². So a ray marches on until 2^-20 past the bounds, and within() checks its hit.
+struct bounds_exit {
+    vfloat linear, constant; // t·(t + linear) + constant > 0
+};
+
+static struct bounds_exit bounds_exit_of(struct point origin, struct vec direction,
+                                         const struct model *model) {
+    COUNT(bounds_exit_of, call);
+    COUNT(bounds_exit_of, scalar);
+    float radius = (float)model->march.bounds_radius;
+    struct vec o = origin.hi;
+    return (struct bounds_exit){v_splat(2.0f) * vec_dot(o, direction),
+                                vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
+}
+
+// Returns which points are within the bounds, in doubles.
+static vmask within(struct point place, const struct model *model) {
+    COUNT(within, call);
+    COUNT(within, scalar);
+    double radius = model->march.bounds_radius;
+    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
+}
+
+static inline vmask outside(struct bounds_exit exit, vfloat t) {
+    return v_cmp_gt(v_madd(t, t + exit.linear, exit.constant), v_splat(0.0f));
+}
+
+// The hit test in float: the hit distance, or 2^-24·t if that is more. Below half an ulp of t, which is at most
+// 2^-24·t, a step does not move the ray, and it would stall there until the step cap.
+static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
+    return v_cmp_lt(distance, v_max(hit_distance, t * v_splat(0x1p-24f)));
+}
+
+// Returns Newton's last step to the surface. Where a ray grazes, more than h is left to go: 33 times h on
+// scene0's plane at the horizon. Only for an h that rounding may leave: what a larger hit_distance leaves is
+// the scene's choice.
+static inline vfloat newton(vfloat h, vfloat slope, vfloat marched) {
+    COUNT(newton, call);
+    vmask rounding = v_cmp_lt(v_abs(h), marched * v_splat(0x1p-21f));
+    return v_select_or_zero(rounding, h / v_max(slope, v_splat(0x1p-9f)));
+}
+
+// The rays are at the distance before + t + last. t and the last step stay apart: their rounded sum would lose
+// the digits that place the hit on the surface.
+struct march_state {
+    struct point origin; // at the distance `before`
+    vfloat before, t, last, evals;
+    vmask done, found;
+    int steps; // of the ray that has taken the fewest, among the rays that march on
+};
+
+// Marches until every ray has ended. The hit test is that of a march in float, whose error grows with t.
+static inline void march(struct march_state *at, struct vec direction,
+                         const struct trace_context *world) {
+    COUNT(march, call);
+    const struct prepared *scene = world->scene;
+    struct bounds_exit exit = bounds_exit_of(at->origin, direction, &scene->model);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
+    vmask done = at->done, found = at->found;
+    vfloat t = v_splat(0.0f), last = t, evals = at->evals;
+    for (int step = at->steps; step < scene->model.march.max_steps; step++) {
+        ACTIVE(LANES - v_count(done));
+        COUNT(march, step);
+        vfloat distance = sdf(world->local_rays, t, scene, done, NULL);
+        evals = evals + v_zero_where(done, v_splat(1.0f));
+        vmask reached = v_andnot(done, reaches(distance, t, hit_distance));
+        last = v_select(reached, distance, last);
+        t = t + v_zero_where(v_or(done, reached), distance);
+        vmask ended = v_or(reached, v_andnot(done, outside(exit, t)));
+        if (v_any(ended)) {
+            found = v_or(found, reached);
+            done = v_or(done, ended);
+            if (v_all(done))
+                break;
+        }
+    }
+    *at = (struct march_state){at->origin, at->before, t, last, evals, done, found, at->steps};
+}
+
+// Sets the shape in which a ray of `deep` was when its march ended. The step back may bring it nearer to
+// another shape.
+__attribute__((noinline)) static void
+shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *shape) {
+    ACTIVE(v_count(deep));
+    COUNT(shape_inside, call);
+    vfloat inside = v_splat(-1.0f);
+    sdf(world->local_rays, t, world->scene, v_not(deep), &inside);
+    *shape = v_select(deep, inside, *shape);
+}
+
+// Returns the fewest evaluations that a ray of `on` has taken. The step cap holds for each ray by itself.
+static int fewest(vfloat evals, vmask on) {
+    float had[LANES];
+    int least = INT_MAX;
+    v_store(evals, had);
+    for (unsigned rest = v_mask_bits(on); rest; rest &= rest - 1) {
+        int evaluations = (int)had[__builtin_ctz(rest)];
+        least = evaluations < least ? evaluations : least;
+    }
+    return least;
+}
+
+// Completes hits at the end of a march: normal, shape and exact distance. deep: rays that started inside a
+// shape, `inside`. Precondition: the hits are the origins of world->local_rays, and `near` describes their
+// surroundings.
+__attribute__((always_inline)) static inline void
+finish_hits(const struct march_state *at, struct vec direction, vmask deep, vfloat inside,
+            struct hit_surroundings near, const struct trace_context *world, struct hit *hit) {
+    const struct prepared *scene = world->scene;
+    vfloat marched = at->before + at->t;
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), marched); // rays that hit where they start
+    hit->found = v_and(hit->found, v_or(within(at->origin, &scene->model), unmoved));
+    if (v_any(deep)) {
+        COUNT(ray_march, deep);
+        near.contact =
+            v_or(near.contact, v_and(deep, v_cmp_ge(v_abs(near.shape - inside), v_splat(0.5f))));
+        near.shape = v_select(deep, inside, near.shape);
+    }
+    vfloat slope;
+    hit->normal = normal_at(direction, hit->found, &near, world, &slope);
+    ACTIVE(v_count(hit->found));
+    COUNT(ray_march, end);
+    hit->shape = v_select(hit->found, near.shape, hit->shape);
+    vfloat more = v_zero_where(deep, newton(near.distance, slope, marched));
+    hit->t = at->before + (at->t + (at->last + more));
+    hit->point = at->origin;
+    hit->point.lo = vec_along(hit->point.lo, direction, more);
+    move_local_rays(more, scene, world->local_rays);
+}
+
+// Each hit becomes an origin in the frames of all shapes: there the distance is rounded at the size of a
+// shape, not at that of the distance marched. A hit further than twice the hit distance from its shape
+// marches on from there: the march erred, or its test was wider than the scene's.
+void ray_march(struct point origin, struct vec direction, vmask active,
+               const struct trace_context *world, struct hit *hit) {
+    COUNT(ray_march, call);
+    COUNT(ray_march, scalar);
+    const struct prepared *scene = world->scene;
+    float twice = 2.0f * (float)scene->model.march.hit_distance;
+    vfloat zero = v_splat(0.0f), off_from = v_splat(twice), sunk_from = v_splat(-twice);
+    vfloat most = v_splat((float)scene->model.march.max_steps);
+    struct march_state at = {
+        .origin = origin, .before = zero, .evals = zero, .found = v_mask_none()};
+    at.done = v_not(active);
+    vmask deep = v_mask_none(); // a ray that started inside a shape has stepped back out of it
+    vfloat inside = v_splat(-1.0f);
+    struct hit_surroundings near = {zero, inside, v_mask_none()};
+    set_local_origins(origin, scene, world->local_rays);
+    set_local_directions(direction, scene, world->local_rays);
+    for (;;) {
+        vmask settled = at.found;
+        march(&at, direction, world);
+        if (!v_any(at.found))
+            break;
+        ACTIVE(v_count(at.found));
+        COUNT(ray_march, landed);
+        // march() counts from the ray with the fewest steps: others may have taken more than the cap.
+        at.found = v_andnot(v_cmp_gt(at.evals, most), at.found);
+        vmask sunk = v_and(at.found, v_cmp_lt(at.last, sunk_from));
+        if (v_any(sunk))
+            shape_inside(sunk, at.t, world, &inside);
+        deep = v_or(deep, sunk);
+        at.origin = point_at(at.origin, direction, at.t, at.last);
+        set_local_origins(at.origin, scene, world->local_rays);
+        near = near_hit(at.found, world);
+        vmask off =
+            v_and(at.found, v_andnot(v_or(deep, settled), v_cmp_gt(near.distance, off_from)));
+        if (!v_any(off))
+            break;
+        ACTIVE(v_count(off));
+        COUNT(ray_march, on);
+        // The ray starts far enough back to be in front of the surface, even of a shape as thin as an ulp of t.
+        vfloat back = v_select_or_zero(off, at.t * v_splat(-0x1p-22f));
+        at.origin.lo = vec_along(at.origin.lo, direction, back);
+        at.before = at.before + (at.t + (at.last + back));
+        set_local_origins(at.origin, scene, world->local_rays);
+        set_local_directions(direction, scene, world->local_rays);
+        at.found = v_andnot(off, at.found);
+        at.done = v_andnot(off, at.done);
+        at.done = v_or(at.done, v_cmp_ge(at.evals, most));
+        int had = fewest(at.evals, off); // a float, which cannot count past 2^24
+        at.steps = had > at.steps ? had : at.steps + 1;
+    }
+    *hit = (struct hit){.found = at.found, .shape = v_splat(-1.0f), .evals = v_min(at.evals, most)};
+    if (!v_any(at.found))
+        return;
+    finish_hits(&at, direction, deep, inside, near, world, hit);
+}
+
+// The least ratio h/t to the light, to within ROOM: h falls no faster than t grows, so no ratio below best − ROOM is
+// within (h − (best − ROOM)·t)/(1 + best). Slow: steps are ROOM·t where the ratio is near its least.
+#define ROOM (1.0f / 1024)
+static vfloat soft_shadow(vfloat distance, vmask active, const struct trace_context *world) {
+    COUNT(soft_shadow, call);
+    COUNT(soft_shadow, scalar);
+    const struct prepared *scene = world->scene;
+    const struct model *model = &scene->model;
+    vmask done = v_not(active);
+    vfloat strength = v_splat((float)model->shadow_strength), zero = v_splat(0.0f);
+    vfloat t = v_splat((float)model->march.surface_offset), most = v_splat(1.0f) / strength;
+    vfloat best = most, room = v_splat(ROOM) * v_min(most, v_splat(1.0f));
+    done = v_or(done, v_not(v_cmp_lt(t, distance)));
+    while (!v_all(done)) {
+        ACTIVE(LANES - v_count(done));
+        COUNT(soft_shadow, step);
+        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
+        best = v_select(done, best, v_min(best, v_max(h / t, zero)));
+        vfloat goal = best - room, one = v_splat(1.0f);
+        vfloat step = v_nmadd(goal, t, h) / (one + v_max(goal, zero));
+        step = v_max(step, v_splat(0x1p-20f) * t);
+        done = v_or(done, v_or(v_cmp_le(best, zero), v_cmp_ge(t, distance)));
+        t = v_select(done, t, v_min(t + step, distance));
+    }
+    return v_min(best * strength, v_splat(1.0f));
+}
+
+static vfloat hard_shadow(vfloat distance, vmask active, struct bounds_exit exit,
+                          const struct trace_context *world) {
+    COUNT(hard_shadow, call);
+    const struct prepared *scene = world->scene;
+    vmask done = v_not(active);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
+    vfloat lit = v_splat(1.0f), t = v_splat((float)scene->model.march.surface_offset);
+    for (int step = 0; step < scene->model.march.max_steps; step++) {
+        ACTIVE(LANES - v_count(done));
+        COUNT(hard_shadow, test);
+        done = v_or(done, v_not(v_cmp_lt(t, distance)));
+        if (v_all(done))
+            break;
+        ACTIVE(LANES - v_count(done));
+        COUNT(hard_shadow, step);
+        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
+        vmask blocked = v_andnot(done, reaches(h, t, hit_distance));
+        lit = v_zero_where(blocked, lit);
+        done = v_or(done, blocked);
+        t = t + v_zero_where(done, h);
+        done = v_or(done, outside(exit, t));
+    }
+    return lit;
+}
+
+// Returns 1 where the light reaches the point, 0 where it does not, and values between in the penumbra of a
+// soft shadow.
+vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
+              const struct trace_context *world) {
+    COUNT(shadow, call);
+    const struct prepared *scene = world->scene;
+    if (scene->model.shadows == SHADOWS_NONE)
+        return v_splat(1.0f);
+    set_local_directions(to_light, scene, world->local_rays);
+    struct bounds_exit exit = bounds_exit_of(point, to_light, &scene->model);
+    return scene->model.shadows == SHADOWS_SOFT ? soft_shadow(distance, active, world)
+                                                : hard_shadow(distance, active, exit, world);
+}

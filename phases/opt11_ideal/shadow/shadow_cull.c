@@ -1,0 +1,138 @@
+// Shadow rays that no shape but their own can darken, and that one's shadow. The ratio of a convex solid on which
+// a ray starts is least at the start (PROOFS.md, 5.).
+#include "bulb/bulb_estimate.h"
+#include "core/tile_context.h"
+#include "repetition/repeated_rays.h"
+#include "shadow/own_solid.h"
+#include "shadow/shadow_cone.h"
+
+// Rays whose ratio is nowhere below this are lit. The margin is for rounding.
+static inline float lit_ratio(const struct known_scene *scene) {
+    return (float)((1 + 1e-5) / scene->model.shadow_strength);
+}
+
+// Removes from *clear the rays that shape i may darken.
+INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light,
+                                vfloat facing, vfloat shape, const struct tile_context *work,
+                                vmask *clear) {
+    if (!v_any(*clear))
+        return;
+    const struct known_scene *scene = KNOWN(work->scene);
+    const struct primitive *s = &scene->primitives[i];
+    float q = lit_ratio(scene);
+    vmask here;
+    if (s->eval == EVAL_LINEAR) {
+        COUNT(trivially_lit, plane);
+        COUNT(trivially_lit, plane_scalar);
+        here = v_or(is_shape(shape, i),
+                    plane_clears(height_over(s, point), add_dot(s->normal, to_light), q, scene));
+    } else {
+        COUNT(trivially_lit, solid);
+        COUNT(trivially_lit, solid_scalar);
+        // A Mandelbulb's estimate is this share of the distance or more.
+        float slope = s->type == SHAPE_MANDELBULB ? q / BULB_SHARE : q;
+        slope = slope < 1.0f ? slope : 1.0f; // a cone of slope 1 meets all
+        struct vec to = to_centre(s, point);
+        here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);
+        if (v_any(v_andnot(here, *clear))) {
+            COUNT(trivially_lit, self);
+            here = v_or(here, v_and(is_shape(shape, i), convex_from(s, local, facing, scene)));
+        }
+    }
+    *clear = v_and(*clear, here);
+}
+
+vmask trivially_lit(const struct vec *point, const struct vec *local, const struct vec *to_light,
+                    vfloat facing, vfloat shape, vmask active, const struct tile_context *work) {
+    ACTIVE(v_count(active));
+    COUNT(trivially_lit, call);
+    vmask clear = REPEATS(work->scene) ? v_mask_none() : active; // a copy may be anywhere
+    UNROLL_SHAPES
+    for (int k = 0; k < set_end(&work->scratch->occluders); k++)
+        if (set_has(&work->scratch->occluders, k))
+            shape_trivially_lit(set_shape(&work->scratch->occluders, k), *point, *local, *to_light,
+                                facing, shape, work, &clear);
+    return clear;
+}
+
+vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light, vfloat facing,
+                   const struct prepared *scene) {
+    COUNT(self_shadow, call);
+    vfloat strength = v_splat((float)KNOWN(scene)->model.shadow_strength), ratio = facing;
+    vfloat offset = v_splat((float)KNOWN(scene)->model.march.surface_offset);
+    if (s->eval != EVAL_LINEAR)
+        ratio = own_ratio(s, local, turned(s, to_light), offset);
+    return v_min(v_splat(1.0f), strength * ratio);
+}
+
+// Hard shadow rays, from where a march would begin to the light or to the bounds.
+struct light_segment {
+    struct vec point, start, local, to_light;
+    vfloat shape, path_length, reach; // reach: path_length and a margin for rounding
+};
+
+// Removes from *open the rays that shape i blocks.
+INLINE void block_light(int i, const struct light_segment *w, const struct tile_context *work,
+                        vmask *open) {
+    if (!v_any(*open))
+        return;
+    const struct known_scene *scene = KNOWN(work->scene);
+    const struct primitive *s = &scene->primitives[i];
+    COUNT(reaches_light, shape);
+    vfloat zero = v_splat(0.0f), offset = v_splat((float)scene->model.march.surface_offset);
+    vmask self = is_shape(w->shape, i), blocked;
+    if (s->eval == EVAL_LINEAR) {
+        COUNT(reaches_light, plane);
+        vfloat slope = add_dot(s->normal, w->to_light), height = height_over(s, w->start);
+        blocked = v_andnot(self, v_cmp_lt(v_madd(w->path_length, slope, height), zero));
+        blocked = v_or(blocked, v_andnot(self, v_cmp_lt(height, zero)));
+    } else if (REPEATED(s)) {
+        COUNT(reaches_light, repeated);
+        struct vec from = vec_along(w->local, turned(s, w->to_light), offset);
+        from = vec_select(self, from, to_local(s, w->start));
+        blocked = cells_occlude(s, from, w->to_light, self, *open, w->reach);
+    } else {
+        COUNT(reaches_light, solid);
+        struct vec at, d = turned(s, w->to_light),
+                       o = vec_select(self, vec_along(w->local, d, offset), to_local(s, w->start));
+        vmask tested = s->convex ? v_andnot(self, *open) : *open;
+        vfloat t;
+        vmask within;
+        blocked = enter(o, d, s, tested, &t, &at, &within);
+        blocked = v_and(blocked, v_cmp_lt(t, w->reach));
+        if (!s->convex) {
+            COUNT(reaches_light, torus);
+            within = v_and(tested, v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
+        }
+        if (v_any(within)) {
+            COUNT(reaches_light, within);
+            blocked =
+                v_or(blocked, v_and(within, v_cmp_lt(distance_at(o, s, v_mask_none()), zero)));
+        }
+    }
+    *open = v_andnot(v_and(blocked, v_cmp_gt(w->path_length, zero)), *open);
+}
+
+vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfloat shape,
+                    vfloat distance, vmask active, const struct tile_context *work) {
+    ACTIVE(v_count(active));
+    COUNT(reaches_light, call);
+    COUNT(reaches_light, scalar);
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    vfloat zero = v_splat(0.0f), offset = v_splat((float)model->march.surface_offset),
+           hit = v_splat((float)work->scene->model.march.hit_distance);
+    float radius = (float)model->march.bounds_radius;
+    struct vec start = vec_along(point, to_light, offset);
+    vfloat along = vec_dot(start, to_light);
+    vfloat leaves =
+        v_sqrt(v_max(v_madd(along, along, v_splat(radius * radius) - vec_dot(start, start)), zero));
+    vfloat path_length = v_min(distance - offset, leaves - along);
+    vfloat reach = v_madd(path_length, v_splat(1.0f + 0x1p-21f), hit);
+    struct light_segment w = {point, start, local, to_light, shape, path_length, reach};
+    vmask open = active;
+    UNROLL_SHAPES
+    for (int k = 0; k < set_end(&work->scratch->occluders); k++)
+        if (set_has(&work->scratch->occluders, k))
+            block_light(set_shape(&work->scratch->occluders, k), &w, work, &open);
+    return open;
+}

@@ -1,0 +1,237 @@
+// Soft shadows without a march: the least strength·h(t)/t between the start of a shadow ray and the light, solid by
+// solid. The scene's least ratio is the least over its shapes, in any order.
+#include "bvh/bvh_lists.h"
+#include "core/sdf.h"
+#include "core/tile_context.h"
+#include "repetition/repeated_rays.h"
+#include "shadow/own_solid.h"
+#include "shadow/shadow_batch.h"
+#include "shadow/shadow_cone.h"
+#include "shadow/shadow_rays.h"
+#include "shadow/soft_packet.h"
+#include "shadow/widest_torus.h"
+
+// The ratio of a plane falls or rises all along.
+INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_scene *scene) {
+    ACTIVE(v_count(w->active));
+    COUNT(darken_by_plane, call);
+    const struct primitive *s = &scene->primitives[i];
+    vmask self = is_shape(w->shape, i);
+    vfloat slope = add_dot(s->normal, w->to_light), zero = v_splat(0.0f);
+    vfloat height = v_zero_where(self, height_over(s, w->point));
+    vfloat t = v_select(v_cmp_lt(height, zero), w->near, w->far);
+    vfloat ratio = v_max(slope + height / t, zero);
+    w->best = v_select(w->active, v_min(w->best, ratio), w->best);
+}
+
+INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared *prepared) {
+    ACTIVE(v_count(w->active));
+    COUNT(darken_by_solid, call);
+    const struct known_scene *scene = KNOWN(prepared);
+    const struct primitive *s = &scene->primitives[i];
+    vmask self = v_and(is_shape(w->shape, i), w->active), others = w->active;
+    vmask far_side = v_mask_none();
+    if (v_any(self)) {
+        ACTIVE(v_count(self));
+        COUNT(darken_by_solid, self);
+        vfloat own = own_ratio(s, w->local, turned(s, w->to_light), w->near);
+        w->best = v_select(self, v_min(w->best, own), w->best);
+        others = v_andnot(self, others);
+        if (!s->convex) {
+            COUNT(darken_by_solid, ring);
+            COUNT(darken_by_solid, ring_scalar);
+            vfloat square = v_madd(w->local.x, w->local.x, w->local.z * w->local.z);
+            far_side = v_and(self, v_cmp_lt(square, v_splat(s->a * s->a)));
+        }
+    }
+    // The solid does not come into a cone of slope `best` if its bounding sphere does not.
+    struct vec to = to_centre(s, w->point);
+    vfloat along = vec_dot(to, w->to_light), best = w->best;
+    vfloat c = vec_dot(to, to) - v_splat(s->bound_sq);
+    vfloat b = v_max(v_madd(best, v_splat(s->bound), along), v_splat(0.0f));
+    vfloat narrow = v_nmadd(best, best, v_splat(1.0f));
+    vmask clear = v_and(v_cmp_lt(b * b, narrow * c), v_cmp_gt(narrow, v_splat(0.0f)));
+    vmask met = v_or(v_andnot(clear, others), far_side);
+    if (!v_any(met))
+        return;
+    ACTIVE(v_count(met));
+    COUNT(darken_by_solid, met);
+    COUNT(darken_by_solid, met_scalar);
+    struct vec zero = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    struct cone_rays r = {turned(s, vec_along(zero, to, v_splat(-1.0f))), turned(s, w->to_light),
+                          w->near, w->far};
+    vfloat room = v_splat(room_for((float)scene->model.shadow_strength)), where;
+    if (s->type == SHAPE_SPHERE) {
+        w->best = widest_sphere(&r, s, best, met);
+    } else if (s->convex) {
+        w->best = widest_convex(&r, s, best, met, room, &where);
+    } else {
+        COUNT(darken_by_solid, torus);
+        COUNT(darken_by_solid, torus_scalar);
+        r.o = vec_select(far_side, w->local, r.o);
+        r.near = v_select(far_side, v_max(r.near, v_splat(NEAR_TUBE * s->b)), r.near);
+        met = v_and(met, v_cmp_lt(r.near, r.far));
+        w->best = widest_torus(&r, s, best, met, room);
+    }
+}
+
+// A Mandelbulb is searched for all queued rays at once, by search_bulb().
+INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepared) {
+    const struct primitive *s = &KNOWN(prepared)->primitives[i];
+    if (!v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.0f)))))
+        return;
+    if (s->eval == EVAL_LINEAR)
+        darken_by_plane(i, w, KNOWN(prepared));
+    else if (REPEATED(s))
+        w->best = widest_in_cells(i, w, room_for((float)KNOWN(prepared)->model.shadow_strength),
+                                  prepared);
+    else if (s->type != SHAPE_MANDELBULB)
+        darken_by_solid(i, w, prepared);
+}
+
+// Sets how far the rays go, and the ratio of a lit ray.
+static void begin_soft_packet(struct soft_packet *w, const struct tile_context *work) {
+    ACTIVE(v_count(w->active));
+    COUNT(begin_soft_packet, call);
+    COUNT(begin_soft_packet, scalar);
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    struct vec l = {v_splat(work->light[0]) - w->point.x, v_splat(work->light[1]) - w->point.y,
+                    v_splat(work->light[2]) - w->point.z};
+    w->near = v_splat((float)model->march.surface_offset);
+    w->far = vec_norm(l);
+    w->active = v_and(w->active, v_cmp_lt(w->near, w->far));
+    w->best = v_splat((float)(1.0 / model->shadow_strength));
+}
+
+static inline vfloat lit_share(vfloat ratio, const struct tile_context *work) {
+    COUNT(lit_share, call);
+    vfloat strength = v_splat((float)KNOWN(work->scene)->model.shadow_strength);
+    return v_min(strength * ratio, v_splat(1.0f));
+}
+
+// Lists in scratch->occluders the shapes that a cone about a ray of the packet can meet: those that the BVH finds for one
+// cone about them all. Returns false if the rays are too far apart for that.
+static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
+                            const struct tile_context *work) {
+    ACTIVE(v_count(rays));
+    COUNT(list_for_packet, call);
+    COUNT(list_for_packet, scalar);
+    vfloat infinite = v_splat(INFINITY);
+    const vfloat at[3] = {w->point.x, w->point.y, w->point.z};
+    float centre[3], to_light[3], square = 0, distance = 0;
+    for (int k = 0; k < 3; k++) {
+        float low = v_reduce_min(v_select(rays, at[k], infinite));
+        float high = v_reduce_max(v_select(rays, at[k], v_splat(-INFINITY)));
+        centre[k] = 0.5f * (low + high);
+        square += 0.25f * (high - low) * (high - low);
+        to_light[k] = work->light[k] - centre[k];
+        distance += to_light[k] * to_light[k];
+    }
+    distance = sqrtf(distance);
+    float radius = sqrtf(square) * (1 + 1e-4f);
+    if (!(radius < 0.25f * distance))
+        return false;
+    COUNT(list_for_packet, near);
+    for (int k = 0; k < 3; k++)
+        to_light[k] /= distance;
+    bvh_list_towards_light(centre, radius, to_light, q + radius / (distance - radius), work);
+    return true;
+}
+
+// First the solids that the rays may hit: rays that are dark then ask no more. Then those that can come into the widest
+// cone that is left.
+static void darken_by_listed(struct soft_packet *w, const struct tile_context *work) {
+    const struct shape_set *listed = &work->scratch->occluders;
+    vfloat zero = v_splat(0.0f);
+    for (int round = 0; round < 2; round++) {
+        vmask rays = v_and(w->active, v_cmp_gt(w->best, zero));
+        if (!v_any(rays))
+            return;
+        COUNT(darken_by_listed, round);
+        float q = round == 0 ? 1e-3f : v_reduce_max(v_select_or_zero(rays, w->best));
+        bool all = !list_for_packet(w, rays, q * (1 + 1e-5f), work);
+        int count = all ? KNOWN(work->scene)->model.shape_count : set_end(listed);
+        for (int k = 0; k < count; k++)
+            darken_by(all ? k : set_shape(listed, k), w, work->scene);
+        if (all)
+            return;
+    }
+}
+
+static struct vec gather_vec(float field[][QUEUE_ROOM], vindex at) {
+    return (struct vec){v_gather(field[0], at), v_gather(field[1], at), v_gather(field[2], at)};
+}
+
+// With a BVH. The queue is sorted, so that the rays of a packet are near to each other: by solid, in the BVH's order.
+static void cast_sorted(const struct tile_context *work) {
+    COUNT(cast_sorted, call);
+    struct worker_scratch *scratch = work->scratch;
+    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    sort_shadow_rays(scratch, work->scene);
+    for (int first = 0; first < scratch->shadows; first += LANES) {
+        vmask rays = v_mask_first(int_min(LANES, scratch->shadows - first));
+        vindex at = v_index_u16(rays, scratch->order[0] + first);
+        struct soft_packet w = {.point = gather_vec(field + S_POINT, at),
+                                .local = gather_vec(field + S_LOCAL, at),
+                                .to_light = gather_vec(field + S_TO_LIGHT, at),
+                                .shape = v_gather(field[S_SHAPE], at),
+                                .active = rays};
+        COUNT(cast_sorted, packet);
+        begin_soft_packet(&w, work);
+        darken_by_listed(&w, work);
+        add_light(rays, vec_scale(gather_vec(field + S_LIGHT, at), lit_share(w.best, work)),
+                  v_gather(field[S_PIXEL], at), scratch);
+    }
+}
+
+// Adds the light of the queued rays that begin at `first`, by their ratios.
+static inline void add_queued_light(int first, vmask rays, vfloat ratio,
+                                    const struct tile_context *work) {
+    ACTIVE(v_count(rays));
+    COUNT(add_queued_light, call);
+    float (*field)[QUEUE_ROOM] = work->scratch->shadow;
+    add_light(rays, vec_scale(load_vec(field + S_LIGHT, first), lit_share(ratio, work)),
+              v_load(&field[S_PIXEL][first]), work->scratch);
+}
+
+// Then the scene's Mandelbulb, for all packets of the queue.
+static inline void cast_to_bulb(const struct tile_context *work) {
+    struct worker_scratch *scratch = work->scratch;
+    search_bulb(work);
+    for (int first = 0; first < scratch->shadows; first += LANES)
+        add_queued_light(first, v_mask_first(int_min(LANES, scratch->shadows - first)),
+                         v_load(&scratch->shadow[S_LIT][first]), work);
+}
+
+// All shapes in turn, for the queue's packets as they are.
+static inline void cast_in_order(const struct tile_context *work) {
+    COUNT(cast_in_order, call);
+    struct worker_scratch *scratch = work->scratch;
+    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    for (int first = 0; first < scratch->shadows; first += LANES) {
+        vmask rays = v_mask_first(int_min(LANES, scratch->shadows - first));
+        struct soft_packet w = {.point = load_vec(field + S_POINT, first),
+                                .local = load_vec(field + S_LOCAL, first),
+                                .to_light = load_vec(field + S_TO_LIGHT, first),
+                                .shape = v_load(&field[S_SHAPE][first]),
+                                .active = rays};
+        begin_soft_packet(&w, work);
+        UNROLL_SHAPES
+        for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+            darken_by(i, &w, work->scene);
+        if (KNOWN(work->scene)->bulbs > 0)
+            v_store(w.best, &field[S_LIT][first]);
+        else
+            add_queued_light(first, rays, w.best, work);
+    }
+    if (KNOWN(work->scene)->bulbs > 0)
+        cast_to_bulb(work);
+}
+
+void cast_packets(const struct tile_context *work) {
+    if (HAS_BVH(work->scene))
+        cast_sorted(work);
+    else
+        cast_in_order(work);
+    work->scratch->shadows = 0;
+}

@@ -1,0 +1,192 @@
+"""Scene files of the paper's program, converted to this project's format (common/scenes/README.md).
+
+Such a file has camera, light, transforms, materials and shapes, which name a transform and a material by
+their index. All else is compiled into the program: `COMPILED` has its master's values.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+from study.core import json_files
+from study.core.cli import StudyError
+
+COMPILED = {  # config.h of the branch master
+    "background": [0, 0, 0],
+    "fog": 5e-06,
+    "march": {
+        "max_steps": 3000,
+        "hit_distance": 1e-06,
+        "bounds_radius": 100,
+        "max_bounces": 3,
+        "normal_step": 0.0001,
+        "surface_offset": 0.001,
+    },
+}
+SHADOW_STRENGTH = 3
+LEAST, MOST = 1e-9, 1e9  # of what our format takes as a length
+# How many parameters a shape needs; its program takes no notice of more.
+PARAMETERS = {"plane": 4, "sphere": 1, "box": 3, "cone": 3, "octahedron": 1, "torus": 2, "mandelbulb": 0}
+
+Number = Annotated[float, Meta(ge=-MOST, le=MOST)]
+Colour = Annotated[float, Meta(ge=0, le=MOST)]
+Index = Annotated[int, Meta(ge=0)]
+
+
+class Point(Struct, forbid_unknown_fields=True):
+    x: Number
+    y: Number
+    z: Number
+
+
+class Light3(Struct, forbid_unknown_fields=True):
+    """A colour."""
+
+    x: Colour
+    y: Colour
+    z: Colour
+
+
+class Camera(Struct, forbid_unknown_fields=True):
+    width: Annotated[int, Meta(ge=1)]
+    height: Annotated[int, Meta(ge=1)]
+    fov: Annotated[float, Meta(ge=1, le=170)]
+    position: Point
+    rotation: Point
+
+
+class Light(Struct, forbid_unknown_fields=True):
+    position: Point
+    emission: Light3
+
+
+class Transform(Struct, forbid_unknown_fields=True):
+    position: Point
+    rotation: Point
+
+
+class Material(Struct, forbid_unknown_fields=True):
+    reflection: Annotated[float, Meta(ge=0, le=1)]
+    shininess: Annotated[float, Meta(gt=0, le=MOST)]
+    surface: Light3
+
+
+class Shape(Struct, forbid_unknown_fields=True):
+    name: Literal["plane", "sphere", "box", "cone", "octahedron", "torus", "mandelbulb"]
+    transform_idx: Index
+    material_idx: Index
+    params: list[Number]
+
+
+class Theirs(Struct, forbid_unknown_fields=True):
+    """A scene file of the paper's program."""
+
+    camera: Camera
+    pointlight: Light
+    transforms: list[Transform]
+    materials: list[Material]
+    geometric_objects: Annotated[list[Shape], Meta(min_length=1, max_length=4096)]
+
+
+def triple(v: Point | Light3) -> list[float]:
+    return [v.x, v.y, v.z]
+
+
+def read(path: Path) -> Theirs:
+    """The file, checked. Raises StudyError: one line with the file, the line or key, and what is wrong."""
+    data = json_files.read_json(path, any_number=True)
+    try:
+        return msgspec.convert(data, Theirs)
+    except (msgspec.ValidationError, OverflowError) as error:
+        said = " ".join(str(error).split()).replace("`", "'")
+        raise StudyError(f"{path}: {said}") from None
+
+
+def camera_of(camera: Camera, path: Path) -> dict[str, Any]:
+    """Ours. Its program turns the view down by rotation.x and right by rotation.y, and leaves out z. It then
+    takes the view's z for the focal length, so a turned camera sees a wider angle. Raises StudyError."""
+    x, y = math.radians(camera.rotation.x), math.radians(camera.rotation.y)
+    ahead = [math.cos(x) * math.sin(y), -math.sin(x), math.cos(x) * math.cos(y)]
+    degrees = 0.0
+    if ahead[2] > 0:
+        straight = ahead[2] == 1
+        half = math.tan(math.radians(camera.fov / 2)) / ahead[2]
+        degrees = camera.fov if straight else 2 * math.degrees(math.atan(half))
+    if not 1 <= degrees <= 170:
+        raise StudyError(
+            f"{path}: $.camera.rotation: our cameras see 1 to 170 degrees; with this rotation its program "
+            f"draws {f'{degrees:.1f} degrees' if degrees else 'a mirrored picture'}"
+        )
+    position = triple(camera.position)
+    return {
+        "position": position,
+        "look_at": [p + a for p, a in zip(position, ahead, strict=True)],
+        "up": [0, 1, 0],
+        "vertical_fov_degrees": degrees,
+    }
+
+
+def shape_of(shape: Shape, number: int, theirs: Theirs, path: Path) -> dict[str, Any]:
+    """Ours. Raises StudyError with the key."""
+    at = f"{path}: $.geometric_objects[{number}]"
+    for kind, index, many in (
+        ("transform", shape.transform_idx, theirs.transforms),
+        ("material", shape.material_idx, theirs.materials),
+    ):
+        if index >= len(many):
+            raise StudyError(f"{at}.{kind}_idx: {index}, but there are {len(many)} {kind}s")
+    p, need = shape.params, PARAMETERS[shape.name]
+    if len(p) < need:
+        raise StudyError(f"{at}.params: a {shape.name} needs {need} numbers, not {len(p)}")
+    if shape.name == "plane" and not any(abs(x) >= LEAST for x in p[:3]):
+        raise StudyError(f"{at}.params: the plane's normal is zero")
+    for i, size in enumerate(p[:need] if shape.name != "plane" else []):
+        if size < LEAST:
+            raise StudyError(f"{at}.params[{i}]: {size:g} is no size, which must be {LEAST:g} or more")
+    sizes: dict[str, dict[str, Any]] = {
+        "plane": {"normal": p[:3], "offset": p[3:4]},
+        "sphere": {"radius": p[:1]},
+        "box": {"half_size": p[:3]},
+        "cone": {"bottom_radius": p[:1], "top_radius": p[1:2], "half_height": p[2:3]},
+        "octahedron": {"radius": p[:1]},
+        "torus": {"major_radius": p[:1], "minor_radius": p[1:2]},
+        "mandelbulb": {"power": [8], "iterations": [4], "bailout": [256]},  # compiled in
+    }
+    placed = theirs.transforms[shape.transform_idx]
+    made = {key: value[0] if len(value) == 1 else value for key, value in sizes[shape.name].items()}
+    where = {"position": triple(placed.position), "rotation_degrees": triple(placed.rotation)}
+    where = {key: value for key, value in where.items() if any(value)}
+    return {"type": shape.name, **made, **where, "material": f"material{shape.material_idx}"}
+
+
+def converted(path: Path) -> dict[str, Any]:
+    """The scene of that file in our format. Its program casts no shadow in a scene of one shape.
+
+    Raises StudyError in one line: the file, the line or key, and what our format lacks.
+    """
+    theirs = read(path)
+    shapes = [shape_of(one, i, theirs, path) for i, one in enumerate(theirs.geometric_objects)]
+    materials = {
+        f"material{i}": {
+            "color": triple(one.surface),
+            "reflectivity": one.reflection,
+            "shininess": one.shininess,
+        }
+        for i, one in enumerate(theirs.materials)
+    }
+    light = {"position": triple(theirs.pointlight.position), "emission": triple(theirs.pointlight.emission)}
+    light |= {"shadows": "soft" if len(shapes) > 1 else "none", "shadow_strength": SHADOW_STRENGTH}
+    used = {shape["material"] for shape in shapes}
+    kept = {name: one for name, one in materials.items() if name in used}
+    return {
+        "camera": camera_of(theirs.camera, path),
+        "light": light,
+        **COMPILED,
+        "materials": kept,
+        "shapes": shapes,
+    }

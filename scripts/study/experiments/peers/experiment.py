@@ -1,0 +1,17 @@
+"""Our phases beside what one would use instead: POV-Ray, OpenGL and OpenCL on the CPU, Taichi and others."""
+
+from __future__ import annotations
+
+from study.experiments.experiment import Experiment
+from study.experiments.peers import tables
+from study.experiments.peers.schema import SCHEMAS
+
+EXPERIMENT = Experiment(
+    name="peers",
+    what="our phases beside other programs",
+    turn=145,
+    schemas=SCHEMAS,
+    depth=None,  # it draws with what the user has installed for it, so no two studies would have the same
+    sections=[(165, lambda data: tables.section(data.path))],
+    cut="The other programs are not among what `make study` installs.",
+)

@@ -1,0 +1,171 @@
+"""Our phases beside other programs: scenes, launches in turn, errors to ground truth."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import registry, run, store, temporary
+from study.core.cli import StudyError
+from study.core.registry import Scene, Spec
+from study.experiments.peers.peer import Drawn, Job, Peer
+from study.numbers import stats
+from study.pictures import images
+from study.truth import truth
+
+FILE = "peers.json"
+FRAMES = 4  # timed ones of a launch; one where a frame takes a second
+FACTOR = 4  # of the averaged pictures of fractals, each way
+PHASES = ("opt4", "opt9_convex", "opt10_scene")
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Point:
+    """A program on a scene, on a number of threads."""
+
+    program: str
+    scene: str
+    threads: int
+
+
+def plain(name: str, folder: Path) -> Scene:
+    """The scene without shadows and mirrors, as NAME_plain.json in `folder`."""
+    scene = registry.find_scene(name.removesuffix("_plain"))
+    materials = {key: {**one, "reflectivity": 0.0} for key, one in scene.data["materials"].items()}
+    light = {**scene.data["light"], "shadows": "none"}
+    data = {**scene.data, "light": light, "materials": materials}
+    path = folder / f"{scene.name}_plain.json"
+    store.write_json(path, data)
+    return Scene(path.stem, path, data, scene.fractal)
+
+
+def errors(exact: images.Picture, rgb: np.ndarray, fractal: bool) -> Row:
+    """Of linear colours to ground truth, where it knows them; of a fractal's 4×4 means."""
+    known = (exact["status.all"] >= truth.CONVERGED) & np.isfinite(images.rgb(exact)).all(axis=-1)
+    pair = [np.where(known[..., None], one, 0).astype(np.float32) for one in (images.rgb(exact), rgb)]
+    bad = int((~np.isfinite(pair[1])).sum())
+    if fractal:
+        whole = np.repeat(known[..., None], 3, axis=-1).astype(np.float32)
+        known = images.box_average(whole, FACTOR)[..., 0] == 1
+        pair = [images.box_average(one, FACTOR) for one in pair]
+    found = images.colour_errors(*pair, False, known)
+    names = ("psnr_db", "rmse", "fraction_over_1_255", "psnr_display_db")
+    return {name: found[name] for name in names} | {"averaged": fractal, "non_finite": bad}
+
+
+class Measuring:
+    """Draws and times points. `others`: what is not ours, by its name."""
+
+    def __init__(
+        self, others: Mapping[str, Peer], scenes: Mapping[str, Scene], height: int, cpu: int
+    ) -> None:
+        self.others, self.scenes, self.height, self.cpu = others, scenes, height, cpu
+        self.versions: dict[str, str] = {}
+        self.reps: dict[tuple[str, str], int] = {}
+
+    def draw(self, point: Point, height: int, frames: int, padding: int = 0, picture: bool = False) -> Drawn:
+        """One launch. Raises StudyError."""
+        scene = self.scenes[point.scene]
+        size = scene.size(height)
+        with temporary.folder() as folder:
+            if point.program in self.others:
+                cpus = run.cpu_set(self.cpu, point.threads) or set(run.USABLE)
+                job = Job(scene, size, point.threads, frames, cpus, folder, padding, picture)
+                return self.others[point.program].draw(job)
+            out = folder / "picture.exr" if picture else None
+            how = {"cpu": self.cpu, "threads": point.threads, "env_bytes": padding, "out": out}
+            how |= {"warmup": int(frames > 1), "reps": frames}
+            with contextlib.closing(run.frames(point.program, scene.path, size[1], size[0], **how)) as made:
+                ns = [frame["ns"] for frame in made if not frame["warmup"]]
+            return Drawn(ns, "", images.rgb(images.read(out)) if out else None)
+
+    def judge(self, point: Point, height: int) -> Row:
+        """Errors of its picture `height` rows high; keeps its version and how many frames a launch has."""
+        scene = self.scenes[point.scene]
+        made = self.draw(point, height, 1, picture=True)
+        assert made.rgb is not None
+        self.versions[point.program] = made.version
+        second = min(made.ns) * (self.height / height) ** 2 > 1e9
+        self.reps[point.program, point.scene] = 1 if second else FRAMES
+        return errors(truth.picture(scene, scene.size(height)), made.rgb, scene.fractal)
+
+    def once(self, point: Point, padding: int) -> float:
+        """Median ns of a launch's frames."""
+        frames = self.reps[point.program, point.scene]
+        return float(np.median(self.draw(point, self.height, frames, padding).ns))
+
+
+def able(others: Mapping[str, Peer]) -> tuple[dict[str, Peer], list[Row]]:
+    """Those that can run here, and the others, each with what it needs."""
+    needs = {name: peer.lacking() for name, peer in others.items()}
+    out = [{"phase": others[name].title, "reason": needed} for name, needed in needs.items() if needed]
+    return {name: peer for name, peer in others.items() if not needs[name]}, out
+
+
+def points(
+    specs: Sequence[Spec], others: Mapping[str, Peer], scenes: Sequence[str], threads: Sequence[int]
+) -> list[Point]:
+    """On each scene that another program draws, that and our phases."""
+    made = []
+    for scene in scenes:
+        for count in dict.fromkeys(threads):
+            theirs = [n for n, one in others.items() if scene in one.least_db and (count == 1 or one.cores)]
+            if not theirs:
+                continue
+            ours = [s for s in specs if count == 1 or registry.find_phase(s.phase).threads]
+            made += [Point(str(name), scene, count) for name in (*ours, *theirs)]
+    return made
+
+
+def judged(
+    work: Measuring, wanted: Sequence[Point], height: int
+) -> tuple[dict[tuple[str, str], Row], list[Row]]:
+    """Errors by program and scene, and what could not be drawn."""
+    found: dict[tuple[str, str], Row] = {}
+    out = []
+    for program, scene in dict.fromkeys((p.program, p.scene) for p in wanted):
+        try:
+            found[program, scene] = work.judge(Point(program, scene, 1), height)
+        except StudyError as error:
+            title = work.others[program].title if program in work.others else program
+            out.append({"phase": title, "scene": scene, "reason": str(error)})
+    return found, out
+
+
+def rows(
+    times: Mapping[Point, list[float]],
+    told: Mapping[tuple[str, str], Row],
+    others: Mapping[str, Peer],
+    beside: Callable[[str], str | None] = lambda program: None,
+) -> list[Row]:
+    """One per point. It is held against `beside(program)`, else the fastest phase on as many threads."""
+    made = []
+    for point, ns in times.items():
+        ours = {
+            p.program: np.median(values)
+            for p, values in times.items()
+            if p.program not in others and (p.scene, p.threads) == (point.scene, point.threads)
+        }
+        other = beside(point.program) or min(ours, key=lambda name: ours[name], default=None)
+        other = other if other in ours else None
+        base = times[Point(other, point.scene, point.threads)] if other else None
+        itself = other == point.program or base is None
+        peer = others.get(point.program)
+        made.append(
+            {
+                "program": peer.title if peer else point.program,
+                "kind": "phase" if not peer else "paper" if beside(point.program) else "peer",
+                **{"scene": point.scene, "threads": point.threads, "ns": ns},
+                "ms": stats.median_interval(np.array(ns) * 1e-6),
+                "beside": other,
+                "ratio": None if itself else stats.ratio_interval(ns, base),
+                **told[point.program, point.scene],
+            }
+        )
+    return made

@@ -1,0 +1,64 @@
+"""Embree: the program of stepwise packets asks it for the hits of the camera's rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from study.core.cli import StudyError
+from study.core.registry import Scene, find_scene
+from study.experiments.packets import rays as packets
+from study.experiments.peers import shade
+from study.experiments.peers.peer import Drawn, Job, Peer
+
+KEY = "embree16_ns"  # packets of 16 rays, its fastest for camera rays
+
+
+def shaded(scene: Scene, rays: packets.Rays, hits: np.ndarray) -> np.ndarray:
+    """Linear colours of camera rays by what they hit: (t, shape) each."""
+    t, shape = hits.T.astype(float)
+    met = shape >= 0
+    which = shape[met].astype(int)
+    directions = rays[:, 3:6].astype(float)
+    p = rays[met, :3] + t[met, None] * directions[met]
+    return shade.colours(scene.data, directions, met, p, packets.normals(scene.data, p, which), which)
+
+
+@dataclass(frozen=True)
+class Embree(Peer):
+    def lacking(self) -> str | None:
+        """It is asked for the hits of one ray."""
+        scene = find_scene("spheres40")
+        try:
+            record, _ = packets.hits(
+                scene.path, np.zeros((1, 7), "<f4") + np.float32(1), "primary", beside=True
+            )
+        except StudyError as error:
+            return f"needs Debian's package libembree-dev when build/packets/hits is built: {error}"
+        return (
+            None if record[KEY] else "needs Debian's package libembree-dev when build/packets/hits is built"
+        )
+
+    def draw(self, job: Job) -> Drawn:
+        rays = packets.camera(job.scene.data, *job.size)
+        where = {"cpu": min(job.cpus), "env_bytes": job.padding}
+        record, found = packets.hits(job.scene.path, rays, "primary", reps=job.frames, beside=True, **where)
+        if not record[KEY]:
+            raise StudyError(f"Embree: {record['embree']}")
+        rgb = None
+        if job.picture:
+            width, height = job.size
+            rgb = np.empty((height, width, 3), np.float32)
+            rgb[packets.places(width, height)] = shaded(job.scene, rays, found[1])
+        return Drawn(record[KEY], record["embree"].removeprefix("Embree "), rgb)
+
+
+PEER = Embree(
+    name="embree",
+    title="Embree",
+    timed="hits of the camera's rays alone: no rays are made, nothing is shaded",
+    differs="closed form in float; shaded from its hits by NumPy",
+    least_db={"spheres40_plain": 100},
+    cores=False,
+)

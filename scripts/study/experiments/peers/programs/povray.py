@@ -1,0 +1,148 @@
+"""POV-Ray 3.7: the scene's solids as its own, intersected in closed form and in double."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
+from study.experiments.peers import shader
+from study.experiments.peers.peer import Drawn, Job, Peer, from_debian, run
+
+TIME = re.compile(r"Trace Time: .*\(([0-9.]+) seconds\)")
+FADE = 1e-6  # its light falls off as 2/(1 + d/FADE), which is 2 FADE/d to 1e-7 of it
+
+
+def vector(v: Sequence[float]) -> str:
+    return f"<{', '.join(repr(float(x)) for x in v)}>"
+
+
+def solid(shape: dict[str, Any]) -> str:
+    """The shape where its own coordinates have it. Raises StudyError for one that POV-Ray lacks."""
+    kind, s = shape["type"], shape
+    if kind == "sphere":
+        return f"sphere {{ 0, {s['radius']!r}"
+    if kind == "plane":
+        length = float(np.linalg.norm(s["normal"]))
+        return f"plane {{ {vector(s['normal'])}, {s['offset'] / length!r}"
+    if kind == "box" and not s.get("rounding"):
+        return f"box {{ {vector(np.negative(s['half_size']))}, {vector(s['half_size'])}"
+    if kind == "torus":
+        return f"torus {{ {s['major_radius']!r}, {s['minor_radius']!r}"
+    if kind == "cone":
+        h = s["half_height"]
+        ends = f"{vector([0, -h, 0])}, {s['bottom_radius']!r}, {vector([0, h, 0])}, {s['top_radius']!r}"
+        return f"cone {{ {ends}"
+    if kind == "octahedron":
+        corners = s["radius"] * np.eye(3)
+        faces = [
+            " ".join(
+                ["triangle {", ", ".join(vector(c * k) for c, k in zip(corners, (x, y, z), strict=True)), "}"]
+            )
+            for x in (-1, 1)
+            for y in (-1, 1)
+            for z in (-1, 1)
+        ]
+        return "\n".join(["mesh {", *faces])
+    raise StudyError(f"POV-Ray has no {kind}{' with rounded edges' if kind == 'box' else ''}")
+
+
+def finish(data: dict[str, Any], shape: dict[str, Any]) -> str:
+    """Its material, which fog blends into black: a map of textures by the distance from the origin."""
+    m = data["materials"][shape["material"]]
+    lit = (
+        f"pigment {{ rgb {vector(m['color'])} }} finish {{ ambient 0.01 diffuse 1 phong 0.2 "
+        f"phong_size {m['shininess']!r} }}"
+    )
+    if not data["fog"]:
+        return f"texture {{ {lit} }}"
+    dark = "pigment { rgb 0 } finish { ambient 0 diffuse 0 }"
+    share = f"function {{ exp(-{data['fog']!r} * pow(x*x + y*y + z*z, 1.5)) }}"
+    return f"texture {{ {share} texture_map {{ [0 {dark}] [1 {lit}] }} }}"
+
+
+def translated(data: dict[str, Any], width: int, height: int) -> str:
+    """The scene for POV-Ray, whose coordinates are ours. Raises StudyError for what it lacks."""
+    seen, light, bounds = shader.camera(data, width, height), data["light"], data["march"]["bounds_radius"]
+    if light["shadows"] == "soft" or any(m["reflectivity"] for m in data["materials"].values()):
+        raise StudyError("POV-Ray has other soft shadows and mirrors")
+    lines = [
+        "#version 3.7;",
+        "global_settings { assumed_gamma 1.0 ambient_light rgb 1 }",
+        f"background {{ rgb {vector(data['background'])} }}",
+        f"camera {{ perspective location {vector(seen['position'])} direction {vector(seen['ahead'])} "
+        f"right 2 * {vector(seen['right'])} up 2 * {vector(seen['up'])} }}",
+        f"light_source {{ {vector(light['position'])}, rgb {vector(np.divide(light['emission'], 2 * FADE))} "
+        f"fade_distance {FADE} fade_power 1 }}",
+    ]
+    for shape in data["shapes"]:
+        if any(shape.get("repeat", ())):
+            raise StudyError("POV-Ray repeats no shape")
+        rows = shader.turn(shape.get("rotation_degrees", (0, 0, 0)))
+        matrix = [*rows.flatten(), *shape.get("position", (0, 0, 0))]
+        lines += [
+            solid(shape),
+            f"matrix {vector(matrix)}",
+            f"clipped_by {{ sphere {{ 0, {bounds!r} }} }}" if shape["type"] == "plane" else "",
+            finish(data, shape),
+            # A light that is `shadowless` has no highlights, so here no shape throws a shadow.
+            "no_shadow" if light["shadows"] == "none" else "",
+            "}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def read_linear(path: Path) -> np.ndarray:
+    """The linear colours of a PNG of 16 bits."""
+    file = oiio.ImageInput.open(str(path))
+    if file is None:
+        raise StudyError(f"POV-Ray: {path.name} is no readable picture", CANNOT_RUN)
+    try:
+        return file.read_image("uint16")[:, :, :3].astype(np.float32) / np.float32(65535)
+    finally:
+        file.close()
+
+
+@dataclass(frozen=True)
+class POVRay(Peer):
+    """Timed without a picture file; the picture is of a launch of its own."""
+
+    def lacking(self) -> str | None:
+        return from_debian("povray", "povray")
+
+    def draw(self, job: Job) -> Drawn:
+        (job.folder / "scene.pov").write_text(translated(job.scene.data, *job.size), encoding="utf-8")
+        program = shutil.which("povray") or "povray"
+        words = ["+Iscene.pov", f"+W{job.size[0]}", f"+H{job.size[1]}", f"+WT{job.threads}", "-D", "-A", "-V"]
+        words += ["+FN16", "File_Gamma=1.0", "+Opicture.png"] if job.picture else ["-F"]
+        ns = []
+        for _ in range(1 if job.picture else job.frames):
+            _, said = run([program, *words], job, self.title)
+            found = TIME.search(said)
+            if not found:
+                raise StudyError(f"{self.title}: says no trace time", CANNOT_RUN)
+            ns.append(float(found[1]) * 1e9)
+        about = child.run([program, "--version"], capture_output=True, text=True)
+        version = re.search(r"^POV-Ray (\S+)", about.stdout + about.stderr, re.MULTILINE)
+        return Drawn(
+            ns,
+            version[1] if version else "unknown",
+            read_linear(job.folder / "picture.png") if job.picture else None,
+        )
+
+
+PEER = POVRay(
+    name="povray",
+    title="POV-Ray",
+    timed="its own trace time, in ms, without parsing and output",
+    differs="closed form in double; its picture has 16 bits a channel",
+    least_db={"scene0_plain": 100},
+)

@@ -1,0 +1,111 @@
+// Percentiles of frame times, and the adaptive resolution against phases of known cost.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "viewer/window/pace.c"
+
+static void percentiles_are_nearest_ranks(void **state) {
+    (void)state;
+    struct times times = {0};
+    assert_int_equal(times_percentile(&times, 50), 0);
+    for (uint64_t i = 100; i >= 1; i--) // the last 60 are 60 … 1
+        times_add(&times, i);
+    assert_int_equal(times.count, 60);
+    assert_int_equal(times_percentile(&times, 50), 30);
+    assert_int_equal(times_percentile(&times, 99), 60);
+    assert_int_equal(times_percentile(&times, 1), 1);
+    times_add(&times, 1000);
+    assert_int_equal(times_percentile(&times, 99), 1000);
+    struct times few = {0};
+    for (uint64_t i = 1; i <= 3; i++)
+        times_add(&few, i);
+    assert_int_equal(times_percentile(&few, 50), 2);
+}
+
+// Frames of a phase that takes `ns` a pixel at 16:9, each with 4 ms beside the rendering. Returns the
+// longest rendering of the last 100 frames in ms.
+static double play(struct pace *pace, double ns, int frames, bool still) {
+    double longest = 0;
+    for (int i = 0; i < frames; i++) {
+        double ms = ns * pace->height * pace->height * 16 / 9 / 1e6;
+        pace_frame(pace, ms, 4, still);
+        if (i >= frames - 100)
+            longest = fmax(longest, ms);
+    }
+    return longest;
+}
+
+static void sixty_frames_a_second_are_held(void **state) {
+    (void)state;
+    const double costs[] = {20, 50, 200, 500, 2000};
+    for (int i = 0; i < 5; i++) {
+        struct pace pace = {.adaptive = true};
+        pace_start(&pace, 720);
+        assert_int_equal(pace.height, 36);
+        double ms = play(&pace, costs[i], 300, false);
+        assert_true(ms <= 16.667 - 4);
+        // Not less than the budget of 10.5 ms allows, but for a step of 9 rows and the 10 % of a step up.
+        double ideal = sqrt(10.5e6 / costs[i] * 9 / 16);
+        assert_true(pace.height > ideal / 1.1 - 9 && pace.height <= ideal);
+        assert_non_null(strstr(pace.says, "lowered to hold 60"));
+    }
+}
+
+static void a_fast_phase_is_shown_in_full(void **state) {
+    (void)state;
+    struct pace pace = {.adaptive = true};
+    pace_start(&pace, 720);
+    play(&pace, 5, 200, false);
+    assert_int_equal(pace.height, 720);
+    assert_string_equal(pace.says, "full");
+}
+
+static void a_slow_phase_is_said_to_be_too_slow(void **state) {
+    (void)state;
+    struct pace pace = {.adaptive = true};
+    pace_start(&pace, 720);
+    play(&pace, 27000, 200, false);
+    assert_int_equal(pace.height, 36);
+    assert_non_null(strstr(pace.says, "out of reach"));
+}
+
+static void at_rest_a_frame_has_a_fifth_of_a_second(void **state) {
+    (void)state;
+    struct pace pace = {.adaptive = true};
+    pace_start(&pace, 720);
+    play(&pace, 500, 200, false);
+    int moving = pace.height;
+    double ms = play(&pace, 500, 200, true);
+    assert_true(ms > 150 && ms <= 200);
+    assert_non_null(strstr(pace.says, "refined while nothing moves"));
+    // Three frames after something moves it is back.
+    play(&pace, 500, 3, false);
+    assert_true(pace.height <= moving + 9);
+}
+
+static void without_adaption_a_frame_has_a_second(void **state) {
+    (void)state;
+    struct pace pace = {.adaptive = false};
+    pace_start(&pace, 720);
+    play(&pace, 500, 200, false); // 461 ms
+    assert_int_equal(pace.height, 720);
+    pace_start(&pace, 720);
+    assert_true(play(&pace, 27000, 200, false) <= 1000); // 25 s would be the full frame
+    assert_non_null(strstr(pace.says, "a second"));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(percentiles_are_nearest_ranks),
+        cmocka_unit_test(sixty_frames_a_second_are_held),
+        cmocka_unit_test(a_fast_phase_is_shown_in_full),
+        cmocka_unit_test(a_slow_phase_is_said_to_be_too_slow),
+        cmocka_unit_test(at_rest_a_frame_has_a_fifth_of_a_second),
+        cmocka_unit_test(without_adaption_a_frame_has_a_second),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,198 @@
+"""CPUs with any number, holes between them, and CPUs that go away: C is asked by few lines before libc's own.
+
+A kernel of 4,096 CPUs refuses smaller sets (EINVAL); a machine of that size is not at hand.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import needs
+import numpy as np
+import pytest
+
+from study.core import patches, registry, run
+from study.core.build import build
+from study.core.cli import CANNOT_RUN
+from study.core.host import child
+from study.core.registry import ROOT
+from study.core.run import DriverError
+from study.experiments.sweep import command as sweep
+from study.pictures import images
+
+CPUS = (7, 1030, 4095)
+MACHINE = """
+#define _GNU_SOURCE
+#include <errno.h>
+#include <pthread.h>
+#include <sched.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { BYTES = 512 };
+static const int cpus[] = {CPUS};
+int pthread_getaffinity_np(pthread_t thread, size_t size, cpu_set_t *set) {
+    (void)thread;
+    if (size < BYTES)
+        return EINVAL;
+    CPU_ZERO_S(size, set);
+    for (unsigned i = 0; i < sizeof cpus / sizeof cpus[0]; i++)
+        CPU_SET_S(cpus[i], size, set);
+    return 0;
+}
+int sched_getaffinity(pid_t pid, size_t size, cpu_set_t *set) {
+    (void)pid;
+    if (pthread_getaffinity_np(pthread_self(), size, set) == 0)
+        return 0;
+    errno = EINVAL;
+    return -1;
+}
+int pthread_setaffinity_np(pthread_t thread, size_t size, const cpu_set_t *set) {
+    (void)thread;
+    FILE *said = fopen(getenv("SAID"), "a");
+    for (size_t cpu = 0; cpu < 8 * size; cpu++)
+        if (CPU_ISSET_S(cpu, size, set))
+            fprintf(said, "%zu ", cpu);
+    fputc('\\n', said);
+    fclose(said);
+    return 0;
+}
+"""
+
+
+def machine(folder: Path, cpus: tuple[int, ...]) -> Path:
+    """A library that stands for the kernel of such a machine."""
+    library = folder / "machine.so"
+    (folder / "machine.c").write_text(MACHINE)
+    listed = ",".join(map(str, cpus))
+    command = ["gcc", "-shared", "-fPIC", f"-DCPUS={listed}", folder / "machine.c", "-o", library]
+    subprocess.run(command, check=True)
+    return library
+
+
+def draw(phase: str, folder: Path, threads: int, more: dict[str, str]) -> tuple[dict, dict[str, np.ndarray]]:
+    """What the driver says of a frame, and its picture."""
+    out = folder / "out.exr"
+    words = [build(phase), registry.scenes()["spheres40"].path, "-w", "97", "-n", "41", "-o", out, "--json"]
+    done = subprocess.run(
+        [*words, "--threads", str(threads)], capture_output=True, text=True, env=os.environ | more
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return json.loads(done.stdout), images.read(out)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", ["opt5_threads", "opt6_wide"])
+def test_workers_are_pinned_to_cpus_beyond_1024(phase: str, tmp_path: Path) -> None:
+    """The caller and three workers on three CPUs: each worker its own, the first CPU twice."""
+    needs.cpu_for(phase)
+    said = tmp_path / "said"
+    preload = {"LD_PRELOAD": str(machine(tmp_path, CPUS)), "SAID": str(said)}
+    frame, mine = draw(phase, tmp_path, 4, preload)
+    lines = [tuple(map(int, line.split())) for line in said.read_text().splitlines()]
+    alone = sorted(line[0] for line in lines if len(line) == 1)
+    assert alone == [7, *CPUS]  # this machine's own CPU is none of them: the first is the caller's
+    assert [line for line in lines if len(line) != 1] == [CPUS]  # the caller's, given back
+    assert frame["cpu"] == -1
+    for name, plane in draw(phase, tmp_path, 4, {})[1].items():
+        assert np.array_equal(mine[name].view(np.uint32), plane.view(np.uint32)), name
+
+
+@pytest.mark.slow
+def test_a_frame_says_a_cpu_beyond_1024(tmp_path: Path) -> None:
+    more = {"LD_PRELOAD": str(machine(tmp_path, (1030,))), "SAID": str(tmp_path / "said")}
+    assert draw("opt4", tmp_path, 1, more)[0]["cpu"] == 1030
+
+
+def test_no_source_has_a_set_that_ends_at_1024() -> None:
+    """Neither a `cpu_set_t` by value nor a loop to CPU_SETSIZE, in common/ or a phase."""
+    sources = [*(ROOT / "common").rglob("*.[ch]"), *(ROOT / "phases").rglob("*.[ch]")]
+    found = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for path in sources
+        if path.name not in ("cpus.c", "cpus.h")
+        for line in path.read_text().splitlines()
+        if "cpu_set_t " in line or "CPU_SETSIZE" in line or "CPU_ZERO(" in line
+    ]
+    assert found == [] and len(sources) > 100
+    assert "threads.c" in patches.files("opt5_threads")
+
+
+@pytest.mark.skipif(len(run.USABLE) < 2, reason="one CPU: there is none without CPU 0")
+def test_without_cpu_0() -> None:
+    """As under `taskset`: the default CPU, topology and the driver's own word are of a CPU that is there."""
+    last = run.USABLE[-1]
+    program = (
+        "import sys; sys.path.insert(0, 'scripts')\n"
+        "from study.core import run\n"
+        "made = run.render('baseline', sys.argv[1], 2, cpu=run.FASTEST, timed=False)\n"
+        "print(run.USABLE, run.FASTEST, made['cpu'])\n"
+    )
+    build("baseline")
+    done = subprocess.run(
+        [
+            "taskset",
+            "-c",
+            str(last),
+            ROOT / ".venv/bin/python",
+            "-c",
+            program,
+            ROOT / "common/scenes/trio.json",
+        ],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+    )
+    assert done.stdout.split() == [f"[{last}]", str(last), str(last)], done.stderr
+
+
+# --- a cpuset that changes while a sweep runs
+
+GONE = 4000  # allowed when the run began; the kernel refuses it as it does a CPU that left the cpuset
+
+
+def test_a_launch_whose_cpu_is_gone_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "USABLE", [*run.USABLE, GONE])
+    with pytest.raises(
+        DriverError, match=r"render: cannot be pinned as the run began; .* are now \d"
+    ) as error:
+        run.render("baseline", registry.scenes()["trio"].path, 2, cpu=GONE)
+    assert error.value.exit_status == CANNOT_RUN and "\n" not in str(error.value)
+    with pytest.raises(child.NotPinned, match="true: cannot be pinned"):
+        child.run(["true"], preexec_fn=lambda: os.sched_setaffinity(0, {GONE}))
+
+
+@pytest.mark.slow
+def test_a_sweep_keeps_what_it_has_when_its_cpu_goes(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The CPU goes after two launches: their frames stay, each further launch fails by name, status 1."""
+    launches, real, here = [], run._in_child, run.USABLE[-1]
+
+    def in_child(cpus: set[int] | None) -> None:
+        real({GONE} if len(launches) > 2 else cpus)
+
+    def launch(self: sweep.Sweep, config: sweep.Config) -> None:
+        launches.append(config)
+        plain(self, config)
+
+    plain = sweep.Sweep.launch
+    monkeypatch.setattr(run, "_in_child", in_child)
+    monkeypatch.setattr(sweep.Sweep, "launch", launch)
+    words = ["sweep", "--phase", "opt2", "--scene", "trio", "-n", "2", "--reps", "2", "--launches", "6"]
+    monkeypatch.setattr("sys.argv", [*words, "--cpu", str(here), "--results", str(tmp_path)])
+    before = os.sched_getaffinity(0)
+    try:
+        assert sweep.main() == 1
+    finally:
+        os.sched_setaffinity(0, before)
+    (frames,) = tmp_path.rglob("frames.jsonl")
+    kept = [json.loads(line) for line in frames.read_text().splitlines()]
+    assert sum(not frame["warmup"] for frame in kept) == 2 * 2
+    plan = json.loads((frames.parent / "plan.json").read_text())
+    assert plan["finished"] and all("cannot be pinned" in one["message"] for one in plan["failures"])
+    assert len(plan["failures"]) == sweep.MOST_CRASHES
+    assert "cannot be pinned as the run began" in capsys.readouterr().err
