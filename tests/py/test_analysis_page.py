@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import re
 
 import pytest
@@ -60,3 +61,30 @@ def test_a_question_of_ones_own(session):
     interval = stats.median_interval(names["launches"]["scene0"])
     assert (interval.value, interval.low, interval.high) == (row["ms"], row["ms_low"], row["ms_high"])
     assert f"{row['launches']:.1f}" in printed[2] and printed[3].strip() == interval.text()
+
+
+NOTEBOOK = ROOT / "docs" / "notebook.ipynb"
+
+
+@pytest.fixture(scope="module")
+def notebook() -> dict:
+    """The names after all code cells, run in the notebook's folder as Jupyter does."""
+    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+    names: dict = {}
+    with contextlib.chdir(NOTEBOOK.parent):
+        for cell in cells:
+            assert not cell.get("outputs"), "results go stale: save the notebook without its outputs"
+            if cell["cell_type"] == "code":
+                exec("".join(cell["source"]), names)
+    return names
+
+
+def test_the_notebook_plots_what_its_table_says(notebook):
+    (axes,) = notebook["figure"].axes
+    marks = axes.collections[0].get_offsets()
+    table = notebook["table"].dropna(subset=["truth_psnr_db"]).drop(index="opt5_threads")
+    assert {"baseline", "opt10_scene"} <= set(table.index)
+    assert marks.tolist() == table[["speedup", "truth_psnr_db"]].values.tolist()
+    assert [text.get_text() for text in axes.texts] == list(table.index)
+    medians = notebook["launches"].groupby("phase").median()
+    assert medians["opt10_scene"] == pytest.approx(table.loc["opt10_scene", "ms"], rel=0.02)
