@@ -1,6 +1,5 @@
 // build/viewer: options, then the window or --headless.
 #include <getopt.h>
-#include <sched.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,6 +7,7 @@
 
 #include "viewer/show.h"
 #include "viewer/viewer.h"
+#include "workers/cpus.h"
 
 static const char USAGE[] =
     "usage: viewer [SCENE] [options]      SCENE: a file, or a name of common/scenes; default "
@@ -33,8 +33,10 @@ int viewer_error(int status, const char *format, ...) {
 }
 
 static int cpus_here(void) {
-    cpu_set_t set;
-    return sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
+    struct cpus cpus = {0};
+    int count = cpus_get(&cpus) == 0 ? CPU_COUNT_S(cpus.size, cpus.set) : 1;
+    cpus_free(&cpus);
+    return count;
 }
 
 static bool parse_range(const char *text, int least, int most, int *out, char stop) {

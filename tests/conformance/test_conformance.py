@@ -412,7 +412,8 @@ def test_overrides(phase: str) -> None:
 
 def documented_keys() -> set[str]:
     """The keys of a frame by its schema, less those that a sweep adds."""
-    return {name for name, *_ in schema.fields(Frame)} - {"config", "launch", "round", "env_bytes", "time"}
+    of_sweep = {"config", "launch", "round", "env_bytes", "time", "joules"}
+    return {name for name, *_ in schema.fields(Frame)} - of_sweep
 
 
 CLOCKS = ("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles")

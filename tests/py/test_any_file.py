@@ -21,9 +21,9 @@ from study.commands import report
 from study.core import json_files, provenance
 from study.core.cli import StudyError
 from study.core.registry import ROOT
-from study.counting import assembly_source, perf, qemu_recording, sde, symbols
+from study.counting import assembly_source, recording, sde, symbols
 from study.counting.counts import Counts
-from study.counting.hardware import perf_stat
+from study.counting.hardware import perf, perf_stat
 from study.experiments import experiment
 from study.experiments.sweep import ladder
 from study.numbers import analysis
@@ -260,7 +260,7 @@ TOOLS: dict[str, tuple[bytes | Path, Callable[[Path], object]]] = {
         OBJDUMP,
         lambda p: regions.flow(regions.blocks_of(regions.parse_objdump(text_of(p.read_bytes())))),
     ),
-    "qemu": (FIXTURES / "qemu" / "recording.txt", qemu_recording.read),
+    "qemu": (FIXTURES / "qemu" / "recording.txt", recording.read),
     "assembly": (SOURCE.encode(), lambda path: assembly_source.Source(path, 0).marked()),
 }
 NAMED = {

@@ -3,16 +3,19 @@
 import csv
 import io
 import json
+import shutil
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from compared import make_run, rows, run
 
 from study.commands import compare
-from study.core import cli
 from study.core.registry import ROOT
 from study.experiments.sweep import exports
 from study.numbers import history, stats
+from study.report import history_chapter
 
 ZEN = {"cpu": {"model": "Some CPU", "microarchitecture": "Zen", "logical_cpus": 2}}
 SIZE = ("s", 16, 9, 1)
@@ -55,9 +58,11 @@ def test_other_work_is_no_step(results):
     assert sum(one.step for one in history.points(history.runs(results), "opt1")) == 1
 
 
-def test_a_phase_that_no_run_has(results):
-    with pytest.raises(cli.StudyError, match="no run has timed opt7 on s"):
-        history.points(history.runs(results), "opt7", ["s"])
+def test_a_phase_that_no_run_has(results, monkeypatch):
+    found = history.runs(results)
+    monkeypatch.setattr(compare.history, "runs", lambda: found)
+    done = run("--history", "opt7", "--scene", "s")
+    assert done.returncode == 2 and done.stderr.endswith(": no run has timed opt7 on s\n")
 
 
 def test_the_history_s_table(results, monkeypatch):
@@ -126,3 +131,33 @@ def test_the_interval_of_a_change_holds_the_true_one():
         found = stats.change_interval(*pairs)
         held += found.low <= 1.25 <= found.high
     assert held / 300 >= 0.9
+
+
+def chapter(results, monkeypatch, times):
+    """Of the newest run, whose phases take `times` ns per pixel; opt7 is in no other run."""
+    monkeypatch.setattr(history_chapter, "RESULTS", results)
+    data = SimpleNamespace(path=results / "zen" / "run3")
+    rows = pd.DataFrame(
+        [{"phase": name, "scene": "s", "threads": 1, "ns_per_pixel": ns} for name, ns in times.items()]
+    )
+    return history_chapter.over_time(data, rows)
+
+
+def test_the_chapter_shows_the_fastest_phase_that_has_a_past(results, monkeypatch):
+    times = {("baseline", "s"): 100, ("opt1", "s"): 5, ("opt7", "s"): 2}
+    make_run(results / "zen" / "run3", times, at(3))
+    made = chapter(results, monkeypatch, {"baseline": 1, "opt1": 5, "opt7": 2})
+    assert made.answer.startswith("opt1 was timed in 3 runs") and "; 1 step of" in made.answer
+    (table,) = made.parts
+    assert [row["over_base"].split()[0] for row in table.rows] == ["10", "9.804", "20"]
+    assert [row["step"][:11] for row in table.rows] == ["", "", "faster 2.04"]
+    (axes,) = made.drawn["history"].make().axes
+    (ring,) = [line for line in axes.lines if line.get_markersize() == 14]
+    assert ring.get_xydata()[0] == pytest.approx([2, 20])
+
+
+def test_a_machine_s_first_run_has_no_history(results, monkeypatch):
+    for day in (1, 2):
+        shutil.rmtree(results / "zen" / f"run{day}")
+    made = chapter(results, monkeypatch, {"baseline": 1, "opt1": 5})
+    assert not made.answer and not made.parts and not made.drawn

@@ -24,6 +24,7 @@ def goals(how: str = "", **environment: str) -> subprocess.CompletedProcess[byte
     return subprocess.run(command, capture_output=True, env=kept | environment, timeout=120)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "environment, encoding, product",
     [
@@ -41,6 +42,7 @@ def test_encodings(environment: dict[str, str], encoding: str, product: str) -> 
     assert (">= 150" if encoding != "utf-8" else "≥ 150") in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [">&-", "2>&-", "<&- >&- 2>&-", "| head -n 1", ">/dev/null"])
 def test_closed(how: str) -> None:
     done = goals(how, COLUMNS="40", TERM="dumb")

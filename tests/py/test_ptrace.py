@@ -11,10 +11,11 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import counted_region
 import needs
 import pytest
 import started
-from test_qemu import FIXTURES, KNOWN, SCALAR
+from counted_region import KNOWN, SCALAR
 
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
@@ -35,9 +36,7 @@ def allowed() -> None:
 
 @pytest.fixture(scope="module")
 def region(tmp_path_factory: pytest.TempPathFactory) -> str:
-    path = tmp_path_factory.mktemp("ptrace") / "region"
-    subprocess.run(["cc", "-O2", str(FIXTURES / "region.c"), "-o", str(path), "-lm", "-lpthread"], check=True)
-    return str(path)
+    return counted_region.compile(tmp_path_factory.mktemp("ptrace"))
 
 
 @pytest.mark.parametrize("part", [part for part in calibration.parts() if part != "threads"])

@@ -8,41 +8,16 @@ import subprocess
 from collections import Counter
 from pathlib import Path
 
+import counted_region
 import pytest
+from counted_region import FIXTURES, KNOWN, SCALAR
 
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, find_scene
 from study.counting import blocks, calibration, decode, elf, qemu, recording
 
-FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "qemu"
 REPEATS = 1000
-# By fixtures/qemu/region.c, per repetition: operations by lane, bytes loaded, bytes stored.
-SCALAR = Counter(
-    {(kind, "double", 64): 1 for kind in ("add", "mul", "div", "sqrt", "minmax", "compare")}
-    | {("add", "single", 32): 1}
-)
-KNOWN = {
-    "scalar": (SCALAR, 16, 12),
-    "packed": (
-        Counter(
-            {
-                ("add", "double", 128): 2,
-                ("mul", "single", 128): 4,
-                ("fma", "double", 256): 4,
-                ("fma", "single", 256): 8,
-                ("minmax", "double", 256): 4,
-                ("rsqrt", "single", 256): 8,
-                ("fma", "double", 64): 1,
-            }
-        ),
-        32,
-        32,
-    ),
-    "repeated": (Counter(), 37 + 6 + 8, 37 + 40 + 8),
-    # Three calls from the region: a return address each.
-    "calls": (Counter({("mul", "double", 64): 3, ("add", "double", 64): 1}), 24, 24),
-}
 
 pytestmark = [
     pytest.mark.slow,
@@ -54,10 +29,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def region(tmp_path_factory: pytest.TempPathFactory) -> str:
-    path = tmp_path_factory.mktemp("qemu") / "region"
-    command = ["cc", "-O2", "-Wall", "-Wextra", "-Werror", str(FIXTURES / "region.c"), "-o", str(path)]
-    subprocess.run([*command, "-lm", "-lpthread"], check=True)
-    return str(path)
+    return counted_region.compile(tmp_path_factory.mktemp("qemu"))
 
 
 @pytest.mark.parametrize("callback", [False, True], ids=["inline", "callback"])

@@ -14,6 +14,8 @@ from study.numbers import analysis
 
 PUBLISHED = max((ROOT / "results" / "reference").glob("*/pareto.json")).parent
 WORDS, BYTES = 15_000, 6_000_000
+pytestmark = pytest.mark.slow
+
 SILENT = {"style", "script", "svg"}
 WITHOUT_ANSWER = {"summary", "units"}  # its cards say it; a list of words
 

@@ -41,9 +41,6 @@ COLUMNS += [("base_ms", "A ms [95 %]"), ("ms", "run ms [95 %]"), ("time", "time 
 COLUMNS += [("cycles", "cycles A / run [95 %]"), ("clock", "clock run / A [95 %]")]
 COLUMNS += [("baseline", "× baseline, run / A [95 %]"), ("moved", "moved")]
 COLUMNS += [("verdict", "run is")]
-HISTORY = [("made", "made (UTC)"), ("commit", "commit"), ("run", "run"), ("scene", "scene"), ("size", "size")]
-HISTORY += [("threads", "threads"), ("ms", "ms [95 %]"), ("over_base", "× baseline [95 %]"), ("ghz", "GHz")]
-HISTORY += [("step", "step: before / after [95 %]")]
 CONTEXT = ("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib")
 CONTEXT_PARTS = {
     "cpu": ("model", "microarchitecture", "stepping", "microcode", "logical_cpus"),
@@ -338,24 +335,17 @@ def show(
 def show_history(found: Sequence[history.Point]) -> None:
     """A table a machine; `step` names how a point differs from the one above it."""
     for machine in dict.fromkeys(point.machine for point in found):
-        made = [
-            {
-                **vars(point),
-                "size": point.size,
-                "step": f"{'faster' if point.change.value > 1 else SLOWER} {point.change.text()}"
-                if point.step and point.change
-                else "",
-            }
-            for point in found
-            if point.machine == machine
-        ]
-        print(cli.one_line(machine), "", summary.table(made, HISTORY), "", sep="\n")
+        made = history.shown([point for point in found if point.machine == machine])
+        print(cli.one_line(machine), "", summary.table(made, history.COLUMNS), "", sep="\n")
 
 
 def main() -> int:
     options = arguments()
     if options.history:
         points = history.points(history.runs(), options.history, options.scene)
+        if not points:
+            on = " on " + " ".join(options.scene) if options.scene else ""
+            raise cli.StudyError(f"no run has timed {options.history}{on}")
         cli.emit({"points": points}) if options.json else show_history(points)
         return cli.OK
     if options.export:

@@ -17,7 +17,7 @@ from study.experiments.section import Section
 from study.experiments.sweep import ladder
 from study.numbers import analysis, stats
 from study.numbers.analysis import Data
-from study.report import chapters, facts, figures
+from study.report import chapters, facts, figures, history_chapter
 
 OUT = registry.ROOT / "report" / "out" / "index.html"
 MORE = 6  # the question of a chapter whose place is of no other
@@ -54,6 +54,7 @@ def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:
     measured = experiment.placed(data)  # first: it names a broken file
     own = [
         (300, chapters.reproduced(data, rows)),
+        (190, history_chapter.over_time(data, rows)),
         (650, chapters.pictures(data)),
         (660, chapters.phases(data)),
         (700, chapters.ran(data)),

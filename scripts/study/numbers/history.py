@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from study.core.cli import StudyError
 from study.core.json_files import stored
 from study.core.registry import BASE
 from study.core.store import RESULTS, Run
@@ -17,6 +16,15 @@ from study.numbers.stats import Interval
 
 STEP = 0.05  # a smaller change is not told from another hour of the same machine
 WHERE = ["scene", "width", "height", "threads"]
+COLUMNS = [("made", "made (UTC)"), ("commit", "commit"), ("run", "run"), ("scene", "scene"), ("size", "size")]
+COLUMNS += [
+    ("threads", "threads"),
+    ("lanes", "lanes"),
+    ("ms", "ms [95 %]"),
+    ("over_base", "× baseline [95 %]"),
+    ("ghz", "GHz"),
+]
+COLUMNS += [("step", "step: before / after [95 %]")]
 
 
 @dataclass(frozen=True)
@@ -36,6 +44,7 @@ class Point:
     width: int
     height: int
     threads: int
+    lanes: int | None
     ms: Interval
     over_base: Interval | None
     ghz: float
@@ -65,10 +74,7 @@ def machine(run: Run) -> str:
 
 
 def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[Point]:
-    """One a configuration and run, those of one machine and work together and by age.
-
-    StudyError where no run has timed the phase.
-    """
+    """One a configuration and run that timed the phase, those of one machine and work together and by age."""
     made, last = [], {}
     for run in found:
         frames = clocks.clocked(run.frames())
@@ -79,7 +85,8 @@ def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[
             if name != spec or (scenes and where[0] not in scenes):
                 continue
             base = groups.get((*where, BASE)) if name != BASE else None
-            work = (machine(run), *where, *_work(frames, where[0], name))
+            content, limit, steps, lanes = _work(frames, where[0], name)
+            work = (machine(run), *where, content, limit, steps, lanes)
             before = last.get(work)
             change = None if before is None else stats.ratio_interval(before, ns, rounds=False)
             last[work] = ns
@@ -91,6 +98,7 @@ def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[
                     str(git.get("commit") or "unknown")[:9] + ("+" if git.get("dirty") else ""),
                     "/".join(run.path.parts[-2:]),
                     *where,
+                    int(lanes) if lanes and lanes == lanes else None,
                     stats.median_interval(ns / 1e6),
                     None if base is None else stats.ratio_interval(base, ns),
                     float(hz[(*where, name)]) / 1e9,
@@ -98,10 +106,17 @@ def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[
                     change is not None and _steps(change),
                 )
             )
-    if not made:
-        raise StudyError(f"no run has timed {spec}{' on ' + ' '.join(scenes) if scenes else ''}")
     return sorted(
-        made, key=lambda one: (one.machine, one.scene, one.height, one.width, one.threads, one.made)
+        made,
+        key=lambda one: (
+            one.machine,
+            one.scene,
+            one.height,
+            one.width,
+            one.threads,
+            one.lanes or 0,
+            one.made,
+        ),
     )
 
 
@@ -114,3 +129,25 @@ def _work(frames: pd.DataFrame, scene: str, spec: str) -> tuple:
 def _steps(change: Interval) -> bool:
     away = change.low > 1 or change.high < 1
     return change.sufficient and away and abs(change.value - 1) >= STEP
+
+
+def shown(points: Sequence[Point]) -> list[dict[str, object]]:
+    """A row a point, in text (COLUMNS); `step` names how a point differs from the one above it."""
+    made = []
+    for point in points:
+        step = ""
+        if point.step and point.change:
+            step = f"{'faster' if point.change.value > 1 else 'slower'} {point.change.text()}"
+        over = point.over_base.text(".4g") if point.over_base else ""
+        made.append(
+            vars(point)
+            | {
+                "size": point.size,
+                "ms": point.ms.text(),
+                "over_base": over,
+                "lanes": point.lanes or "",
+                "ghz": f"{point.ghz:.2f}",
+                "step": step,
+            }
+        )
+    return made

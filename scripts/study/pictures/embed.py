@@ -17,6 +17,7 @@ from study.core.cli import StudyError, one_line
 MIME = {"png": "image/png", "svg": "image/svg+xml", "jpeg": "image/jpeg", "webp": "image/webp"}
 SHORTER = 0.6  # a JPEG stands in for a rendered picture where it has at most this share of its bytes
 QUALITY = 85
+WIDEST = 2000  # pixels of a rendered picture on the page: twice what a column shows; its file has all of them
 
 
 # What PIL raises of a broken file.
@@ -46,9 +47,15 @@ def exact(png: bytes) -> str:
 
 
 def rendered(png: bytes) -> str:
-    """The same pixels, or nearly so where a JPEG is much shorter."""
+    """The same pixels, or nearly so where a JPEG is much shorter; at most WIDEST of them across."""
+    picture = Image.open(io.BytesIO(png)).convert("RGB")
+    if picture.width > WIDEST:
+        picture = picture.resize((WIDEST, round(picture.height * WIDEST / picture.width)))
+        smaller = io.BytesIO()
+        picture.save(smaller, format="png")
+        png = smaller.getvalue()
     made = io.BytesIO()
-    Image.open(io.BytesIO(png)).convert("RGB").save(made, format="jpeg", quality=QUALITY, optimize=True)
+    picture.save(made, format="jpeg", quality=QUALITY, optimize=True)
     same = exact(png)
     short = data_uri(made.getvalue(), "jpeg")
     return short if len(short) <= SHORTER * len(same) else same
