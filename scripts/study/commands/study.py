@@ -28,7 +28,7 @@ from study.numbers import analysis
 
 STEPWISE = ROOT / "scripts" / "stepwise"
 PAGE = ROOT / "report" / "out" / "index.html"
-PAGE_SECONDS = 180  # a page takes some ten seconds: one that is younger is left as it is
+PAGE_SECONDS = 240  # a page takes some twenty seconds: one that is younger is left as it is
 SWEEP_SECONDS = {"quick": 75, "standard": 240}  # of a sweep whose pictures are as large as fits
 SLACK = 1.5  # of a quick sweep that other work slows down: without six launches there is no interval
 LAUNCHES = {"quick": 6, "standard": 10}
