@@ -142,7 +142,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess:
     [
         (["--name", "opt1", "--from", "opt2"], "stepwise new-phase: phases/opt1 exists already"),
         (["--name", "x", "--from", "op2"], "stepwise new-phase: no phase 'op2'; did you mean opt2"),
-        (["--name", "x", "--from", "opt3+sleef"], "'opt3+sleef' is an ablation"),
+        (["--name", "x", "--from", "opt3+sleef"], "no ablation 'opt3+sleef'; opt3 has octahedron_no_exit"),
         (["--from", "opt2"], "the following arguments are required: --name"),
     ],
 )

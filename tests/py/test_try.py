@@ -42,7 +42,7 @@ def test_an_ablation_beside_its_phase_as_json(tried):
     result = said["result"]
     assert result.keys() == {
         *("schema", "scene", "width", "height", "timed_width", "timed_height", "launches", "seed", "ratio"),
-        *("sides", "calls", "picture"),
+        *("sides", "same_bits", "calls", "picture"),
     }
     assert (result["scene"], result["width"], result["height"], result["timed_height"]) == (
         "trio",
@@ -51,7 +51,7 @@ def test_an_ablation_beside_its_phase_as_json(tried):
         45,
     )
     parent, mine = result["sides"]
-    assert (parent["name"], mine["name"]) == ("opt2", "opt2+norm_bounds")
+    assert (parent["name"], mine["name"]) == ("opt2", "opt2+norm_bounds") and result["same_bits"]
     keys = {"name", "ms", "truth", "baseline", "fails", "evaluations", "flops", "lanes_at_work", "parts"}
     assert parent.keys() == mine.keys() == keys
     assert mine["baseline"]["identical"] and mine["fails"] == [] and mine["lanes_at_work"] == 1

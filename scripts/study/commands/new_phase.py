@@ -1,7 +1,8 @@
 """Starts a new phase from another one, with a phase.json and NOTES.md to be filled in.
 
-The new phase is derived: its folder holds only the files that differ from the parent's, none at first. With
---whole it gets a copy of every source file.
+The new phase is derived: its folder holds only the files that differ from the parent's, none at first. From
+an ablation (opt6_wide+awake) it gets the files that the patch changes. With --whole it gets a copy of every
+source file.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import argparse
 import json
 import os
 import re
-import shutil
 from pathlib import Path
 
 from study.core import cli, patches, registry, temporary
@@ -55,7 +55,8 @@ Papers, with authors, title and year.
 def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = False) -> Path:
     """Make phases/NAME, visible only when it is complete. Returns the new folder.
 
-    Derived from `parent`, or `whole`: with a copy of each of the parent's sources but residues.def.
+    Derived from `parent`, or `whole`: with a copy of each of the parent's sources but residues.def. Of an
+    ablation PHASE+TITLE it has the patched files, and PHASE is its parent.
 
     Raises StudyError for a bad or taken name, an unknown parent, and a disk that does not take it.
     """
@@ -67,10 +68,7 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
     target = root / "phases" / name
     if name in phases or target.exists():
         raise StudyError(f"phases/{name} exists already; choose another name")
-    if "+" in parent:
-        raise StudyError(
-            f"'{parent}' is an ablation; a phase is made from a phase, and its patch applied then"
-        )
+    source, parent = parent, parent.partition("+")[0]
     base = registry.find_phase(parent, root)
     inherited = {k: v for k, v in patches.about(parent, root).items() if k not in ("derives", "without")}
     described = inherited if whole else {"family": base.family}
@@ -87,20 +85,32 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
         described["tolerance"] = {**(held if whole else {}), "truth": rounding(root)}
     try:
         with temporary.folder(root / "phases", f".{name}.") as made:
-            for file, path in patches.files(parent, root).items() if whole else ():
-                if file == "residues.def":  # was read in the parent's code
-                    continue
+            for file, content in sources(source, root, whole).items():
                 (made / file).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(path, made / file)
+                (made / file).write_text(content, encoding="utf-8")
             text = json.dumps(described, indent=4, ensure_ascii=False)
             (made / "phase.json").write_text(text + "\n", encoding="utf-8")
             (made / "NOTES.md").write_text(NOTES.format(name=name, parent=parent), encoding="utf-8")
             os.chmod(made, base.path.stat().st_mode)
             made.rename(target)
-    except (OSError, shutil.Error) as error:
-        raise StudyError(f"phases/{name}: {getattr(error, 'strerror', None) or error}") from None
+    except OSError as error:
+        raise StudyError(f"phases/{name}: {error.strerror or error}") from None
     registry.phases.cache_clear()
     return target
+
+
+def sources(name: str, root: Path, whole: bool) -> dict[str, str]:
+    """File → text of what the new phase's folder holds: what the ablation changes, or `whole` everything.
+    residues.def is left out: its entries were read in the parent's code. Raises StudyError."""
+    files = patches.files(name.partition("+")[0], root)
+    texts = {file: path.read_text(encoding="utf-8") for file, path in files.items() if file != "residues.def"}
+    made = texts
+    try:
+        for patch in patches.chain(name, root):
+            made = patches.apply(made, patch)
+    except patches.PatchError as error:
+        raise StudyError(str(error)) from None
+    return made if whole else {file: text for file, text in made.items() if text != texts[file]}
 
 
 def rounding(root: Path) -> dict[str, object]:
@@ -132,7 +142,9 @@ def following(name: str, parent: str, whole: bool) -> list[str]:
 def arguments() -> argparse.Namespace:
     parser = cli.parser(__doc__)
     parser.add_argument("--name", required=True, help="of the new phase, like opt4b")
-    parser.add_argument("--from", required=True, dest="parent", metavar="PHASE", help="its parent, like opt4")
+    parser.add_argument(
+        "--from", required=True, dest="parent", metavar="PHASE", help="its parent, like opt4; or an ablation"
+    )
     parser.add_argument("--whole", action="store_true", help="copy every source file of the parent")
     return parser.parse_args()
 
@@ -142,7 +154,8 @@ def main() -> int:
     folder = create(options.name, options.parent, whole=options.whole)
     shown = folder.relative_to(registry.ROOT)
     if options.json:
-        cli.emit({"phase": options.name, "parent": options.parent, "folder": shown})
+        cli.emit({"phase": options.name, "parent": options.parent.partition("+")[0], "folder": shown})
         return cli.OK
-    print("\n".join(following(options.name, options.parent, options.whole)))
+    parent = options.parent.partition("+")[0]
+    print("\n".join(following(options.name, parent, options.whole)))
     return cli.OK

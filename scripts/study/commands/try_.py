@@ -75,6 +75,8 @@ def sides(name: str, against: str | None) -> Sides:
     if not parent:
         raise StudyError(f"{name} has no parent; name one with --against")
     both = Sides(Spec.parse(parent), mine)
+    if both.parent == mine:
+        raise StudyError(f"{mine} is what it would be compared with; name another phase")
     for spec in both.both:
         if lacking := registry.missing_isa(spec):
             raise StudyError(f"{spec} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
@@ -112,9 +114,10 @@ def counted(spec: Spec, scene: Scene, height: int) -> dict[str, Any] | None:
         return None
 
 
-def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str, Any]], Path]:
+def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str, Any]], bool, Path]:
     """Of each its row against ground truth (as stepwise accuracy has it), its metrics against baseline and
-    what fails; and the strip of pictures. Raises StudyError where one cannot draw the scene.
+    what fails; whether both pictures have the same bits; and the strip of pictures. Raises StudyError where
+    one cannot draw the scene.
     """
     size = scene.size(height)
     plain = accuracy.without_shadows(scene, FOLDER / "scenes")
@@ -144,7 +147,8 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str,
     names = str(both.parent), str(both.mine)
     pair = pictures[both.parent], pictures[both.mine]
     path = FOLDER / f"{both.mine}-{scene.name}.png"
-    return found, panels.save(panels.pair(pair, names, title, metrics, notes, bad), path)
+    drawn = panels.save(panels.pair(pair, names, title, metrics, notes, bad), path)
+    return found, bool(metrics["identical"]), drawn
 
 
 def calls(parent: dict[str, Any], mine: dict[str, Any]) -> list[tuple[str, int, int]]:
@@ -168,7 +172,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     build_together([*targets, (BASE, "render")], len(run.USABLE))
     for spec in needed:
         build(spec)
-    found, strip = errors(both, scene, args.n)
+    found, same, strip = errors(both, scene, args.n)
     height = timed_height(both, scene)
     ms = times(both, scene, height, args.launches, args.seed)
     counts = {spec: counted(spec, scene, args.n) for spec in both.both}
@@ -188,7 +192,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         for spec in both.both
     ]
     changed = calls(*counts.values()) if all(counts.values()) else None
-    return {"schema": 1, **about, "sides": sides_, "calls": changed, "picture": str(strip)}
+    return {"schema": 1, **about, "sides": sides_, "same_bits": same, "calls": changed, "picture": str(strip)}
 
 
 def cells(side: dict[str, Any]) -> dict[str, str]:

@@ -193,14 +193,16 @@ def animated(root: Path = ROOT) -> dict[str, Scene]:
 
 
 def _scenes_in(folder: Path) -> dict[str, Scene]:
-    found = {}
-    for path in sorted(folder.glob("*.json")):
-        data = _read_json(path)
-        shapes = data.get("shapes")
-        shapes = shapes if isinstance(shapes, list) else []  # what is wrong, the driver says
-        types = [shape.get("type") for shape in shapes if isinstance(shape, dict)]
-        found[path.stem] = Scene(path.stem, path, data, "mandelbulb" in types)
-    return found
+    return {path.stem: scene_at(path) for path in sorted(folder.glob("*.json"))}
+
+
+def scene_at(path: Path) -> Scene:
+    """The scene of a file. Raises StudyError for one that is not a JSON object."""
+    data = _read_json(path)
+    shapes = data.get("shapes")
+    shapes = shapes if isinstance(shapes, list) else []  # what is wrong, the driver says
+    types = [shape.get("type") for shape in shapes if isinstance(shape, dict)]
+    return Scene(path.stem, path, data, "mandelbulb" in types)
 
 
 def is_exact(spec: str) -> bool:

@@ -1,0 +1,175 @@
+"""The labs: each judged on the ladder's solution and on wrong ones. Times are made up, the rest is real."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import emitted
+import pytest
+
+from study.commands import judge, new_phase, try_
+from study.core import cli, patches, registry
+from study.core.registry import ROOT, Spec
+
+PLANET = ROOT / "tests" / "labs" / "planet.json"
+SOLUTIONS = {
+    1: "baseline+1_precomputed",
+    2: "opt6_wide",
+    4: "opt6_wide",
+    5: "opt8_streams",
+    6: "opt7_tiles",
+}
+SMALL = ("--launches", "6", "--seed", "1")
+PAGES = ROOT / "docs" / "labs"
+
+
+@pytest.fixture
+def judged(monkeypatch, capsys):
+    """Judges in this process, the solution `gain` times as fast as the start: exit status, what is said."""
+
+    def call(*words: object, gain: float = 3.0, spread: float = 1.01, n: int = 45) -> tuple[int, str]:
+        def times(both: try_.Sides, scene, height, launches, seed) -> dict[Spec, list[float]]:
+            mine = [1 / gain * (spread if i % 2 else 1 / spread) for i in range(launches)]
+            return {both.parent: [1.0] * launches, both.mine: mine}
+
+        monkeypatch.setattr(try_, "times", times)
+        monkeypatch.setattr(try_, "timed_height", lambda *_: 45)
+        monkeypatch.setattr(sys, "argv", ["stepwise judge", *map(str, words), "-n", str(n), *SMALL])
+        return cli.finish(judge.main()), capsys.readouterr().out
+
+    return call
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", SOLUTIONS)
+def test_the_ladders_solution_is_accepted(judged, number):
+    if lacking := registry.missing_isa(Spec.parse(SOLUTIONS[number])):
+        pytest.skip(f"the CPU lacks {' '.join(lacking)}")
+    status, said = judged(number, "--phase", SOLUTIONS[number])
+    assert status == 0 and said.endswith("All of it reached.\n"), said
+
+
+@pytest.mark.slow
+def test_other_bits_are_refused(judged):
+    """opt2 is fast, and its picture is another."""
+    status, said = judged(1, "--phase", "opt2")
+    assert status == 1 and "MISSED   every bit as baseline's" in said
+    assert said.splitlines()[-1] == f"Hint: {judge.labs()[1].hints['picture']}"
+
+
+@pytest.mark.slow
+def test_a_picture_outside_its_tolerance_is_refused(judged, monkeypatch):
+    found = try_.errors
+
+    def wrong(both, scene, height):
+        sides, same, path = found(both, scene, height)
+        sides[both.mine]["fails"] = ["made up"]
+        return sides, same, path
+
+    monkeypatch.setattr(try_, "errors", wrong)
+    status, said = judged(6, "--phase", "opt7_tiles")
+    assert status == 1 and "MISSED   within its tolerance (made up)" in said
+    assert said.splitlines()[-1] == f"Hint: {judge.labs()[6].hints['picture']}"
+
+
+@pytest.mark.slow
+def test_idle_lanes_are_refused(judged, monkeypatch):
+    """As many lanes at work as before, however fast it is."""
+    monkeypatch.setattr(try_, "share", lambda counts: 0.3)
+    status, said = judged(5, "--phase", "opt8_streams", "--json")
+    result = emitted.result(said)
+    assert status == 1 and [one["passed"] for one in result["checks"]] == [True, False, True]
+    assert result["hint"] == judge.labs()[5].hints["lanes"]
+
+
+def test_the_start_is_no_solution(judged):
+    with pytest.raises(cli.StudyError, match=r"opt8_streams\+no_refill is what it would be compared with"):
+        judged(5, "--phase", "opt8_streams+no_refill")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gain", "spread", "hint"), [(1.1, 1.001, "speed"), (1.2, 1.2, "")])
+def test_too_slow_and_not_known(judged, gain, spread, hint):
+    """1.2 times is asked: surely less, and an interval that holds it."""
+    status, said = judged(1, "--phase", "baseline+1_precomputed", gain=gain, spread=spread)
+    assert status == 1 and "MISSED   at least 1.2×" in said
+    assert said.splitlines()[-1] == f"Hint: {judge.labs()[1].hints.get(hint, judge.UNSURE)}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scene", "fails"),
+    [
+        (PLANET, None),
+        (ROOT / "common" / "scenes" / "scene0.json", "breaks"),
+        (ROOT / "common" / "scenes" / "mandelbulb_closeup.json", "shape"),
+    ],
+)
+def test_a_scene_is_judged(judged, scene, fails):
+    status, said = judged(3, "--scene", scene, n=180)
+    wanted = "All of it reached." if fails is None else f"Hint: {judge.labs()[3].hints[fails]}"
+    assert (status, said.splitlines()[-1]) == (1 if fails else 0, wanted), said
+
+
+@pytest.mark.parametrize("words", [(1,), (3,), (7,), (3, "--phase", "opt2")])
+def test_what_a_lab_asks_for(judged, words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        judged(*words)
+    assert ended.value.code == 2 and "stepwise judge: error:" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_scene_that_is_none(judged, tmp_path):
+    with pytest.raises(cli.StudyError, match="No such file"):
+        judged(3, "--scene", tmp_path / "none.json")
+
+
+def test_pages_say_what_the_judge_asks():
+    """Start, goal and minutes of the table; each page has the commands and the hints' lab."""
+    table = (PAGES / "README.md").read_text(encoding="utf-8")
+    for number, lab in judge.labs().items():
+        (row,) = re.findall(rf"^\| \[{number}\]\({lab.page}\).*$", table, re.MULTILINE)
+        assert row.endswith(f" {lab.minutes} |")
+        page = (PAGES / lab.page).read_text(encoding="utf-8")
+        assert (
+            page.startswith(f"# Lab {number}: {lab.title.lower()}\n") and f"make judge LAB={number} " in page
+        )
+        if lab.breaks:
+            assert f"`{lab.breaks}`" in row and f"{lab.below_db} dB or less" in " ".join(page.split())
+            continue
+        Spec.parse(lab.start)
+        registry.find_scene(lab.scene)
+        assert (
+            f"`{lab.start}`" in row
+            and f"{lab.speedup}×" in row
+            and f"{lab.speedup}× on " in " ".join(page.split())
+        )
+        assert f"make new-phase NAME=mine FROM={lab.start}\n" in page
+        assert lab.hints.keys() >= {"picture", "speed"} | ({"lanes"} if lab.lanes else set())
+
+
+@pytest.mark.parametrize("start", [lab.start for lab in judge.labs().values() if "+" in lab.start])
+def test_a_start_is_the_ablation_as_a_phase(start, tmp_path):
+    """The same tree, and only the patched files in its folder."""
+    phase = start.partition("+")[0]
+    for name in patches.lineage(phase):
+        (tmp_path / "phases").mkdir(exist_ok=True)
+        (tmp_path / "phases" / name).symlink_to(ROOT / "phases" / name)
+    for name in ("opt5_threads", *patches.lineage("opt5_threads")):  # whose tolerance is the new phase's
+        if not (tmp_path / "phases" / name).exists():
+            (tmp_path / "phases" / name).symlink_to(ROOT / "phases" / name)
+    folder = new_phase.create("mine", start, tmp_path)
+    registry.phases.cache_clear()
+
+    def texts(name: str, root: Path) -> dict[str, str]:
+        tree = {file: text for file, text in patches.tree(name, root).items() if file != "phase.json"}
+        return {file: re.sub(r"\A#line .*\n", "", text) for file, text in tree.items()}
+
+    wanted, made = texts(start, ROOT), texts("mine", tmp_path)
+    wanted.pop("residues.def", None)
+    made.pop("residues.def", None)
+    assert made == wanted
+    own = {str(path.relative_to(folder)) for path in folder.rglob("*.[chd]*")} - {"phase.json"}
+    plain = texts(phase, ROOT)
+    assert own == {file for file in wanted if wanted[file] != plain[file]} and own
