@@ -199,7 +199,16 @@ def test_clang_takes_it_and_gcc_the_counting_source(name, compiler, parsed):
         words = ["-std=c11", "-D_GNU_SOURCE", *flags, *own, *counting]
         first = intrinsics(compiler, tuple(words), parsed) if "-mavx" in " ".join(words) else []
         done = subprocess.run(
-            [compiler, *words, "-iquote", phase.path, *first, *sorted(phase.path.rglob("*.c"))],
+            [
+                compiler,
+                *words,
+                "-iquote",
+                phase.path,
+                "-iquote",
+                phase.path.parent,
+                *first,
+                *sorted(phase.path.rglob("*.c")),
+            ],
             cwd=ROOT,
             capture_output=True,
             text=True,

@@ -77,6 +77,9 @@ TERMS = {
         hit_cells hit_cells_of_bundles hit_copy hit_from_surface hit_whole_packet in_copy_frame
         is_same_point set_candidate_ray start_beside_copy store_chebyshev_hit walk_single_rays
         sphere_interval cone_interval box_interval entry_distance depth_inside trace_single_ray trace_part
+        abs_rise along_box along_cone along_hull along_octahedron along_solid cell_line_of darken_by_listed
+        darken_by_plane darken_by_solid load_search own_box own_cone own_octahedron own_ratio own_torus
+        pass_wall ring_along ring_bound search_shape widest_*
     """,
     "shadow rays' set-up": """
         cast* choose_shading choose_shapes cleared ball_* bundle_about bulges flat_within slant_at
@@ -95,7 +98,7 @@ TERMS = {
         march_leaving_rays may_enter_sphere misses_bulb move_rays_to_lanes needs_cone_query
         next_shadow_packet prepare_packet query_bundle_of segment_before_plane segment_of self_shadow
         store_bulb_light store_lit trivially_lit
-        queue_shadow_rays
+        add_queued_light begin_soft_packet list_for_packet lit_share queue_shadow_rays
     """,
     "marching": """
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
