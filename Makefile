@@ -62,6 +62,9 @@ view: ## a window on SCENE=scene0 by PHASE=… (default: the ladder's last): wal
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/stepwise report $(ARGS)
 
+report-pdf: setup ## the newest run as a paper of some eight pages (report/out/report.pdf); installs typst into build/pdf
+	@$(PY) scripts/stepwise report-pdf $(ARGS)
+
 try: setup ## NAME=mine SCENE=scene0: a phase beside its parent, speed and error and what changed; WATCH=1: again at every save
 	@$(PY) scripts/stepwise try $(or $(NAME),$(error NAME= is missing))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(WATCH), --watch) $(ARGS)
 

@@ -18,7 +18,17 @@ from study.core.cli import StudyError
 
 BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built too
     *("accuracy", "asan", "asan-clang", "calibration", "ceilings", "clang", "common", "drjit", "emulated"),
-    *("frames", "functions", "hard-fast", "hard-fma", "scaling", "systems", "test-opinions", "test-results"),
+    *(
+        "frames",
+        "functions",
+        "hard-fast",
+        "hard-fma",
+        "pdf",
+        "scaling",
+        "systems",
+        "test-opinions",
+        "test-results",
+    ),
     *("test-scenes", "tests", "toolchains", "tsan", "views"),
 }
 

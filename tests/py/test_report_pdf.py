@@ -1,0 +1,69 @@
+"""The PDF of a run: what it says is what the run's files say, and typst takes it."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import pytest
+
+from study.commands import report, report_pdf
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments.sweep import ladder
+from study.numbers import analysis
+from study.report import paper
+
+PUBLISHED = ROOT / "results" / "reference" / "zen4-2026-11-25"
+HOSTILE = '#panic("x") $a$ <script> @ref *b* [c'
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> analysis.Data:
+    run = tmp_path_factory.mktemp("machine") / "run"
+    shutil.copytree(PUBLISHED, run)
+    return analysis.load(run)
+
+
+@pytest.mark.slow
+def test_it_says_what_the_run_says(data, tmp_path):
+    rows = ladder.rows(data)
+    questions = report.asked(data, rows)
+    told = paper.content(data, questions, report.headlines(rows), tmp_path)
+    assert len(told["questions"]) == 5 and len(told["abstract"]) == 2
+    fastest = rows[(rows["scene"] == "scene0") & rows["headline"] & (rows["threads"] == 1)]
+    best = fastest.loc[fastest["ms"].idxmin()]
+    assert str(best["phase"]) in told["abstract"][0] and f"{best['ms']:.4f}" in told["abstract"][0]
+    chapters = [one for question in told["questions"] for one in question["chapters"]]
+    assert all(one["answer"] for one in chapters)
+    tables = [table for one in chapters for table in one["tables"]]
+    assert tables and all(len(row) == len(table["heads"]) for table in tables for row in table["rows"])
+    (first,) = [table for table in tables if "Table 1" in table["caption"]]
+    assert first["rows"] and {row[1] for row in first["rows"]} == {"baseline"}
+    (scene0,) = [row for row in first["rows"] if row[0] == "scene0"]
+    assert scene0[2:4] == ["21.68", "20.68"]  # counted; the paper's Table 1
+    wanted = [kept.caption for _, some in paper.CHAPTERS.values() for kept in some]
+    missing = [one for one in wanted if not any(one in table["caption"] for table in tables)]
+    assert not missing
+
+
+@pytest.mark.slow
+def test_typst_sets_it_whatever_the_machine_is_called(data, tmp_path):
+    """Names are data, never markup."""
+    context = data.context | {"cpu": {**data.context["cpu"], "model": HOSTILE}, "compiler": HOSTILE}
+    out = tmp_path / "out" / "report.pdf"
+    out.parent.mkdir()
+    try:
+        report_pdf.make(dataclasses.replace(data, context=context), out)
+    except StudyError as error:
+        if "cannot be installed" in str(error):
+            pytest.skip(str(error))
+        raise
+    assert out.read_bytes().startswith(b"%PDF-") and out.stat().st_size > 100_000
+    assert [path.name for path in out.parent.iterdir()] == ["report.pdf"]
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    shutil.copy(paper.TEMPLATE, broken)
+    with pytest.raises(StudyError, match=r"typst: .*file not found"):
+        report_pdf.typeset(broken, Path(tmp_path / "none.pdf"))
