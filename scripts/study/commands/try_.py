@@ -244,9 +244,11 @@ def text(result: dict[str, Any]) -> str:
 
 
 def speed_up(ratio: stats.Interval) -> str:
-    """`1.21× [1.18, 1.24] as fast as`; says so where the interval holds 1."""
+    """`1.21× [1.18, 1.24] as fast as`; says so where the interval holds 1, and where there is none."""
+    if not ratio.sufficient:
+        return f"{ratio.value:.3g}× (too few launches for an interval) as fast as"
     shown = show.spread(ratio, 3, "×")
-    told = ratio.sufficient and not ratio.low <= 1 <= ratio.high
+    told = not ratio.low <= 1 <= ratio.high
     return f"{shown} as fast as" if told else f"{shown} as fast as (no difference that can be told from)"
 
 
