@@ -15,7 +15,9 @@
 // adds at most a tenth of the one before, so that 16 already reach double precision.
 enum { MAX_STEPS = 1000000000, MAX_BOUNCES = 256 };
 
-static const char *const SHADOW_NAMES[] = {"none", "hard", "soft"};
+static const char *const SHADOW_NAMES[] = {"none", "hard", "soft", "ideal"};
+
+enum { SHADOWS_COUNT = sizeof SHADOW_NAMES / sizeof *SHADOW_NAMES };
 
 const char *shadows_name(enum shadows shadows) {
     return SHADOW_NAMES[shadows];
@@ -70,16 +72,17 @@ static void read_light(struct reader *r, json_t *root, struct scene *scene) {
     reader_only_keys(r, light, keys);
     reader_vector(r, light, "position", ANY, scene->view.light_position);
     reader_vector(r, light, "emission", NOT_NEGATIVE, scene->view.light_emission);
-    json_t *shadows =
-        reader_member(r, light, "shadows", JSON_STRING, "\"soft\", \"hard\" or \"none\"");
+    json_t *shadows = reader_member(r, light, "shadows", JSON_STRING,
+                                    "\"soft\", \"ideal\", \"hard\" or \"none\"");
     if (shadows) {
         const char *text = json_string_value(shadows);
         int found = -1;
-        for (int i = 0; i < 3; i++)
+        for (int i = 0; i < SHADOWS_COUNT; i++)
             if (strcmp(text, SHADOW_NAMES[i]) == 0)
                 found = i;
         if (found < 0)
-            reader_fail(r, "shadows", "\"%.80s\" is not one of \"soft\", \"hard\", \"none\"", text);
+            reader_fail(r, "shadows",
+                        "\"%.80s\" is not one of \"soft\", \"ideal\", \"hard\", \"none\"", text);
         else
             scene->model.shadows = (enum shadows)found;
     }

@@ -25,7 +25,9 @@ enum shape_type {
     SHAPE_TYPES
 };
 
-enum shadows { SHADOWS_NONE, SHADOWS_HARD, SHADOWS_SOFT };
+// SOFT: the paper's estimate of the soft shadow, by its march. IDEAL: the soft shadow itself, the least
+// shadow_strength·h(t)/t between surface_offset and the light, from 0 to 1.
+enum shadows { SHADOWS_NONE, SHADOWS_HARD, SHADOWS_SOFT, SHADOWS_IDEAL };
 
 enum path_type { PATH_NONE, PATH_CIRCLE, PATH_LINE };
 

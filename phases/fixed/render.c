@@ -24,7 +24,7 @@ struct prepared {
 // Returns why the phase cannot draw the model's shapes, shadows or fog; NULL if it can.
 static const char *unsupported_model(const struct model *model) {
     static char error[512];
-    if (model->shadows == SHADOWS_SOFT)
+    if (model->shadows == SHADOWS_SOFT || model->shadows == SHADOWS_IDEAL)
         return "soft shadows need the distances along a shadow ray's march, and a closed form has "
                "none; light.shadows \"hard\" or \"none\" is drawn";
     if (model->features.fog)

@@ -46,7 +46,7 @@ const char *phase_unsupported(const struct scene *scene) {
     const double *p = scene->view.position, bounds = scene->model.march.bounds_radius;
     if (!settings_read(getenv("STEPWISE_PACKETS"), &settings, error))
         return error;
-    if (scene->model.shadows == SHADOWS_SOFT)
+    if (scene->model.shadows == SHADOWS_SOFT || scene->model.shadows == SHADOWS_IDEAL)
         return "soft shadows come from distances along the ray, and closed forms have none: "
                "packets renders shadows \"hard\" or \"none\"";
     if (!(p[0] * p[0] + p[1] * p[1] + p[2] * p[2] < bounds * bounds))

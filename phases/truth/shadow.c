@@ -223,9 +223,10 @@ enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
         factor[SHADOW_IDEAL] = factor[SHADOW_ESTIMATE];
         return status;
     }
-    if (prepared->model.shadows == SHADOWS_SOFT) {
-        factor[SHADOW_ESTIMATE] = estimated_shadow(&ray);
+    if (prepared->model.shadows == SHADOWS_SOFT || prepared->model.shadows == SHADOWS_IDEAL) {
+        bool estimate = prepared->model.shadows == SHADOWS_SOFT;
         factor[SHADOW_IDEAL] = ideal_shadow(&ray);
+        factor[SHADOW_ESTIMATE] = estimate ? estimated_shadow(&ray) : factor[SHADOW_IDEAL];
     }
     return PROVED;
 }

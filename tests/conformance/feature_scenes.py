@@ -64,7 +64,8 @@ def _transforms() -> dict[str, dict]:
 
 
 def _light() -> dict[str, dict]:
-    lit = {f"shadows_{kind}": scene(ROOM, light={"shadows": kind}) for kind in ("none", "hard", "soft")}
+    kinds = ("none", "hard", "soft", "ideal")
+    lit = {f"shadows_{kind}": scene(ROOM, light={"shadows": kind}) for kind in kinds}
     soft = {"shadows": "soft", "shadow_strength": 50}
     beneath = {"position": [0.1, -4, 0.3], "shadows": "soft"}
     lit |= {

@@ -200,6 +200,7 @@ def test_features_show(phase: str) -> None:
     pairs = [
         ("shadows_none", "shadows_soft"),
         ("shadows_soft", "shadows_hard"),
+        ("shadows_hard", "shadows_ideal"),
         ("shadows_soft", "shadow_strength"),
     ]
     pairs += [("shadows_none", "fog"), ("mirrors_0", "mirrors_1"), ("mirrors_facing_1", "mirrors_facing_2")]

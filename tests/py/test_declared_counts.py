@@ -50,6 +50,7 @@ SCENES = {
     "many": scene(MANY, light={"shadows": "soft"}, fog=1e-4),
     "bare": scene(MANY[:2] + ROOM),  # no shadow, no fog; its mirror is taken out below
     "hard": scene(ROOM, light={"shadows": "hard"}),
+    "ideal": scene(ROOM, light={"shadows": "ideal"}),
     "turned": scene([shape("box", repeat=CELLS, **TURNED), FLOOR]),
     "ball": scene([shape("sphere")]),
     "glass": scene([shape("plane", normal=[0, 1, 0], offset=0, material="mirror")]),
@@ -184,7 +185,7 @@ def test_evaluations_are_those_of_primary_rays_and_normals(counted, phase, name)
     assert calls(made, "trace") == picture["id"].size
 
 
-@pytest.mark.parametrize(("name", "height"), [("many", 24), ("bare", 36), ("scene0", 24)])
+@pytest.mark.parametrize(("name", "height"), [("many", 24), ("bare", 36), ("ideal", 24), ("scene0", 24)])
 @pytest.mark.parametrize("phase", SCALAR)
 def test_calls_follow_pixels_and_shapes(counted, phase, name, height):
     made, picture = counted(phase, name, height)
@@ -195,7 +196,8 @@ def test_calls_follow_pixels_and_shapes(counted, phase, name, height):
     for kind in SIZES:
         assert calls(made, f"sdf_{kind}") == evaluations * sum(one["type"] == kind for one in shapes), kind
     assert calls(made, "sdf", "shape") == calls(made, "apply_transform") == evaluations * len(shapes)
-    marched = sum(calls(made, march, "step") for march in ("ray_march", "soft_shadow", "hard_shadow"))
+    marches = ("ray_march", "soft_shadow", "ideal_shadow", "hard_shadow")
+    marched = sum(calls(made, march, "step") for march in marches)
     hits = calls(made, "normal_at")
     assert evaluations == marched + 4 * hits
     parts = made["by_function"]["sdf_octahedron"]["parts"]
@@ -214,12 +216,14 @@ def test_each_hit_of_a_lone_mirror_bounces_once(counted, phase):
 
 @pytest.mark.parametrize("phase", SCALAR)
 def test_shadow_rays_go_where_the_scene_has_them(counted, phase):
-    soft, hard, bare = (counted(phase, name)[0] for name in ("many", "hard", "bare"))
+    soft, hard, ideal, bare = (counted(phase, name)[0] for name in ("many", "hard", "ideal", "bare"))
     # From opt2 on: only where the surface faces the light.
     wanted = "facing" if "facing" in soft["by_function"]["light_at"]["parts"] else "lit"
     assert calls(soft, "soft_shadow") == calls(soft, "light_at", wanted) > 0
     assert calls(hard, "hard_shadow") == calls(hard, "light_at", wanted) > 0
+    assert calls(ideal, "ideal_shadow") == calls(ideal, "light_at", wanted) > 0
     assert calls(soft, "hard_shadow") == calls(hard, "soft_shadow") == 0
+    assert calls(soft, "ideal_shadow") == calls(hard, "ideal_shadow") == calls(ideal, "soft_shadow") == 0
     assert calls(bare, "hard_shadow") == calls(bare, "soft_shadow") == 0
 
 

@@ -163,6 +163,7 @@ REFUSED = {
     "a BVH of a Mandelbulb": (scene([FLOOR, shape("mandelbulb")]), "bvh", "no Mandelbulb"),
     "a BVH of what is repeated": (scene([FLOOR, shape("sphere", repeat=[4, 0, 4])]), "bvh", 'no "repeat"'),
     "a BVH of no solid": (scene([FLOOR]), "bvh", "a solid"),
+    "a list of ideal shadows": (spheres(5, "ideal"), "list", '"ideal": march draws it'),
     "a list about the camera": (AROUND_CAMERA, "list", "the camera should be"),
 }
 

@@ -322,6 +322,7 @@ def refusal(phase: str, data: dict, words: str, tmp_path: Path) -> str:
 ONE = [ball(1, [0, 0, 0])]
 NO_FORM = {
     "soft shadows need": scene(ONE, light={"shadows": "soft"}),
+    "the distances along a shadow ray": scene(ONE, light={"shadows": "ideal"}),
     "fog needs an exponential": scene(ONE, fog=0.1, light={"shadows": "hard"}),
     "shapes[1] is a torus": scene([*ONE, shape("torus")], light={"shadows": "hard"}),
     "shapes[0] is an octahedron": scene([shape("octahedron")], light={"shadows": "hard"}),

@@ -367,6 +367,7 @@ REFUSED = {
     "mandelbulb": (scene([shape("mandelbulb")], **HARD), "closed forms of spheres", "mandelbulb"),
     "repeat": (scene([shape("box", repeat=[4, 0, 0])], **HARD), "repeated without end", "repeat"),
     "soft": (scene([shape("sphere")], light={"shadows": "soft"}), "no", "shadows"),
+    "ideal": (scene([shape("sphere")], light={"shadows": "ideal"}), "no", "shadows"),
     "rounded": (scene([shape("box", rounding=0.1)], **HARD), "shapes[0] is of type", "rounded box"),
     "outside": (
         scene([shape("sphere")], **HARD, camera={"position": [0, 0, -200]}),

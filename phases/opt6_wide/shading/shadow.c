@@ -3,6 +3,7 @@
 #include "core/sdf.h"
 #include "core/trace.h"
 #include "core/trace_context.h"
+#include "shading/ideal_shadow.h"
 #include "shading/shadow_step.h"
 
 void shadow(const struct hit *hit, const struct lighting *light, struct trace_context *world,
@@ -27,6 +28,13 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
         rays[k].twice_previous =
             v_splat(1e14f); // its square times t² and strength² is still a float
         group->t[k] = v_splat((float)model->march.surface_offset);
+    }
+    if (model->shadows == SHADOWS_IDEAL) {
+        vfloat distance[GROUP];
+        for (int k = 0; k < packets_in(group); k++)
+            distance[k] = light[k].distance;
+        ideal_shadow(distance, group, world->scene, reach);
+        return;
     }
     struct sole_shape sole = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {

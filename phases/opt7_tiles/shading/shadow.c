@@ -5,6 +5,7 @@
 #include "core/sdf.h"
 #include "core/trace.h"
 #include "core/trace_context.h"
+#include "shading/ideal_shadow.h"
 #include "shading/shadow_step.h"
 
 // Lists the shapes that the shadow rays can meet, and sets the rays' origins in the frames of these shapes.
@@ -26,8 +27,9 @@ static void list_occluders(const struct hit *hit, const struct lighting *light,
     }
     if (!v_any(lit))
         return;
-    bool soft = world->scene->model.shadows == SHADOWS_SOFT;
-    list_for_bundle(&rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world,
+    enum shadows shadows = world->scene->model.shadows;
+    list_for_bundle(&rays, shadows == SHADOWS_SOFT ? NULL : length,
+                    shadows == SHADOWS_HARD ? LIST_HIT : LIST_NEAREST, world,
                     world->scratch->shadow);
     for (int k = 0; k < packets_in(group); k++)
         if (v_any(rays.active[k]))
@@ -57,6 +59,13 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
         rays[k].twice_previous =
             v_splat(1e14f); // its square times t² and strength² is still a float
         group->t[k] = v_splat((float)model->march.surface_offset);
+    }
+    if (model->shadows == SHADOWS_IDEAL) {
+        vfloat distance[GROUP];
+        for (int k = 0; k < packets_in(group); k++)
+            distance[k] = light[k].distance;
+        ideal_shadow(distance, group, world->scene, reach);
+        return;
     }
     struct sole_shape sole = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {

@@ -140,7 +140,8 @@ static struct vec lit_color(struct vec color, struct vec bright, const struct hi
     bool soft = scene->model.shadows == SHADOWS_SOFT;
     vmask open = light->lit;
     if (scene->model.shadows != SHADOWS_NONE) {
-        open = scene->all_bounded ? trivially_lit(hit, light, packet, world) : v_mask_none();
+        bool marched = !scene->all_bounded || scene->model.shadows == SHADOWS_IDEAL;
+        open = marched ? v_mask_none() : trivially_lit(hit, light, packet, world);
         vmask shadowed = v_andnot(open, light->lit);
         if (v_any(shadowed))
             queue_shadow(shadowed, hit, light, bright, pixel, world->queues);

@@ -5,6 +5,7 @@
 #include "core/ray_queues.h"
 #include "core/sdf.h"
 #include "core/trace_context.h"
+#include "shading/ideal_shadow.h"
 #include "shading/shadow_step.h"
 
 static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first,
@@ -32,7 +33,8 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
     struct packet_group *group = world->group;
     bool soft = model->shadows == SHADOWS_SOFT;
     struct shadow_state shades[GROUP];
-    list_for_bundle(rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world,
+    list_for_bundle(rays, soft ? NULL : length,
+                    model->shadows == SHADOWS_HARD ? LIST_HIT : LIST_NEAREST, world,
                     world->scratch->shadow);
     for (int k = 0; k < GROUP; k++) {
         shades[k].least_sq = v_splat(1.0f);
@@ -49,6 +51,10 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
         shades[k].twice_previous =
             v_splat(1e14f); // its square times t² and strength² is still a float
         group->t[k] = v_splat((float)model->march.surface_offset);
+    }
+    if (model->shadows == SHADOWS_IDEAL) {
+        ideal_shadow(length, group, scene, reach);
+        return;
     }
     struct sole_shape sole = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
@@ -92,7 +98,7 @@ static void cast_packets(struct trace_context *world) {
 void cast_shadows(struct trace_context *world) {
     COUNT(cast_shadows, call);
     struct ray_queues *queues = world->queues;
-    if (world->scene->bulbs > 0)
+    if (world->scene->bulbs > 0 && world->scene->model.shadows != SHADOWS_IDEAL)
         cast_streams(world);
     else
         cast_packets(world);

@@ -30,6 +30,8 @@ static const char *why_not(struct prepared *trial, const struct scene *scene, bo
     prepare_shapes(trial, &scene->model);
     if (trial->path == PATH_MARCH)
         return NULL;
+    if (trial->model.shadows == SHADOWS_IDEAL)
+        return "light.shadows is \"ideal\": march draws it";
     if (!trial->analytic)
         return "a shape of this scene has no closed form: march draws it";
     if (trial->path == PATH_BVH && !trial->bvh.levels)

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/primitive.h"
+#include "shadow/ideal.h"
 
 // Sets the matrix of a rotation about x, then y, then z. Each turns (u, v) to (c·u − s·v, s·u + c·v), on
 // (y,z), (x,z) and (x,y).
@@ -275,9 +276,11 @@ static struct known_scene known_of(const struct model *model) {
 
 void prepare_shapes(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
-    prepared->analytic = prepared->path != PATH_MARCH;
+    if (SOFT_IS_IDEAL && model->shadows == SHADOWS_IDEAL)
+        prepared->model.shadows = SHADOWS_SOFT;
+    prepared->analytic = prepared->path != PATH_MARCH && prepared->model.shadows != SHADOWS_IDEAL;
     struct known_scene *known = &prepared->known;
-    *known = known_of(model);
+    *known = known_of(&prepared->model);
     known->primitives = prepared->primitives;
     prepared->plane_count = 0;
     for (int i = 0; i < model->shape_count; i++) {

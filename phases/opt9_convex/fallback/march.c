@@ -1,6 +1,7 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
 #include "fallback/trace.h"
+#include "shadow/ideal.h"
 #include "simd/simd.h"
 
 #include <limits.h>
@@ -237,6 +238,36 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
     return least;
 }
 
+// Returns the ideal soft shadow, 0 ... 1: the least strength·h(t)/t up to the light. It is slow.
+// The distance h falls no faster than t grows. So no ratio h/t is below `goal` within the next
+// (h − goal·t)/(1 + goal). The goal is so little below the least ratio found that the result is at
+// most ROOM too light. At a smooth minimum the steps are about ROOM·t, so the error is about ROOM².
+// A Mandelbulb's h is an estimate: nothing is proved there.
+#define ROOM (1.0f / 64)
+#define LEAST_STEP 0x1p-16f // of t, for strengths that ask for less
+static vfloat ideal_shadow(vfloat distance, vmask active, const struct trace_context *world) {
+    COUNT(ideal_shadow, call);
+    COUNT(ideal_shadow, scalar);
+    const struct prepared *scene = world->scene;
+    float strength = (float)scene->model.shadow_strength, lit = 1.0f / strength;
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f), least = v_splat(lit);
+    vfloat room = v_splat(ROOM * (lit < 1.0f ? lit : 1.0f));
+    vfloat t = v_splat((float)scene->model.march.surface_offset);
+    vmask done = v_or(v_not(active), v_not(v_cmp_lt(t, distance)));
+    while (!v_all(done)) {
+        ACTIVE(LANES - v_count(done));
+        COUNT(ideal_shadow, step);
+        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
+        least = v_select(done, least, v_min(least, v_max(h / t, zero)));
+        vmask going = v_and(v_cmp_gt(least, zero), v_cmp_lt(t, distance));
+        done = v_or(done, v_not(going));
+        vfloat goal = least - room;
+        vfloat step = v_max(v_nmadd(goal, t, h) / (one + goal), v_splat(LEAST_STEP) * t);
+        t = v_select(done, t, v_min(t + step, distance));
+    }
+    return v_min(v_splat(strength) * least, one);
+}
+
 static vfloat hard_shadow(vfloat distance, vmask active, struct bounds_exit exit,
                           const struct trace_context *world) {
     COUNT(hard_shadow, call);
@@ -272,6 +303,9 @@ vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask ac
         return v_splat(1.0f);
     set_local_directions(to_light, scene, world->local_rays);
     struct bounds_exit exit = bounds_exit_of(point, to_light, &scene->model);
-    return scene->model.shadows == SHADOWS_SOFT ? soft_shadow(active, exit, world)
-                                                : hard_shadow(distance, active, exit, world);
+    if (scene->model.shadows == SHADOWS_HARD)
+        return hard_shadow(distance, active, exit, world);
+    return SOFT_IS_IDEAL || scene->model.shadows == SHADOWS_IDEAL
+               ? ideal_shadow(distance, active, world)
+               : soft_shadow(active, exit, world);
 }

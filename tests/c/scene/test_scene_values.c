@@ -80,6 +80,7 @@ static void values_beside_shapes_arrive(void **state) {
                         strlen(file_name + 5) - 5); // no folder, no ending
     assert_string_equal(shape_type_name(SHAPE_CONE), "cone");
     assert_string_equal(shadows_name(SHADOWS_SOFT), "soft");
+    assert_string_equal(shadows_name(SHADOWS_IDEAL), "ideal");
     scene_free(&scene);
 }
 

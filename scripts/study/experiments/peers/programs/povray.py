@@ -72,7 +72,7 @@ def finish(data: dict[str, Any], shape: dict[str, Any]) -> str:
 def translated(data: dict[str, Any], width: int, height: int) -> str:
     """The scene for POV-Ray, whose coordinates are ours. Raises StudyError for what it lacks."""
     seen, light, bounds = shader.camera(data, width, height), data["light"], data["march"]["bounds_radius"]
-    if light["shadows"] == "soft" or any(m["reflectivity"] for m in data["materials"].values()):
+    if light["shadows"] in ("soft", "ideal") or any(m["reflectivity"] for m in data["materials"].values()):
         raise StudyError("POV-Ray has other soft shadows and mirrors")
     lines = [
         "#version 3.7;",
