@@ -18,6 +18,7 @@ pytestmark = [
 ]
 FOLDER = ROOT / "tests" / "fuzz"
 SECONDS = 20
+ASAN = "malloc_context_size=0:quarantine_size_mb=1:thread_local_quarantine_size_kb=64"  # fuzz.mk
 SEEDED = ["scene"]  # of texts; the others take any bytes
 
 
@@ -33,7 +34,7 @@ def test_a_harness_finds_nothing(name, tmp_path):
     command = [program, tmp_path / "corpus", *more, f"-max_total_time={SECONDS}", "-max_len=1200"]
     done = subprocess.run(
         [*command, "-timeout=10", "-print_final_stats=1", f"-artifact_prefix={tmp_path}/"],
-        env=os.environ | {"ASAN_OPTIONS": "malloc_context_size=0:quarantine_size_mb=1"},
+        env=os.environ | {"ASAN_OPTIONS": ASAN},
         capture_output=True,
         text=True,
         errors="replace",
