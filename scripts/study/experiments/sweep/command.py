@@ -253,7 +253,8 @@ class Sweep:
         store.write_json(self.run.path / "plan.json", self.plan)
         end = {"time": now(), "load_average": os.getloadavg(), "steal_ticks": machine.steal_ticks()}
         end["limits"] = quotas.limits()
-        store.write_json(self.run.path / "context.json", self.run.context | {"end": end})
+        self.run.context = self.run.context | {"end": end}
+        store.write_json(self.run.path / "context.json", self.run.context)
 
 
 def resume(options: argparse.Namespace) -> Sweep:
