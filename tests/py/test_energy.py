@@ -120,8 +120,8 @@ def event(folder: Path, **texts: str) -> Path:
 
 
 def test_perfs_event_counts_where_there_is_no_powercap(tree: Tree, tmp_path: Path) -> None:
-    """One joule per second of one CPU's clock: as many joules as seconds. Linux slews clocks by at most 500 ppm
-    (adjtimex(2))."""
+    """One joule per second of one CPU's clock: as many joules as seconds. Linux slews clocks by at most
+    500 ppm (adjtimex(2))."""
     event(energy.PMU)
     if said := energy.missing():
         pytest.skip(said)
