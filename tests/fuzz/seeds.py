@@ -1,8 +1,8 @@
 """Writes small scenes to a folder, a file each, without spaces: cut from the project's own.
 
 python3 tests/fuzz/seeds.py FOLDER. Of each scene its first three shapes together, and one shape of each kind
-(its type, its path's and its keys) alone, with the materials that they use. Short inputs load faster, and what
-is wrong with one is found by eye.
+(its type, its path's and its keys) alone, with the materials that they use. Short inputs load faster, and
+what is wrong with one is found by eye.
 """
 
 from __future__ import annotations
