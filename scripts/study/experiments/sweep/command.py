@@ -332,6 +332,9 @@ def report(sweep: Sweep, as_json: bool) -> int:
     rows = summary.rows(frames)
     warnings = summary.indistinguishable(frames) + stats.noise_warnings(frames)
     warnings += quotas.notices(sweep.run.context)
+    if crowded := sorted({c.threads for c in sweep.configs if c.threads > len(run.USABLE)}):
+        counts = ", ".join(map(str, crowded))
+        warnings.append(f"{counts} threads: more than the CPUs that may be used ({len(run.USABLE)})")
     for entry in plan["not_reached"]:
         warnings.append(f"budget: {entry['name']} has {entry['launches']} of {plan['launches']} launches")
     if as_json:
