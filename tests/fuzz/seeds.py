@@ -1,6 +1,8 @@
-"""Writes small scenes to a folder, a file each: the project's own, three shapes at most, without spaces.
+"""Writes small scenes to a folder, a file each, without spaces: cut from the project's own.
 
-python3 tests/fuzz/seeds.py FOLDER. Short inputs load faster, and what is wrong with one is found by eye.
+python3 tests/fuzz/seeds.py FOLDER. Of each scene its first three shapes together, and one shape of each kind
+(its type, its path's and its keys) alone, with the materials that they use. Short inputs load faster, and
+what is wrong with one is found by eye.
 """
 
 from __future__ import annotations
@@ -16,8 +18,14 @@ def write(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for path in sorted(SCENES.rglob("*.json")):
         scene = json.loads(path.read_text())
-        scene["shapes"] = scene["shapes"][:3]
-        (folder / path.name).write_text(json.dumps(scene, separators=(",", ":")))
+        kinds = {
+            (shape["type"], shape.get("path", {}).get("type"), *sorted(shape)): shape
+            for shape in scene["shapes"]
+        }
+        for i, shapes in enumerate([scene["shapes"][:3], *([shape] for shape in kinds.values())]):
+            materials = {shape["material"]: scene["materials"][shape["material"]] for shape in shapes}
+            small = scene | {"materials": materials, "shapes": shapes}
+            (folder / f"{path.stem}{i}.json").write_text(json.dumps(small, separators=(",", ":")))
 
 
 if __name__ == "__main__":

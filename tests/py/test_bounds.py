@@ -304,6 +304,24 @@ def test_without_the_tools_one_line_each_and_the_rest_stays(nest, monkeypatch):
     assert bounds_page.rows({"bounds": [made]})[0]["by"] == "model: none"
 
 
+def test_what_an_analyser_refuses_is_one_line_with_its_count(nest, monkeypatch):
+    """Two regions of 0.75 and 0.15 of the time, both refused for the same instruction."""
+    lines, _ = nest
+    monkeypatch.setattr(bounds, "regions", lambda *_: regions_of(lines))
+    monkeypatch.setattr(analysers, "mca_program", lambda: ("llvm-mca", 14))
+
+    def refuse(*_: object) -> None:
+        raise StudyError("llvm-mca: error: found an unsupported instruction")
+
+    monkeypatch.setattr(analysers, "run_mca", refuse)
+    said: list[str] = []
+    profile = profile_of({0: 1})
+    made = bounds.model(profile, None, None, said.append, Processor("Haswell", True), osaca=False)
+    text = "llvm-mca: error: found an unsupported instruction (2 of 2 regions, 90% of the time)"
+    assert said == [f"{profile.spec}: {text}"]
+    assert made["split"] is None and len(made["regions"]) == 2
+
+
 def test_without_objdump_one_line(monkeypatch):
     monkeypatch.setattr(regions.child, "run", lambda *_, **__: (_ for _ in ()).throw(FileNotFoundError()))
     with pytest.raises(StudyError, match="objdump is missing; binutils"):

@@ -196,3 +196,21 @@ def test_a_sweep_keeps_what_it_has_when_its_cpu_goes(
     assert plan["finished"] and all("cannot be pinned" in one["message"] for one in plan["failures"])
     assert len(plan["failures"]) == sweep.MOST_CRASHES
     assert "cannot be pinned as the run began" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_more_threads_than_cpus_are_said(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As under `taskset -c 1`, where two threads share a CPU."""
+    most = len(run.USABLE)
+    words = ["sweep", "--phase", "opt5_threads", "--scene", "trio", "-n", "2", "--launches", "1"]
+    words += ["--threads", str(most), str(most + 1), "--results", str(tmp_path)]
+    monkeypatch.setattr("sys.argv", words)
+    before = os.sched_getaffinity(0)
+    try:
+        assert sweep.main() == 0
+    finally:
+        os.sched_setaffinity(0, before)
+    said = f"warning: {most + 1} threads: more than the CPUs that may be used ({most})"
+    assert said in capsys.readouterr().err

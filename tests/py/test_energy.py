@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,6 +28,7 @@ def tree(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Tree:
     """Writes a zone: folder, name, µJ and the counter's range."""
     root = tmp_path / "powercap"
     monkeypatch.setattr(energy, "ZONES", root)
+    monkeypatch.setattr(energy, "PMU", tmp_path / "power")
 
     def zone(place: str, name: str, used: object, most: object = MAX) -> Path:
         folder = root / place
@@ -99,6 +101,55 @@ def test_a_counter_for_root_alone(
     assert said.startswith(f"needs read permission of {counter} ") and "\n" not in said
     assert energy.reading() is None  # half of the energy is none
     assert machine.context()["no_energy"] == said
+
+
+# --- perf's event where there is no powercap
+
+
+def event(folder: Path, **texts: str) -> Path:
+    """A PMU as Linux shows RAPL's, but of type 1 (software), whose event 0 counts a CPU's nanoseconds: the
+    real system call answers, and its joules are known."""
+    given = {"type": "1", "cpumask": "0", "energy_pkg": "event=0x00", "energy_pkg_scale": "1e-9"} | texts
+    for name, text in given.items():
+        path = folder / name.replace("energy_pkg_scale", "events/energy-pkg.scale").replace(
+            "energy_pkg", "events/energy-pkg"
+        )
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"{text}\n")
+    return folder
+
+
+def test_perfs_event_counts_where_there_is_no_powercap(tree: Tree, tmp_path: Path) -> None:
+    """One joule per second of one CPU's clock: as many joules as seconds. Linux slews clocks by at most
+    500 ppm (adjtimex(2))."""
+    event(energy.PMU)
+    if said := energy.missing():
+        pytest.skip(said)
+    begin = time.perf_counter()
+    before = energy.reading()
+    time.sleep(0.25)
+    used, seconds = energy.joules(before, energy.reading()), time.perf_counter() - begin
+    assert list(before or ()) == [tmp_path / "power" / "cpu0"]
+    assert used is not None and 0.25 * 0.999 <= used <= seconds * 1.001
+    tree("intel-rapl:0", "package-0", 7)  # powercap is asked first
+    assert list((energy.reading() or {}).values()) == [7]
+
+
+@pytest.mark.parametrize(
+    "texts, said",
+    [
+        ({"energy_pkg": "event=two"}, "power has no energy-pkg"),
+        ({"energy_pkg_scale": ""}, "power has no energy-pkg"),
+        ({"cpumask": ""}, "power has no energy-pkg"),
+        ({"type": "n/a"}, "power has no energy-pkg"),
+        ({"type": "4000000000"}, "perf refuses power/energy-pkg/: "),
+        ({"cpumask": "0,999999"}, "perf refuses power/energy-pkg/: "),
+    ],
+)
+def test_an_event_that_is_not_there_is_said(tree: Tree, texts: dict[str, str], said: str) -> None:
+    event(energy.PMU, **texts)
+    assert energy.reading() is None
+    assert said in (line := energy.missing() or "") and "\n" not in line and "would add J per frame" in line
 
 
 # --- a sweep

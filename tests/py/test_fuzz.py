@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -18,7 +19,22 @@ pytestmark = [
 ]
 FOLDER = ROOT / "tests" / "fuzz"
 SECONDS = 20
+ASAN = "malloc_context_size=0:quarantine_size_mb=1:thread_local_quarantine_size_kb=64"  # fuzz.mk
 SEEDED = ["scene"]  # of texts; the others take any bytes
+
+
+def test_the_seeds_have_every_shape_and_path(tmp_path):
+    """Alone, and short enough for -max_len=1200."""
+    subprocess.run([sys.executable, FOLDER / "seeds.py", tmp_path], check=True)
+    alone, paths = set(), set()
+    for path in tmp_path.iterdir():
+        shapes = json.loads(path.read_text())["shapes"]
+        assert len(path.read_bytes()) <= 1200
+        if len(shapes) == 1:
+            alone.add(shapes[0]["type"])
+            paths.add(shapes[0].get("path", {}).get("type"))
+    assert alone == {"sphere", "box", "torus", "cone", "octahedron", "plane", "mandelbulb"}
+    assert paths == {None, "circle", "line"}
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.c")))
@@ -33,7 +49,7 @@ def test_a_harness_finds_nothing(name, tmp_path):
     command = [program, tmp_path / "corpus", *more, f"-max_total_time={SECONDS}", "-max_len=1200"]
     done = subprocess.run(
         [*command, "-timeout=10", "-print_final_stats=1", f"-artifact_prefix={tmp_path}/"],
-        env=os.environ | {"ASAN_OPTIONS": "malloc_context_size=0:quarantine_size_mb=1"},
+        env=os.environ | {"ASAN_OPTIONS": ASAN},
         capture_output=True,
         text=True,
         errors="replace",

@@ -25,7 +25,7 @@ from study.experiments.original import measure as original
 from study.experiments.peers import command, measure, paper, peer, shader, tables
 from study.experiments.peers.measure import Measuring, Point
 from study.experiments.peers.peer import Drawn, Job, Peer
-from study.experiments.peers.programs import embree, fidget, povray
+from study.experiments.peers.programs import embree, fidget, mandelbulber, povray
 from study.truth import truth
 
 SCRIPT = (sys.executable, ROOT / "scripts" / "stepwise", "peers")
@@ -167,6 +167,41 @@ def test_fidgets_voxels_lie_along_a_pixels_ray() -> None:
     assert fidget.from_world(data, 160, 90) @ world == pytest.approx(
         fidget.from_voxels(data, 160, 90) @ [3, 7, 9, 1]
     )
+
+
+def test_mandelbulber_gets_the_mandelbulb_in_its_coordinates(tmp_path: Path) -> None:
+    """The Mandelbulb of mandelbulb.json is 6 ahead, its floor 1.5 below, its bailout 256 of the square."""
+    data = measure.plain("mandelbulb", tmp_path).data
+    lines = mandelbulber.settings(data, 320, 180, 2).splitlines()
+    for line in (
+        "camera -0.0 0.0 -6.0;",
+        "bailout 16.0;",
+        "primitive_plane_1_position -0.0 -1.5 0.0;",
+        "image_width 321;",
+        "limit_CPU_cores 2;",
+    ):
+        assert line in lines
+    (fov,) = (float(line.split()[1].rstrip(";")) for line in lines if line.startswith("fov "))
+    assert fov / 181 == pytest.approx(2 * math.tan(math.radians(12.5)) / 180)  # between two rows
+    other = copy.deepcopy(data)
+    other["shapes"][0]["normal"] = [0, -1, 0]
+    for wrong, said in (
+        (other, "a floor that faces up"),
+        (registry.find_scene("mandelbulb").data, "other soft shadows"),
+        (registry.find_scene("scene0_plain").data, "one Mandelbulb"),
+    ):
+        with pytest.raises(StudyError, match=said):
+            mandelbulber.settings(wrong, 320, 180, 1)
+
+
+def test_mandelbulbers_places_are_found_by_their_fractions() -> None:
+    """Points about the middle, seen from 6 away. Its 16 bits hold x·65535 modulo 65536."""
+    points = np.random.default_rng(1).uniform(-1.15, 1.15, (200, 3))
+    eye = np.array([0.3, 0.2, -6])
+    d = (points - eye) / np.linalg.norm(points - eye, axis=1, keepdims=True)
+    steps = np.trunc(points * 65535).astype(int)
+    found = mandelbulber.places((steps & 65535) / 65535, eye, d)
+    assert np.abs(found - points).max() < 2 / 65535
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import pytest
 
 from study.core import machine
 from study.core.host import quotas
+from study.experiments.sweep import command as sweep
 from study.report import facts
 
 
@@ -79,10 +81,29 @@ def test_nothing_there(tree) -> None:
 def test_run_and_report_say_it() -> None:
     context = {"cpu": {"usable_cpus": 2}, "limits": {"cpus": 1.0, "throttled": 3}}
     (quota,) = quotas.notices(context)
-    assert quota.startswith("this container may use 1 CPUs' time (cpu.max) on 2 CPUs")
+    assert quota.startswith(
+        "this container may use 1 CPUs' time (its quota) on 2 CPUs: times of more threads"
+    )
+    less = context | {"limits": {"cpus": 0.5}}  # which one thread uses up
+    assert quotas.notices(less)[0].endswith("on 2 CPUs: all times are the quota's")
     context["end"] = {"limits": {"throttled": 40}}
     assert quotas.notices(context)[1] == "throttled 37 times while it was measured (nr_throttled)"
     shown = dict(facts.machine(SimpleNamespace(context=context, frames=pd.DataFrame())))
     assert "throttled 37 times" in shown["limits"]
     assert quotas.notices(context | {"limits": {"cpus": 2.0, "throttled": 40}}) == []
     assert set(machine.context()["limits"]) == {"cpus", "memory_bytes", "throttled"}
+
+
+@pytest.mark.slow
+def test_a_sweep_says_how_often_it_was_throttled(monkeypatch, tmp_path, capsys) -> None:
+    """By the end of the sweep the group was throttled 5 times more than at its begin."""
+    counts = iter([3, 8])
+    monkeypatch.setattr(quotas, "throttled", lambda: next(counts))
+    words = ["sweep", "--phase", "opt2", "--scene", "trio", "-n", "2", "--launches", "1"]
+    monkeypatch.setattr("sys.argv", [*words, "--results", str(tmp_path)])
+    before = os.sched_getaffinity(0)
+    try:
+        assert sweep.main() == 0
+    finally:
+        os.sched_setaffinity(0, before)
+    assert "warning: throttled 5 times while it was measured" in capsys.readouterr().err

@@ -56,8 +56,12 @@ def topdown(spec: Spec, scene: Scene, height: int, width: int | None = None) -> 
 def _modelled_regions(
     profile: Profile, built: Program, cpu: str | None, archs: Sequence[str], say: Callable[[str], None]
 ) -> list[Row]:
-    """The regions that hold time, by llvm-mca for `cpu` (None: not) and by OSACA with one of `archs`."""
+    """The regions that hold time, by llvm-mca for `cpu` (None: not) and by OSACA with one of `archs`.
+
+    What an analyser refuses is said once, with the number of its regions and their share of the time.
+    """
     rows, arch = [], None
+    refused: dict[str, list[float]] = {}  # error → shares
     for region in regions(profile, built):
         if region.share < LEAST:
             break
@@ -78,8 +82,10 @@ def _modelled_regions(
                 arch = arch or analysers.osaca_arch(text, archs)
                 row["osaca"] = vars(analysers.run_osaca(text, arch))
         except StudyError as error:
-            say(f"{profile.spec} {region.name}: {error}")
+            refused.setdefault(str(error), []).append(region.share)
         rows.append(row)
+    for error, shares in refused.items():
+        say(f"{profile.spec}: {error} ({len(shares)} of {len(rows)} regions, {sum(shares):.0%} of the time)")
     return rows
 
 

@@ -70,8 +70,12 @@ def notices(context: Mapping[str, Any]) -> list[str]:
     usable = (context.get("cpu") or {}).get("usable_cpus")
     if before.get("cpus") is not None and usable and before["cpus"] < usable:
         said.append(
-            f"this container may use {before['cpus']:g} CPUs' time (cpu.max) on {usable} CPUs: "
-            "times of more threads are the quota's"
+            f"this container may use {before['cpus']:g} CPUs' time (its quota) on {usable} CPUs: "
+            + (
+                "times of more threads are the quota's"
+                if before["cpus"] >= 1
+                else "all times are the quota's"
+            )
         )
     counts = [one.get("throttled") for one in (before, after)]
     if None not in counts and counts[1] > counts[0]:

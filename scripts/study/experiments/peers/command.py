@@ -16,10 +16,11 @@ from study.experiments.peers import paper, peer, tables
 from study.experiments.peers.peer import Peer
 
 DESCRIPTION = """\
-Draws scenes without shadows and mirrors by our phases and by other programs: POV-Ray, llvmpipe, PoCL, Taichi,
-Dr.Jit, Embree and others. A program that is not there is left out by name. --install puts those from PyPI and
-crates.io into build/peers; Debian's packages are named. --paper DIR times the paper's own program from a
-checkout as well: all of its steps, on its own scene files, each beside our phase of that step."""
+Draws scenes without shadows and mirrors by our phases and by other programs: POV-Ray, Mandelbulber, llvmpipe,
+PoCL, Taichi, Dr.Jit, Embree and others. A program that is not there is left out by name. --install puts those
+from PyPI and crates.io into build/peers; Debian's packages are named. --paper DIR times the paper's own
+program from a checkout as well: all of its steps, on its own scene files, each beside our phase of that
+step."""
 
 
 def arguments() -> argparse.Namespace:

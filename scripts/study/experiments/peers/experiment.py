@@ -1,4 +1,4 @@
-"""Our phases beside what one would use instead: POV-Ray, OpenGL and OpenCL on the CPU, Taichi and others."""
+"""Our phases beside what one would use instead: POV-Ray, Mandelbulber, OpenGL on the CPU and others."""
 
 from __future__ import annotations
 

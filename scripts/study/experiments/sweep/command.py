@@ -253,7 +253,8 @@ class Sweep:
         store.write_json(self.run.path / "plan.json", self.plan)
         end = {"time": now(), "load_average": os.getloadavg(), "steal_ticks": machine.steal_ticks()}
         end["limits"] = quotas.limits()
-        store.write_json(self.run.path / "context.json", self.run.context | {"end": end})
+        self.run.context = self.run.context | {"end": end}
+        store.write_json(self.run.path / "context.json", self.run.context)
 
 
 def resume(options: argparse.Namespace) -> Sweep:
@@ -331,6 +332,9 @@ def report(sweep: Sweep, as_json: bool) -> int:
     rows = summary.rows(frames)
     warnings = summary.indistinguishable(frames) + stats.noise_warnings(frames)
     warnings += quotas.notices(sweep.run.context)
+    if crowded := sorted({c.threads for c in sweep.configs if c.threads > len(run.USABLE)}):
+        counts = ", ".join(map(str, crowded))
+        warnings.append(f"{counts} threads: more than the CPUs that may be used ({len(run.USABLE)})")
     for entry in plan["not_reached"]:
         warnings.append(f"budget: {entry['name']} has {entry['launches']} of {plan['launches']} launches")
     if as_json:
