@@ -2,7 +2,7 @@
 // Speed against error: phases and scenes to choose, an error to choose, zoom, and what a mark says.
 
 const NARROW = document.documentElement.clientWidth < 640;
-const [WIDE, HIGH, LEFT, RIGHT, TOP, BOTTOM] = [NARROW ? 380 : 560, NARROW ? 320 : 400, 62, 12, 28, 44]; // of a panel and its margins
+const [WIDE, HIGH, LEFT, RIGHT, TOP, BOTTOM] = [NARROW ? 380 : 560, NARROW ? 320 : 400, 74, 24, 28, 44]; // of a panel and its margins
 
 function chart(place) {
   const data = JSON.parse(place.querySelector("script").textContent);
@@ -39,16 +39,19 @@ function chart(place) {
     const [x0, x1, y0, y1] = view;
     const x = (value) => LEFT + ((value - x0) / (x1 - x0)) * (WIDE - LEFT - RIGHT);
     const y = (value) => HIGH - BOTTOM - ((value - y0) / (y1 - y0)) * (HIGH - TOP - BOTTOM);
-    const { decibels, name, unit } = data.measures[measure];
+    const { decibels, name, unit, least } = data.measures[measure];
     const lines = [];
     for (const value of ticks(x0, x1)) {
       const at = x(Math.log10(value));
       lines.push(`<path d="M${at},${TOP}V${HIGH - BOTTOM}" stroke="#ddd"/><text x="${at}" y="${HIGH - BOTTOM + 15}" text-anchor="middle">${value.toLocaleString("en")}</text>`);
     }
-    const levels = decibels ? linear(y0, y1) : ticks(-y1, -y0);
+    const zero = !decibels && points.some((one) => one.errors[measure] === 0) ? [0] : [];
+    const level = (value) => y(decibels ? value : -Math.log10(value || least / 10));
+    const levels = decibels ? linear(y0, y1) : [...ticks(Math.max(-y1, Math.log10(least)), -y0), ...zero];
     for (const value of levels) {
-      const at = y(decibels ? value : -Math.log10(value));
-      const text = decibels || value >= 0.01 ? Number(value.toPrecision(3)).toLocaleString("en") : value.toExponential(0);
+      const at = level(value);
+      if (at < TOP || at > HIGH - BOTTOM) continue;
+      const text = decibels || !value || value >= 0.01 ? Number(value.toPrecision(3)).toLocaleString("en") : value.toExponential(0);
       lines.push(`<path d="M${LEFT},${at}H${WIDE - RIGHT}" stroke="#ddd"/><text x="${LEFT - 5}" y="${at + 4}" text-anchor="end">${text}</text>`);
     }
     const mine = drawable().filter((one) => one.scene === scene && !hidden.has(one.phase));
@@ -69,6 +72,7 @@ function chart(place) {
       const edge = one.own ? (look.hollow ? look.colour : "#000") : "none";
       lines.push(`<polygon points="${corners(shape, x(across(one)), y(up(one)), one.own ? 6.5 : 3)}" fill="${fill}" stroke="${edge}" opacity="${one.once && !one.own ? 0.35 : 1}" data-at="${points.indexOf(one)}"><title>${escaped(says(one))}</title></polygon>`);
     }
+    if (!mine.length) lines.push(`<text x="${LEFT + 10}" y="${TOP + 20}">Nothing here: this error was not measured, or no phase is chosen.</text>`);
     lines.push(`</svg><text x="${LEFT}" y="17" font-size="14">${escaped(scene)}</text><text x="${WIDE - RIGHT}" y="${HIGH - 8}" text-anchor="end">time, ns per pixel</text>`);
     lines.push(`<text transform="translate(13 ${(HIGH - BOTTOM + TOP) / 2}) rotate(-90)" text-anchor="middle">${escaped(`${name}, ${unit}`)}</text>`);
     return `<svg viewBox="0 0 ${WIDE} ${HIGH}" font-size="12" role="img" aria-label="${escaped(scene)}: ${mine.length} points">${lines.join("")}</svg>`;

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import html
+import io
 import json
 import re
 import shutil
@@ -12,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from study.commands import report
 from study.core.registry import ROOT
@@ -19,6 +22,7 @@ from study.experiments.pareto import tables as pareto_tables
 from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis
 from study.pictures import images
+from study.report import compared
 
 pytestmark = pytest.mark.slow
 
@@ -270,3 +274,30 @@ def test_without_scripts_the_page_has_its_figure_and_pictures(made: Path) -> Non
     assert "<input" not in text.partition("<script>")[0]
     for file in (ROOT / "report" / "templates").glob("*.js"):
         assert len(file.read_text().splitlines()) < 200, file.name
+
+
+def test_pictures_are_thinned_and_limited_and_evaluations_are_levels(
+    made: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of a picture 1,281 pixels across every third; evaluations as 255 levels of their most."""
+    run = Path(shutil.copytree(made / "machine" / "run", tmp_path / "run"))
+    rng = np.random.default_rng(1)
+    large = rng.integers(0, 256, (9, 1281, 3), np.uint8)
+    images.write_png(run / "images" / "png.png", large)
+    verify = json.loads((run / "verify.json").read_text())
+    pair = next(one for one in verify["pairs"] if "png" in one)
+    pair["reference_image"] = "images/reference.exr"
+    (run / "verify.json").write_text(json.dumps(verify))
+    (run / "images" / "reference.exr").touch()
+    planes = {"evals": np.float32([[0, 50], [100, 200]])}
+    monkeypatch.setattr(images, "read", lambda path: planes if path.suffix == ".exr" else None)
+    data = analysis.load(run, strict=False)
+    text = compared.fragment(data)
+    coded = re.findall(r"base64,([^\"]+)", text)
+    shown = [np.asarray(Image.open(io.BytesIO(base64.b64decode(one)))) for one in coded]
+    assert [one.shape for one in shown[:2]] == [(90, 160, 3), (3, 427, 3)]
+    assert np.array_equal(shown[1], large[::3, ::3])
+    assert (shown[2] if shown[2].ndim == 2 else shown[2][..., 0]).tolist() == [[0, 64], [128, 255]]
+    assert 'data-most="200"' in text and "every 3rd pixel" in text
+    monkeypatch.setattr(compared, "MOST", 100)
+    assert compared.fragment(data) == ""
