@@ -355,7 +355,7 @@ def test_up_is_nearer_whatever_the_measure() -> None:
             continue
         axes = pareto_page.figure(rows, measure).axes[0]
         best = min(rows, key=lambda r: pareto.badness(r, measure))
-        spots = {r["phase"]: axes.transData.transform((1, pareto_page._height(r, measure)))[1] for r in rows}
+        spots = {r["phase"]: axes.transData.transform((1, pareto_page.drawn_at(r, measure)))[1] for r in rows}
         assert max(spots, key=spots.get) == best["phase"], measure
 
 

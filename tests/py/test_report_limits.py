@@ -89,9 +89,9 @@ def test_it_is_short_and_small(page: tuple[str, Reader]) -> None:
 def test_its_questions_are_answered_in_their_order(page: tuple[str, Reader]) -> None:
     _, read = page
     assert read.questions == list(experiment.QUESTIONS.values())
-    order = "summary ladder pareto size frames breakeven drjit peers roofline flops hotspots rungs claims "
-    order += "ablations negative views verification accuracy stability scaling functions toolchains "
-    order += "systems pictures phases "
+    order = "summary ladder pareto size frames breakeven drjit peers history roofline flops hotspots "
+    order += "rungs claims ablations negative views verification accuracy stability scaling functions "
+    order += "toolchains systems pictures phases "
     assert read.chapters == [*order.split(), "machine", "units"]
 
 

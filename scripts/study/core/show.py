@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
@@ -29,12 +29,16 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Column:
-    """`group` spans neighbours with the same group; `mark` says whether a cell is "good" or "bad"."""
+    """`group` spans neighbours with the same group; `mark` says whether a cell is "good" or "bad".
+
+    `others`: name and text of what a reader of the page can choose to see in its place.
+    """
 
     group: str
     name: str
     text: Callable[[Row], str]
     mark: Callable[[Row], str] = lambda row: ""
+    others: Mapping[str, Callable[[Row], str]] = field(default_factory=dict)
 
     @property
     def wraps(self) -> bool:
@@ -207,6 +211,7 @@ def picture(row: Row) -> str:
 class Table:
     columns: list[Column]
     cells: list[list[tuple[str, str]]]  # text, mark
+    choices: dict[int, list[list[str]]] = field(default_factory=dict)  # column → each row's other texts
 
     @property
     def groups(self) -> list[tuple[str, int]]:
@@ -226,7 +231,12 @@ def table(rows: Sequence[Row], columns: Sequence[Column]) -> Table:
     empty = (NOTHING, "reference")
     kept = [i for i, column in enumerate(texts) if i == 0 or any(text not in empty for text in column)]
     cells = [[(texts[i][n], columns[i].mark(row)) for i in kept] for n, row in enumerate(rows)]
-    return Table([columns[i] for i in kept], cells)
+    choices = {
+        place: [[text(row) for text in columns[i].others.values()] for row in rows]
+        for place, i in enumerate(kept)
+        if columns[i].others
+    }
+    return Table([columns[i] for i in kept], cells, choices)
 
 
 def inert(text: str) -> str:

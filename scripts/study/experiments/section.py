@@ -99,11 +99,12 @@ def reading(file: Path | str, script: str) -> Iterator[None]:
 
 @dataclass
 class Found:
-    """What `chapter` is given: parts, the answer, and figures by the names of their files."""
+    """What `chapter` is given: parts, the answer, figures by the names of their files, a fragment of HTML."""
 
     parts: list[Part] = field(default_factory=list)
     answer: str = ""
     drawn: dict[str, Drawing] = field(default_factory=dict)
+    html: str = ""
 
 
 def chapter(
@@ -120,7 +121,7 @@ def chapter(
         result = read(file)
         if result.get(rows):
             made = found(result)
-    told = {"file": file, "script": script, "answer": made.answer, "drawn": made.drawn}
+    told = {"file": file, "script": script, "answer": made.answer, "drawn": made.drawn, "html": made.html}
     return Section(name, title, f"make {name}", made.parts, **told)
 
 

@@ -18,7 +18,7 @@ from study.numbers import analysis, paper, verdicts
 from study.numbers.analysis import Data
 from study.pictures import embed
 from study.pictures.draw import Drawing
-from study.report import facts, lessons
+from study.report import compared, facts, lessons
 
 PICTURES = {  # of stepwise pictures
     "contact-sheet.png": "Every scene by every phase, with its error against baseline",
@@ -87,12 +87,13 @@ def reproduced(data: Data, rows: pd.DataFrame) -> Section:
 
 
 def pictures(data: Data) -> Section:
-    """What stepwise pictures draws."""
+    """What stepwise pictures draws, and the verified pictures to compare."""
     images = {data.path / "figures" / name: text for name, text in PICTURES.items()}
     images = {path: text for path, text in images.items() if path.is_file()}
+    fragment = compared.fragment(data)
     answer = f"{next(iter(images.values()))}." if images else ""
     lacking = "scripts/stepwise pictures --run RUN"
-    return Section("pictures", "Pictures", lacking, [], answer=answer, images=images)
+    return Section("pictures", "Pictures", lacking, [], answer=answer, images=images, html=fragment)
 
 
 def notes_html(text: str) -> str:

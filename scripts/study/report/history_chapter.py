@@ -68,6 +68,8 @@ def over_time(data: Data, rows: pd.DataFrame) -> Section:
     results/, on machines of this kind. Empty where there is no other run."""
     timed = rows[(rows["threads"] == 1) & (rows["phase"] != BASE)] if len(rows) else rows
     own = Run(data.path)
+    if not (data.path / "context.json").is_file():  # of a machine that is not known
+        return Section("history", TITLE, "make study", [])
     others = [run for run in history.runs(RESULTS) if run.path.resolve() != data.path.resolve()]
     alike = [run for run in [*others, own] if history.machine(run) == history.machine(own)]
     by_speed = timed.sort_values("ns_per_pixel")["phase"].unique() if len(timed) and len(alike) > 1 else []

@@ -6,6 +6,7 @@ import math
 from functools import partial
 from pathlib import Path
 
+from study.experiments.pareto import chart
 from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto import tables as pareto_page
 from study.experiments.section import Found, Section, chapter, part
@@ -37,7 +38,7 @@ def found(result: dict) -> Found:
         if able:
             draw = partial(pareto_page.figure, able, measure)
             drawn[name] = Drawing(SPEED[measure], pareto_page.note(result, measure), draw)
-    return Found(parts, pareto.answer(winners), drawn)
+    return Found(parts, pareto.answer(winners), drawn, chart.fragment(rows))
 
 
 def headline(path: Path) -> Section:

@@ -46,14 +46,14 @@ def paper_point(scene: str, rows: Sequence[Row]) -> tuple[float, float] | None:
     return pareto.pace_of(base[0]) / row["rerun"], row["rerun_psnr_db"]
 
 
-def _height(row: Row, measure: str) -> float:
+def drawn_at(row: Row, measure: str) -> float:
     """Where a row is drawn: decibels no higher than TOP, other errors as they are."""
     bad = pareto.badness(row, measure)
     return min(-bad, TOP) if measure in pareto.TRUTHS else bad
 
 
 def _scatter(axes: Axes, rows: Sequence[Row], measure: str, **style: Any) -> None:
-    axes.scatter([pareto.pace_of(r) for r in rows], [_height(r, measure) for r in rows], **style)
+    axes.scatter([pareto.pace_of(r) for r in rows], [drawn_at(r, measure) for r in rows], **style)
 
 
 def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
@@ -75,7 +75,7 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
     label = f"{base} with an approximated root" if hollow else name
     _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
     for row in mine if hollow and measure == FIRST else ():
-        labels.name(axes, pareto.pace_of(row), _height(row, measure), word, style["color"], 7)
+        labels.name(axes, pareto.pace_of(row), drawn_at(row, measure), word, style["color"], 7)
 
 
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
@@ -84,10 +84,10 @@ def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
         axes.yaxis.set_major_locator(FixedLocator(range(0, TOP + 1, 20)))
         axes.set_ylim(0, TOP + 6)
         return
-    least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
+    least = min((drawn_at(r, measure) for r in rows if drawn_at(r, measure) > 0), default=1.0)
     decade = 10.0 ** math.floor(math.log10(least))  # from here down to 0 the axis is linear
     axes.set_yscale("symlog", linthresh=decade)
-    axes.set_ylim(2 * max([decade, *(_height(r, measure) for r in rows)]), -decade / 2)
+    axes.set_ylim(2 * max([decade, *(drawn_at(r, measure) for r in rows)]), -decade / 2)
 
 
 def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dict) -> None:
@@ -98,7 +98,7 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
     line = pareto.front(rows, measure)
     axes.plot(
         [pareto.pace_of(r) for r in line],
-        [_height(r, measure) for r in line],
+        [drawn_at(r, measure) for r in line],
         color="#555555",
         linewidth=1.2,
         drawstyle="steps-post",
@@ -131,7 +131,7 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
     for scene, axes in grid.items():
         mine = [r for r in rows if r["scene"] == scene and not math.isnan(pareto.badness(r, measure))]
         if measure in pareto.TRUTHS:
-            mine = [r for r in mine if _height(r, measure) > 0]
+            mine = [r for r in mine if drawn_at(r, measure) > 0]
         _panel(axes, scene, mine, measure, looks)
         axes.set_xlim(min(paces) / 1.5, max(paces) * 1.5)
     dots = {"marker": "o", "markersize": 4, "color": "#555555", "linestyle": "none"}
