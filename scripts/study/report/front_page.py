@@ -99,8 +99,9 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
         f"{size['width']}×{size['height']}, one thread, {show.inert(provenance.place(data.context))}. "
         "Times are medians "
         "over process launches.\nIntervals hold 95 %. dB: PSNR to the ground truth "
-        f"(linear RGB, pictures{at or ' not measured'};\nmandelbulb: 4×4 means). "
-        "Bound by: the lowest roof of the roofline on scene0.\n"
+        f"(linear RGB, pictures{at or ' not measured'};\nmandelbulb: means of 4×4 samples). "
+        "Bound by: what limits\nthe phase on scene0 by the roofline model. L1: traffic of the "
+        "first-level cache; divider: the unit\nof quotients and roots.\n"
         + "“To ours”: between the displayed pictures of the paper's step and of ours.\n"
         * ratios
     )
