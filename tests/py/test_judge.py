@@ -108,7 +108,7 @@ def test_too_slow_and_not_known(judged, gain, spread, hint):
     ],
 )
 def test_a_scene_is_judged(judged, scene, fails):
-    status, said = judged(3, "--scene", scene, n=180)
+    status, said = judged(3, "--file", scene, n=180)
     wanted = "All of it reached." if fails is None else f"Hint: {judge.labs()[3].hints[fails]}"
     assert (status, said.splitlines()[-1]) == (1 if fails else 0, wanted), said
 
@@ -122,7 +122,7 @@ def test_what_a_lab_asks_for(judged, words, capsys):
 
 def test_a_scene_that_is_none(judged, tmp_path):
     with pytest.raises(cli.StudyError, match="No such file"):
-        judged(3, "--scene", tmp_path / "none.json")
+        judged(3, "--file", tmp_path / "none.json")
 
 
 def test_pages_say_what_the_judge_asks():

@@ -109,15 +109,15 @@ def arguments() -> argparse.Namespace:
     add = parser.add_argument
     add("lab", type=int, choices=sorted(labs()), metavar="LAB", help="its number in docs/labs")
     add("--phase", metavar="PHASE", help="your phase, or an ablation")
-    add("--scene", type=Path, metavar="FILE", help="your scene, where the lab asks for one")
+    add("--file", type=Path, metavar="FILE", help="your scene, where the lab asks for one")
     add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
     add("--launches", type=cli.at_least(6), default=12, help="process launches of each; default: 12")
     add("--seed", type=int, help="of order and padding; default: random")
     options = parser.parse_args()
     lab = labs()[options.lab]
-    if lab.breaks and not options.scene:
+    if lab.breaks and not options.file:
         parser.error(
-            f"lab {lab.number} asks for a scene: --scene FILE (make judge LAB={lab.number} SCENE=FILE)"
+            f"lab {lab.number} asks for a scene: --file FILE (make judge LAB={lab.number} SCENE=FILE)"
         )
     if not lab.breaks and not options.phase:
         parser.error(
@@ -131,7 +131,7 @@ def main() -> int:
     lab = labs()[options.lab]
     told = None
     if lab.breaks:
-        checks = of_scene(lab, options.scene, options.n)
+        checks = of_scene(lab, options.file, options.n)
     else:
         seed = secrets.randbelow(2**32) if options.seed is None else options.seed
         told = try_.measure(
