@@ -73,6 +73,7 @@ def test_a_broken_file_is_refused_by_its_name(name: str, file: str, tmp_path: Pa
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, one in ALL.items() if one.sections and one.schemas])
 def test_chapters_are_made_of_the_files_alone(name: str, tmp_path: Path) -> None:
     """In a run with the sweep's files and its own, each table is what it is in the published run."""
@@ -188,6 +189,7 @@ def said(folder: Path, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_an_experiment_is_found_by_its_folder(copy: Path) -> None:
     """By the list, make, the study, its own command, the documents, the report, publish and redraw."""
     run = "results/machine/run"

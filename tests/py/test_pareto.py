@@ -195,6 +195,7 @@ def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_count
             assert r["psnr_db"] == twins[r["hit_distance"], r["max_steps"]]
 
 
+@pytest.mark.slow
 def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
     """Without shadows or mirrors: the camera rays' own, and four for each hit's forward differences."""
     scene, out = registry.find_scene("scene0_plain"), tmp_path / "p.exr"
@@ -209,6 +210,7 @@ def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
     assert measuring.evaluations(point, shadowed, 24) > wanted / (24 * width) + 5
 
 
+@pytest.mark.slow
 def test_a_mandelbulb_marched_without_sdf_counts_by_its_own_estimates() -> None:
     lacks = registry.missing_isa(registry.find_phase("opt8_streams"))
     if lacks:

@@ -257,6 +257,7 @@ def test_without_caps_the_picture_is_the_parents_but_for_rounding(draw):
         assert (off > 1 / 255).mean() < 0.002, name
 
 
+@pytest.mark.slow
 @needs_simd
 def test_what_rods_take_is_counted(draw):
     """Plane rods (a rod's evaluations are told with its first pixel) against the counting build."""

@@ -593,6 +593,7 @@ def test_the_report_goes_on_without_ceilings(run: Path) -> None:
 # Files
 
 
+@pytest.mark.slow
 def test_json_has_every_ceiling_and_point(run: Path, tmp_path: Path) -> None:
     done = script(run, "--json", "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
@@ -608,6 +609,7 @@ def test_json_has_every_ceiling_and_point(run: Path, tmp_path: Path) -> None:
     assert not (run / "figures").exists()
 
 
+@pytest.mark.slow
 def test_tables_have_the_papers_values_and_no_nan(run: Path) -> None:
     done = script(run)
     assert done.returncode == 0, done.stderr
@@ -643,6 +645,7 @@ def test_figures_are_the_same_each_time_and_have_hover_text(run: Path, tmp_path:
         assert len(titles) == (2 if path.stem == "roofline" else len(rows_of(run)))
 
 
+@pytest.mark.slow
 def test_an_svg_for_the_page_is_whole_and_keeps_its_ids_to_itself(run: Path) -> None:
     script(run)
     pages = [figures.inline(run / "figures" / f"{name}.svg") for name in roofline_figures.CAPTIONS]

@@ -94,6 +94,7 @@ def drawn(phase, whole, folder, target="render", size=(48, 27)):
     return images.read(out), json.loads(done.stdout)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", ["baseline", "opt4", "opt8_streams", "opt9_convex"])
 def test_none_costs_nothing(phase, tmp_path):
     """A rounding of 0 is none: not a bit, and not a count, is different."""

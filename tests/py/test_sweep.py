@@ -282,6 +282,7 @@ def test_every_frame_once_with_its_context(measured):
     assert target.context["end"]["steal_ticks"] >= target.context["steal_ticks"]
 
 
+@pytest.mark.slow
 def test_rounds_are_interleaved(measured):
     frames = measured[0].frames()
     launches = frames[["config", "launch"]].drop_duplicates()
@@ -483,6 +484,7 @@ def test_a_killed_driver_is_recorded_and_its_launch_completed(tmp_path):
     assert sorted(keys(target.frames())) == sorted(everything(target.plan))
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_keeps_the_frames(tmp_path):
     if os.geteuid() != 0:
         pytest.skip("mounting a tmpfs of 64 KiB needs root: run as root to test a full disk")
@@ -642,6 +644,7 @@ def test_an_unfinished_run_of_the_same_plan_is_pointed_out(measured, tmp_path):
     assert module.unfinished(plan, tmp_path) is None
 
 
+@pytest.mark.slow
 def test_phases_with_other_flags_bring_their_second_base_where_asked_to(tmp_path):
     if missing := registry.missing_isa(registry.find_phase("opt3")):
         pytest.skip(f"this CPU lacks {', '.join(missing)}")

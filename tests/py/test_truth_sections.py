@@ -99,6 +99,7 @@ def part_of(section: Section, name: str) -> show.Table:
 # --- Figures
 
 
+@pytest.mark.slow
 def test_the_page_has_its_figures_from_the_files_alone(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

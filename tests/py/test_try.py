@@ -34,6 +34,7 @@ def tried(monkeypatch, capsys):
     return call
 
 
+@pytest.mark.slow
 def test_an_ablation_beside_its_phase_as_json(tried):
     """One object; the step that is taken out of opt1 changes no bit and costs calls."""
     status, out = tried("opt2+norm_bounds", "--json")
@@ -63,6 +64,7 @@ def test_an_ablation_beside_its_phase_as_json(tried):
     assert Path(result["picture"]).is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()["opt4"])), reason="the CPU lacks what opt4 needs"
 )

@@ -103,6 +103,7 @@ def test_any_number_of_threads_draws_the_same(limit, tmp_path) -> None:
         check_same({**mine, "record": one["record"]}, one, threads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", ["", "avx2"])
 @pytest.mark.parametrize(
     "name", ["scene0", "trio", "mandelbulb", "spheres40", "everything", "shapes_64_turned"]
