@@ -47,12 +47,12 @@ def test_counts_are_of_the_whole_picture_and_of_the_nearest_size() -> None:
 def test_a_row_says_of_which_code_its_counts_are_and_what_is_lacking() -> None:
     about = {"scene": "scene0", **SIZE, "headline": True, "threads": 1, "ms": 2.0, "ns_per_pixel": 14.31}
     ratio = {"speedup": 1728.0, "speedup_low": 1434.0, "speedup_high": 2004.0}
-    errors = {"truth_psnr_db": 96.0, "truth_wrong_ppm": 0.0}
+    errors = {"truth_own_db": 96.0, "truth_wrong_ppm": 0.0}
     one = {**about, **ratio, **errors, "phase": "opt10_scene"}
     table = pd.DataFrame(
         [
             one,
-            {**one, "phase": "opt9_convex", "truth_psnr_db": math.nan},
+            {**one, "phase": "opt9_convex", "truth_own_db": math.nan},
             {**one, "threads": 2},
             {**one, "headline": False},
             {**one, "phase": "opt2@opt3"},

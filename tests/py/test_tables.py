@@ -20,10 +20,11 @@ from study.claims import claims
 from study.commands import tables
 from study.core import show, table_files
 from study.core.cli import StudyError
+from study.experiments.sweep import chapter, figures, ladder, summary
 from study.experiments.sweep import columns as sweep_columns
-from study.experiments.sweep import ladder, summary
 from study.numbers import analysis, paper, stats
 from study.numbers.verdicts import OPEN, PART
+from study.pictures import gate
 from study.report import front_page
 
 ROOT = Path(__file__).parents[2]
@@ -213,6 +214,23 @@ def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Pa
     made = tables.readme(text, data, ladder.rows(data))
     assert "54.5" in made and "pictures at n = 64" in made
     assert "error to ground truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
+
+
+def test_a_phase_that_draws_the_ideal_shadow_is_held_against_the_ideal_picture(run, monkeypatch) -> None:
+    """In the chapter's sentence, the figure, the front page; another phase against the paper's shadow."""
+    rest = dict.fromkeys(("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99"), 0.0)
+    truth = {"scene": "scene0", "phase": "opt4", "height": 64, "converged_only": False, **rest}
+    truth |= {"psnr_db": 45.3, "psnr_ideal_db": 129.0, "psnr_none_db": 140.0}
+    complete.write(run / "accuracy.json", {"rows": [truth]})
+    for ideal, sentence, short in (
+        (False, "45.3 dB to ground truth", "45.3 dB"),
+        (True, "129 dB to the ideal picture", "129 dB (ideal)"),
+    ):
+        monkeypatch.setattr(gate, "draws_ideal", lambda phase, ideal=ideal: ideal)
+        opt4 = row(run, "scene0", "opt4", 180)
+        assert chapter.to_truth(opt4) == sentence
+        assert figures.truth_text(opt4) == short
+        assert front_page._cells(opt4)[-1] == short.replace(" dB", "")
 
 
 def test_a_failing_pair_is_shown_failing(run: Path) -> None:

@@ -45,7 +45,7 @@ def _cells(row: Row | None, ratios: bool = True) -> list[str]:
     """ms, × baseline (empty without ratios) and dB to ground truth of one row; – where there is none."""
     if row is None:
         return [show.NOTHING] * (2 + ratios)
-    psnr = show.number(row.get("truth_psnr_db"))
+    psnr = show.number(row.get("truth_own_db")) + " (ideal)" * show.yes(row.get("truth_draws_ideal"))
     speedup = [show.speedup("speedup", "speedup_base")(row)] if ratios else []
     return [show.interval(row, "ms"), *speedup, psnr]
 

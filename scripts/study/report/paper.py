@@ -99,18 +99,23 @@ def chapter(section: Section, folder: Path) -> dict[str, Any] | None:
     return made | {"figure": figure, "tables": tables}
 
 
+def _headline(one: Mapping[str, Any]) -> str:
+    said = f"On {one['scene']} the fastest phase, {one['row']['phase']}, takes {one['ms']} ms a frame"
+    if one["speedup"]:
+        said += f", {one['speedup']} as fast as baseline"
+    if one["truth"]:
+        picture = "the ideal picture" if one["draws_ideal"] else "ground truth"
+        said += f"; its PSNR to {picture} is {one['truth']} dB"
+    return f"{said}."
+
+
 def content(
     data: Data, questions: Mapping[str, Sequence[Section]], headlines: Sequence[Mapping], folder: Path
 ) -> dict[str, Any]:
     """Everything that paper.typ shows, as JSON types."""
     chapters = {text: [chapter(one, folder) for one in some] for text, some in questions.items()}
     return {
-        "abstract": [
-            f"On {one['scene']} the fastest phase, {one['row']['phase']}, takes {one['ms']} ms a frame"
-            + (f", {one['speedup']} as fast as baseline" if one["speedup"] else "")
-            + (f"; its PSNR to ground truth is {one['truth']} dB." if one["truth"] else ".")
-            for one in headlines
-        ],
+        "abstract": [_headline(one) for one in headlines],
         "machine": [list(pair) for pair in facts.machine(data)],
         "commands": list(facts.commands(data)),
         "remarks": list(analysis.noise(data)["remarks"]),

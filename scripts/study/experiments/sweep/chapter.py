@@ -22,11 +22,15 @@ BASES = (
 
 
 def to_truth(row: Row) -> str:
-    """A row's error to ground truth in words, else that to baseline; "" where neither was measured."""
-    found = row.get("truth_psnr_db")
+    """A row's error to ground truth in words, else that to baseline; "" where neither was measured.
+
+    Of a phase that draws the ideal shadow, ground truth is the picture with that shadow.
+    """
+    found = row.get("truth_own_db")
     if found is not None and not math.isnan(found):
         means = " by 4×4 means" if show.yes(row.get("truth_converged_only")) else ""
-        return f"{show.number(found)} dB to ground truth{means}"
+        picture = "the ideal picture" if show.yes(row.get("truth_draws_ideal")) else "ground truth"
+        return f"{show.number(found)} dB to {picture}{means}"
     psnr = show.psnr(row, "psnr_db")
     return "" if psnr in (show.NOTHING, "reference") else f"PSNR to baseline {psnr}"
 

@@ -143,11 +143,13 @@ def paper_marks(axes: Axes, group: pd.DataFrame) -> None:
 
 
 def truth_text(row: pd.Series) -> str:
-    """PSNR to ground truth, a fractal's of 4×4 means; – where it was not measured."""
-    found = row.get("truth_psnr_db")
+    """PSNR to ground truth, a fractal's of 4×4 means, "ideal" with the ideal shadow; – if not measured."""
+    found = row.get("truth_own_db")
     if found is None or pd.isna(found):
         return show.NOTHING
-    return f"{show.number(found)} dB{' (4×4)' if show.yes(row.get('truth_converged_only')) else ''}"
+    of = ["4×4"] * show.yes(row.get("truth_converged_only"))
+    of += ["ideal"] * show.yes(row.get("truth_draws_ideal"))
+    return f"{show.number(found)} dB{' (' * bool(of)}{', '.join(of)}{')' * bool(of)}"
 
 
 def error_text(row: pd.Series) -> str:

@@ -28,7 +28,7 @@ TWO_THREADS = 1.9
 
 def _error(row: goal.Row) -> str:
     """Of a row of the ladder: PSNR to truth, a fractal's of 4×4 means."""
-    found = row.get("truth_psnr_db")
+    found = row.get("truth_own_db")
     if found is None or math.isnan(found):
         return ""
     means = ", 4×4" if show.yes(row.get("truth_converged_only")) else ""

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from study.core.registry import BASE as BASE
+from study.core.registry import phases
 from study.experiments.accuracy import measure as accuracy
 from study.numbers import paper, stats
 from study.numbers.analysis import Cell, Data, described, second_base
 from study.numbers.stats import Interval
+from study.pictures import gate
 
 ERRORS = (
     "identical",
@@ -61,10 +64,13 @@ def truth_errors(data: Data) -> pd.DataFrame:
     """What accuracy.json has of each (scene, phase), columns truth_…; PSNR of a fractal is the averaged one.
 
     `truth_wrong_ppm`: false hits, false misses and wrong shapes together, NaN where none could be proved.
+    `truth_own_db`: PSNR to the picture that the phase draws: with the ideal shadow, if `truth_draws_ideal`.
     """
     made = []
     for row in accuracy.read(data.path)["rows"]:
         colours = row["antialiased"] if row["converged_only"] else row
+        known = phases().get(re.split("[@+]", row["phase"])[0])
+        ideal = known is not None and gate.draws_ideal(known)
         wrong = sum(row[name] for name in ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm"))
         made.append(
             {
@@ -72,11 +78,14 @@ def truth_errors(data: Data) -> pd.DataFrame:
                 "phase": row["phase"],
                 **{f"truth_{name}": colours.get(name, row.get(name)) for name in TRUTH},
                 "truth_wrong_ppm": wrong,
+                "truth_draws_ideal": ideal,
+                "truth_own_db": colours.get("psnr_ideal_db" if ideal else "psnr_db"),
                 "truth_converged_only": row["converged_only"],
                 "truth_height": row["height"],
             }
         )
-    names = [f"truth_{name}" for name in (*TRUTH, "wrong_ppm", "converged_only", "height")]
+    more = ("wrong_ppm", "draws_ideal", "own_db", "converged_only", "height")
+    names = [f"truth_{name}" for name in (*TRUTH, *more)]
     return pd.DataFrame(made, columns=["scene", "phase", *names])
 
 

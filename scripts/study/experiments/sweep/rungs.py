@@ -93,7 +93,7 @@ def rows(
             {
                 **{key: one[key] for key in ("scene", "width", "height", "phase", "ms")},
                 **{key: one[key] for key in ("speedup", "speedup_low", "speedup_high", "ns_per_pixel")},
-                **{"truth_psnr_db": one.get("truth_psnr_db"), "truth_wrong_ppm": one.get("truth_wrong_ppm")},
+                **{"truth_own_db": one.get("truth_own_db"), "truth_wrong_ppm": one.get("truth_wrong_ppm")},
                 "share_of_mix_roof": math.nan if near.empty else float(near.iloc[0]["share_of_mix_roof"]),
                 "roof_counted_at": None if near.empty else _height(near.iloc[0].get("scaled_from_n")),
                 **counted(declared, one["phase"], one["scene"], one["height"]),
@@ -141,7 +141,7 @@ COLUMNS = [
         "share of the roof of its own operations",
         _work("share_of_mix_roof", lambda v: f"{100 * v:.1f} %", "roof_counted_at"),
     ),
-    Column("to ground truth", "PSNR, dB", _plain("truth_psnr_db")),
+    Column("to ground truth", "PSNR, dB", _plain("truth_own_db")),
     Column("to ground truth", "wrong hits, ppm", _plain("truth_wrong_ppm")),
 ]
 
