@@ -87,7 +87,8 @@ def speeds(data: Data) -> Section:
         if not rows.empty:
             exact = [name for name in rows["phase"].unique() if registry.is_exact(name)]
             verb = "leave" if len(exact) > 1 else "leaves"
-            remarks += [CLOSED.format(f"{' and '.join(exact)} {verb}")] if exact else []
+            names = " and ".join(filter(None, (", ".join(exact[:-1]), *exact[-1:])))
+            remarks += [CLOSED.format(f"{names} {verb}")] if exact else []
             remarks += [BASES] if rows["phase"].str.contains("@").any() else []
         drawn = _drawings(data, ("speedup-ladder",))
     about = {"file": data.path / "frames.jsonl", "script": "scripts/stepwise sweep", "drawn": drawn}
