@@ -23,7 +23,7 @@ MOST = 900_000  # bytes of all of them on the page
 def _uri(pixels: np.ndarray) -> str:
     """Lossless, of 8-bit grey (height × width) or colour (… × 3)."""
     made = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(made, format="png", optimize=True)
+    Image.fromarray(np.ascontiguousarray(pixels)).save(made, format="png")
     return embed.exact(made.getvalue())
 
 
@@ -58,19 +58,23 @@ def _files(data: Data) -> list[tuple[str, str, Path]]:
 def fragment(data: Data) -> str:
     """HTML of the pictures that the run still has; empty where it has none of two phases.
 
-    What fits into MOST bytes, scenes in their order; a scene whose first two pictures do not fit is left out.
+    What fits into MOST bytes, scenes in their order: from the first picture that does not fit on, all are left
+    out, and a scene of which only one picture fits.
     """
     shown: dict[str, list[dict[str, Any]]] = {}
     heats: list[dict[str, Any]] = []
     left_out, used, step = 0, 0, 1
     for scene, phase, path in _files(data):
+        if left_out:
+            left_out += path.is_file()
+            continue
         pixels = _picture(path)
         if pixels is None:
             continue
         every = _step(pixels.shape[1])
         uri = _uri(pixels[::every, ::every])
         if used + len(uri) > MOST:
-            left_out += 1
+            left_out = 1
             continue
         used, step = used + len(uri), max(step, every)
         shown.setdefault(scene, []).append({"scene": scene, "phase": phase, "uri": uri})

@@ -18,7 +18,7 @@ def calls(study: Study) -> list[Call]:
     scenes = study.scenes if study.depth == "full" else study.scenes[:1]
     samples = QUICK if study.quick else SAMPLES
     fast = [] if study.depth == "full" else ["--no-osaca", "--samples", samples]  # OSACA: 30 s a phase
-    fast += ["-n", "180"] if study.quick else []
+    fast += ["-n", "120"] if study.quick else []
     arrays = ["opt1+arrays"] if "opt1" in ladder() else []
     names = [*ladder(), *arrays]
     if study.quick:
@@ -41,6 +41,6 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
-    cut="Baseline, opt1 with structs and with arrays and the last phase, on one scene.",
+    cut="Baseline, opt1 with structs and with arrays and the last phase, on one scene at height 120.",
     sections=[(230, section)],
 )
