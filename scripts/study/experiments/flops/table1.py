@@ -101,7 +101,8 @@ TERMS = {
         add_queued_light begin_soft_packet list_for_packet lit_share queue_shadow_rays
     """,
     "marching": """
-        ray_march march* soft_* hard_* ideal_* shadow sdf place hit_of landed leaving recall within within_line
+        ideal_*
+        ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
         stay_in advance* step* on_none go_on_by leap leave_on over take_bulb refill* retire_* close_first
         prepare_close join_close put_pieces put_terms put_slope wait_close
         gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
