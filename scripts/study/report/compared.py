@@ -58,8 +58,8 @@ def _files(data: Data) -> list[tuple[str, str, Path]]:
 def fragment(data: Data) -> str:
     """HTML of the pictures that the run still has; empty where it has none of two phases.
 
-    What fits into MOST bytes, scenes in their order: from the first picture that does not fit on, all are left
-    out, and a scene of which only one picture fits.
+    What fits into MOST bytes, scenes in their order. The first picture that does not fit and all after it are
+    left out, and a scene of which only one picture fits.
     """
     shown: dict[str, list[dict[str, Any]]] = {}
     heats: list[dict[str, Any]] = []
