@@ -92,7 +92,7 @@ static double checked(struct reader *r, const char *key, json_t *value, enum ran
         reader_fail(r, key, "%s where a number is required", reader_kind(value));
         return 1;
     }
-    double x = json_number_value(value);
+    double x = json_number_value(value) + 0.0; // −0 is 0, as in the hash
     if (!isfinite(x))
         reader_fail(r, key, "not a finite number");
     else if (range == POSITIVE && !(x > 0))

@@ -78,8 +78,25 @@ static void a_circle_keeps_its_distance(void **state) {
     scene_free(&scene);
 }
 
+// A zero that is written as -0 is read as +0. The shape is at its place at time 0 to the bit, as scene.h promises.
+static void a_negative_zero_is_zero(void **state) {
+    (void)state;
+    json_t *root = edited("shapes[0].position", "[1,-0.0,-1e-400]");
+    assert_true(load_json(root, 0));
+    json_decref(root);
+    const double place[3] = {1, 0, 0};
+    assert_memory_equal(scene.model.shapes[0].position, place, sizeof place);
+    struct shape shapes[7];
+    struct model moved = scene.model;
+    moved.shapes = shapes;
+    model_move(&scene.model, 0, &moved);
+    assert_memory_equal(shapes[0].position, place, sizeof place);
+    scene_free(&scene);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_negative_zero_is_zero),
         cmocka_unit_test(shapes_follow_their_paths),
         cmocka_unit_test(a_circle_keeps_its_distance),
     };
