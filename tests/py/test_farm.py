@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -95,8 +96,10 @@ def test_a_worker_that_is_killed_loses_its_shard_and_no_more(farming, tmp_path) 
     assert status == 0, err
     assert (found["shards"], found["done"], found["killed"], found["recomputed"]) == (8, 8, 1, 1)
     assert "a worker has died; drawn again on another: shard 3" in err
-    assert found["mismatches"] == [] and found["checked"] >= 1
-    assert sorted({*drawn(tmp_path)}) == list(range(1, 9)) and len(drawn(tmp_path)) == 8 + found["checked"]
+    assert found["mismatches"] == [] and found["drawn_twice"] >= 1
+    assert (
+        sorted({*drawn(tmp_path)}) == list(range(1, 9)) and len(drawn(tmp_path)) == 8 + found["drawn_twice"]
+    )
     assert json.loads((tmp_path / "run" / "accuracy.json").read_text())["rows"] == WHOLE
     with pytest.raises(ProcessLookupError):  # the program went with its worker
         os.kill(int((tmp_path / "killed").read_text()), 0)
@@ -127,7 +130,7 @@ def test_of_two_workers_that_differ_nobody_knows_which_is_wrong(farming, tmp_pat
 def test_a_check_that_fails_on_a_worker_is_said(farming, tmp_path) -> None:
     status, found, err = farming(stand_in(tmp_path, fail=True), WORDS, workers=1)
     assert status == 1 and "FAIL of the shard 2" in err
-    assert found["checked"] == 0  # one worker alone has nobody beside it
+    assert found["drawn_twice"] == 0  # one worker alone has nobody beside it
 
 
 @pytest.mark.slow
@@ -173,6 +176,35 @@ def test_pictures_one_worker_killed_and_one_renderer_replaced(farming, tmp_path)
     for row in json.loads(joined.read_text())["rows"]:
         path = row["picture"]
         assert (tmp_path / "run" / path).read_bytes() == (tmp_path / "whole" / path).read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--scheduler", "nonsense"], "farm: nonsense: no scheduler answers (missing port number"),
+        (["--slurm", "2"], "farm: sbatch is missing: --slurm is for a machine from which jobs go to Slurm"),
+    ],
+)
+def test_a_cluster_that_is_not_there_is_one_line(words: list[str], said: str, dask, tmp_path) -> None:
+    if words[0] == "--slurm" and shutil.which("sbatch"):
+        pytest.skip("Slurm is here")
+    call = [
+        sys.executable,
+        STEPWISE,
+        "farm",
+        "stability",
+        *words,
+        "--run",
+        str(tmp_path),
+        "--",
+        "--case",
+        "7",
+    ]
+    done = started.run(call)
+    assert done.returncode == cli.CANNOT_RUN and done.stderr.splitlines()[-1].startswith(
+        f"stepwise farm: {said}"
+    )
 
 
 def result(worker: str, made: str = "") -> dict[str, str]:

@@ -55,7 +55,7 @@ def table(result: dict[str, Any]) -> str:
     row = {
         **{name: result[name] for name in ("shards", "done", "killed", "recomputed")},
         "workers": len(result["workers"]),
-        "checked twice": result["checked"],
+        "checked twice": result["drawn_twice"],
         "mismatches": len(result["mismatches"]),
     }
     names = ("workers", "shards", "done", "killed", "recomputed", "checked twice", "mismatches")

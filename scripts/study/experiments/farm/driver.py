@@ -11,6 +11,7 @@ import itertools
 import json
 import logging
 import os
+import shutil
 import sys
 import time
 from dataclasses import dataclass, field
@@ -85,10 +86,11 @@ class Farm:
     def __init__(self, client: Any, plan: dict[str, Any]) -> None:
         self.client, self.plan = client, plan
         self.of, self.folder = plan["shards"], Path(plan["folder"])
-        self.killed = self.recomputed = self.finished = 0
+        self.killed = self.recomputed = 0
         self.keys = (f"farm-{os.getpid()}-{number}" for number in itertools.count())
         self.running: dict[str, int] = {}  # key → shard
-        self.lost: list[int] = []  # shards whose worker died
+        self.known: dict[str, str] = {}
+        self.asked = -POLL  # when they were last asked for
         self.counts: dict[str, int] = {}  # worker → shards that it has drawn
         client.subscribe_topic("all", self._event)
 
@@ -98,19 +100,26 @@ class Farm:
         if not isinstance(message, dict) or message.get("action") != "remove-worker":
             return
         shards = [self.running[key] for key in message["processing-tasks"] if key in self.running]
+        self.asked = -POLL
         if shards:
             self.killed += 1
             self.recomputed += len(shards)
-            self.lost += shards
             say(f"a worker has died; drawn again on another: shard {', '.join(map(str, shards))}")
 
     def living(self) -> dict[str, str]:
-        """Name → address of the workers that live now. Raises Failed for one with more than one thread."""
+        """Name → address of the workers, as of POLL ago at most; the list is long where there are many.
+
+        Raises Failed for one with more than one thread.
+        """
+        if time.monotonic() - self.asked < POLL:
+            return self.known
         found = self.client.scheduler_info(n_workers=-1)["workers"]
         for one in found.values():
             if one["nthreads"] != 1:
                 raise Failed(f"worker {one['name']} has {one['nthreads']} threads; give it --nthreads 1")
-        return {str(one["name"]): address for address, one in found.items()}
+        self.known = {str(one["name"]): address for address, one in found.items()}
+        self.asked = time.monotonic()
+        return self.known
 
     def _submit(self, job: Job, living: dict[str, str]) -> tuple[Any, list[str]]:
         """The future, and the addresses it may run on: none means all."""
@@ -176,7 +185,6 @@ class Farm:
             if not job.check:
                 write(self.folder / name, data)
         self.counts[result["worker"]] = self.counts.get(result["worker"], 0) + 1
-        self.finished += 1
         return result
 
 
@@ -245,7 +253,7 @@ def judge(farm: Farm, first: dict[int, dict[str, Any]]) -> dict[str, Any]:
     farm.recomputed += len(again)
     anew = farm.draw([Job(shard, set(odd)) for shard in again])
     first |= {shard: one or first[shard] | {"hash": None} for shard, one in anew.items()}
-    return {"checked": len(second), "mismatches": mismatches}
+    return {"drawn_twice": len(second), "mismatches": mismatches}
 
 
 def say(text: str) -> None:
@@ -258,6 +266,8 @@ def cluster_of(plan: dict[str, Any], scratch: str) -> Any:
     if plan["scheduler"]:
         return plan["scheduler"]
     if plan["slurm"]:
+        if not shutil.which("sbatch"):
+            raise Failed("sbatch is missing: --slurm is for a machine from which jobs go to Slurm")
         from dask_jobqueue import SLURMCluster
 
         made = SLURMCluster(cores=1, processes=1, memory="2 GB")
@@ -279,7 +289,7 @@ def work(plan: dict[str, Any], scratch: str) -> dict[str, Any]:
     cluster = cluster_of(plan, scratch)
     try:
         client = Client(cluster)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise Failed(f"{plan['scheduler']}: no scheduler answers ({error})") from None
     try:
         client.wait_for_workers(plan["workers"] or 1, timeout=plan["wait_s"])

@@ -35,7 +35,7 @@ class Farm(Result, kw_only=True):
     done: Annotated[int, key("shards", "with a result that no other contradicts")]
     killed: Annotated[int, key("workers", "that died in a shard")]
     recomputed: Annotated[int, key("shards", "drawn again: their worker died, or is the odd one")]
-    checked: Annotated[int, key("shards", "drawn on a second worker too, to compare")]
+    drawn_twice: Annotated[int, key("shards", "on two workers, to compare")]
     mismatches: Annotated[list[Mismatch], key("", "shards of which results differ")]
     seconds: Annotated[float, key("s", "that the cluster worked")]
 
