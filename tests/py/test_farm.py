@@ -37,11 +37,13 @@ def first(name):
 run.mkdir(exist_ok=True)
 off = faults.get("wrong") == "first" and first("wrong") or run.name in faults.get("wrong", ())
 time.sleep(0.5)
-if number == faults.get("kill") and not (here / "killed").exists():
+log = here / "drawn"
+again = log.exists() and str(number) in log.read_text().split()
+if (number == faults.get("kill") or again and faults.get("kill_check")) and not (here / "killed").exists():
     (here / "killed").write_text(str(os.getpid()))
     os.kill(os.getppid(), signal.SIGKILL)
     time.sleep(60)
-with open(here / "drawn", "a") as log:
+with open(log, "a") as log:
     log.write(f"{{number}}\\n")
 row = {{"phase": f"p{{number}}", "scene": "trio", "width": 4, "height": 2}}
 row["false_hits_ppm"] = 1.0 if off else 0.0
@@ -103,6 +105,15 @@ def test_a_worker_that_is_killed_loses_its_shard_and_no_more(farming, tmp_path) 
     assert json.loads((tmp_path / "run" / "accuracy.json").read_text())["rows"] == WHOLE
     with pytest.raises(ProcessLookupError):  # the program went with its worker
         os.kill(int((tmp_path / "killed").read_text()), 0)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_in_a_check_is_replaced_by_another(farming, tmp_path) -> None:
+    """The check was meant for that one alone."""
+    status, found, err = farming(stand_in(tmp_path, kill_check=True), WORDS)
+    assert status == 0, err
+    assert (found["done"], found["killed"], found["recomputed"], found["mismatches"]) == (8, 1, 1, [])
+    assert len(drawn(tmp_path)) == 8 + found["drawn_twice"] and found["drawn_twice"] >= 1
 
 
 @pytest.mark.slow

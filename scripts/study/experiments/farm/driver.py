@@ -6,18 +6,22 @@ output what came of it. Nothing of the project is imported here: the workers sta
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import itertools
 import json
 import logging
 import os
 import shutil
+import signal
+import subprocess
 import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+PR_SET_PDEATHSIG = 1  # of prctl(2): the signal that a process gets when its parent dies
 POLL = 2.0  # s between two looks at whether the workers asked for still live
 MOST = 3  # workers on which a shard is tried again when the one that had it has died
 ONE_IN = 100  # shards: one of so many is drawn on another worker as well, and one of each worker at least
@@ -33,10 +37,6 @@ def run_shard(command: list[str], number: int, of: int, file: str) -> dict[str, 
     Pictures of the worker's earlier shards lie there, so that none is rendered twice. The command ends with
     its worker, even if that is killed.
     """
-    import ctypes
-    import signal
-    import subprocess
-
     from distributed import get_worker
 
     worker = get_worker()
@@ -51,7 +51,7 @@ def run_shard(command: list[str], number: int, of: int, file: str) -> dict[str, 
         stderr=subprocess.PIPE,
         encoding="utf-8",
         errors="replace",
-        preexec_fn=lambda: libc.prctl(1, signal.SIGTERM),  # PR_SET_PDEATHSIG
+        preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM),
     )
     lines = done.stderr.strip().splitlines()
     if not made.exists():
@@ -319,6 +319,7 @@ def work(plan: dict[str, Any], scratch: str) -> dict[str, Any]:
 def main() -> int:
     import tempfile
 
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)  # the driver ends with who started it
     os.environ["DASK_LOGGING__DISTRIBUTED"] = "critical"  # of the workers
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     plan = json.load(sys.stdin)
