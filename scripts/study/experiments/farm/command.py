@@ -15,8 +15,8 @@ from study.experiments.farm import measure as farm
 DESCRIPTION = """\
 Parts the work of an experiment that has --shard, runs each shard as a command on a worker of one thread,
 and joins the results to the run's file: the same bytes as of one run on one machine. A worker that dies
-loses its shard and no more. Of each worker's shards one in a hundred, and at least one, is drawn on another
-worker too. Where the two differ, a third tells which is wrong; what that one drew is drawn again by others.
+loses its shard and no more. A shard of each worker, and one in a hundred of all, is drawn on another worker
+too. Where the two differ, a third tells which is wrong; what that one drew is drawn again by others.
 
 What stands behind -- goes to the experiment. Dask is no part of the project: --install puts it into
 build/farm. docs/scale.md says how workers are started on other machines."""

@@ -16,6 +16,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +24,7 @@ from typing import Any
 
 PR_SET_PDEATHSIG = 1  # of prctl(2): the signal that a process gets when its parent dies
 POLL = 2.0  # s between two looks at whether the workers asked for still live
-MOST = 3  # workers on which a shard is tried again when the one that had it has died
+MOST = 3  # times that a shard whose worker has died is given to another
 ONE_IN = 100  # shards: one of so many is drawn on another worker as well, and one of each worker at least
 
 
@@ -231,10 +232,8 @@ def odd_one(results: list[dict[str, Any]]) -> str | None:
 
 
 def judge(farm: Farm, first: dict[int, dict[str, Any]]) -> dict[str, Any]:
-    """Draws shards twice, and a third time where two workers differ. What an odd worker drew is replaced.
-
-    Changes `first`. Raises Failed.
-    """
+    """Has some shards drawn twice, and a third time where two workers differ. Changes `first`: what an odd
+    worker drew is replaced, and what nobody knows loses its hash. Raises Failed."""
     jobs = checks(first, list(farm.living()))
     second = {shard: one for shard, one in farm.draw(jobs).items() if one}
     mismatches, odd = [], set()
@@ -282,7 +281,7 @@ def cluster_of(plan: dict[str, Any], scratch: str) -> Any:
 def work(plan: dict[str, Any], scratch: str) -> dict[str, Any]:
     """Everything: the farm's table, and each shard's hash. Raises Failed."""
     import dask
-    from distributed import Client
+    from distributed import CancelledError, Client
 
     dask.config.set({"distributed.scheduler.allowed-failures": MOST})
     begun = time.monotonic()
@@ -296,8 +295,11 @@ def work(plan: dict[str, Any], scratch: str) -> dict[str, Any]:
     except TimeoutError:
         raise Failed(f"no worker has come within {plan['wait_s']:g} s") from None
     farm = Farm(client, plan)
-    first = farm.draw([Job(number) for number in range(1, farm.of + 1)])
-    about = judge(farm, first)
+    try:
+        first = farm.draw([Job(number) for number in range(1, farm.of + 1)])
+        about = judge(farm, first)
+    except CancelledError:
+        raise Failed("the scheduler has gone") from None
     table = {
         "workers": [{"name": name, "shards": count} for name, count in sorted(farm.counts.items())],
         "shards": farm.of,
@@ -317,8 +319,6 @@ def work(plan: dict[str, Any], scratch: str) -> dict[str, Any]:
 
 
 def main() -> int:
-    import tempfile
-
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)  # the driver ends with who started it
     os.environ["DASK_LOGGING__DISTRIBUTED"] = "critical"  # of the workers
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
