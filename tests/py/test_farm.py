@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -70,11 +72,12 @@ def dask() -> None:
 def farming(dask, tmp_path, monkeypatch, capfd):
     """Calls the command with another program as the workers'; status, what --json says, errors."""
 
-    def call(script: str, words: list[str], workers: int = 4) -> tuple[int, dict, str]:
+    def call(script: str, words: list[str], workers: int = 4, scheduler: str = "") -> tuple[int, dict, str]:
         path = tmp_path / "stand_in.py"
         path.write_text(script)
         monkeypatch.setattr(farm, "COMMAND", [sys.executable, str(path)])
-        own = ["accuracy", "--workers", str(workers), "--run", str(tmp_path / "run"), "--json"]
+        cluster = ["--scheduler", scheduler] if scheduler else ["--workers", str(workers)]
+        own = ["accuracy", *cluster, "--run", str(tmp_path / "run"), "--json"]
         monkeypatch.setattr(sys, "argv", ["stepwise farm", *own, "--", *words])
         status = cli.finish(command_module.main())
         out, err = capfd.readouterr()
@@ -148,6 +151,45 @@ def test_a_check_that_fails_on_a_worker_is_said(farming, tmp_path) -> None:
 def test_a_shard_that_cannot_be_drawn_is_one_line(farming, tmp_path) -> None:
     with pytest.raises(StudyError, match=r"farm: shard [1-8]/8: worker [01]: status 3: no such luck"):
         farming("import sys\nsys.exit(print('no such luck', file=sys.stderr) or 3)", WORDS, workers=2)
+
+
+SCHEDULER = """
+import sys
+from distributed import LocalCluster
+about = {"processes": False, "protocol": "tcp://", "dashboard_address": None, "memory_limit": 0}
+made = LocalCluster(n_workers=2, threads_per_worker=int(sys.argv[1]), local_directory=sys.argv[2], **about)
+print(made.scheduler_address, flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def scheduler(dask, tmp_path):
+    """Starts a scheduler with two workers of so many threads; its address."""
+    with contextlib.ExitStack() as stack:
+
+        def start(threads: int) -> str:
+            command = [venvs.python_of(farm.HOME), "-I", "-c", SCHEDULER, str(threads), str(tmp_path)]
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+            program = stack.enter_context(subprocess.Popen(command, **pipes))
+            stack.callback(program.kill)
+            return program.stdout.readline().strip()
+
+        yield start
+
+
+@pytest.mark.slow
+def test_the_workers_of_a_scheduler_elsewhere(farming, scheduler, tmp_path) -> None:
+    status, found, err = farming(stand_in(tmp_path), WORDS, scheduler=scheduler(1))
+    assert status == 0, err
+    assert (len(found["workers"]), found["done"], found["drawn_twice"]) == (2, 8, 1)
+    assert json.loads((tmp_path / "run" / "accuracy.json").read_text())["rows"] == WHOLE
+
+
+@pytest.mark.slow
+def test_a_worker_of_more_threads_than_one_is_refused(farming, scheduler, tmp_path) -> None:
+    with pytest.raises(StudyError, match=r"farm: worker [01] has 2 threads; give it --nthreads 1"):
+        farming(stand_in(tmp_path), WORDS, scheduler=scheduler(2))
 
 
 RENDERS = """

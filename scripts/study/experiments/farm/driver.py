@@ -16,7 +16,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -260,7 +259,7 @@ def say(text: str) -> None:
     sys.stderr.flush()
 
 
-def cluster_of(plan: dict[str, Any], scratch: str) -> Any:
+def cluster_of(plan: dict[str, Any]) -> Any:
     """What a client connects to: an address, processes of this machine, or jobs of Slurm."""
     if plan["scheduler"]:
         return plan["scheduler"]
@@ -275,17 +274,17 @@ def cluster_of(plan: dict[str, Any], scratch: str) -> Any:
     from distributed import LocalCluster
 
     workers = {"n_workers": plan["workers"], "threads_per_worker": 1, "processes": True}
-    return LocalCluster(**workers, dashboard_address=None, memory_limit=0, local_directory=scratch)
+    return LocalCluster(**workers, dashboard_address=None, memory_limit=0, local_directory=plan["scratch"])
 
 
-def work(plan: dict[str, Any], scratch: str) -> dict[str, Any]:
+def work(plan: dict[str, Any]) -> dict[str, Any]:
     """Everything: the farm's table, and each shard's hash. Raises Failed."""
     import dask
     from distributed import CancelledError, Client
 
     dask.config.set({"distributed.scheduler.allowed-failures": MOST})
     begun = time.monotonic()
-    cluster = cluster_of(plan, scratch)
+    cluster = cluster_of(plan)
     try:
         client = Client(cluster)
     except (OSError, ValueError) as error:
@@ -322,12 +321,10 @@ def main() -> int:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)  # the driver ends with who started it
     os.environ["DASK_LOGGING__DISTRIBUTED"] = "critical"  # of the workers
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    plan = json.load(sys.stdin)
-    with tempfile.TemporaryDirectory(prefix="stepwise-farm-") as scratch:
-        try:
-            result = work(plan, scratch)
-        except Failed as error:
-            result = {"error": " ".join(str(error).split())}
+    try:
+        result = work(json.load(sys.stdin))
+    except Failed as error:
+        result = {"error": " ".join(str(error).split())}
     print(json.dumps(result), flush=True)
     return 0
 

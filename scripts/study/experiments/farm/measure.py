@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from study.core import commands, json_files, registry, store
+from study.core import commands, json_files, registry, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.experiments import experiment, shards, venvs
@@ -25,7 +25,7 @@ DRIVER = Path(__file__).with_name("driver.py")
 COMMAND = [sys.executable, str(registry.ROOT / "scripts" / "stepwise")]
 OWN = ("--run", "--shard", "--jobs")  # options of the experiment that the farm gives it
 Json = dict[str, Any]
-WAIT = 600.0  # s for the first worker
+WAIT = 600.0  # s for the first worker; a queue of Slurm may take days
 
 
 def able() -> dict[str, Experiment]:
@@ -62,7 +62,7 @@ def plan(name: str, words: Sequence[str], count: int, folder: Path, cluster: Jso
         "file": shards.file_name(sharded.file, Shard(1, count)).replace("shard-1-", "shard-{K}-"),
         "shards": count,
         "folder": str(folder.resolve()),
-        "wait_s": WAIT,
+        "wait_s": None if cluster["slurm"] else WAIT,
         **cluster,
     }
 
@@ -70,7 +70,9 @@ def plan(name: str, words: Sequence[str], count: int, folder: Path, cluster: Jso
 def drive(python: Path, told: Json) -> Json:
     """What the driver found. Raises StudyError with its one line."""
     command = [python, "-I", DRIVER]
-    done = child.run(command, input=json.dumps(told), stdout=subprocess.PIPE, text=True, timeout=math.inf)
+    with temporary.folder(prefix="stepwise-farm-") as scratch:
+        text = json.dumps(told | {"scratch": str(scratch)})
+        done = child.run(command, input=text, stdout=subprocess.PIPE, text=True, timeout=math.inf)
     try:
         result: Json = json.loads(done.stdout)
     except json.JSONDecodeError:
