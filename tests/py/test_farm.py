@@ -37,6 +37,8 @@ def first(name):
         pass
     return (here / name).read_text() == run.name
 run.mkdir(exist_ok=True)
+if run.name == faults.get("broken"):
+    sys.exit("no compiler")
 off = faults.get("wrong") == "first" and first("wrong") or run.name in faults.get("wrong", ())
 time.sleep(0.5)
 log = here / "drawn"
@@ -145,6 +147,22 @@ def test_a_check_that_fails_on_a_worker_is_said(farming, tmp_path) -> None:
     status, found, err = farming(stand_in(tmp_path, fail=True), WORDS, workers=1)
     assert status == 1 and "FAIL of the shard 2" in err
     assert found["drawn_twice"] == 0  # one worker alone has nobody beside it
+
+
+@pytest.mark.slow
+def test_a_worker_that_cannot_run_the_command_gets_no_more(farming, tmp_path) -> None:
+    status, found, err = farming(stand_in(tmp_path, broken="run-1"), WORDS, workers=3)
+    assert status == 0, err
+    assert err.count("worker 1: status 1: no compiler; it gets no more") == 1
+    assert {worker["name"] for worker in found["workers"]} == {"0", "2"} and found["done"] == 8
+    assert found["recomputed"] == 0 and len(drawn(tmp_path)) == 8 + found["drawn_twice"]
+
+
+@pytest.mark.slow
+def test_a_machine_without_the_command_is_one_line(farming, monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    with pytest.raises(StudyError, match=r"worker [01]: \[Errno 2\] .*'/nowhere/python'"):
+        farming("", WORDS, workers=2)
 
 
 @pytest.mark.slow

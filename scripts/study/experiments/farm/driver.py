@@ -17,13 +17,13 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 PR_SET_PDEATHSIG = 1  # of prctl(2): the signal that a process gets when its parent dies
 POLL = 2.0  # s between two looks at whether the workers asked for still live
-MOST = 3  # times that a shard whose worker has died is given to another
+MOST = 3  # times that a shard whose worker has died, or could not draw it, is given to another
 ONE_IN = 100  # shards: one of so many is drawn on another worker as well, and one of each worker at least
 
 
@@ -32,18 +32,26 @@ class Failed(Exception):
 
 
 def run_shard(command: list[str], number: int, of: int, file: str) -> dict[str, Any]:
-    """On a worker: one shard by the project's command, in a folder of this worker.
-
-    Pictures of the worker's earlier shards lie there, so that none is rendered twice. The command ends with
-    its worker, even if that is killed.
-    """
+    """On a worker: its name, and what `drawn` gives or, as `error`, why there is nothing."""
     from distributed import get_worker
 
     worker = get_worker()
     run = Path(worker.local_directory, f"run-{worker.name}".replace("/", "-"))
+    try:
+        made = drawn([*command, "--shard", f"{number}/{of}", "--run", str(run)], run, file)
+    except OSError as error:
+        made = {"error": str(error)}
+    return {"worker": str(worker.name), **made}
+
+
+def drawn(words: list[str], run: Path, file: str) -> dict[str, Any]:
+    """One shard by the project's command, in the folder `run` of this worker. Raises OSError.
+
+    Pictures of the worker's earlier shards lie there, so that none is rendered twice. The command ends with
+    its worker, even if that is killed.
+    """
     made = run / file
     made.unlink(missing_ok=True)
-    words = [*command, "--shard", f"{number}/{of}", "--run", str(run)]
     libc = ctypes.CDLL(None)
     done = subprocess.run(
         words,
@@ -55,14 +63,10 @@ def run_shard(command: list[str], number: int, of: int, file: str) -> dict[str, 
     )
     lines = done.stderr.strip().splitlines()
     if not made.exists():
-        last = lines[-1] if lines else "no word"
-        raise RuntimeError(f"worker {worker.name}: status {done.returncode}: {last}")
+        return {"error": f"status {done.returncode}: {lines[-1] if lines else 'no word'}"}
     data = made.read_bytes()
-    rows = json.loads(data).get("rows", [])
-    pictures = [row["picture"] for row in rows if row.get("picture")]
+    pictures = [row["picture"] for row in json.loads(data).get("rows", []) if row.get("picture")]
     return {
-        "worker": str(worker.name),
-        "status": done.returncode,
         "data": data,
         "failed": [line for line in lines if line.startswith("FAIL ")],
         "pictures": {name: (run / name).read_bytes() for name in pictures},
@@ -78,6 +82,7 @@ class Job:
     avoid: set[str] = field(default_factory=set)
     by: str | None = None
     check: bool = False
+    failures: int = 0  # workers that could not draw it
 
 
 class Farm:
@@ -91,6 +96,7 @@ class Farm:
         self.running: dict[str, int] = {}  # key → shard
         self.known: dict[str, str] = {}
         self.asked = -POLL  # when they were last asked for
+        self.broken: dict[str, str] = {}  # worker → how its command failed; it gets nothing more
         self.counts: dict[str, int] = {}  # worker → shards that it has drawn
         client.subscribe_topic("all", self._event)
 
@@ -107,7 +113,7 @@ class Farm:
             say(f"a worker has died; drawn again on another: shard {', '.join(map(str, shards))}")
 
     def living(self) -> dict[str, str]:
-        """Name → address of the workers, as of POLL ago at most; the list is long where there are many.
+        """Name → address of the workers that are not broken, as of POLL ago at most: the list may be long.
 
         Raises Failed for one with more than one thread.
         """
@@ -117,7 +123,11 @@ class Farm:
         for one in found.values():
             if one["nthreads"] != 1:
                 raise Failed(f"worker {one['name']} has {one['nthreads']} threads; give it --nthreads 1")
-        self.known = {str(one["name"]): address for address, one in found.items()}
+        self.known = {
+            str(one["name"]): address for address, one in found.items() if str(one["name"]) not in self.broken
+        }
+        if found and not self.known:
+            raise Failed(next(reversed(self.broken.values())))
         self.asked = time.monotonic()
         return self.known
 
@@ -129,7 +139,7 @@ class Farm:
         key = next(self.keys)
         self.running[key] = job.shard
         words = self.plan["command"], job.shard, self.of, self.plan["file"].replace("{K}", str(job.shard))
-        chosen = allowed if job.avoid or job.by else []
+        chosen = allowed if job.avoid or job.by or self.broken else []
         where = {"workers": chosen} if chosen else {}
         return self.client.submit(run_shard, *words, key=key, pure=False, **where), chosen
 
@@ -157,15 +167,29 @@ class Farm:
                 done = set()
             for future in done:
                 job, _ = flying.pop(future)
-                results[job.shard] = self._taken(future, job)
+                result = self._taken(future, job)
+                if "error" in result:
+                    waiting.append(self._elsewhere(job, result))
+                else:
+                    results[job.shard] = result
             addresses = set(living.values())
             for future, (job, chosen) in list(flying.items()):
                 if chosen and not addresses & set(chosen):  # all that it may run on have gone
                     future.cancel()
                     self.running.pop(future.key, None)
                     del flying[future]
-                    waiting.append(Job(job.shard, job.avoid, check=job.check))
+                    waiting.append(replace(job, by=None))
         return results
+
+    def _elsewhere(self, job: Job, result: dict[str, Any]) -> Job:
+        """The job again, for a worker that can run the command. Raises Failed if many could not."""
+        worker = result["worker"]
+        self.broken[worker] = f"shard {job.shard}/{self.of}: worker {worker}: {result['error']}"
+        self.asked = -POLL
+        if job.failures == MOST:
+            raise Failed(self.broken[worker])
+        say(f"{self.broken[worker]}; it gets no more")
+        return replace(job, by=None, failures=job.failures + 1)
 
     def _taken(self, future: Any, job: Job) -> dict[str, Any]:
         """A result without its data, which are written as a file named by their hash. Raises Failed."""
@@ -176,9 +200,9 @@ class Farm:
             result = future.result()
         except KilledWorker:
             raise Failed(f"shard {job.shard}/{self.of}: {MOST + 1} workers that took it have died") from None
-        except RuntimeError as error:
-            raise Failed(f"shard {job.shard}/{self.of}: {error}") from None
         future.release()
+        if "error" in result:
+            return result
         result["hash"] = hashlib.sha256(result["data"]).hexdigest()
         write(self.folder / "shards" / f"{result['hash']}.json", result.pop("data"))
         for name, data in result.pop("pictures").items():
