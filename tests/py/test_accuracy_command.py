@@ -266,3 +266,15 @@ def test_twenty_steps_lose_the_spheres_rims(tmp_path, monkeypatch, capsys):
     assert found["dt_max"] == pytest.approx(off.max(), abs=1e-5)
     assert found["dt_p99"] == pytest.approx(np.percentile(off, 99), abs=1e-5)
     assert found["proved_fraction"] == 1
+
+
+def test_a_shard_of_a_fractal_is_held_against_opt4_too(command, house, disc):
+    """Whatever phases the shard itself has: its rows are those of a run without shards."""
+    house.pictures["opt4"] = house.pictures["opt5"] = lambda: disc(1)
+    asked = ("--phase", "opt4", "opt5", "--scene", "mandelbulb", "--json")
+    _, out, _ = command(*asked)
+    whole = emitted.result(out)["rows"]
+    shutil.rmtree(house.run)
+    status, out, _ = command(*asked, "--shard", "2/2")
+    assert status == 0 and emitted.result(out)["rows"] == whole[1:]
+    assert sorted(path.name for path in house.run.glob("*.json")) == ["accuracy.shard-2-of-2.json"]

@@ -17,6 +17,7 @@ from study.core.schema import File
 from study.experiments import cuts
 from study.experiments.goal import Goal
 from study.experiments.section import Section, reading
+from study.experiments.shards import Sharded
 from study.numbers.analysis import Data
 
 FOLDER = Path(__file__).resolve().parent
@@ -75,7 +76,7 @@ class Experiment:
     may lack what it needs. `depth`: the least depth of a study that has it; None: only by its name.
     `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS it
     answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `goals`: what was
-    asked, beside what a run has of it.
+    asked, beside what a run has of it. `sharded`: how its work is parted, where its command has --shard.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Experiment:
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
     cut: str = ""
     goals: Callable[[Data], Iterable[Goal]] | None = None
+    sharded: Sharded | None = None
 
     def __post_init__(self) -> None:
         if self.calls is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from itertools import product
 from pathlib import Path
 
 import matplotlib
@@ -13,6 +12,7 @@ from study.core import cli, progress, registry, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
+from study.experiments import shards
 from study.experiments.accuracy import converge, where
 from study.experiments.accuracy import measure as accuracy
 from study.experiments.accuracy import tables as accuracy_page
@@ -52,7 +52,22 @@ def arguments() -> argparse.Namespace:
     )
     add("--convergence", action="store_true", help="the Mandelbulb's table too: precision × hit distance")
     add("--convergence-n", type=cli.at_least(1), default=90, metavar="HEIGHT", help="its height; default: 90")
+    shards.option(parser, "pairs of scene and phase")
     return parser.parse_args()
+
+
+def pairs(args: argparse.Namespace) -> list[tuple[Scene, Spec]]:
+    """What is to be measured, in order. Raises StudyError for names that there are not."""
+    specs = specs_of(args.phase)
+    scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
+    return [(scene, spec) for scene in scenes for spec in specs]
+
+
+def units(args: argparse.Namespace) -> list[tuple[Scene, Spec]]:
+    """What is parted for shards. Raises StudyError."""
+    if args.convergence:
+        raise StudyError("--convergence is no part of a shard: measure it in a run without --shard")
+    return pairs(args)
 
 
 class Subject:
@@ -165,8 +180,9 @@ def judge(
 
 def main() -> int:
     args = arguments()
-    specs = specs_of(args.phase)
-    scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
+    everything = units(args) if args.shard else pairs(args)
+    chosen = shards.part(everything, args.shard)
+    specs = list(dict.fromkeys(spec for _, spec in everything))
     lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
     able = [spec for spec in specs if not lacking[spec]]
     skipped = [
@@ -175,28 +191,40 @@ def main() -> int:
         if lacking[s]
     ]
     folder = args.run or registry.ROOT / "build" / "accuracy"
+    mine = {
+        scene.name: [spec for other, spec in chosen if other.name == scene.name and spec in able]
+        for scene, _ in chosen
+    }
+    scenes = [scene for scene in {s.name: s for s, _ in chosen}.values() if mine[scene.name]]
     gated = any(gate.by_truth(registry.find_phase(spec.phase)) for spec in able)
-    beside = [FLOAT] if gated and any(scene.fractal for scene in scenes) else []
-    using = list(dict.fromkeys([BASE, *beside, *able])) if able else []
-    gallery = Gallery(folder / "images", using)
+    # Every row of a fractal is held against it: if any of all phases is gated, whatever the shard has.
+    beside = [FLOAT] if gated or FLOAT in able else []
+    drawn = {
+        scene.name: dict.fromkeys([BASE, *(beside if scene.fractal else []), *mine[scene.name]])
+        for scene in scenes
+    }
+    using = dict.fromkeys(spec for some in drawn.values() for spec in some)
+    gallery = Gallery(folder / "images", list(using))
     plain = {scene.name: accuracy.without_shadows(scene, folder / "scenes") for scene in scenes}
     sizes = {scene.name: scene.size(args.n, args.w) for scene in scenes}
     tasks = [
         (who, one, sizes[scene.name])
-        for scene, who in product(scenes, using)
-        if who in (BASE, *able) or scene.fractal
+        for scene in scenes
+        for who in drawn[scene.name]
         for one in (scene, plain[scene.name])
     ]
     refused = gallery.render_all(tasks, args.jobs)
     rows: list[dict] = []
-    for scene in scenes if able else []:
-        found, missing = judge(gallery, scene, plain[scene.name], sizes[scene.name], able, refused)
+    for scene in scenes:
+        name = scene.name
+        found, missing = judge(gallery, scene, plain[name], sizes[name], mine[name], refused)
         rows, skipped = rows + found, skipped + missing
     tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
     result = {"schema": 1, **tools, "rows": rows, "skipped": skipped, "convergence": None}
     if args.convergence:
         result["convergence"] = converge.study(args.convergence_n, folder / "convergence")
-    store.write_json(folder / accuracy.FILE, result)
+    name = shards.file_name(accuracy.FILE, args.shard)
+    store.write_json(folder / name, shards.marked(result, args.shard))
     report(args, result, folder)
     if not rows:
         return cli.CANNOT_RUN if not any(item["failed"] for item in skipped) else cli.FAILED
@@ -206,7 +234,7 @@ def main() -> int:
 def report(args: argparse.Namespace, result: dict, folder: Path) -> None:
     """JSON or tables; then what was skipped and what failed."""
     figures = []
-    if result["rows"]:
+    if result["rows"] and not args.shard:
         with matplotlib.rc_context(draw.STYLE):
             for name, make in accuracy_page.drawings(result).items():
                 figures += draw.save(make(), folder / "figures" / name, accuracy_page.note(result))
@@ -214,7 +242,8 @@ def report(args: argparse.Namespace, result: dict, folder: Path) -> None:
         cli.emit(result, folder)
     elif result["rows"]:
         print(accuracy_page.text(result))
-        print(f"FLIP: {images.FLIP_TOOL}.\nPictures: {folder}/images, figures: {folder}/figures")
+        places = f"Pictures: {folder}/images" + ("" if args.shard else f", figures: {folder}/figures")
+        print(f"FLIP: {images.FLIP_TOOL}.\n{places}")
     for item in result["skipped"]:
         word = "FAIL" if item["failed"] else "skipped"
         cli.say(f"{word} {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}")

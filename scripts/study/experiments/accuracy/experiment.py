@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from study.experiments.accuracy import chapter, goals
+from study.experiments.accuracy import chapter, command, goals
+from study.experiments.accuracy import measure as accuracy
 from study.experiments.accuracy.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.shards import Sharded
 
 HEIGHT, QUICK_HEIGHT = "180", "90"  # scene0's truth at 180: half a minute on two cores
 
@@ -27,4 +29,5 @@ EXPERIMENT = Experiment(
     cut="Three scenes at height 90.",
     sections=[(520, lambda data: chapter.errors(data.path))],
     goals=goals.reached,
+    sharded=Sharded(accuracy.FILE, ("rows", "skipped"), command.units),
 )

@@ -12,10 +12,13 @@ from pathlib import Path
 
 from study.core import cli, registry, store
 from study.core.run import GENERAL
+from study.experiments import shards
 from study.experiments.stability import cases as hard
 from study.experiments.stability import tables as hard_page
 from study.experiments.stability.cases import curves, measure, phase
 from study.pictures.processes import in_processes
+
+FILE = "stability.json"
 
 
 def positive(text: str) -> float:
@@ -40,7 +43,13 @@ def arguments() -> argparse.Namespace:
     limit = phase.TIME_LIMIT
     add("--time-limit", type=positive, default=limit, metavar="S", help=f"of a picture; default: {limit:g} s")
     add("--list", action="store_true", help="say which cases there are, and run none")
+    shards.option(parser, "cases")
     return parser.parse_args()
+
+
+def units(args: argparse.Namespace) -> list[hard.Case]:
+    """The units of work. Raises StudyError for a case that there is not."""
+    return hard.find_cases(args.case)
 
 
 def cell(row: dict) -> str:
@@ -73,11 +82,19 @@ def listing(json: bool) -> None:
         print(f"{case.number:2} {case.name}: {case.title}")
 
 
+def drawn(folder: Path) -> str:
+    """Draws the figures and pages of a run's stability.json; says where they are."""
+    written = hard_page.read(folder / FILE)
+    in_processes([partial(hard_page.draw, written, case, folder / "figures") for case in written["cases"]])
+    index = hard_page.write(written, folder / "pages")
+    return f"Curves: {folder}/figures; a page for each case: {index}"
+
+
 def main() -> int:
     args = arguments()
     if args.list:
         return listing(args.json) or cli.OK
-    chosen = hard.find_cases(args.case)
+    chosen = shards.part(units(args), args.shard)
     folder = store.writable(args.run or registry.ROOT / "build" / "stability")
     names, skipped = measure.able(args.phase)
     for item in skipped:
@@ -97,16 +114,15 @@ def main() -> int:
     rows = measure.sweep(names, chosen, few, args.jobs, time_limit=args.time_limit)
     about = [measure.about(case) | {"strengths": case.few() if few else case.strengths} for case in chosen]
     result = {"schema": 1, "phases": phases, "cases": about, "results": rows, "skipped": skipped}
-    store.write_json(folder / "stability.json", result)
-    written = hard_page.read(folder / "stability.json")
-    in_processes([partial(hard_page.draw, written, case, folder / "figures") for case in written["cases"]])
-    index = hard_page.write(written, folder / "pages")
+    name = shards.file_name(FILE, args.shard)
+    store.write_json(folder / name, shards.marked(result, args.shard))
+    pages = f"Rows: {folder / name}" if args.shard else drawn(folder)
     if args.json:
         cli.emit(result, folder)
     else:
         print(table(rows, chosen, names))
         print("·: right at every strength that was run; else the first strength that fails.")
-        print(f"Curves: {folder}/figures; a page for each case: {index}")
+        print(pages)
     for line in measure.breaks(rows):
         cli.say(f"FAIL {line}")
     return measure.check(rows)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.stability import chapter
+from study.experiments.shards import Sharded
+from study.experiments.stability import chapter, command
 from study.experiments.stability.schema import SCHEMAS
 
 
@@ -22,4 +23,5 @@ EXPERIMENT = Experiment(
     depth="quick",
     cut="The first and the last phase, at the first, the middle and the last strength of each case.",
     sections=[(530, lambda data: chapter.hard(data.path))],
+    sharded=Sharded(command.FILE, ("cases", "results"), command.units),
 )

@@ -1,0 +1,94 @@
+"""An experiment on a cluster: what the driver is told, what it says, and the run's whole file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from study.core import commands, json_files, registry, store, temporary
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
+from study.experiments import experiment, shards, venvs
+from study.experiments.experiment import Experiment
+from study.experiments.shards import Shard
+
+FILE = "farm.json"
+HOME = registry.ROOT / "build" / "farm"
+PACKAGES = ("dask==2026.8.0", "distributed==2026.8.0", "dask-jobqueue==0.9.0")
+DRIVER = Path(__file__).with_name("driver.py")
+COMMAND = [sys.executable, str(registry.ROOT / "scripts" / "stepwise")]
+OWN = ("--run", "--shard", "--jobs")  # options of the experiment that the farm gives it
+Json = dict[str, Any]
+WAIT = 600.0  # s for the first worker; a queue of Slurm may take days
+
+
+def able() -> dict[str, Experiment]:
+    """The experiments whose work can be parted, by name."""
+    return {name: one for name, one in experiment.find_all().items() if one.sharded}
+
+
+def find_python(install: bool) -> Path:
+    """A Python with Dask, in build/farm. Raises StudyError without one that may not be made."""
+    python = venvs.python_of(HOME)
+    if not venvs.has(python, "dask, distributed, dask_jobqueue"):
+        if not install:
+            raise StudyError("dask is missing: --install puts it into build/farm", CANNOT_RUN)
+        venvs.install(HOME, PACKAGES)
+    return python
+
+
+def units(name: str, words: Sequence[str]) -> int:
+    """How many units of work an experiment has by those arguments. Ends as its command does for bad ones."""
+    if own := [word for word in words if word.partition("=")[0] in OWN]:
+        raise StudyError(f"{own[0]} is no option for behind --: the farm gives it itself")
+    args: argparse.Namespace = commands.parser_of(commands.find_all()[name]).parse_args(list(words))
+    sharded = able()[name].sharded
+    assert sharded
+    return len(sharded.units(args))
+
+
+def plan(name: str, words: Sequence[str], count: int, folder: Path, cluster: Json) -> Json:
+    """For the driver, as JSON. `cluster`: workers, scheduler and slurm, of which one is not None."""
+    sharded = able()[name].sharded
+    assert sharded
+    return {
+        "command": [*COMMAND, name, *words, "--jobs", "1"],
+        "file": shards.file_name(sharded.file, Shard(1, count)).replace("shard-1-", "shard-{K}-"),
+        "shards": count,
+        "folder": str(folder.resolve()),
+        "wait_s": None if cluster["slurm"] else WAIT,
+        **cluster,
+    }
+
+
+def drive(python: Path, told: Json) -> Json:
+    """What the driver found. Raises StudyError with its one line."""
+    command = [python, "-I", DRIVER]
+    with temporary.folder(prefix="stepwise-farm-") as scratch:
+        text = json.dumps(told | {"scratch": str(scratch)})
+        done = child.run(command, input=text, stdout=subprocess.PIPE, text=True, timeout=math.inf)
+    try:
+        result: Json = json.loads(done.stdout)
+    except json.JSONDecodeError:
+        raise StudyError(f"the farm's driver ended with status {done.returncode}", CANNOT_RUN) from None
+    if "error" in result:
+        raise StudyError(f"farm: {result['error']}", CANNOT_RUN)
+    return result
+
+
+def join(name: str, folder: Path, hashes: Sequence[str]) -> Path:
+    """Writes the run's whole file from FOLDER/shards. Raises StudyError."""
+    one = able()[name]
+    assert one.sharded
+    parts = [json_files.read_json(folder / "shards" / f"{made}.json") for made in hashes]
+    whole = shards.join(parts, one.sharded.lists)
+    path = folder / one.sharded.file
+    one.schemas[one.sharded.file].checked(whole, str(path))
+    store.write_json(path, whole)
+    return path

@@ -1,0 +1,330 @@
+"""scripts/stepwise farm: shards on processes, one of which is killed, one of which draws something else."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import emitted
+import pytest
+import started
+
+from study.core import cli
+from study.core.cli import StudyError
+from study.core.registry import ROOT
+from study.experiments import venvs
+from study.experiments.farm import command as command_module
+from study.experiments.farm import driver
+from study.experiments.farm import measure as farm
+
+STEPWISE = ROOT / "scripts" / "stepwise"
+# As accuracy --shard K/N, in half a second and without a picture. As `faults` says, the first worker to draw
+# the shard `kill` is killed in it; the first to draw anything, or those named in `wrong`, are 1 ppm off.
+STAND_IN = """
+import json, os, pathlib, signal, sys, time
+words = dict(zip(sys.argv, sys.argv[1:]))
+run, (number, of) = pathlib.Path(words["--run"]), map(int, words["--shard"].split("/"))
+faults, here = json.loads({faults!r}), pathlib.Path({here!r})
+def first(name):
+    try:
+        open(here / name, "x").write(run.name)
+    except FileExistsError:
+        pass
+    return (here / name).read_text() == run.name
+run.mkdir(exist_ok=True)
+if run.name == faults.get("broken"):
+    sys.exit("no compiler")
+off = faults.get("wrong") == "first" and first("wrong") or run.name in faults.get("wrong", ())
+time.sleep(0.5)
+log = here / "drawn"
+again = log.exists() and str(number) in log.read_text().split()
+if (number == faults.get("kill") or again and faults.get("kill_check")) and not (here / "killed").exists():
+    (here / "killed").write_text(str(os.getpid()))
+    os.kill(os.getppid(), signal.SIGKILL)
+    time.sleep(60)
+with open(log, "a") as log:
+    log.write(f"{{number}}\\n")
+row = {{"phase": f"p{{number}}", "scene": "trio", "width": 4, "height": 2}}
+row["false_hits_ppm"] = 1.0 if off else 0.0
+made = {{"shard": {{"number": number, "of": of}}, "schema": 1, "rows": [row], "skipped": []}}
+(run / f"accuracy.shard-{{number}}-of-{{of}}.json").write_text(json.dumps(made))
+print("FAIL of the shard 2" if number == 2 and faults.get("fail") else "", file=sys.stderr)
+"""
+WORDS = ["--phase", "opt1", "opt2", "opt3", "opt4", "--scene", "trio", "two_spheres"]  # 8 units of work
+WHOLE = [
+    {"phase": f"p{n}", "scene": "trio", "width": 4, "height": 2, "false_hits_ppm": 0.0} for n in range(1, 9)
+]
+
+
+@pytest.fixture(scope="module")
+def dask() -> None:
+    """Leaves a test out where Dask is neither there nor to be had."""
+    try:
+        farm.find_python(install=True)
+    except StudyError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def farming(dask, tmp_path, monkeypatch, capfd):
+    """Calls the command with another program as the workers'; status, what --json says, errors."""
+
+    def call(script: str, words: list[str], workers: int = 4, scheduler: str = "") -> tuple[int, dict, str]:
+        path = tmp_path / "stand_in.py"
+        path.write_text(script)
+        monkeypatch.setattr(farm, "COMMAND", [sys.executable, str(path)])
+        cluster = ["--scheduler", scheduler] if scheduler else ["--workers", str(workers)]
+        own = ["accuracy", *cluster, "--run", str(tmp_path / "run"), "--json"]
+        monkeypatch.setattr(sys, "argv", ["stepwise farm", *own, "--", *words])
+        status = cli.finish(command_module.main())
+        out, err = capfd.readouterr()
+        return status, emitted.result(out), err
+
+    return call
+
+
+def stand_in(here: Path, **faults: object) -> str:
+    return STAND_IN.format(faults=json.dumps(faults), here=str(here))
+
+
+def drawn(here: Path) -> list[int]:
+    """Shards in the order in which they were drawn, checks too."""
+    return [int(line) for line in (here / "drawn").read_text().split()]
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_loses_its_shard_and_no_more(farming, tmp_path) -> None:
+    status, found, err = farming(stand_in(tmp_path, kill=3), WORDS)
+    assert status == 0, err
+    assert (found["shards"], found["done"], found["killed"], found["recomputed"]) == (8, 8, 1, 1)
+    assert "a worker has died; drawn again on another: shard 3" in err
+    assert found["mismatches"] == [] and found["drawn_twice"] >= 1
+    assert (
+        sorted({*drawn(tmp_path)}) == list(range(1, 9)) and len(drawn(tmp_path)) == 8 + found["drawn_twice"]
+    )
+    assert json.loads((tmp_path / "run" / "accuracy.json").read_text())["rows"] == WHOLE
+    with pytest.raises(ProcessLookupError):  # the program went with its worker
+        os.kill(int((tmp_path / "killed").read_text()), 0)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_in_a_check_is_replaced_by_another(farming, tmp_path) -> None:
+    """The check was meant for that one alone."""
+    status, found, err = farming(stand_in(tmp_path, kill_check=True), WORDS)
+    assert status == 0, err
+    assert (found["done"], found["killed"], found["recomputed"], found["mismatches"]) == (8, 1, 1, [])
+    assert len(drawn(tmp_path)) == 8 + found["drawn_twice"] and found["drawn_twice"] >= 1
+
+
+@pytest.mark.slow
+def test_a_wrong_worker_is_found_and_named_and_what_it_drew_is_replaced(farming, tmp_path) -> None:
+    status, found, err = farming(stand_in(tmp_path, wrong="first"), WORDS)
+    wrong = (tmp_path / "wrong").read_text().removeprefix("run-")
+    assert status == 1 and found["killed"] == 0
+    (one,) = found["mismatches"]
+    assert one["odd"] == wrong and wrong in one["workers"][:2] and len(set(one["workers"])) == 3
+    assert f"that {wrong} is wrong" in err
+    shares = {worker["name"]: worker["shards"] for worker in found["workers"]}
+    assert 1 <= found["recomputed"] <= shares[wrong] and found["done"] == 8
+    assert json.loads((tmp_path / "run" / "accuracy.json").read_text())["rows"] == WHOLE
+
+
+@pytest.mark.slow
+def test_of_two_workers_that_differ_nobody_knows_which_is_wrong(farming, tmp_path) -> None:
+    status, found, err = farming(stand_in(tmp_path, wrong=["run-1"]), WORDS, workers=2)
+    assert status == 1 and found["mismatches"][0]["odd"] is None and found["done"] == 7
+    assert "there is no third worker to ask" in err and "accuracy is not joined" in err
+    assert not (tmp_path / "run" / "accuracy.json").exists()
+
+
+@pytest.mark.slow
+def test_a_check_that_fails_on_a_worker_is_said(farming, tmp_path) -> None:
+    status, found, err = farming(stand_in(tmp_path, fail=True), WORDS, workers=1)
+    assert status == 1 and "FAIL of the shard 2" in err
+    assert found["drawn_twice"] == 0  # one worker alone has nobody beside it
+
+
+@pytest.mark.slow
+def test_a_worker_that_cannot_run_the_command_gets_no_more(farming, tmp_path) -> None:
+    status, found, err = farming(stand_in(tmp_path, broken="run-1"), WORDS, workers=3)
+    assert status == 0, err
+    assert err.count("worker 1: status 1: no compiler; it gets no more") == 1
+    assert {worker["name"] for worker in found["workers"]} == {"0", "2"} and found["done"] == 8
+    assert found["recomputed"] == 0 and len(drawn(tmp_path)) == 8 + found["drawn_twice"]
+
+
+@pytest.mark.slow
+def test_a_machine_without_the_command_is_one_line(farming, monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    with pytest.raises(StudyError, match=r"worker [01]: \[Errno 2\] .*'/nowhere/python'"):
+        farming("", WORDS, workers=2)
+
+
+@pytest.mark.slow
+def test_a_shard_that_cannot_be_drawn_is_one_line(farming, tmp_path) -> None:
+    with pytest.raises(StudyError, match=r"farm: shard [1-8]/8: worker [01]: status 3: no such luck"):
+        farming("import sys\nsys.exit(print('no such luck', file=sys.stderr) or 3)", WORDS, workers=2)
+
+
+SCHEDULER = """
+import sys
+from distributed import LocalCluster
+about = {"processes": False, "protocol": "tcp://", "dashboard_address": None, "memory_limit": 0}
+made = LocalCluster(n_workers=2, threads_per_worker=int(sys.argv[1]), local_directory=sys.argv[2], **about)
+print(made.scheduler_address, flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def scheduler(dask, tmp_path):
+    """Starts a scheduler with two workers of so many threads; its address."""
+    with contextlib.ExitStack() as stack:
+
+        def start(threads: int) -> str:
+            command = [venvs.python_of(farm.HOME), "-I", "-c", SCHEDULER, str(threads), str(tmp_path)]
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+            program = stack.enter_context(subprocess.Popen(command, **pipes))
+            stack.callback(program.kill)
+            return program.stdout.readline().strip()
+
+        yield start
+
+
+@pytest.mark.slow
+def test_the_workers_of_a_scheduler_elsewhere(farming, scheduler, tmp_path) -> None:
+    status, found, err = farming(stand_in(tmp_path), WORDS, scheduler=scheduler(1))
+    assert status == 0, err
+    assert (len(found["workers"]), found["done"], found["drawn_twice"]) == (2, 8, 1)
+    assert json.loads((tmp_path / "run" / "accuracy.json").read_text())["rows"] == WHOLE
+
+
+@pytest.mark.slow
+def test_a_worker_of_more_threads_than_one_is_refused(farming, scheduler, tmp_path) -> None:
+    with pytest.raises(StudyError, match=r"farm: worker [01] has 2 threads; give it --nthreads 1"):
+        farming(stand_in(tmp_path), WORDS, scheduler=scheduler(2))
+
+
+RENDERS = """
+import os, pathlib, signal, sys
+sys.path.insert(0, {scripts!r})
+from study.core import cli, commands
+from study.pictures import gallery
+words, here = sys.argv[1:], pathlib.Path({here!r})
+run = pathlib.Path(words[words.index("--run") + 1]).name
+try:
+    open(here / "wrong", "x").write(run)
+except FileExistsError:
+    pass
+if words[words.index("--shard") + 1] == "2/4" and not (here / "killed").exists():
+    (here / "killed").touch()
+    os.kill(os.getppid(), signal.SIGKILL)
+if run == (here / "wrong").read_text():
+    render = gallery.render
+    gallery.render = lambda *about, **more: render(*about, **more, hit_distance=0.02)
+sys.argv[:] = ["stepwise", *words]
+cli.main(commands.main)
+"""
+
+
+@pytest.mark.slow
+def test_pictures_one_worker_killed_and_one_renderer_replaced(farming, tmp_path) -> None:
+    """Four phases of one scene by the real command, on four processes, against one run on one."""
+    words = ["--phase", "baseline", "opt1", "opt2", "opt4", "--scene", "trio", "-n", "24"]
+    status, found, err = farming(RENDERS.format(scripts=str(ROOT / "scripts"), here=str(tmp_path)), words)
+    wrong = (tmp_path / "wrong").read_text().removeprefix("run-")
+    assert status == 1 and {one["odd"] for one in found["mismatches"]} == {wrong}, err
+    assert found["killed"] == 1 and found["done"] == 4
+    done = started.run([sys.executable, STEPWISE, "accuracy", *words, "--run", str(tmp_path / "whole")])
+    assert done.returncode == 0
+    whole, joined = (tmp_path / name / "accuracy.json" for name in ("whole", "run"))
+    assert joined.read_bytes() == whole.read_bytes()
+    for row in json.loads(joined.read_text())["rows"]:
+        path = row["picture"]
+        assert (tmp_path / "run" / path).read_bytes() == (tmp_path / "whole" / path).read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--scheduler", "nonsense"], "farm: nonsense: no scheduler answers (missing port number"),
+        (["--slurm", "2"], "farm: sbatch is missing: --slurm is for a machine from which jobs go to Slurm"),
+    ],
+)
+def test_a_cluster_that_is_not_there_is_one_line(words: list[str], said: str, dask, tmp_path) -> None:
+    if words[0] == "--slurm" and shutil.which("sbatch"):
+        pytest.skip("Slurm is here")
+    call = [
+        sys.executable,
+        STEPWISE,
+        "farm",
+        "stability",
+        *words,
+        "--run",
+        str(tmp_path),
+        "--",
+        "--case",
+        "7",
+    ]
+    done = started.run(call)
+    assert done.returncode == cli.CANNOT_RUN and done.stderr.splitlines()[-1].startswith(
+        f"stepwise farm: {said}"
+    )
+
+
+def result(worker: str, made: str = "") -> dict[str, str]:
+    return {"worker": worker, "hash": made}
+
+
+@pytest.mark.parametrize(
+    ("hashes", "odd"),
+    [("aab", "2"), ("aba", "1"), ("baa", "0"), ("abc", None), ("ab", None), ("aaa", None)],
+)
+def test_the_odd_one_of_three(hashes: str, odd: str | None) -> None:
+    assert driver.odd_one([result(str(n), made) for n, made in enumerate(hashes)]) == odd
+
+
+def test_every_worker_is_held_against_another_and_one_shard_in_a_hundred() -> None:
+    for workers, shards, least in ((5, 1000, 10), (5, 1001, 11), (40, 1000, 20), (3, 3, 2), (7, 50, 4)):
+        names = [str(n) for n in range(workers)]
+        first = {shard: result(names[shard % workers]) for shard in range(1, shards + 1)}
+        jobs = driver.checks(first, names)
+        assert all(job.by not in job.avoid and job.avoid == {first[job.shard]["worker"]} for job in jobs)
+        assert {job.by for job in jobs} | {first[job.shard]["worker"] for job in jobs} == set(names)
+        assert len(jobs) == len({job.shard for job in jobs}) == least  # (workers + 1) // 2 pairs, or 1 %
+    assert [job.by for job in driver.checks({1: result("0")}, ["0"])] == [None]
+    assert [job.by for job in driver.checks({1: result("0")}, ["1", "2"])] == ["1"]  # it has died since
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["accuracy"], "on what? --workers N, --scheduler ADDRESS or --slurm N"),
+        (["sweep", "--workers", "2"], "invalid choice: 'sweep' (choose from"),
+        (["accuracy", "--workers", "0"], "'0': must be a whole number of at least 1"),
+        (["accuracy", "--workers", "2", "--", "--phase", "opt99"], "no phase 'opt99'"),
+        (["accuracy", "--workers", "2", "--", "--scenes"], "unrecognized arguments: --scenes"),
+        (["stability", "--workers", "2", "--", "--jobs", "3"], "--jobs is no option for behind --"),
+        (
+            ["stability", "--workers", "2", "--shards", "9", "--", "--case", "7"],
+            "--shards 9: must be at most 1",
+        ),
+        (["accuracy", "--workers", "2", "--", "--convergence"], "--convergence is no part of a shard"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], said: str) -> None:
+    done = started.run([sys.executable, STEPWISE, "farm", *words])
+    assert done.returncode == cli.BAD_INPUT and said in done.stderr.splitlines()[-1]
+
+
+def test_without_dask_it_is_said_how_to_get_it(monkeypatch) -> None:
+    monkeypatch.setattr(venvs, "has", lambda python, modules: False)
+    with pytest.raises(StudyError, match="dask is missing: --install puts it into build/farm") as error:
+        farm.find_python(install=False)
+    assert error.value.exit_status == cli.CANNOT_RUN
