@@ -24,6 +24,11 @@
 
 enum { FRAMES_PER_SECOND = 60 };
 
+// Returns the scene's time in seconds at a frame of an animation.
+static double time_of(int frame) {
+    return (double)frame / FRAMES_PER_SECOND;
+}
+
 // Width in bits of the phase's vector instructions, 0 for scalar code.
 static int vector_bits(const struct program *program) {
     int lanes = program->variant.lanes;
@@ -45,7 +50,7 @@ static struct view displaced(const struct view *exact, int frames) {
 // Renders one frame and times it. In an animation the time includes phase_update. False: memory is
 // short.
 static bool timed_frame(struct session *s, const struct view *view, struct measured *m) {
-    bool moves = s->options.frames > 0, done = true;
+    bool moves = s->scene.model.animated, done = true;
     m->core_before = s->tsc_hz > 0 ? timer_core_hz(s->tsc_hz, 8) : 0;
     m->before = driver_conditions();
     m->ns = timer_ns();
@@ -72,11 +77,13 @@ static bool write_picture(const struct session *s, char *error) {
 
 // Renders, times and records frame `index`; negative: warm-up. Returns an exit status.
 static int render_frame(struct session *s, int index, bool warmup, bool first) {
-    bool moves = s->options.frames > 0, exact = index == s->options.first_frame;
-    // An animation keeps its camera: frame k must not depend on the frame that the run starts with.
-    struct view view = moves ? s->scene.view : displaced(&s->scene.view, index);
-    struct measured m = {.scene_time = moves ? (double)index / FRAMES_PER_SECOND : 0};
-    if (moves)
+    bool plays = s->options.frames > 0, exact = index == s->options.first_frame;
+    struct measured m = {.scene_time = plays ? time_of(index) : 0};
+    struct view view = displaced(&s->scene.view, index);
+    // An animation's camera is on its path: frame k must not depend on the frame that the run starts with.
+    if (plays)
+        scene_view(&s->scene, m.scene_time, &view); // has a direction: check_flight
+    if (s->scene.model.animated)
         model_move(&s->scene.model, m.scene_time, &s->moving);
     if (exact)
         count_begin();
@@ -139,7 +146,7 @@ static int run(struct session *s) {
     const struct options *o = &s->options;
     if (!allocate_pictures(s) || !(s->frames = json_array()))
         return driver_error(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);
-    s->scene.model.animated = o->frames > 0;
+    s->scene.model.animated = o->frames > 0 && s->scene.model.features.motion;
     s->moving = s->scene.model;
     s->moving.shapes = malloc((size_t)s->moving.shape_count * sizeof *s->moving.shapes);
     if (!s->moving.shapes)
@@ -179,9 +186,49 @@ static int run(struct session *s) {
     return driver_flush();
 }
 
+// Returns an exit status: BAD_INPUT if the camera has no direction in one of the frames, or if nothing moves.
+static int check_flight(const struct session *s) {
+    const struct options *o = &s->options;
+    struct view view;
+    if (o->frames == 0)
+        return OK;
+    if (!s->scene.model.features.motion && s->scene.flight.path.type == PATH_NONE)
+        return driver_error(BAD_INPUT,
+                            "%s: --frames: neither the camera nor a shape has a path, so that all "
+                            "frames would be one; --reps renders a still picture again",
+                            o->scene);
+    for (int i = o->first_frame - o->warmup; i < o->frames; i++)
+        if (scene_view(&s->scene, time_of(i), &view) != AIM_OK)
+            return driver_error(BAD_INPUT,
+                                "%s: $.camera.path: at %g s the camera is at look_at or looks "
+                                "along up; its path must keep away from both",
+                                o->scene, time_of(i));
+    return OK;
+}
+
 static bool same_file(const char *a, const char *b) {
     struct stat x, y;
     return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+}
+
+// Refuses before a long render what cannot be rendered or written. Returns an exit status.
+static int check(const struct session *s) {
+    const struct options *o = &s->options;
+    char error[SCENE_ERROR_SIZE];
+    const char *unsupported = phase_unsupported(&s->scene);
+    if (!unsupported && phase_picture_unsupported)
+        unsupported = phase_picture_unsupported(&s->scene, o->width, o->height);
+    if (unsupported)
+        return driver_error(UNSUPPORTED, "%s: %s", o->scene, unsupported);
+    int status = check_flight(s);
+    if (status != OK)
+        return status;
+    if (o->out && same_file(o->out, o->scene))
+        return driver_error(BAD_INPUT, "%s: cannot be written: it is the scene, or a link to it",
+                            o->out);
+    if (o->out && !frame_writable(o->out, error))
+        return driver_error(BAD_INPUT, "%s", error);
+    return OK;
 }
 
 // Phases keep packets on the stack and recurse at mirrors. On a small stack (`ulimit -s`) they would
@@ -215,22 +262,8 @@ int main(int argc, char **argv) {
     char error[SCENE_ERROR_SIZE];
     if (!scene_load(s.options.scene, &s.options.overrides, &s.scene, error))
         return driver_error(BAD_INPUT, "%s", error);
-    const char *unsupported = phase_unsupported(&s.scene);
-    if (!unsupported && phase_picture_unsupported)
-        unsupported = phase_picture_unsupported(&s.scene, s.options.width, s.options.height);
-    if (unsupported)
-        status = driver_error(UNSUPPORTED, "%s: %s", s.options.scene, unsupported);
-    else if (s.options.frames && !s.scene.model.features.motion)
-        status = driver_error(BAD_INPUT,
-                              "%s: --frames: no shape has a path, so that all frames would be one; "
-                              "--reps renders a still picture again",
-                              s.options.scene);
-    else if (s.options.out && same_file(s.options.out, s.options.scene))
-        status = driver_error(BAD_INPUT, "%s: cannot be written: it is the scene, or a link to it",
-                              s.options.out);
-    else if (s.options.out && !frame_writable(s.options.out, error))
-        status = driver_error(BAD_INPUT, "%s", error); // before a long render, not after
-    else
+    status = check(&s);
+    if (status == OK)
         status = run(&s);
     if (s.prepared)
         phase_release(s.prepared);

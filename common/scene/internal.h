@@ -8,8 +8,8 @@
 // shapes.c: reads $.shapes into `model`, whose materials are already read. Reports errors to `r`.
 void scene_read_shapes(struct reader *r, json_t *root, struct model *model);
 
-// path.c: reads a shape's path. The shape's position must already be read.
-void scene_read_path(struct reader *r, json_t *shape_object, struct shape *shape);
+// path.c: reads the path of a shape or of the camera, whose position is already read.
+void scene_read_path(struct reader *r, json_t *owner, const double position[3], struct path *path);
 
 // hash.c: writes the hash of a checked scene and of the limits in use as hexadecimal text. Returns
 // false if memory is short.

@@ -1,4 +1,4 @@
-// Paths of shapes: reads them, and computes positions along them.
+// Paths of shapes and of the camera: reads them, and computes positions along them.
 #include <math.h>
 #include <string.h>
 
@@ -6,7 +6,7 @@
 #include "scene/vector.h"
 
 // Computes the circle's centre, the point of its axis nearest to the position. Returns false if the
-// shape is on the axis, or so close that only rounding errors would move it.
+// position is on the axis, or so close that only rounding errors would move it.
 static bool find_foot(struct path *path, const double position[3], const double centre[3]) {
     double from[3], along, radius_sq = 0, size_sq = dot3(position, position);
     for (int i = 0; i < 3; i++)
@@ -19,9 +19,9 @@ static bool find_foot(struct path *path, const double position[3], const double 
     return radius_sq >= SMALLEST * SMALLEST && radius_sq > 1e-24 * (size_sq + dot3(centre, centre));
 }
 
-static void read_circle(struct reader *r, json_t *object, struct shape *shape) {
+static void read_circle(struct reader *r, json_t *object, const double position[3],
+                        struct path *path) {
     static const char *const keys[] = {"type", "period", "centre", "axis", NULL};
-    struct path *path = &shape->path;
     double centre[3] = {0};
     reader_only_keys(r, object, keys);
     reader_vector(r, object, "centre", ANY, centre);
@@ -32,43 +32,42 @@ static void read_circle(struct reader *r, json_t *object, struct shape *shape) {
         return;
     }
     normalize3(path->axis);
-    if (!find_foot(path, shape->position, centre)) {
-        reader_fail(r, "centre", "the shape's position is on the circle's axis; it would not move");
+    if (!find_foot(path, position, centre)) {
+        reader_fail(r, "centre", "the position is on the circle's axis; it would not move");
         return;
     }
     double reach = 0;
     for (int i = 0; i < 3; i++)
-        reach += (shape->position[i] - path->foot[i]) * (shape->position[i] - path->foot[i]);
+        reach += (position[i] - path->foot[i]) * (position[i] - path->foot[i]);
     for (int i = 0; i < 3; i++)
         if (!(fabs(path->foot[i]) + sqrt(reach) <= LARGEST))
             reader_fail(r, "centre", "the circle leads beyond %g, the largest number there is",
                         LARGEST);
 }
 
-static void read_line(struct reader *r, json_t *object, struct shape *shape) {
+static void read_line(struct reader *r, json_t *object, const double p[3], struct path *path) {
     static const char *const keys[] = {"type", "period", "to", NULL};
     reader_only_keys(r, object, keys);
-    double *to = shape->path.to;
-    const double *p = shape->position;
+    double *to = path->to;
     if (reader_vector(r, object, "to", ANY, to) && to[0] == p[0] && to[1] == p[1] && to[2] == p[2])
-        reader_fail(r, "to", "is the shape's position; it must differ from it");
+        reader_fail(r, "to", "is the position itself; it must differ from it");
 }
 
-void scene_read_path(struct reader *r, json_t *shape_object, struct shape *shape) {
-    json_t *object = reader_member(r, shape_object, "path", JSON_OBJECT, "an object");
+void scene_read_path(struct reader *r, json_t *owner, const double position[3], struct path *path) {
+    json_t *object = reader_member(r, owner, "path", JSON_OBJECT, "an object");
     if (!object)
         return;
     size_t back = reader_enter(r, "path");
     json_t *type = reader_member(r, object, "type", JSON_STRING, "\"circle\" or \"line\"");
     if (type) {
         const char *text = json_string_value(type);
-        shape->path.period = reader_number(r, object, "period", POSITIVE);
+        path->period = reader_number(r, object, "period", POSITIVE);
         if (strcmp(text, "circle") == 0) {
-            shape->path.type = PATH_CIRCLE;
-            read_circle(r, object, shape);
+            path->type = PATH_CIRCLE;
+            read_circle(r, object, position, path);
         } else if (strcmp(text, "line") == 0) {
-            shape->path.type = PATH_LINE;
-            read_line(r, object, shape);
+            path->type = PATH_LINE;
+            read_line(r, object, position, path);
         } else
             reader_fail(r, "type", "\"%.80s\" is not one of \"circle\", \"line\"", text);
     }
@@ -88,24 +87,34 @@ static void circle(double turns, double *c, double *s) {
     }
 }
 
-static void move_shape(const struct shape *still, double seconds, double position[3]) {
-    const struct path *path = &still->path;
+// Writes where the path leads from `still` at `seconds`.
+static void follow(const struct path *path, const double still[3], double seconds,
+                   double position[3]) {
     double c, s, from_axis[3], ahead[3];
     circle(fmod(seconds, path->period) / path->period, &c, &s);
     for (int i = 0; i < 3; i++)
-        from_axis[i] = still->position[i] - path->foot[i];
+        from_axis[i] = still[i] - path->foot[i];
     cross3(path->axis, from_axis, ahead);
     for (int i = 0; i < 3; i++) // adds the offset from the position, exactly 0 at time 0
-        position[i] =
-            still->position[i] + (path->type == PATH_CIRCLE
+        position[i] = still[i] + (path->type == PATH_CIRCLE
                                       ? (c - 1.0) * from_axis[i] + s * ahead[i]
-                                      : (1.0 - c) / 2.0 * (path->to[i] - still->position[i]));
+                                      : (1.0 - c) / 2.0 * (path->to[i] - still[i]));
 }
 
 void model_move(const struct model *model, double seconds, struct model *moved) {
     for (int i = 0; i < model->shape_count; i++) {
         moved->shapes[i] = model->shapes[i];
-        if (model->shapes[i].path.type != PATH_NONE)
-            move_shape(&model->shapes[i], seconds, moved->shapes[i].position);
+        const struct path *path = &model->shapes[i].path;
+        if (path->type != PATH_NONE)
+            follow(path, model->shapes[i].position, seconds, moved->shapes[i].position);
     }
+}
+
+enum aim scene_view(const struct scene *scene, double seconds, struct view *view) {
+    const struct flight *flight = &scene->flight;
+    *view = scene->view;
+    if (flight->path.type == PATH_NONE)
+        return AIM_OK;
+    follow(&flight->path, scene->view.position, seconds, view->position);
+    return view_aim(view, flight->look_at, flight->up);
 }

@@ -40,26 +40,27 @@ enum aim view_aim(struct view *view, const double look_at[3], const double upwar
     return AIM_OK;
 }
 
-static void read_camera(struct reader *r, json_t *root, struct view *view) {
+static void read_camera(struct reader *r, json_t *root, struct view *view, struct flight *flight) {
     json_t *camera = reader_member(r, root, "camera", JSON_OBJECT, "an object");
     if (!camera)
         return;
     size_t back = reader_enter(r, "camera");
-    static const char *const keys[] = {"position", "look_at", "up", "vertical_fov_degrees", NULL};
+    static const char *const keys[] = {"position", "look_at", "up", "vertical_fov_degrees", "path", NULL};
     reader_only_keys(r, camera, keys);
-    double look_at[3] = {0}, up[3] = {0};
     reader_vector(r, camera, "position", ANY, view->position);
-    reader_vector(r, camera, "look_at", ANY, look_at);
-    reader_vector(r, camera, "up", ANY, up);
+    reader_vector(r, camera, "look_at", ANY, flight->look_at);
+    reader_vector(r, camera, "up", ANY, flight->up);
     double fov = reader_number(r, camera, "vertical_fov_degrees", FIELD_OF_VIEW);
     if (!r->failed) {
-        enum aim aim = view_aim(view, look_at, up);
+        enum aim aim = view_aim(view, flight->look_at, flight->up);
         if (aim == AIM_AT_ITSELF)
             reader_fail(r, "look_at", "is the camera's position; it must differ from it");
         else if (aim == AIM_ALONG_UP)
             reader_fail(r, "up", "is zero or parallel to the direction of view");
         view->tan_half_fov = tan(fov * (M_PI / 180.0) / 2.0);
     }
+    if (json_object_get(camera, "path") && !r->failed)
+        scene_read_path(r, camera, view->position, &flight->path);
     reader_leave(r, back);
 }
 
@@ -196,7 +197,7 @@ bool scene_load(const char *path, const struct scene_overrides *overrides, struc
         static const char *const keys[] = {"camera", "light",     "background", "fog",
                                            "march",  "materials", "shapes",     NULL};
         reader_only_keys(r, root, keys);
-        read_camera(r, root, &scene->view);
+        read_camera(r, root, &scene->view, &scene->flight);
         read_light(r, root, scene);
         reader_vector(r, root, "background", NOT_NEGATIVE, model->background);
         model->fog = reader_number(r, root, "fog", NOT_NEGATIVE);

@@ -31,12 +31,12 @@ enum shadows { SHADOWS_NONE, SHADOWS_HARD, SHADOWS_SOFT, SHADOWS_IDEAL };
 
 enum path_type { PATH_NONE, PATH_CIRCLE, PATH_LINE };
 
-// How a shape moves in an animation. At time 0, and in a still picture, the shape is at its position.
+// How a shape or the camera moves in an animation. At time 0, and in a still picture, it is at its position.
 struct path {
     enum path_type type;
     double period;  // seconds
-    double axis[3]; // of a circle: unit length; the shape turns about it by the right-hand rule
-    double foot[3]; // of a circle: its centre, the axis point nearest to the shape's position
+    double axis[3]; // of a circle: unit length; the position turns about it by the right-hand rule
+    double foot[3]; // of a circle: its centre, the axis point nearest to the position
     double to[3];   // of a line: the other end, reached after half a period
 };
 
@@ -117,9 +117,16 @@ struct view {
     double light_emission[3];
 };
 
+// How the camera moves. It looks at the same point from everywhere on its path.
+struct flight {
+    struct path path;
+    double look_at[3], up[3];
+};
+
 struct scene {
     struct model model;
-    struct view view;
+    struct view view; // at time 0
+    struct flight flight;
     char name[64]; // the file's name without folder and extension
     char hash[17]; // hexadecimal 64-bit FNV-1a hash of the values, overrides included
 };
@@ -146,6 +153,10 @@ enum aim view_aim(struct view *view, const double look_at[3], const double up[3]
 // Writes the model's shapes to `moved` with their positions at `seconds`, which may be negative.
 // `moved` is a copy of `model` with its own array of shapes of the same length.
 void model_move(const struct model *model, double seconds, struct model *moved);
+
+// Writes the camera and light at `seconds`, which may be negative. Unless it returns AIM_OK, the path leads
+// through look_at, or to where the camera looks along `up`: the view is then of no use.
+enum aim scene_view(const struct scene *scene, double seconds, struct view *view);
 
 // Names as in scene files.
 const char *shape_type_name(enum shape_type type);

@@ -119,7 +119,7 @@ static void read_shape(struct reader *r, json_t *object, json_t *materials, stru
     if (json_object_get(object, "repeat"))
         reader_vector(r, object, "repeat", CELL, shape->repeat);
     if (json_object_get(object, "path") && !r->failed)
-        scene_read_path(r, object, shape);
+        scene_read_path(r, object, shape->position, &shape->path);
     json_t *material = reader_member(r, object, "material", JSON_STRING, "the name of a material");
     if (material && !r->failed) {
         shape->material = material_index(materials, json_string_value(material));

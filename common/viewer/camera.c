@@ -16,7 +16,16 @@ struct view camera_view(const struct world *world, const struct camera *camera) 
     return view;
 }
 
+void camera_fly(const struct world *world, struct camera *camera) {
+    struct view view;
+    if (camera->flies && scene_view(&world->scene, camera->seconds, &view) == AIM_OK)
+        for (int i = 0; i < 3; i++)
+            camera->position[i] = view.position[i];
+}
+
 void camera_move(struct camera *camera, const struct view *view, const double by[3]) {
+    if (by[0] != 0 || by[1] != 0 || by[2] != 0)
+        camera->flies = 0;
     for (int i = 0; i < 3; i++) {
         double d = by[0] * view->right[i] + by[1] * view->up[i] + by[2] * view->forward[i];
         camera->position[i] += d;
@@ -27,6 +36,7 @@ void camera_move(struct camera *camera, const struct view *view, const double by
 void camera_turn(struct camera *camera, double right, double upward) {
     const double limit = 1.5; // radians above level ground; up itself is at pi/2
     double up[3], ahead[3], level[3], side[3];
+    camera->flies = 0;
     for (int i = 0; i < 3; i++) {
         up[i] = camera->up[i];
         ahead[i] = camera->look_at[i] - camera->position[i];

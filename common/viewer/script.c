@@ -150,6 +150,8 @@ static bool begin_line(struct script *script, const json_t *line, struct show *s
         for (size_t i = 0; json_object_get(line, VECTORS[v]) && i < 3; i++)
             vector_of(&script->to, v)[i] =
                 json_number_value(json_array_get(json_object_get(line, VECTORS[v]), i));
+    if (json_object_get(line, "position") || json_object_get(line, "look_at"))
+        script->to.flies = script->from.flies = 0;
     if (json_object_get(line, "seconds"))
         script->to.seconds = json_number_value(json_object_get(line, "seconds"));
     json_int_t frames = json_integer_value(json_object_get(line, "frames"));
@@ -176,6 +178,8 @@ int script_next(struct script *script, struct show *show, char *error) {
         }
     double from = script->from.seconds, to = script->to.seconds;
     show->camera.seconds = last ? to : from + part * (to - from);
+    show->camera.flies = script->to.flies;
+    camera_fly(show->world, &show->camera);
     struct view view = show->world->scene.view;
     memcpy(view.position, show->camera.position, sizeof view.position);
     if (view_aim(&view, show->camera.look_at, show->camera.up) == AIM_OK)

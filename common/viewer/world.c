@@ -39,6 +39,7 @@ static bool read_camera(struct world *world) {
     read_three(camera, "look_at", world->camera.look_at);
     read_three(camera, "up", world->camera.up);
     read_three(json_object_get(root, "light"), "position", world->camera.light);
+    world->camera.flies = world->scene.flight.path.type != PATH_NONE;
     json_decref(root);
     return root != NULL;
 }
@@ -135,6 +136,7 @@ bool world_save(const struct world *world, const struct camera *camera, const ch
                json_object_set_new(shot, "look_at", three(camera->look_at)) == 0 &&
                json_object_set_new(shot, "up", three(camera->up)) == 0 &&
                json_object_set_new(light, "position", three(camera->light)) == 0;
+    json_object_del(shot, "path");
     bool written = set && json_dump_file(root, path, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) == 0;
     if (!written)
         snprintf(error, SCENE_ERROR_SIZE, "%.300s: cannot be written", path);

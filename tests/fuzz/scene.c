@@ -21,12 +21,12 @@ static bool within(const double v[3], double limit) {
     return fabs(v[0]) <= limit && fabs(v[1]) <= limit && fabs(v[2]) <= limit; // false for NaN
 }
 
-static void check_view(const struct view *view) {
+static void check_view(const struct view *view, double limit) {
     const double *axes[] = {view->right, view->up, view->forward};
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             CHECK(fabs(dot3(axes[i], axes[k]) - (i == k)) < 1e-9);
-    CHECK(within(view->position, LARGEST_NUMBER) && within(view->light_position, LARGEST_NUMBER));
+    CHECK(within(view->position, limit) && within(view->light_position, LARGEST_NUMBER));
     CHECK(view->tan_half_fov > 0 && isfinite(view->tan_half_fov));
 }
 
@@ -55,6 +55,16 @@ static void check_motion(const struct model *model, double seconds) {
                          sizeof moved.shapes[i].position) == 0);
     }
     free(moved.shapes);
+}
+
+// The camera of an animation is a frame, or is told not to be one.
+static void check_flight(const struct scene *scene, double seconds) {
+    struct view view;
+    enum aim aim = scene_view(scene, seconds, &view);
+    CHECK(aim == AIM_OK || scene->flight.path.type != PATH_NONE);
+    if (aim == AIM_OK)
+        check_view(&view, 4.0 * LARGEST_NUMBER);
+    CHECK(seconds != 0 || memcmp(&view, &scene->view, sizeof view) == 0);
 }
 
 static void check_error(const char *error, const char *path) {
@@ -95,12 +105,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     }
     CHECK(scene.model.shape_count > 0 && scene.model.shape_count <= SCENE_MAX_SHAPES);
     CHECK(strlen(scene.hash) == 16);
-    check_view(&scene.view);
+    check_view(&scene.view, LARGEST_NUMBER);
     for (int i = 0; i < scene.model.shape_count; i++)
         check_shape(&scene.model.shapes[i], &scene.model);
     const double times[] = {0, 0.1, -3.7, 1e9};
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++) {
         check_motion(&scene.model, times[i]);
+        check_flight(&scene, times[i]);
+    }
     scene_free(&scene);
     return 0;
 }

@@ -77,13 +77,60 @@ def test_what_does_not_move_is_refused() -> None:
     path = keep("unmoved", scenes()[1])
     run = call(REFERENCE, path, "-n", 4, "--frames", 3, "-o", "nowhere.exr")
     check_refusal(run, 2)
-    assert "no shape has a path" in run.stderr and str(path) in run.stderr, f"{run}"
+    assert "neither the camera nor a shape has a path" in run.stderr and str(path) in run.stderr, f"{run}"
+
+
+CAMERA = {"position": [0, 0.5, -4], "look_at": [0, 0, 3]}
+
+
+def flying(to: list[float]) -> dict:
+    """The still scene with a camera that goes to `to` in half a second."""
+    still = scenes("hard")[1]
+    camera = still["camera"] | CAMERA
+    path = {"type": "line", "to": to, "period": 1}
+    return still | {"camera": camera | {"path": path}}
+
+
+@pytest.mark.parametrize("phase", list(registry.phases()))
+def test_a_camera_on_its_path_sees_what_a_still_one_sees(phase: str, monkeypatch) -> None:
+    needs.cpu_for(phase)
+    monkeypatch.setenv("STEPWISE_CC", "none")
+    to = [1.5, 1, -3]
+    moving = keep(f"flying_{phase}", flying(to))
+    still = flying(to)
+    del still["camera"]["path"]
+    places = [keep(f"from_{phase}", still)]
+    there = still | {"camera": still["camera"] | {"position": to}}
+    places.append(keep(f"there_{phase}", there))
+    try:
+        pictures = [render(phase, place, 24, 14) for place in places]
+    except Unsupported:
+        pytest.skip("the phase does not render spheres with hard shadows")
+    same_bits(render(phase, moving, 24, 14), pictures[0])
+    same_bits(render(phase, moving, 24, 14, "--frames", 31, "--first-frame", 30), pictures[1])
+    assert (pictures[0].picture["id"] != pictures[1].picture["id"]).mean() > 0.05
+
+
+def test_a_camera_that_flies_alone_updates_no_shapes() -> None:
+    path = keep("flying", flying([1.5, 1, -3]))
+    frames = call(REFERENCE, path, "-n", 4, "--frames", 2, "--json").record["frames"]
+    assert [one["update_ns"] for one in frames if not one["warmup"]] == [0, 0]
+
+
+def test_a_camera_without_a_direction_is_refused_before_the_first_frame() -> None:
+    path = keep("into_itself", flying([0, -0.5, 10]))
+    assert call(REFERENCE, path, "-n", 4, "--frames", 10, "--json").status == 0
+    run = call(REFERENCE, path, "-n", 4, "--frames", 16, "-o", "nowhere.exr")
+    check_refusal(run, 2)
+    assert "at 0.25 s the camera is at look_at" in run.stderr, f"{run}"
 
 
 def test_scenes_made_to_move_are_scenes_of_the_study_and_paths() -> None:
     assert registry.animated() and not set(registry.animated()) & set(registry.scenes())
-    for name, one in registry.animated().items():
+    stills = [one.data for one in registry.scenes().values()]
+    for one in registry.animated().values():
         shapes = [{k: v for k, v in s.items() if k != "path"} for s in one.data["shapes"]]
-        assert one.data | {"shapes": shapes} == registry.find_scene(name.removesuffix("_animated")).data
+        camera = {k: v for k, v in one.data["camera"].items() if k != "path"}
+        assert one.data | {"shapes": shapes, "camera": camera} in stills
         check = call(REFERENCE, one.path, "-n", 1, "-w", 1, "--frames", 1)
         assert check.status == 0, f"{check}"

@@ -17,7 +17,7 @@ static const char HELP[] =
     "Shift+D       difference to the reference; + and -: amplify more or less\n"
     "E Z N I C     evaluations, depth (Z), normals, shape ids, colours\n"
     "R             resolution: adaptive or full\n"
-    "Space         stop and go on with an animation\n"
+    "Space         stop and go on with an animation or a flight\n"
     "K             screenshot; F: write this view as a scene file\n"
     "L             record the camera's path; L again: end\n"
     "O             the figures off and on; H: help; Escape: quit";

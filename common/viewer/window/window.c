@@ -154,8 +154,9 @@ static bool advance(struct window *w, double seconds, char *error) {
         return true;
     }
     window_held_keys(w, fmin(seconds, 0.1));
-    if (!w->paused && show->world->scene.model.animated)
+    if (!w->paused && (show->world->scene.model.animated || show->camera.flies))
         show->camera.seconds += seconds;
+    camera_fly(show->world, &show->camera);
     return true;
 }
 

@@ -21,7 +21,8 @@
 #define COUNT(array) (sizeof(array) / sizeof *(array))
 
 static const char WHOLE[] =
-    "{'camera':{'position':[1,2,3],'look_at':[4,-1,9],'up':[0.1,1,0.2],'vertical_fov_degrees':40},"
+    "{'camera':{'position':[1,2,3],'look_at':[4,-1,9],'up':[0.1,1,0.2],'vertical_fov_degrees':40,"
+    "'path':{'type':'line','to':[3,0,5],'period':4}},"
     "'light':{'position':[5,6,7],'emission':[8,9,10],'shadows':'hard','shadow_strength':3},"
     "'background':[0.1,0.2,0.3],'fog':1e-5,"
     "'march':{'max_steps':300,'hit_distance':1e-6,'bounds_radius':100,'max_bounces':2,"

@@ -64,8 +64,58 @@ static void a_tiny_step_to_look_at_is_still_a_direction(void **state) {
     }
 }
 
+// The camera goes to the line's other end and back. It looks at the same point from everywhere.
+static void the_camera_follows_its_path(void **state) {
+    (void)state;
+    json_t *root = parse(WHOLE);
+    assert_true(load_json(root, 0));
+    json_decref(root);
+    struct view view;
+    for (int period = -1; period < 3; period++) {
+        assert_int_equal(scene_view(&scene, 4.0 * period, &view), AIM_OK);
+        assert_memory_equal(&view, &scene.view, sizeof view);
+    }
+    const double to[3] = {3, 0, 5}, look_at[3] = {4, -1, 9}, light[3] = {5, 6, 7};
+    assert_int_equal(scene_view(&scene, 2, &view), AIM_OK);
+    assert_memory_equal(view.position, to, sizeof to);
+    assert_memory_equal(view.light_position, light, sizeof light);
+    assert_true(view.tan_half_fov == scene.view.tan_half_fov);
+    for (double t = 0; t < 4; t += 0.3) {
+        double part = 0.5 - 0.5 * cos(M_PI * t / 2), ahead[3];
+        assert_int_equal(scene_view(&scene, t, &view), AIM_OK);
+        for (int i = 0; i < 3; i++) {
+            double place = (1 - part) * (i + 1) + part * to[i];
+            assert_true(near(view.position[i], place, 1e-14));
+            ahead[i] = look_at[i] - place;
+        }
+        assert_true(near(dot(ahead, view.forward), sqrt(dot(ahead, ahead)), 1e-13));
+        assert_true(near(dot(view.right, view.forward), 0, 1e-15));
+    }
+    scene_free(&scene);
+    assert_true(accepted("camera.path", NULL));
+    assert_int_equal(scene_view(&scene, 1.7, &view), AIM_OK);
+    assert_memory_equal(&view, &scene.view, sizeof view);
+    scene_free(&scene);
+}
+
+// A line through look_at, and one to a place from where the camera looks along `up`.
+static void a_path_without_a_direction_is_told(void **state) {
+    (void)state;
+    struct view view;
+    assert_true(accepted("camera.path.to", "[7,-4,15]")); // look_at is halfway
+    assert_int_equal(scene_view(&scene, 1, &view), AIM_AT_ITSELF);
+    assert_int_equal(scene_view(&scene, 2, &view), AIM_OK);
+    scene_free(&scene);
+    assert_true(accepted("camera.path.to", "[3.9,-2,8.8]")); // look_at − up
+    assert_int_equal(scene_view(&scene, 2, &view), AIM_ALONG_UP);
+    assert_int_equal(scene_view(&scene, 1, &view), AIM_OK);
+    scene_free(&scene);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_camera_follows_its_path),
+        cmocka_unit_test(a_path_without_a_direction_is_told),
         cmocka_unit_test(camera_frames),
         cmocka_unit_test(a_tiny_step_to_look_at_is_still_a_direction),
     };

@@ -107,14 +107,16 @@ static void limits_of_paths_are_refused(void **state) {
         {"shapes[0].path.period", "-1", NULL, "-1 is not > 0"},
         {"shapes[0].path.axis", "[0,0,0]", NULL, "is zero; a direction is required"},
         {"shapes[0].path.centre", "[1,2,-70]", NULL,
-         "the shape's position is on the circle's axis; it would not move"},
+         "the position is on the circle's axis; it would not move"},
         {"shapes[0].path.centre", "[1e9,0,0]", NULL,
          "the circle leads beyond 1e+09, the largest number there is"},
         {"shapes[0].path.to", "[1,1,1]", NULL,
          "unknown key; known here: type, period, centre, axis"},
         {"shapes[1].path.axis", "[1,1,1]", NULL, "unknown key; known here: type, period, to"},
+        {"camera.path.type", "'point'", NULL, "\"point\" is not one of \"circle\", \"line\""},
+        {"camera.path.to", "[1,2,3]", NULL, "is the position itself; it must differ from it"},
         {"shapes[1].path.to", "[0,-0.0,0]", NULL,
-         "is the shape's position; it must differ from it"},
+         "is the position itself; it must differ from it"},
     };
     all_refused(cases, COUNT(cases));
 }
@@ -124,6 +126,8 @@ static void limits_themselves_are_accepted(void **state) {
     static const char *const cases[][2] = {
         {"camera.vertical_fov_degrees", "1"},
         {"camera.vertical_fov_degrees", "170"},
+        {"camera.path", NULL},
+        {"camera.path", "{'type':'circle','period':1,'centre':[0,0,0],'axis':[0,1,0]}"},
         {"light.emission", "[0,0,0]"},
         {"light.shadows", "'none'"},
         {"light.shadows", "'soft'"},
