@@ -202,6 +202,7 @@ def read(file: Path) -> Row:
 SIZES, SMALLEST = (8, 16, 32, 64), (2, 4, 8)
 ROD_STEPS = (4, 8, 16, 32, 0)  # 0: the scene's cap
 FINISH = (4, 8, 16, 32, 64, 128, 0)
+PLAIN = "march=pixels"  # packets without rods
 GRANTED_DB = 0.1  # a tenth of the third digit of a PSNR, by which rounding moves it
 
 
@@ -212,7 +213,7 @@ def choices() -> list[str]:
         for size, least, steps, finish in itertools.product(SIZES, SMALLEST, ROD_STEPS, FINISH)
         if least <= size
     ]
-    return ["march=pixels", *found]
+    return [PLAIN, *found]
 
 
 def enough(found: Row, psnr_db: float, wrong_ppm: float) -> bool:
@@ -259,17 +260,19 @@ def throttle(
     seed: int,
     best: int = 4,
     large: int | None = None,
+    settings: Sequence[str] | None = None,
 ) -> Row:
     """The fastest settings whose picture is within the error, of all tried: a first look at each, then
     the best of those within it timed again, interleaved with packets without rods. The fastest of them is
     the choice, and both are timed anew: the time that made it the choice is the least of several, so it
-    says too much. `large`: the height of another size for both.
+    says too much. `large`: the height of another size for both. `settings`: what may be chosen; None: all of
+    choices().
 
     `psnr_db`, `wrong_ppm` become what packets alone reach where that is further off. Raises StudyError.
     """
     size = scene.size(n)
     exact = truth.picture(scene, size)
-    plain, *others = choices()
+    plain, *others = choices() if settings is None else [PLAIN, *settings]
     found = errors(exact, picture("rods_simd", plain, scene, size))
     # Where the scene's own limits keep packets from that error, what they reach is all that can be asked for.
     if found["psnr_db"] is not None:

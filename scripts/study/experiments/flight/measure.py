@@ -1,0 +1,135 @@
+"""Frames a second and error along a camera's path: rods, packets, the throttle of both, the fastest phase.
+
+At each of some times the scene is a still picture from the camera's place. Rod marching, and the throttle
+that follows the view: W. Edwards, "Rod Marching" (article, 6 July 2012).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study.core import cli, registry, store
+from study.core.cli import StudyError
+from study.core.registry import Scene
+from study.experiments.rods import measure as rods
+from study.truth import truth
+
+FILE = "flight.json"
+ARTICLE = {"frames_a_second": 1.2, "of": "the mandelbox by boxplorer, a laptop's integrated GPU"}
+FASTEST = "opt10_scene"
+RODS = "march=rods"  # of STEPWISE_RODS
+# A few settings in every direction: all of stepwise throttle's would take an hour along a path.
+SIZES, LEAST, STEPS, FINISH = (16, 32), (2, 4), (8, 0), (16, 64, 0)
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """`places`: along the path; `psnr_db`, `wrong_ppm`: the error that the throttle may make."""
+
+    n: int
+    places: int
+    launches: int
+    seed: int
+    psnr_db: float
+    wrong_ppm: float
+    fastest: str = FASTEST
+
+
+def scenes() -> dict[str, Scene]:
+    """The shipped scenes whose camera has a path."""
+    return {name: one for name, one in registry.animated().items() if "path" in one.data["camera"]}
+
+
+def find(name: str) -> Scene:
+    """One of them. Raises StudyError for another."""
+    if name not in scenes():
+        raise StudyError(f"{name}: is no scene whose camera has a path; there are {', '.join(scenes())}")
+    return scenes()[name]
+
+
+def choices() -> list[str]:
+    """The settings of phase rods_simd that the throttle chooses from."""
+    return [
+        f"march=rods size={size} least={least} steps={steps} finish={finish}"
+        for size, least, steps, finish in itertools.product(SIZES, LEAST, STEPS, FINISH)
+    ]
+
+
+def position(camera: dict[str, Any], seconds: float) -> np.ndarray:
+    """Where the camera is, in scene units, shape (3,): common/scenes/README.md, Motion. A circle is turned by
+    Rodrigues' formula."""
+    start, path = np.array(camera["position"], float), camera["path"]
+    angle = 2 * math.pi * seconds / path["period"]
+    if path["type"] == "line":
+        return start + (np.array(path["to"], float) - start) * (1 - math.cos(angle)) / 2
+    axis = np.array(path["axis"], float) / np.linalg.norm(path["axis"])
+    centre = np.array(path.get("centre", (0, 0, 0)), float)
+    arm = start - centre
+    turned = arm * math.cos(angle) + np.cross(axis, arm) * math.sin(angle)
+    return centre + turned + axis * (axis @ arm) * (1 - math.cos(angle))
+
+
+def times(path: dict[str, Any], count: int) -> list[float]:
+    """Seconds of `count` places: a line's from one end to the other, a circle's all round."""
+    end = path["period"] / 2 if path["type"] == "line" else path["period"] * (count - 1) / count
+    return [end * i / max(1, count - 1) for i in range(count)]
+
+
+def still(scene: Scene, seconds: float, folder: Path) -> Scene:
+    """The scene from the camera's place at that time, without its path, as a file in `folder`."""
+    camera = {key: value for key, value in scene.data["camera"].items() if key != "path"}
+    place = position(scene.data["camera"], seconds) + 0.0
+    path = folder / f"{scene.name}-{seconds:g}.json"
+    store.write_json(path, scene.data | {"camera": camera | {"position": place.tolist()}})
+    return registry.scene_at(path)
+
+
+def look(scene: Scene, settings: Settings) -> tuple[int, list[Row]]:
+    """How many of the throttle's settings are within the error, and a way's errors and times each."""
+    how = (settings.psnr_db, settings.wrong_ppm, settings.launches, settings.seed)
+    found = rods.throttle(scene, settings.n, *how, settings=choices())
+    ways = [("rods", "rods", RODS), ("packets", "rods_simd", rods.PLAIN)]
+    if found["chosen"]:
+        ways.append(("throttle", "rods_simd", found["chosen"]["settings"]))
+    ways.append(("fastest", settings.fastest, ""))
+    size = scene.size(settings.n)
+    exact = truth.picture(scene, size)
+    cases = {
+        name: lambda pad, p=phase, w=words: rods.milliseconds(p, w, scene, size, 2, pad)
+        for name, phase, words in ways
+    }
+    timed = rods.interleaved(cases, settings.launches, settings.seed)
+    rows = [
+        {"name": name, "phase": phase, "settings": words}
+        | rods.errors(exact, rods.picture(phase, words, scene, size))
+        | rods.timed(timed[name])
+        for name, phase, words in ways
+    ]
+    return found["within"], rows
+
+
+def fly(scene: Scene, settings: Settings, folder: Path) -> Row:
+    """A scene's row. Its camera has a path. Raises StudyError."""
+    path = scene.data["camera"]["path"]
+    places = []
+    for seconds in times(path, settings.places):
+        cli.say(f"{scene.name} at {seconds:.3g} s: {len(choices())} settings")
+        within, ways = look(still(scene, seconds, folder), settings)
+        where = position(scene.data["camera"], seconds).tolist()
+        places.append({"seconds": seconds, "position": where, "within": within, "ways": ways})
+    width, n = scene.size(settings.n)
+    return {"scene": scene.name, "width": width, "n": n, "period": path["period"], "places": places}
+
+
+def study(wanted: Sequence[Scene], settings: Settings, folder: Path) -> Row:
+    """All of flight.json but the context. `folder`: for the scenes of the places."""
+    asked = {"article": ARTICLE, "psnr_db": settings.psnr_db, "wrong_ppm": settings.wrong_ppm}
+    return asked | {"rows": [fly(scene, settings, folder) for scene in wanted]}
