@@ -96,9 +96,9 @@ static void follow(const struct path *path, const double still[3], double second
         from_axis[i] = still[i] - path->foot[i];
     cross3(path->axis, from_axis, ahead);
     for (int i = 0; i < 3; i++) // adds the offset from the position, exactly 0 at time 0
-        position[i] = still[i] + (path->type == PATH_CIRCLE
-                                      ? (c - 1.0) * from_axis[i] + s * ahead[i]
-                                      : (1.0 - c) / 2.0 * (path->to[i] - still[i]));
+        position[i] =
+            still[i] + (path->type == PATH_CIRCLE ? (c - 1.0) * from_axis[i] + s * ahead[i]
+                                                  : (1.0 - c) / 2.0 * (path->to[i] - still[i]));
 }
 
 void model_move(const struct model *model, double seconds, struct model *moved) {

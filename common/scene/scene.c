@@ -45,7 +45,8 @@ static void read_camera(struct reader *r, json_t *root, struct view *view, struc
     if (!camera)
         return;
     size_t back = reader_enter(r, "camera");
-    static const char *const keys[] = {"position", "look_at", "up", "vertical_fov_degrees", "path", NULL};
+    static const char *const keys[] = {"position", "look_at", "up", "vertical_fov_degrees",
+                                       "path",     NULL};
     reader_only_keys(r, camera, keys);
     reader_vector(r, camera, "position", ANY, view->position);
     reader_vector(r, camera, "look_at", ANY, flight->look_at);

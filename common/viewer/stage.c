@@ -1,8 +1,11 @@
 // Prepares a phase, renders and times frames, by the calls of the driver.
 #include "viewer/stage.h"
 
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "timing/timer.h"
 
@@ -11,11 +14,36 @@ static bool refused(const struct stage *stage, const char *reason, char *error) 
     return false;
 }
 
-bool stage_open(struct stage *stage, const struct viewer_phase *phase, const struct world *world,
-                int threads, char *error) {
-    stage_close(stage);
-    *stage =
-        (struct stage){.phase = phase, .world = world, .threads = phase->threads ? threads : 1};
+// Phases read STEPWISE_RODS while they are prepared. One thread's setenv must not meet another's getenv.
+static pthread_rwlock_t environment = PTHREAD_RWLOCK_INITIALIZER;
+static atomic_int changes;
+
+void stage_settings(const char *words) {
+    static const char name[] = "STEPWISE_RODS";
+    static char *first;
+    pthread_rwlock_wrlock(&environment);
+    if (!first && getenv(name))
+        first = strdup(getenv(name));
+    if (!words)
+        words = first;
+    if (words)
+        setenv(name, words, 1);
+    else
+        unsetenv(name);
+    atomic_fetch_add(&changes, 1);
+    pthread_rwlock_unlock(&environment);
+}
+
+bool stage_outdated(const struct stage *stage) {
+    return stage->settings != atomic_load(&changes);
+}
+
+static bool open_alone(struct stage *stage, const struct viewer_phase *phase,
+                       const struct world *world, int threads, char *error) {
+    *stage = (struct stage){.phase = phase,
+                            .world = world,
+                            .threads = phase->threads ? threads : 1,
+                            .settings = atomic_load(&changes)};
     const char *missing = phase->missing();
     if (missing) {
         snprintf(error, SCENE_ERROR_SIZE, "%s needs %s, which this CPU lacks", phase->name,
@@ -35,6 +63,15 @@ bool stage_open(struct stage *stage, const struct viewer_phase *phase, const str
     free(stage->moving.shapes);
     stage->moving.shapes = NULL;
     return refused(stage, "out of memory while preparing the scene", error);
+}
+
+bool stage_open(struct stage *stage, const struct viewer_phase *phase, const struct world *world,
+                int threads, char *error) {
+    stage_close(stage);
+    pthread_rwlock_rdlock(&environment);
+    bool opened = open_alone(stage, phase, world, threads, error);
+    pthread_rwlock_unlock(&environment);
+    return opened;
 }
 
 // Makes the frame anew if its size or its planes are others.

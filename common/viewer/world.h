@@ -9,7 +9,7 @@ struct camera {
     double position[3], look_at[3], up[3];
     double light[3];
     double seconds; // of the animation
-    long flies;     // 1: it follows the scene's path; as wide as a double, so that memcmp can compare
+    long flies; // 1: it follows the scene's path; as wide as a double, so that memcmp can compare
 };
 
 struct world {

@@ -63,7 +63,7 @@ def test_a_scene_without_a_path_is_refused() -> None:
         StudyError, match=r"scene0: is no scene whose camera has a path; there are .*flythrough"
     ):
         flight.find("scene0")
-    done = started.command("flight", "--scene", "scene0")
+    done = started.run([PROGRAM, "flight", "--scene", "scene0"], capture_output=True)
     assert done.returncode == 2 and "flythrough" in done.stderr
 
 
@@ -120,7 +120,7 @@ def test_the_chapter_says_the_range_and_the_worst_error() -> None:
 def test_for_real(tmp_path) -> None:
     """Two places of the shipped flight: four ways each, the fastest phase near packets alone."""
     words = ["--places", "2", "-n", "24", "--launches", "2", "--phase", "opt8_streams"]
-    done = started.command("flight", *words, "--run", tmp_path)
+    done = started.run([PROGRAM, "flight", *words, "--run", tmp_path], capture_output=True)
     assert done.returncode == 0, done.stderr
     (row,) = [
         one

@@ -125,9 +125,12 @@ static void key_show(struct window *w, SDL_Keycode key, bool shift, bool control
         window_restart(w);
         break;
     case SDLK_r:
+        if (w->throttle.on)
+            window_throttle(w, false);
         w->pace.adaptive = !w->pace.adaptive;
         window_restart(w);
         break;
+    case SDLK_t: window_throttle(w, !w->throttle.on); break;
     case SDLK_PLUS:
     case SDLK_EQUALS:
     case SDLK_KP_PLUS: amplify(w, 2); break;

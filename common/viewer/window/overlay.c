@@ -17,6 +17,7 @@ static const char HELP[] =
     "Shift+D       difference to the reference; + and -: amplify more or less\n"
     "E Z N I C     evaluations, depth (Z), normals, shape ids, colours\n"
     "R             resolution: adaptive or full\n"
+    "T             rods_simd: the throttle of rod marching\n"
     "Space         stop and go on with an animation or a flight\n"
     "K             screenshot; F: write this view as a scene file\n"
     "L             record the camera's path; L again: end\n"
@@ -113,6 +114,10 @@ void window_overlay(struct window *w) {
                      show->reference->name, show->amplify);
         if (*text)
             y = block(canvas, 0, y, scale, text);
+        if (w->throttle.on) {
+            throttle_say(&w->throttle, text, sizeof text);
+            y = block(canvas, 0, y, scale, text);
+        }
         if (show->split)
             sides(w, scale);
     }

@@ -26,7 +26,8 @@ struct reference {
 
 static bool fit(struct stage *stage, const struct viewer_phase *phase, const struct comparison *job,
                 bool *changed, char *error) {
-    if (stage->prepared && stage->phase == phase && stage->world == job->world)
+    if (stage->prepared && stage->phase == phase && stage->world == job->world &&
+        !stage_outdated(stage))
         return true;
     *changed = true;
     return stage_open(stage, phase, job->world, 1, error);

@@ -63,6 +63,32 @@ static double fitting_speed(struct show *show) {
     return fmax(count > 0 ? hits[count / 2] / 3 : sqrt(light) / 10, 1e-6);
 }
 
+static void end_throttle(struct window *w) {
+    w->throttle = (struct throttle){0};
+    stage_settings(NULL);
+}
+
+// Opens the phase again, for its new settings.
+static void reopen(struct window *w) {
+    char error[SCENE_ERROR_SIZE];
+    if (!show_open(w->show, w->show->left.phase, w->show->world, error))
+        window_say(w, "%s", error);
+}
+
+void window_throttle(struct window *w, bool on) {
+    if (on && strcmp(w->show->left.phase->name, throttle_phase()) != 0) {
+        window_say(w, "the throttle is of %s; P and Shift+P lead there", throttle_phase());
+        return;
+    }
+    end_throttle(w);
+    w->throttle.on = on;
+    w->pace.adaptive = !on; // full resolution: the throttle saves elsewhere
+    if (on)
+        stage_settings(throttle_settings(&w->throttle));
+    reopen(w);
+    window_restart(w);
+}
+
 void window_open(struct window *w, const struct viewer_phase *phase, const struct world *world) {
     char error[SCENE_ERROR_SIZE], text[256];
     // Keys wait meanwhile, so say why, on the picture that is there.
@@ -72,6 +98,8 @@ void window_open(struct window *w, const struct viewer_phase *phase, const struc
     canvas_text(&w->show->canvas, 20, w->show->canvas.height / 2, 2, 0xffffff, text);
     present(w);
     bool other = world != w->show->world;
+    if (w->throttle.on && strcmp(phase->name, throttle_phase()) != 0)
+        end_throttle(w);
     if (!show_open(w->show, phase, world, error))
         window_say(w, "%s", error);
     else if (other)
@@ -130,6 +158,12 @@ static bool frame(struct window *w, char *error) {
     double render_ms = (double)show_ns(show) / 1e6;
     double other = (double)(timer_ns() - begin) / 1e6 - render_ms;
     w->other_ms = w->other_ms > 0 ? 0.9 * w->other_ms + 0.1 * other : other;
+    if (w->throttle.on && show->height == show->canvas.height &&
+        throttle_frame(&w->throttle, render_ms, w->other_ms)) {
+        stage_settings(throttle_settings(&w->throttle));
+        reopen(w);
+        w->renders = (struct times){0};
+    }
     if (pace_frame(&w->pace, render_ms, w->other_ms, still))
         w->renders = (struct times){0};
     return true;

@@ -7,6 +7,7 @@
 
 #include "viewer/window/pace.h"
 #include "viewer/window/reference.h"
+#include "viewer/window/throttle.h"
 #include "viewer/world.h"
 
 struct script;
@@ -18,6 +19,7 @@ struct window {
     struct reference *reference;
     struct comparison compared; // phase NULL: none yet
     struct pace pace;
+    struct throttle throttle;
     struct times frames, renders; // from picture to picture; of rendering alone
     double other_ms;              // of a frame: all but rendering, smoothed
     struct camera before;         // of the last frame, to see whether something moves
@@ -45,6 +47,8 @@ void window_held_keys(struct window *w, double seconds);
 void window_say(struct window *w, const char *format, ...) __attribute__((format(printf, 2, 3)));
 // window.c: opens a phase or a scene; a refusal is said and nothing changes.
 void window_open(struct window *w, const struct viewer_phase *phase, const struct world *world);
+// window.c: turns the throttle on or off.
+void window_throttle(struct window *w, bool on);
 // window.c: starts measuring anew, after a change of what is drawn.
 void window_restart(struct window *w);
 

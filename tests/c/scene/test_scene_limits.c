@@ -115,8 +115,7 @@ static void limits_of_paths_are_refused(void **state) {
         {"shapes[1].path.axis", "[1,1,1]", NULL, "unknown key; known here: type, period, to"},
         {"camera.path.type", "'point'", NULL, "\"point\" is not one of \"circle\", \"line\""},
         {"camera.path.to", "[1,2,3]", NULL, "is the position itself; it must differ from it"},
-        {"shapes[1].path.to", "[0,-0.0,0]", NULL,
-         "is the position itself; it must differ from it"},
+        {"shapes[1].path.to", "[0,-0.0,0]", NULL, "is the position itself; it must differ from it"},
     };
     all_refused(cases, COUNT(cases));
 }

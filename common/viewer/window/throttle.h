@@ -1,0 +1,26 @@
+// The throttle of rod marching: what phase rods_simd leaves out to hold 60 frames a second.
+#ifndef STEPWISE_VIEWER_THROTTLE_H
+#define STEPWISE_VIEWER_THROTTLE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+struct throttle {
+    bool on;
+    int level;        // 0: the finest settings
+    int settled;      // frames since the level changed
+    double render_ms; // smoothed, at this level
+    double budget_ms; // what a frame may take
+};
+
+// Returns the phase that has a throttle.
+const char *throttle_phase(void);
+// Returns the settings of the level as STEPWISE_RODS takes them.
+const char *throttle_settings(const struct throttle *throttle);
+// Learns from a frame at full resolution: its rendering, and what else it took. Returns whether the level has
+// changed.
+bool throttle_frame(struct throttle *throttle, double render_ms, double other_ms);
+// Says the settings and the frame's time in a line.
+void throttle_say(const struct throttle *throttle, char *text, size_t size);
+
+#endif
