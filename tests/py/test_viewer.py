@@ -45,6 +45,21 @@ def test_an_animation_is_where_the_driver_has_it(tmp_path: Path) -> None:
     assert not np.array_equal(frame, viewer.displayed(tmp_path, "opt9_convex", scene, HEIGHT))
 
 
+def test_a_flight_is_where_the_driver_has_it(tmp_path: Path) -> None:
+    """By the path at first; from a line with a position on, by the script."""
+    scene = SCENES / "animated" / "flythrough.json"
+    lines = [
+        {"scene": "flythrough", "phase": "opt9_convex"},
+        {"seconds": 5, "frames": 2},
+        {"position": [0.15, 0.35, 4.2]},
+    ]
+    still, halfway, end, back = viewer.headless(tmp_path, lines, SIZE)
+    for frame, number in ((still, 0), (halfway, 150), (end, 300)):
+        words = ["--frames", str(number + 1), "--first-frame", str(number)]
+        assert np.array_equal(frame, viewer.displayed(tmp_path, "opt9_convex", scene, HEIGHT, *words)), number
+    assert np.array_equal(back, still) and not np.array_equal(end, still)
+
+
 def test_differences_and_the_divider(tmp_path: Path) -> None:
     plain = SCENES / "scene0_plain.json"
     fast, exact = (viewer.displayed(tmp_path, name, plain, HEIGHT) for name in ("opt9_convex", "opt2"))

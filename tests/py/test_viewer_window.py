@@ -229,6 +229,46 @@ def test_a_recording_plays_bit_for_bit(window: Callable[..., Window], tmp_path: 
     assert np.array_equal(frames[-1], shot) and not np.array_equal(frames[0], shot)
 
 
+def test_a_camera_flies_until_one_steers(window: Callable[..., Window]) -> None:
+    one = window("flythrough", "--phase", "opt9_convex", "--reference", "opt2")
+    camera = scene_of(viewer.ROOT / "common/scenes/animated/flythrough.json")["camera"]
+    line = one.recorded()
+    part = (1 - np.cos(2 * np.pi * line["seconds"] / camera["path"]["period"])) / 2
+    start, to = np.array(camera["position"]), np.array(camera["path"]["to"])
+    assert line["seconds"] > 0 and np.allclose(line["position"], start + part * (to - start), atol=1e-12)
+    one.hold(0.5, "s")
+    left, later = one.recorded(), one.recorded()
+    assert left["position"] == later["position"] and left["seconds"] == later["seconds"]
+    saved = scene_of(one.file("f", "view-0001.json"))["camera"]
+    assert "path" not in saved and saved["position"] == later["position"]
+    one.key("Home")
+    again, later = one.recorded(), one.recorded()
+    assert again["position"] != later["position"] and again["seconds"] < later["seconds"]
+
+
+def test_the_throttle_is_of_rods_and_is_on_the_screen(window: Callable[..., Window]) -> None:
+    """Text on the second row of blocks appears with T and goes with it; another phase ends it."""
+    one = window("mandelbulb_closeup", "--phase", "rods_simd", "--reference", "opt2")
+    one.key("o")
+    time.sleep(1)
+    one.key("o")
+    time.sleep(1)
+    text = slice(58, 66), slice(4, 250)  # below the five lines of figures
+
+    def white() -> int:
+        return int((one.grab()[text] == 255).all(-1).sum())
+
+    before = white()
+    one.key("t")
+    one.until(lambda: white() > before + 50, "line of the throttle")
+    assert one.viewer.poll() is None
+    one.key("t")
+    one.until(lambda: white() <= before + 5, "end of the line")
+    one.key("4", "t")
+    time.sleep(1)
+    assert one.recorded()["phase"] == "opt4" and one.viewer.poll() is None
+
+
 def test_a_script_plays_in_the_window(window: Callable[..., Window], tmp_path: Path) -> None:
     to = {"position": [0, 0, 5], "look_at": [0, 0, 9], "frames": 30}
     path = viewer.script(tmp_path / "walk.jsonl", [{"phase": "opt3"}, to])
