@@ -549,6 +549,33 @@ def test_the_papers_program_is_the_readmes_last_row(run: Path) -> None:
     assert block.index("the paper's baseline") < block.index("the paper's opt4") < block.index("320×180")
 
 
+def peer_row(program: str, scene: str, ratio: float, psnr_db: float = 60.0, **more) -> dict:
+    ratio = {"value": ratio, "low": ratio, "high": ratio, "launches": 6, "sufficient": True}
+    row = {"program": program, "kind": "peer", "scene": scene, "threads": 1, "beside": "opt10_scene"}
+    row |= {"ms": ratio, "ratio": ratio, "psnr_db": psnr_db, "rmse": 0.01}
+    return row | more
+
+
+def test_the_readme_ends_on_the_two_strongest_other_programs(run: Path) -> None:
+    """By both scenes together: 2·8 and 4·5 come before 3·9. One that is wrong, or draws one scene, is none."""
+    both = ("scene0_plain", "mandelbulb_plain")
+    times = {"slow": (3, 9), "second": (4, 5), "first": (2, 8), "wrong": (1, 1), "half": (1, None)}
+    rows = [
+        peer_row(name, scene, ratio, 30.0 if name == "wrong" else 60.0)
+        for name, ratios in times.items()
+        for scene, ratio in zip(both, ratios, strict=True)
+        if ratio
+    ]
+    rows.append(peer_row("second", both[0], 0.1, threads=2))
+    rows.append(peer_row("opt4", both[0], 0.1, kind="phase"))
+    told = [{"program": name, "least_db": dict.fromkeys(both, 50.0)} for name in times]
+    complete.write(run / "peers.json", {"n": 180, "programs": told, "rows": rows})
+    found = front_page.strongest(run, 180)
+    assert [cells[0] for cells in found] == ["first", "second"]
+    assert found[0][4] == "2.00× [2.00,\u00a02.00] opt10_scene's time" and found[1][8] == "60.0"
+    assert front_page.strongest(run, 720) == []
+
+
 def test_machines_have_ratios_only_beside_the_papers_program(run: Path) -> None:
     data = analysis.load(run)
     for row in (frames := [json.loads(line) for line in (run / "frames.jsonl").read_text().splitlines()]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ import pandas as pd
 from study.bounds import roof
 from study.core import provenance, registry, show
 from study.experiments.original import measure as original
+from study.experiments.peers import measure as peers
+from study.experiments.peers.schema import Peers
 from study.experiments.sweep import ladder
 from study.experiments.sweep.columns import truth_height
 from study.numbers import stats
@@ -18,6 +21,8 @@ from study.numbers.analysis import Data
 from study.report import goals_page
 
 SCENES = ("scene0", "mandelbulb")  # the paper's own two
+PLAIN = tuple(f"{scene}_plain" for scene in SCENES)  # of them what other programs draw
+STRONGEST = 2  # of those programs are shown
 Row = Mapping[str, Any]
 
 
@@ -75,8 +80,36 @@ def originals(folder: Path) -> list[list[str]]:
     return made
 
 
+def strongest(folder: Path, height: int) -> list[list[str]]:
+    """Rows of the fastest other programs that draw both scenes without shadows and mirrors, and draw them
+    right: from peers.json, on one thread. Instead of a ratio to baseline: to our fastest phase there."""
+    found = Peers.read_if_there(folder / peers.FILE)
+    if not found or found["n"] != height:
+        return []
+    least = {one["program"]: one["least_db"] for one in found["programs"]}
+    made: dict[str, dict[str, Row]] = {}
+    for row in found["rows"]:
+        right = row["psnr_db"] is None or row["psnr_db"] >= least.get(row["program"], {}).get(row["scene"], 0)
+        if row["kind"] == "peer" and row["threads"] == 1 and row["scene"] in PLAIN and row["ratio"] and right:
+            made.setdefault(row["program"], {})[row["scene"]] = row
+    whole = {name: of for name, of in made.items() if set(of) == set(PLAIN)}
+    slower = {name: math.prod(of[scene]["ratio"]["value"] for scene in PLAIN) for name, of in whole.items()}
+    lines = []
+    for name in sorted(slower, key=slower.__getitem__)[:STRONGEST]:
+        cells = [name, "Another program, without shadows", show.NOTHING]
+        for row in (whole[name][scene] for scene in PLAIN):
+            cells += [
+                show.spread(row["ms"], 4),
+                f"{show.spread(row['ratio'], 3, '×')} {row['beside']}'s time",
+            ]
+            cells.append("identical" if row["psnr_db"] is None else show.number(row["psnr_db"]))
+        lines.append(cells)
+    return lines
+
+
 def ladder_block(data: Data, rows: pd.DataFrame) -> str:
-    """The README's one table: a row a phase, then the paper's own program where the run has it.
+    """The README's one table: a row a phase, then the paper's own program and the strongest others where the
+    run has them.
 
     The ratio to baseline is shown where baseline was held beside the paper's program.
     """
@@ -93,7 +126,8 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
         for scene in SCENES:
             cells += _cells(found[phase].get(scene), ratios)
         lines.append(cells)
-    table = markdown(head, lines + (originals(data.path) if ratios else []))
+    others = strongest(data.path, size["height"]) if ratios else []
+    table = markdown(head, [*lines, *(originals(data.path) if ratios else []), *others])
     at = truth_height([row for several in found.values() for row in several.values()])
     note = (
         f"{size['width']}×{size['height']}, one thread, {show.inert(provenance.place(data.context))}. "
@@ -102,8 +136,9 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
         f"(linear RGB, pictures{at or ' not measured'};\nmandelbulb: means of 4×4 samples). "
         "Bound by: what limits\nthe phase on scene0 by the roofline model. L1: traffic of the "
         "first-level cache; divider: the unit\nof quotients and roots.\n"
-        + "“To ours”: between the displayed pictures of the paper's step and of ours.\n"
-        * ratios
+        + "“To ours”: between the displayed pictures of the paper's step and of ours.\n" * ratios
+        + "Without shadows: both scenes without shadows and mirrors, beside our fastest phase on the same.\n"
+        * bool(others)
     )
     return f"{table}\n{note}"
 
