@@ -557,7 +557,7 @@ def peer_row(program: str, scene: str, ratio: float, psnr_db: float = 60.0, **mo
 
 
 def test_the_readme_ends_on_the_two_strongest_other_programs(run: Path) -> None:
-    """By both scenes together: 2·8 and 4·5 come before 3·9. One that is wrong, or draws one scene, is none."""
+    """By both scenes together: 2·8 and 4·5 come before 3·9. What is wrong, or draws one scene, is none."""
     both = ("scene0_plain", "mandelbulb_plain")
     times = {"slow": (3, 9), "second": (4, 5), "first": (2, 8), "wrong": (1, 1), "half": (1, None)}
     rows = [

@@ -13,6 +13,7 @@ from study.bounds import roof
 from study.core import provenance, registry, show
 from study.experiments.original import measure as original
 from study.experiments.peers import measure as peers
+from study.experiments.peers.peer import PLAIN
 from study.experiments.peers.schema import Peers
 from study.experiments.sweep import ladder
 from study.experiments.sweep.columns import truth_height
@@ -21,7 +22,6 @@ from study.numbers.analysis import Data
 from study.report import goals_page
 
 SCENES = ("scene0", "mandelbulb")  # the paper's own two
-PLAIN = tuple(f"{scene}_plain" for scene in SCENES)  # of them what other programs draw
 STRONGEST = 2  # of those programs are shown
 Row = Mapping[str, Any]
 
