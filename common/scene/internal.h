@@ -11,6 +11,10 @@ void scene_read_shapes(struct reader *r, json_t *root, struct model *model);
 // path.c: reads the path of a shape or of the camera, whose position is already read.
 void scene_read_path(struct reader *r, json_t *owner, const double position[3], struct path *path);
 
+// path.c: writes where the path leads from `still` at `seconds`.
+void path_follow(const struct path *path, const double still[3], double seconds,
+                 double position[3]);
+
 // hash.c: writes the hash of a checked scene and of the limits in use as hexadecimal text. Returns
 // false if memory is short.
 bool scene_hash(json_t *root, const struct limits *march, char hash[17]);

@@ -87,9 +87,8 @@ static void circle(double turns, double *c, double *s) {
     }
 }
 
-// Writes where the path leads from `still` at `seconds`.
-static void follow(const struct path *path, const double still[3], double seconds,
-                   double position[3]) {
+void path_follow(const struct path *path, const double still[3], double seconds,
+                 double position[3]) {
     double c, s, from_axis[3], ahead[3];
     circle(fmod(seconds, path->period) / path->period, &c, &s);
     for (int i = 0; i < 3; i++)
@@ -106,15 +105,6 @@ void model_move(const struct model *model, double seconds, struct model *moved) 
         moved->shapes[i] = model->shapes[i];
         const struct path *path = &model->shapes[i].path;
         if (path->type != PATH_NONE)
-            follow(path, model->shapes[i].position, seconds, moved->shapes[i].position);
+            path_follow(path, model->shapes[i].position, seconds, moved->shapes[i].position);
     }
-}
-
-enum aim scene_view(const struct scene *scene, double seconds, struct view *view) {
-    const struct flight *flight = &scene->flight;
-    *view = scene->view;
-    if (flight->path.type == PATH_NONE)
-        return AIM_OK;
-    follow(&flight->path, scene->view.position, seconds, view->position);
-    return view_aim(view, flight->look_at, flight->up);
 }

@@ -23,23 +23,6 @@ const char *shadows_name(enum shadows shadows) {
     return SHADOW_NAMES[shadows];
 }
 
-enum aim view_aim(struct view *view, const double look_at[3], const double upward[3]) {
-    double up[3] = {upward[0], upward[1], upward[2]};
-    for (int i = 0; i < 3; i++)
-        view->forward[i] = look_at[i] - view->position[i];
-    bool seen = normalize3(view->forward);
-    bool is_direction = normalize3(up);
-    cross3(up, view->forward, view->right);
-    if (!seen)
-        return AIM_AT_ITSELF;
-    // 1e-6 is the sine of the angle. Below it rounding errors would decide the camera's frame.
-    if (!is_direction || !(sqrt(dot3(view->right, view->right)) > 1e-6))
-        return AIM_ALONG_UP;
-    normalize3(view->right);
-    cross3(view->forward, view->right, view->up);
-    return AIM_OK;
-}
-
 static void read_camera(struct reader *r, json_t *root, struct view *view, struct flight *flight) {
     json_t *camera = reader_member(r, root, "camera", JSON_OBJECT, "an object");
     if (!camera)

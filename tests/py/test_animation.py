@@ -95,6 +95,7 @@ def flying(to: list[float]) -> dict:
 def test_a_camera_on_its_path_sees_what_a_still_one_sees(phase: str, monkeypatch) -> None:
     needs.cpu_for(phase)
     monkeypatch.setenv("STEPWISE_CC", "none")
+    monkeypatch.setenv("STEPWISE_FIXED", "clear=safe")
     to = [1.5, 1, -3]
     moving = keep(f"flying_{phase}", flying(to))
     still = flying(to)
