@@ -19,7 +19,7 @@ from study.core import show
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.core.schema import File
-from study.experiments import experiment
+from study.experiments import experiment, goal
 from study.experiments.accuracy import goals as accuracy_goals
 from study.experiments.accuracy import measure as accuracy
 from study.experiments.drjit import goals as drjit_goals
@@ -393,3 +393,13 @@ def test_the_reports_cells_are_no_markdown() -> None:
     (goals_part,) = goals_page.section(data).parts
     said = " ".join(text for line in goals_part.table.cells for text, _ in line)
     assert "met" in said and "*" not in said
+
+
+def test_a_phase_that_draws_the_ideal_shadow_is_not_held_to_an_estimate_of_it() -> None:
+    values = {"baseline": 54.5, "opt7_tiles": 54.5, "opt11_ideal": 45.8}
+    (found,) = goal.worst_rung("scene0", "baseline", "PSNR to truth", values)
+    assert found.what == "opt7_tiles" and found.verdict == "met"
+    (found,) = goal.worst_rung("scene0", "baseline", "PSNR to truth with ideal shadows", values)
+    assert found.what == "opt11_ideal" and found.verdict == "missed"
+    (found,) = goal.worst_rung("scene0", "baseline", "wrong hits, ppm", dict.fromkeys(values, 0.0))
+    assert found.what == "opt11_ideal"

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from study.core import registry, show
 from study.numbers import verdicts
 from study.numbers.stats import Interval
+from study.pictures import gate
 
 DIGITS = 0.05  # dB: what is shown equal is taken to be equal
 Row = dict[str, Any]
@@ -61,11 +62,17 @@ def best(rows: Sequence[Row], name: str, value: Callable[[Row], Interval], least
 
 
 def worst_rung(scene: str, base: str, name: str, values: dict[str, float]) -> Iterable[Goal]:
-    """Of phase → dB, or ppm of the pixels: the worst of the rungs against `base`; of equals the last."""
-    mine = {p: values[p] for p in reversed(asked_with(base)[1:]) if p in values}
+    """Of phase → dB, or ppm of the pixels: the worst of the rungs against `base`; of equals the last.
+
+    A phase that draws the ideal shadow is not held to a picture with an estimate of it.
+    """
+    ppm = name.endswith("ppm")
+    known, estimate = registry.ladder(), not ppm and "ideal" not in name
+    rungs = [p for p in asked_with(base)[1:] if not (estimate and gate.draws_ideal(known[p]))]
+    mine = {p: values[p] for p in reversed(rungs) if p in values}
     if not mine or math.isnan(values.get(base, math.nan)):
         return
-    ppm, limit = name.endswith("ppm"), values[base]
+    limit = values[base]
     worst = max(mine, key=lambda p: (math.isnan(mine[p]), mine[p] if ppm else -mine[p]))
     good = mine[worst] <= limit if ppm else mine[worst] >= limit - DIGITS
     unit = "" if ppm else " dB"

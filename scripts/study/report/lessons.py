@@ -21,6 +21,7 @@ from study.numbers import analysis
 
 REFERENCE = registry.ROOT / "results" / "reference"
 RUN = REFERENCE / "zen5-2026-11-25"  # the study that the figures are of
+LARGE = REFERENCE / "zen4-2026-11-27-720p"  # the ladder at 1280×720
 THREADS = REFERENCE / "zen5-2026-11-25-threads"  # one thread beside two
 NAME = "lesson.svg"
 METADATA = "{http://www.w3.org/2000/svg}metadata"
@@ -68,9 +69,9 @@ def _panel(kind: str, title: str, unit: str, series: Sequence[str], rows: Iterab
     return {"kind": kind, "title": title, "unit": unit, "series": list(series), "rows": list(rows)}
 
 
-def headline_times(phase: registry.Phase) -> Panel:
+def headline_times(phase: registry.Phase, run: Path = RUN) -> Panel:
     """Frame time of the parent and of the phase, on the scenes and at the size of the run's ladder."""
-    own = [row for row in _ladder(RUN) if row["headline"] and row["threads"] == 1]
+    own = [row for row in _ladder(run) if row["headline"] and row["threads"] == 1]
     times = {(row["phase"], row["scene"]): row for row in own}
     scenes = dict.fromkeys(row["scene"] for row in own)
     rows = [
@@ -80,6 +81,22 @@ def headline_times(phase: registry.Phase) -> Panel:
     ]
     size = f"{own[0]['width']}×{own[0]['height']}"
     return _panel("pairs", f"time of a frame, {size}", "ms", [phase.parent or "", phase.name], rows)
+
+
+def large_times(phase: registry.Phase) -> Panel:
+    """The same at 1280×720."""
+    return headline_times(phase, LARGE)
+
+
+def to_ideal(phase: registry.Phase) -> Panel:
+    """How near the pictures of the parent and of the phase are to the one with the ideal soft shadow."""
+    both = [phase.parent or "", phase.name]
+    found = store.read_json(store.stored(LARGE / "accuracy.json"))["rows"]
+    near = {(one["phase"], one["scene"]): one.get("antialiased", one)["psnr_ideal_db"] for one in found}
+    scenes = dict.fromkeys(one["scene"] for one in found)
+    rows = [{"label": scene, "values": [_value(near[name, scene]) for name in both]} for scene in scenes]
+    title = f"PSNR to the ideal picture, height {found[0]['height']}"
+    return _panel("bars", title, "dB", both, rows)
 
 
 def scene_times(phase: registry.Phase) -> Panel:
@@ -306,6 +323,7 @@ PANELS: dict[str, tuple[str, list[Callable[[registry.Phase], Panel]]]] = {
     "opt8_streams": ("Rays that wait fill whole packets", [scene_times, evaluations, lanes]),
     "opt9_convex": ("Closed forms where a march is not needed", [scene_times, evaluations]),
     "opt10_scene": ("A kernel compiled for the scene", [scene_times, paid]),
+    "opt11_ideal": ("The shadow of the scene, not of the march", [large_times, to_ideal]),
     "truth": ("How far each phase is from the exact picture", [to_truth]),
     "rods": ("Neighbours share their early steps", [rods_times, rods_errors]),
     "rods_simd": ("Rods hand over to packets", [throttled]),
@@ -323,9 +341,9 @@ def figure(name: str) -> Row | None:
         return None
     title, panels = PANELS[name]
     made = [panel(phase) for panel in panels]
-    run = THREADS if threads in panels else RUN
+    run = {threads: THREADS, large_times: LARGE}.get(panels[0], RUN)
     said = [machine.name(store.read_json(run / "context.json"))]
-    if any(panel["unit"] in ("ms", "million a second") for panel in made) and run == RUN:
+    if any(panel["unit"] in ("ms", "million a second") for panel in made) and run != THREADS:
         said[0] += ", one thread"
     if any(value[1] is not None for panel in made for row in panel["rows"] for value in row["values"]):
         said.append("bars: 95 % intervals")
