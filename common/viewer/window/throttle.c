@@ -8,11 +8,12 @@
 enum { DOWN_AFTER = 4, UP_AFTER = 30 };
 static const double FRAME_MS = 1000.0 / 60;
 
-// Rods of `size` to `least` pixels make at most `steps` steps, each pixel then at most `finish`. 0: the scene's cap.
+// Rods of `size` to `least` pixels make at most `steps` steps, each pixel then at most `finish`. 0: the scene's cap. Fewer
+// than 64 steps lose most of a fractal's surface.
 static const struct level {
     int size, least, steps, finish;
 } LEVELS[] = {
-    {16, 2, 0, 0}, {16, 2, 16, 128}, {16, 2, 8, 64}, {32, 4, 8, 32}, {32, 4, 8, 16}, {32, 8, 4, 8},
+    {16, 2, 0, 0}, {32, 8, 0, 0}, {32, 8, 32, 128}, {32, 8, 32, 96}, {32, 8, 32, 64},
 };
 
 enum { LAST = sizeof LEVELS / sizeof *LEVELS - 1 };
@@ -29,14 +30,14 @@ const char *throttle_settings(const struct throttle *throttle) {
     return text;
 }
 
-bool throttle_frame(struct throttle *t, double render_ms, double other_ms) {
+bool throttle_frame(struct throttle *t, double render_ms, double other_ms, bool full) {
     t->render_ms = t->settled == 0 ? render_ms : 0.7 * t->render_ms + 0.3 * render_ms;
     t->settled++;
     t->budget_ms = fmax(FRAME_MS - other_ms, FRAME_MS / 2);
     int step = 0;
     if (t->level < LAST && t->settled >= DOWN_AFTER && t->render_ms > t->budget_ms)
         step = 1;
-    else if (t->level > 0 && t->settled >= UP_AFTER && t->render_ms < 0.6 * t->budget_ms)
+    else if (full && t->level > 0 && t->settled >= UP_AFTER && t->render_ms < 0.6 * t->budget_ms)
         step = -1; // the finer level takes up to 1.6 times as long
     if (step == 0)
         return false;
@@ -45,16 +46,19 @@ bool throttle_frame(struct throttle *t, double render_ms, double other_ms) {
     return true;
 }
 
+bool throttle_spent(const struct throttle *t) {
+    return t->level == LAST;
+}
+
 void throttle_say(const struct throttle *t, char *text, size_t size) {
     const struct level *level = &LEVELS[t->level];
-    char steps[32] = "all steps", finish[32] = "all steps";
+    char steps[32] = "all", finish[32] = "all";
     if (level->steps)
-        snprintf(steps, sizeof steps, "at most %d steps", level->steps);
+        snprintf(steps, sizeof steps, "%d", level->steps);
     if (level->finish)
-        snprintf(finish, sizeof finish, "at most %d", level->finish);
-    snprintf(text, size,
-             "throttle %d of %d (T): rods of %d to %d pixels, %s; then a pixel's own, %s; %.1f of "
-             "%.1f ms%s",
-             t->level, LAST, level->size, level->least, steps, finish, t->render_ms, t->budget_ms,
-             t->level == LAST && t->render_ms > t->budget_ms ? ": out of reach" : "");
+        snprintf(finish, sizeof finish, "%d", level->finish);
+    snprintf(
+        text, size,
+        "throttle %d of %d (T): rods of %d to %d pixels by %s steps, pixels by %s; %.1f of %.1f ms",
+        t->level, LAST, level->size, level->least, steps, finish, t->render_ms, t->budget_ms);
 }

@@ -82,7 +82,7 @@ void window_throttle(struct window *w, bool on) {
     }
     end_throttle(w);
     w->throttle.on = on;
-    w->pace.adaptive = !on; // full resolution: the throttle saves elsewhere
+    w->pace.adaptive = !on; // full resolution, until the throttle is spent
     if (on)
         stage_settings(throttle_settings(&w->throttle));
     reopen(w);
@@ -158,8 +158,10 @@ static bool frame(struct window *w, char *error) {
     double render_ms = (double)show_ns(show) / 1e6;
     double other = (double)(timer_ns() - begin) / 1e6 - render_ms;
     w->other_ms = w->other_ms > 0 ? 0.9 * w->other_ms + 0.1 * other : other;
-    if (w->throttle.on && show->height == show->canvas.height &&
-        throttle_frame(&w->throttle, render_ms, w->other_ms)) {
+    if (w->throttle.on)
+        w->pace.adaptive = throttle_spent(&w->throttle);
+    if (w->throttle.on &&
+        throttle_frame(&w->throttle, render_ms, w->other_ms, show->height == show->canvas.height)) {
         stage_settings(throttle_settings(&w->throttle));
         reopen(w);
         w->renders = (struct times){0};
