@@ -65,7 +65,17 @@ SIZES = {
         "iterations": st.integers(1, 5),
         "bailout": st.sampled_from([4, 256, 10000]),
     },
+    "mandelbox": {
+        "scale": st.sampled_from([-3, -1.5, 0.5, 2]),
+        "fold_limit": sixteenths(0.25, 2),
+        "minimum_radius": sixteenths(0.125, 0.5),
+        "fixed_radius": sixteenths(0.5, 1.5),
+        "iterations": st.integers(1, 6),
+    },
 }
+FRACTALS = ("mandelbulb", "mandelbox")
+RATHER = {"type", "material", "power", "iterations", "bailout", "normal"}  # neither large nor small
+RATHER |= {"scale", "minimum_radius", "fixed_radius"}
 
 
 def rounded(shape: dict) -> None:
@@ -88,9 +98,7 @@ def extreme(draw: st.DrawFn) -> dict:
     for kind in draw(st.lists(st.sampled_from([*SIZES]), min_size=1, max_size=3)):
         shape = {"type": kind, "material": "only"} | {key: draw(size) for key, size in SIZES[kind].items()}
         if draw(st.booleans()):
-            for key in sorted(
-                shape.keys() - {"type", "material", "power", "iterations", "bailout", "normal"}
-            ):
+            for key in sorted(shape.keys() - RATHER):
                 size = st.tuples(*[LENGTHS] * 3).map(list) if key == "half_size" else LENGTHS
                 shape[key] = draw(st.one_of(st.just(shape[key]), size))
         rounded(shape)
@@ -231,7 +239,7 @@ def settled(examples: int):
 @settled(20)
 @given(scene=scenes([*SIZES]))
 def test_no_phase_breaks(scene: dict) -> None:
-    """Any valid scene: Mandelbulbs, cameras and lights inside of shapes, everything at once."""
+    """Any valid scene: fractals, cameras and lights inside of shapes, everything at once."""
     note("build/test-scenes/random_any.json")
     pictures(scene, "random_any")
 
@@ -245,7 +253,7 @@ def test_no_phase_breaks_at_the_limits(scene: dict) -> None:
 
 
 @settled(25)
-@given(scene=scenes([kind for kind in SIZES if kind != "mandelbulb"]))
+@given(scene=scenes([kind for kind in SIZES if kind not in FRACTALS]))
 def test_phases_agree(scene: dict) -> None:
     """Exact distances, and nothing that rounding decides: all phases see what the baseline sees."""
     note("build/test-scenes/random_benign.json")
