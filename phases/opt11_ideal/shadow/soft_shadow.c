@@ -109,6 +109,11 @@ static inline vfloat lit_share(vfloat ratio, const struct tile_context *work) {
     return v_min(strength * ratio, v_splat(1.0f));
 }
 
+// The slope of the first cone in which a packet looks for shapes, and how much wider each further one is: of a crowd, most
+// packets find their shadow in the first.
+#define FIRST_CONE 0x1p-5f
+#define WIDER 16.0f
+
 // Lists in scratch->occluders the shapes that a cone about a ray of the packet can meet: those that the BVH finds for one
 // cone about them all. Returns false if the rays are too far apart for that.
 static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
@@ -138,23 +143,39 @@ static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
     return true;
 }
 
-// First the solids that the rays may hit: rays that are dark then ask no more. Then those that can come into the widest
-// cone that is left.
-static void darken_by_listed(struct soft_packet *w, const struct tile_context *work) {
+// Darkens a packet by the listed shapes that are not among `seen`. all: by every shape of the scene.
+static void darken_by_new(struct soft_packet *w, bool all, uint64_t seen[],
+                          const struct tile_context *work) {
     const struct shape_set *listed = &work->scratch->occluders;
+    int count = all ? KNOWN(work->scene)->model.shape_count : set_end(listed);
+    for (int k = 0; k < count; k++) {
+        int i = all ? k : set_shape(listed, k);
+        uint64_t bit = 1ull << i % 64;
+        if (seen[i / 64] & bit)
+            continue;
+        seen[i / 64] |= bit;
+        darken_by(i, w, work->scene);
+    }
+}
+
+// Branch and bound: the shapes of a narrow cone first, then of wider ones, until no ray of the packet has a wider
+// cone left. A shape outside of a cone of slope q has no ratio below q.
+static void darken_by_listed(struct soft_packet *w, const struct tile_context *work) {
+    uint64_t seen[SCENE_MAX_SHAPES / 64];
+    memset(seen, 0, sizeof seen);
     vfloat zero = v_splat(0.0f);
-    for (int round = 0; round < 2; round++) {
+    float asked = 0, q = FIRST_CONE;
+    for (bool all = false; !all; q *= WIDER) {
         vmask rays = v_and(w->active, v_cmp_gt(w->best, zero));
         if (!v_any(rays))
             return;
         COUNT(darken_by_listed, round);
-        float q = round == 0 ? 1e-3f : v_reduce_max(v_select_or_zero(rays, w->best));
-        bool all = !list_for_packet(w, rays, q * (1 + 1e-5f), work);
-        int count = all ? KNOWN(work->scene)->model.shape_count : set_end(listed);
-        for (int k = 0; k < count; k++)
-            darken_by(all ? k : set_shape(listed, k), w, work->scene);
-        if (all)
+        float widest = v_reduce_max(v_select_or_zero(rays, w->best));
+        if (widest <= asked)
             return;
+        asked = widest < q ? widest : q;
+        all = !list_for_packet(w, rays, asked * (1 + 1e-5f), work);
+        darken_by_new(w, all, seen, work);
     }
 }
 

@@ -136,7 +136,7 @@ def _found(result: Row) -> Found:
         f"{result['wrong_ppm']:g} ppm of wrong hits or fewer, or with what packets alone reach where that is "
         "worse."
     )
-    tables = part("flight", "Frames a second along a camera's path", summary, SUMMARY, foot, True)
+    tables = part("flight", "Frames a second along a camera's path", summary, SUMMARY, foot)
     tables += part("flight-places", "Each place, and what the throttle chose there", places, PLACES)
     return Found(tables, " ".join(map(sentence, result["rows"])), drawings(result))
 
