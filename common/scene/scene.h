@@ -21,6 +21,7 @@ enum shape_type {
     SHAPE_OCTAHEDRON,
     SHAPE_PLANE,
     SHAPE_MANDELBULB,
+    SHAPE_MANDELBOX,
     SHAPE_ROUNDED_BOX, // in the file: a box with rounding > 0; plain boxes do not pay for it
     SHAPE_TYPES
 };
@@ -30,6 +31,11 @@ enum shape_type {
 enum shadows { SHADOWS_NONE, SHADOWS_HARD, SHADOWS_SOFT, SHADOWS_IDEAL };
 
 enum path_type { PATH_NONE, PATH_CIRCLE, PATH_LINE };
+
+// Whether a shape is a fractal. Its distance is an estimate: a march by it may pass through thin parts.
+static inline bool is_fractal(enum shape_type type) {
+    return type == SHAPE_MANDELBULB || type == SHAPE_MANDELBOX;
+}
 
 // How a shape or the camera moves in an animation. At time 0, and in a still picture, it is at its position.
 struct path {
@@ -71,6 +77,10 @@ struct shape {
             double power, bailout; // power is 8
             int iterations;
         } mandelbulb;
+        struct {
+            double scale, fold_limit, minimum_radius, fixed_radius;
+            int iterations;
+        } mandelbox;
     };
 };
 

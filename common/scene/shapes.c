@@ -6,10 +6,11 @@
 #include "scene/internal.h"
 #include "scene/vector.h"
 
-enum { MAX_ITERATIONS = 1000 };
+enum { MAX_ITERATIONS = 1000, MAX_BOX_ITERATIONS = 100 };
 
-static const char *const TYPE_NAMES[SHAPE_TYPES] = {
-    "sphere", "box", "torus", "cone", "octahedron", "plane", "mandelbulb", "rounded box"};
+static const char *const TYPE_NAMES[SHAPE_TYPES] = {"sphere",     "box",        "torus",
+                                                    "cone",       "octahedron", "plane",
+                                                    "mandelbulb", "mandelbox",  "rounded box"};
 
 const char *shape_type_name(enum shape_type type) {
     return TYPE_NAMES[type];
@@ -43,8 +44,40 @@ static void read_plane(struct reader *r, json_t *object, struct shape *shape) {
         reader_fail(r, "offset", "divided by the length of normal it is beyond %g", LARGEST);
 }
 
+// Reads a Mandelbox. After n iterations its point has moved by |scale|^n at most, for |scale| > 1, and its
+// derivative is (|scale|·(fixed/minimum)²)^n at most. Both must stay finite in float, the first squared.
+static void read_mandelbox(struct reader *r, json_t *object, struct shape *shape) {
+    double scale = shape->mandelbox.scale = reader_number(r, object, "scale", ANY);
+    shape->mandelbox.fold_limit = reader_number(r, object, "fold_limit", POSITIVE);
+    double minimum = shape->mandelbox.minimum_radius =
+        reader_number(r, object, "minimum_radius", POSITIVE);
+    double fixed = shape->mandelbox.fixed_radius =
+        reader_number(r, object, "fixed_radius", POSITIVE);
+    int n = shape->mandelbox.iterations =
+        reader_whole(r, object, "iterations", 1, MAX_BOX_ITERATIONS);
+    if (r->failed)
+        return;
+    double ratio = fixed / minimum, stretch = fmax(fabs(scale), 1);
+    if (!(fabs(scale) >= SMALLEST))
+        reader_fail(r, "scale", "%g should be %g or more, or -%g or less", scale, SMALLEST,
+                    SMALLEST);
+    else if (!(ratio >= 1 && ratio <= 100))
+        reader_fail(r, "minimum_radius", "%g is not between fixed_radius/100 and fixed_radius, %g",
+                    minimum, fixed);
+    else if (!(pow(stretch, n) <= 1e6))
+        reader_fail(r, "iterations",
+                    "|scale|^iterations is %g, beyond 1e6: at most %d for this scale",
+                    pow(stretch, n), (int)(log(1e6) / log(stretch)));
+    else if (!(pow(stretch * ratio * ratio, n) <= 1e30))
+        reader_fail(
+            r, "iterations",
+            "(|scale|*(fixed_radius/minimum_radius)^2)^iterations is %g, beyond 1e30: at most "
+            "%d for these numbers",
+            pow(stretch * ratio * ratio, n), (int)(log(1e30) / log(stretch * ratio * ratio)));
+}
+
 static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
-    static const char *const keys[SHAPE_TYPES][4] = {
+    static const char *const keys[SHAPE_TYPES][5] = {
         {"radius"},
         {"half_size", "rounding"},
         {"major_radius", "minor_radius"},
@@ -52,9 +85,10 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
         {"radius"},
         {"normal", "offset"},
         {"power", "iterations", "bailout"},
+        {"scale", "fold_limit", "minimum_radius", "fixed_radius", "iterations"},
     };
-    const char *known[11] = {"type", "material", "position", "rotation_degrees", "repeat", "path"};
-    for (int i = 0; i < 4 && keys[shape->type][i]; i++)
+    const char *known[12] = {"type", "material", "position", "rotation_degrees", "repeat", "path"};
+    for (int i = 0; i < 5 && keys[shape->type][i]; i++)
         known[6 + i] = keys[shape->type][i];
     reader_only_keys(r, object, known);
     switch (shape->type) {
@@ -90,6 +124,7 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
         if (!r->failed && !(shape->mandelbulb.bailout >= 4 && shape->mandelbulb.bailout <= 1e4))
             reader_fail(r, "bailout", "%g is not in 4 to 10000", shape->mandelbulb.bailout);
         break;
+    case SHAPE_MANDELBOX: read_mandelbox(r, object, shape); break;
     default: break;
     }
 }
@@ -106,7 +141,7 @@ static void read_shape(struct reader *r, json_t *object, json_t *materials, stru
         reader_fail(
             r, "type",
             "\"%.80s\" is not a shape; there are sphere, box, torus, cone, octahedron, plane, "
-            "mandelbulb",
+            "mandelbulb, mandelbox",
             json_string_value(type));
         return;
     }

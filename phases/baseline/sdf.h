@@ -1,7 +1,8 @@
 // Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
 // (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of D. White and P. Nylander
 // without trigonometry, with its running derivative: I. Quilez, "mandelbulb"
-// (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
+// (iquilezles.org/articles/mandelbulb). Mandelbox: T. Lowe (fractalforums.com, 2010), with the running
+// derivative of Buddhi and Rrrola (fractalforums.com, 2010). Both are estimates, not bounds.
 //
 // Naive on purpose: points and the scene go by value through calls. Every evaluation converts the
 // angles to radians and takes their sines and cosines.
@@ -143,12 +144,38 @@ CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
     return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
+// The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius,
+// scales it and adds p. dr is the most by which the iterations stretch a distance.
+CALL double sdf_mandelbox(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_mandelbox, call);
+    double limit = shape->mandelbox.fold_limit, scale = shape->mandelbox.scale;
+    double inner_sq = shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius;
+    double outer_sq = shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius;
+    struct vec3 w = p;
+    double dr = 1.0;
+    for (int i = 0; i < shape->mandelbox.iterations; i++) {
+        COUNT(sdf_mandelbox, step);
+        struct vec3 nearest = new_vector(clamp(w.x, -limit, limit), clamp(w.y, -limit, limit),
+                                         clamp(w.z, -limit, limit));
+        w = vec_sub(vec_add(nearest, nearest), w);
+        double inversion = outer_sq / clamp(vec_dot(w, w), inner_sq, outer_sq);
+        w = vec_add(vec_scale(w, scale * inversion), p);
+        dr = fabs(scale * inversion) * dr + 1.0;
+    }
+    return vec_norm(w) / dr;
+}
+
 // The distance function of each type, called by pointer: the paper's shapes carry such a pointer.
 static double (*const distance_of[SHAPE_TYPES])(struct vec3, const struct shape *) = {
-    [SHAPE_SPHERE] = sdf_sphere,         [SHAPE_BOX] = sdf_box,
-    [SHAPE_TORUS] = sdf_torus,           [SHAPE_CONE] = sdf_cone,
-    [SHAPE_OCTAHEDRON] = sdf_octahedron, [SHAPE_PLANE] = sdf_plane,
-    [SHAPE_MANDELBULB] = sdf_mandelbulb, [SHAPE_ROUNDED_BOX] = sdf_rounded_box,
+    [SHAPE_SPHERE] = sdf_sphere,
+    [SHAPE_BOX] = sdf_box,
+    [SHAPE_TORUS] = sdf_torus,
+    [SHAPE_CONE] = sdf_cone,
+    [SHAPE_OCTAHEDRON] = sdf_octahedron,
+    [SHAPE_PLANE] = sdf_plane,
+    [SHAPE_MANDELBULB] = sdf_mandelbulb,
+    [SHAPE_MANDELBOX] = sdf_mandelbox,
+    [SHAPE_ROUNDED_BOX] = sdf_rounded_box,
 };
 
 static inline double distance_to_shape(const struct vec3 *p, const struct shape *shape) {

@@ -1,7 +1,8 @@
 // Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
 // (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of D. White and P. Nylander
 // without trigonometry, with its running derivative: I. Quilez, "mandelbulb"
-// (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
+// (iquilezles.org/articles/mandelbulb). Mandelbox: T. Lowe (fractalforums.com, 2010), with the running
+// derivative of Buddhi and Rrrola (fractalforums.com, 2010). Both are estimates, not bounds.
 //
 // phase_prepare() computes the sines and cosines. A rotation or repetition that a shape lacks is not
 // evaluated.
@@ -173,6 +174,29 @@ CALL double sdf_mandelbulb(const struct vec3 *p, const struct shape *shape) {
     return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
+// The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius,
+// scales it and adds p. dr is the most by which the iterations stretch a distance.
+CALL double sdf_mandelbox(const struct vec3 *p, const struct shape *shape) {
+    COUNT(sdf_mandelbox, call);
+    double limit = shape->mandelbox.fold_limit, scale = shape->mandelbox.scale;
+    double inner_sq = shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius;
+    double outer_sq = shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius;
+    struct vec3 w = *p;
+    double dr = 1.0;
+    for (int i = 0; i < shape->mandelbox.iterations; i++) {
+        COUNT(sdf_mandelbox, step);
+        struct vec3 nearest = {clamp(w.x, -limit, limit), clamp(w.y, -limit, limit),
+                               clamp(w.z, -limit, limit)};
+        struct vec3 folded = {nearest.x + nearest.x - w.x, nearest.y + nearest.y - w.y,
+                              nearest.z + nearest.z - w.z};
+        double inversion = outer_sq / clamp(vec_dot(&folded, &folded), inner_sq, outer_sq);
+        vec_scale(&folded, scale * inversion, &w);
+        vec_add(&w, p, &w);
+        dr = fabs(scale * inversion) * dr + 1.0;
+    }
+    return vec_norm(&w) / dr;
+}
+
 static inline double distance_to_shape(const struct vec3 *point,
                                        const struct primitive *primitive) {
     COUNT(distance_to_shape, call);
@@ -186,6 +210,7 @@ static inline double distance_to_shape(const struct vec3 *point,
     case SHAPE_OCTAHEDRON: return sdf_octahedron(&p, &primitive->shape);
     case SHAPE_PLANE: return sdf_plane(&p, &primitive->shape);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(&p, &primitive->shape);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(&p, &primitive->shape);
     default: return sdf_mandelbulb(&p, &primitive->shape);
     }
 }

@@ -61,6 +61,13 @@ static struct primitive make_primitive(const struct shape *shape) {
         vec_set(shape->plane.normal, p.plane.normal);
         p.plane.offset = shape->plane.offset;
         break;
+    case SHAPE_MANDELBOX:
+        p.mandelbox.scale = shape->mandelbox.scale;
+        p.mandelbox.fold_limit = shape->mandelbox.fold_limit;
+        p.mandelbox.inner_sq = shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius;
+        p.mandelbox.outer_sq = shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius;
+        p.mandelbox.iterations = shape->mandelbox.iterations;
+        break;
     default:
         p.mandelbulb.bailout = shape->mandelbulb.bailout;
         p.mandelbulb.iterations = shape->mandelbulb.iterations;

@@ -1,7 +1,8 @@
 // Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
 // (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of D. White and P. Nylander
 // without trigonometry, with its running derivative: I. Quilez, "mandelbulb"
-// (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
+// (iquilezles.org/articles/mandelbulb). Mandelbox: T. Lowe (fractalforums.com, 2010), with the running
+// derivative of Buddhi and Rrrola (fractalforums.com, 2010). Both are estimates, not bounds.
 //
 // All functions are inlined. phase_prepare() computes everything that does not depend on the point.
 #ifndef OPT2_SDF_H
@@ -41,6 +42,10 @@ struct primitive {
             double bailout;
             int iterations;
         } mandelbulb;
+        struct {
+            double scale, fold_limit, inner_sq, outer_sq; // squares of the radii
+            int iterations;
+        } mandelbox;
     };
 };
 
@@ -204,6 +209,27 @@ static inline double sdf_mandelbulb(const double *p, const struct primitive *s) 
     return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * sqrt(m) / bulb.dz * log(m)) : 0.0;
 }
 
+// The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius,
+// scales it and adds p. dr is the most by which the iterations stretch a distance.
+static inline double sdf_mandelbox(const double *p, const struct primitive *s) {
+    COUNT(sdf_mandelbox, call);
+    double limit = s->mandelbox.fold_limit, scale = s->mandelbox.scale;
+    double outer_sq = s->mandelbox.outer_sq;
+    double w[3] = {p[0], p[1], p[2]}, dr = 1.0;
+    for (int i = 0; i < s->mandelbox.iterations; i++) {
+        COUNT(sdf_mandelbox, step);
+        for (int k = 0; k < 3; k++) {
+            double nearest = clamp(w[k], -limit, limit);
+            w[k] = nearest + nearest - w[k];
+        }
+        double norm_sq = clamp(vec_dot(w, w), s->mandelbox.inner_sq, outer_sq);
+        double factor = scale * (outer_sq / norm_sq);
+        vec_along(p, w, factor, w);
+        dr = fabs(factor) * dr + 1.0;
+    }
+    return vec_norm(w) / dr;
+}
+
 static inline double distance_to_shape(const double *point, const struct primitive *primitive) {
     COUNT(distance_to_shape, call);
     double p[3];
@@ -216,6 +242,7 @@ static inline double distance_to_shape(const double *point, const struct primiti
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
     default: return sdf_mandelbulb(p, primitive);
     }
 }

@@ -1,7 +1,8 @@
 // Signed distances of four points at once. Sphere, box, torus, capped cone, octahedron: I. Quilez,
 // "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of
 // D. White and P. Nylander without trigonometry, with its running derivative: I. Quilez,
-// "mandelbulb" (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
+// "mandelbulb" (iquilezles.org/articles/mandelbulb). Mandelbox: T. Lowe (fractalforums.com, 2010), with
+// the running derivative of Buddhi and Rrrola (fractalforums.com, 2010). Both are estimates, not bounds.
 //
 // Where lanes take different branches, every branch is evaluated and a mask selects the result. An
 // early exit is taken only when all lanes take it.
@@ -43,6 +44,11 @@ struct primitive {
             double bailout;
             int iterations;
         } mandelbulb;
+        struct {
+            double scale, stretch, fold_limit; // stretch: |scale|
+            double inner_sq, outer_sq;         // squares of the radii
+            int iterations;
+        } mandelbox;
     };
 };
 
@@ -181,6 +187,29 @@ static inline vdouble sdf_mandelbulb(struct vec p, const struct primitive *s, vm
     return v_select_or_zero(v_cmp_gt(m, v_splat(0.0)), distance); // √m·ln m → 0 at the centre
 }
 
+// x reflected at the nearer of ±limit where it is beyond.
+static inline vdouble folded(vdouble x, vdouble limit) {
+    return v_msub(v_splat(2.0), v_min(v_max(x, -limit), limit), x);
+}
+
+// The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius,
+// scales it and adds p. dr is the most by which the iterations stretch a distance.
+static inline vdouble sdf_mandelbox(struct vec p, const struct primitive *s) {
+    COUNT(sdf_mandelbox, call);
+    vdouble limit = v_splat(s->mandelbox.fold_limit), outer_sq = v_splat(s->mandelbox.outer_sq);
+    vdouble one = v_splat(1.0), dr = one;
+    struct vec w = p;
+    for (int i = 0; i < s->mandelbox.iterations; i++) {
+        COUNT(sdf_mandelbox, iteration);
+        w = (struct vec){folded(w.x, limit), folded(w.y, limit), folded(w.z, limit)};
+        vdouble norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->mandelbox.inner_sq)), outer_sq);
+        vdouble inversion = outer_sq / norm_sq;
+        w = vec_along(p, w, v_splat(s->mandelbox.scale) * inversion);
+        dr = v_madd(v_splat(s->mandelbox.stretch) * inversion, dr, one);
+    }
+    return vec_norm(w) / dr;
+}
+
 __attribute__((always_inline)) static inline vdouble
 distance_to_shape(struct vec point, const struct primitive *primitive, vmask done) {
     struct vec p = apply_transform(point, primitive);
@@ -192,6 +221,7 @@ distance_to_shape(struct vec point, const struct primitive *primitive, vmask don
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
     default: return sdf_mandelbulb(p, primitive, done);
     }
 }

@@ -66,6 +66,16 @@ static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
     return shape->type == SHAPE_PLANE ? LINEAR : AT_POINT;
 }
 
+static void set_mandelbox(const struct shape *shape, struct primitive *p) {
+    p->mandelbox.scale = (float)shape->mandelbox.scale;
+    p->mandelbox.stretch = (float)fabs(shape->mandelbox.scale);
+    p->mandelbox.fold_limit = (float)shape->mandelbox.fold_limit;
+    p->mandelbox.inner_sq =
+        (float)(shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius);
+    p->mandelbox.outer_sq = (float)(shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius);
+    p->mandelbox.iterations = shape->mandelbox.iterations;
+}
+
 static struct primitive make_primitive(int index, const struct shape *shape,
                                        const struct limits *limits) {
     struct primitive p = {.type = shape->type, .index = (float)index};
@@ -110,6 +120,7 @@ static struct primitive make_primitive(int index, const struct shape *shape,
         to_floats(shape->plane.normal, p.plane.normal);
         p.plane.offset = (float)shape->plane.offset;
         break;
+    case SHAPE_MANDELBOX: set_mandelbox(shape, &p); break;
     default:
         p.mandelbulb.bailout = (float)shape->mandelbulb.bailout;
         p.mandelbulb.iterations = shape->mandelbulb.iterations;

@@ -53,6 +53,11 @@ struct primitive {
             float bailout;
             int iterations;
         } mandelbulb;
+        struct {
+            float scale, stretch, fold_limit; // stretch: |scale|
+            float inner_sq, outer_sq;         // squares of the radii
+            int iterations;
+        } mandelbox;
     };
     // In double, for a ray's origin: it is moved into the shape's frame and then rounded once.
     // `row` holds the rows of the rotation matrix. LINEAR: row[0] is the normal in world axes.
@@ -319,6 +324,8 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
     return v_select_or_zero(v_cmp_gt(m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
+#include "mandelbox.h"
+
 // The shape's distance at a point of its frame. Precondition: p lies in the central cell if the
 // shape is repeated.
 __attribute__((always_inline)) static inline vfloat
@@ -331,6 +338,7 @@ distance_at(struct vec p, const struct primitive *primitive, vmask done) {
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
     default: return sdf_mandelbulb(p, primitive, done);
     }
 }

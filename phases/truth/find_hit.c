@@ -1,4 +1,4 @@
-// The first hit of a ray. Solids are intersected with proof; a Mandelbulb is marched (J. C. Hart, "Sphere tracing", The
+// The first hit of a ray. Solids are intersected with proof; a fractal is marched (J. C. Hart, "Sphere tracing", The
 // Visual Computer 12 (1996)) with the scene's own hit distance and steps.
 #include "sdf.h"
 #include "trace.h"
@@ -90,10 +90,10 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
     set_hit(hit, first_hit_q(solids, count, ray, reach, &hit->evals));
 }
 
-// Returns whether the march meets a Mandelbulb before t = limit; `last` is its last step. The march uses the whole
-// scene's distance. Near another surface that the exact ray does not hit, it uses the Mandelbulbs' alone.
-static bool march_bulbs(const struct prepared *prepared, const struct ray_q *ray, double limit,
-                        struct hit *hit, struct dd *t, double *last) {
+// Returns whether the march meets a fractal before t = limit; `last` is its last step. The march uses the whole
+// scene's distance. Near another surface that the exact ray does not hit, it uses the fractals' alone.
+static bool march_fractals(const struct prepared *prepared, const struct ray_q *ray, double limit,
+                           struct hit *hit, struct dd *t, double *last) {
     const struct limits *march = &prepared->model.march;
     struct dd o[3], d[3], p[3];
     unit_ray(ray, o, d);
@@ -106,16 +106,16 @@ static bool march_bulbs(const struct prepared *prepared, const struct ray_q *ray
         struct dd distance = distance_to_scene(prepared, p, &nearest);
         hit->evals++;
         if (distance.hi < march->hit_distance &&
-            prepared->model.shapes[nearest].type != SHAPE_MANDELBULB) {
+            !is_fractal(prepared->model.shapes[nearest].type)) {
             if (t->hi + distance.hi >= limit - march->hit_distance)
                 return false;
             distance = dd_from(INFINITY);
             for (int i = 0; i < prepared->model.shape_count; i++) {
-                if (prepared->model.shapes[i].type != SHAPE_MANDELBULB)
+                if (!is_fractal(prepared->model.shapes[i].type))
                     continue;
-                struct dd bulb = distance_to(&prepared->solids[i], p);
-                if (dd_less(bulb, distance)) {
-                    distance = bulb;
+                struct dd own = distance_to(&prepared->solids[i], p);
+                if (dd_less(own, distance)) {
+                    distance = own;
                     nearest = i;
                 }
             }
@@ -143,12 +143,12 @@ void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct h
     else
         solve_hit(prepared, ray, reach, hit);
     hit->t = mul_q(hit->s, length);
-    if (prepared->bulbs) {
+    if (prepared->fractals) {
         struct dd t;
         double last;
         struct hit other = *hit;
         double limit = hit->shape >= 0 ? (double)mid_q(hit->t) : INFINITY;
-        if (march_bulbs(prepared, ray, limit, hit, &t, &last)) {
+        if (march_fractals(prepared, ray, limit, hit, &t, &last)) {
             quad at = (quad)t.hi + (quad)t.lo;
             hit->t = (struct ivq){at - (quad)fabs(last), at + (quad)fabs(last)};
             hit->s = div_q((struct ivq){at, at}, length);

@@ -8,10 +8,10 @@ static void normalize(struct ivq v[3]) {
         v[i] = div_q(v[i], length);
 }
 
-// A Mandelbulb's normal by the scene's own rule: forward differences over normal_step, in double-double. The gradient
-// itself would show leaves of the fractal that are far smaller than a pixel.
-static void bulb_normal(const struct prepared *prepared, const struct ivq point[3],
-                        struct ivq n[3]) {
+// A fractal's normal by the scene's own rule: forward differences over normal_step, in double-double. The gradient
+// itself would show leaves of it that are far smaller than a pixel.
+static void fractal_normal(const struct prepared *prepared, const struct ivq point[3],
+                           struct ivq n[3]) {
     struct dd p[3], slope[3], step = dd_from(prepared->model.march.normal_step);
     int nearest;
     for (int i = 0; i < 3; i++)
@@ -96,8 +96,8 @@ void find_normal(const struct prepared *prepared, const struct ray_q *ray, struc
     const struct solid *solid = &prepared->solids[hit->shape];
     const struct shape *shape = solid->shape;
     struct ivq moved[3], local[3], local_normal[3];
-    if (shape->type == SHAPE_MANDELBULB)
-        bulb_normal(prepared, hit->point, hit->normal);
+    if (is_fractal(shape->type))
+        fractal_normal(prepared, hit->point, hit->normal);
     else {
         for (int i = 0; i < 3; i++)
             moved[i] = sub_q(hit->point[i], point_q(shape->position[i]));

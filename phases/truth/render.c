@@ -79,7 +79,8 @@ static bool prepare(struct prepared *prepared, const struct model *model) {
     free(prepared->solids);
     prepared->solids = solids;
     prepared->model = *model;
-    prepared->bulbs = model->features.count[SHAPE_MANDELBULB] > 0;
+    prepared->fractals =
+        model->features.count[SHAPE_MANDELBULB] > 0 || model->features.count[SHAPE_MANDELBOX] > 0;
     return true;
 }
 

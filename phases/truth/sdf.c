@@ -1,6 +1,7 @@
 // Signed distances in double-double, the same functions as in every phase. Sphere, box, torus, capped cone, octahedron:
 // I. Quilez, "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's
-// power-8 map, I. Quilez, "mandelbulb" (iquilezles.org/articles/mandelbulb).
+// power-8 map, I. Quilez, "mandelbulb" (iquilezles.org/articles/mandelbulb). Mandelbox: T. Lowe (fractalforums.com,
+// 2010), with the running derivative of Buddhi and Rrrola (fractalforums.com, 2010).
 #include "sdf.h"
 
 static struct dd sdf_sphere(const struct dd p[3], const struct shape *shape) {
@@ -119,6 +120,25 @@ static struct dd sdf_mandelbulb(const struct dd p[3], const struct shape *shape)
     return dd_div(dd_twofold(dd_mul(dd_log(m), dd_sqrt(m)), 0.25), dz);
 }
 
+static struct dd sdf_mandelbox(const struct dd p[3], const struct shape *shape) {
+    struct dd limit = dd_from(shape->mandelbox.fold_limit), one = dd_from(1), dr = one;
+    struct dd inner_sq =
+        exact_product(shape->mandelbox.minimum_radius, shape->mandelbox.minimum_radius);
+    struct dd outer_sq =
+        exact_product(shape->mandelbox.fixed_radius, shape->mandelbox.fixed_radius);
+    struct dd w[3] = {p[0], p[1], p[2]};
+    for (int i = 0; i < shape->mandelbox.iterations; i++) {
+        for (int k = 0; k < 3; k++)
+            w[k] = dd_sub(dd_twofold(dd_clamp(w[k], dd_neg(limit), limit), 2), w[k]);
+        struct dd norm_sq = dd_clamp(dd_dot(w, w), inner_sq, outer_sq);
+        struct dd factor = dd_scale(dd_div(outer_sq, norm_sq), shape->mandelbox.scale);
+        for (int k = 0; k < 3; k++)
+            w[k] = dd_add(dd_mul(w[k], factor), p[k]);
+        dr = dd_add(dd_mul(dd_abs(factor), dr), one);
+    }
+    return dd_div(dd_norm(w), dr);
+}
+
 void to_frame(const struct solid *solid, const struct dd p[3], struct dd local[3]) {
     const struct shape *shape = solid->shape;
     struct dd moved[3];
@@ -145,6 +165,7 @@ struct dd distance_to(const struct solid *solid, const struct dd p[3]) {
     case SHAPE_OCTAHEDRON: return sdf_octahedron(local, solid->shape);
     case SHAPE_PLANE: return sdf_plane(local, solid->shape);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(local, solid->shape);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(local, solid->shape);
     default: return sdf_mandelbulb(local, solid->shape);
     }
 }

@@ -1,4 +1,4 @@
-// Signed distances in double-double: for the soft shadow's estimator, the Mandelbulb and phase_distances.
+// Signed distances in double-double: for the soft shadow's estimator, fractals and phase_distances.
 #ifndef TRUTH_SDF_H
 #define TRUTH_SDF_H
 
@@ -8,7 +8,7 @@
 // Moves, rotates and wraps a point into the shape's own frame.
 void to_frame(const struct solid *solid, const struct dd p[3], struct dd local[3]);
 
-// Returns the shape's signed distance at a point of the scene; a Mandelbulb's is an estimate.
+// Returns the shape's signed distance at a point of the scene; a fractal's is an estimate.
 struct dd distance_to(const struct solid *solid, const struct dd p[3]);
 
 #endif

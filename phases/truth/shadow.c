@@ -35,14 +35,33 @@ static double bulb_distance(const struct dd local[3], const struct shape *shape)
     return m > 0.0 && isfinite(m) ? 0.25 * log(m) * sqrt(m) / dz : 0.0;
 }
 
+// The Mandelbox's, in doubles too.
+static double box_distance(const struct dd local[3], const struct shape *shape) {
+    double limit = shape->mandelbox.fold_limit, dr = 1.0;
+    double inner_sq = shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius;
+    double outer_sq = shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius;
+    double w[3] = {local[0].hi, local[1].hi, local[2].hi};
+    for (int i = 0; i < shape->mandelbox.iterations; i++) {
+        for (int k = 0; k < 3; k++)
+            w[k] = 2.0 * fmin(fmax(w[k], -limit), limit) - w[k];
+        double m = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
+        double factor = shape->mandelbox.scale * (outer_sq / fmin(fmax(m, inner_sq), outer_sq));
+        for (int k = 0; k < 3; k++)
+            w[k] = w[k] * factor + local[k].hi;
+        dr = fabs(factor) * dr + 1.0;
+    }
+    return sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) / dr;
+}
+
 // Returns a solid's distance from the light ray at t, for the ideal shadow.
 static double height_at(const struct light_ray *ray, const struct solid *solid, double t) {
     struct dd p[3], local[3];
-    if (solid->shape->type != SHAPE_MANDELBULB)
+    if (!is_fractal(solid->shape->type))
         return distance_at(ray, solid, t).hi;
     dd_along(ray->o, dd_from(t), ray->d, p);
     to_frame(solid, p, local);
-    return bulb_distance(local, solid->shape);
+    return solid->shape->type == SHAPE_MANDELBULB ? bulb_distance(local, solid->shape)
+                                                  : box_distance(local, solid->shape);
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
@@ -104,11 +123,11 @@ static double least_ratio_convex(const struct light_ray *ray, const struct solid
 }
 
 // The same for any solid, by branch and bound: h is 1-Lipschitz. Proved to 1e-4, then refined by golden section. A
-// Mandelbulb's estimate is no bound; there it is searched to 1/1024.
+// fractal's estimate is no bound; there it is searched to 1/1024.
 static double least_ratio_any(const struct light_ray *ray, const struct solid *solid, double best) {
     enum { DEEPEST = 200 };
     double strength = ray->prepared->model.shadow_strength;
-    double room = solid->shape->type == SHAPE_MANDELBULB ? 1.0 / 1024 : 1e-4;
+    double room = is_fractal(solid->shape->type) ? 1.0 / 1024 : 1e-4;
     double stack[DEEPEST][2] = {{ray->start, ray->distance}};
     double low = 0, high = -1;
     for (int depth = 1, rounds = 0; depth > 0 && rounds < 100000; rounds++) {
@@ -142,18 +161,18 @@ static double ideal_shadow(const struct light_ray *ray) {
     for (int i = 0; i < ray->prepared->model.shape_count && best > 0; i++) {
         const struct solid *solid = &ray->prepared->solids[i];
         bool convex = !solid->repeated && solid->shape->type != SHAPE_TORUS &&
-                      solid->shape->type != SHAPE_MANDELBULB;
+                      !is_fractal(solid->shape->type);
         best = convex ? least_ratio_convex(ray, solid, ray->start, ray->distance, best)
                       : least_ratio_any(ray, solid, best);
     }
     return fmax(best, 0);
 }
 
-// Whether a march towards the light meets a Mandelbulb.
-static bool bulb_blocks(const struct light_ray *ray) {
+// Whether a march towards the light meets a fractal.
+static bool fractal_blocks(const struct light_ray *ray) {
     const struct model *model = &ray->prepared->model;
     for (int i = 0; i < model->shape_count; i++) {
-        if (model->shapes[i].type != SHAPE_MANDELBULB)
+        if (!is_fractal(model->shapes[i].type))
             continue;
         double t = ray->start;
         for (int step = 0; step < model->march.max_steps && t < ray->distance; step++) {
@@ -199,10 +218,10 @@ static enum status hard_shadow(const struct light_ray *light, const struct hit *
         proved = fine.proved || fine.inside;
         blocked = fine.shape >= 0 || fine.inside;
     }
-    if (prepared->bulbs)
-        blocked = blocked || bulb_blocks(light);
+    if (prepared->fractals)
+        blocked = blocked || fractal_blocks(light);
     *factor = blocked ? 0 : 1;
-    return !proved ? UNDECIDED : prepared->bulbs ? CONVERGED : PROVED;
+    return !proved ? UNDECIDED : prepared->fractals ? CONVERGED : PROVED;
 }
 
 enum status find_shadow(const struct prepared *prepared, const struct hit *hit,

@@ -22,7 +22,7 @@ struct prepared {
     struct model model;
     struct solid *solids;
     int threads;
-    bool bulbs;
+    bool fractals;
 };
 
 struct hit {

@@ -17,7 +17,11 @@ SIZES: dict[str, dict[str, Any]] = {
     "octahedron": {"radius": 1.5},
     "plane": {"normal": [0.2, 1, -0.1], "offset": -1},
     "mandelbulb": {"power": 8, "iterations": 4, "bailout": 256},
+    "mandelbox": {"scale": -1.5, "fold_limit": 1, "minimum_radius": 0.5, "fixed_radius": 1, "iterations": 8},
 }
+FRACTALS = ("mandelbulb", "mandelbox")
+# A Mandelbox is seen where its estimate is below the hit distance: after few iterations, a coarse one.
+COARSE = {"hit_distance": 0.02, "surface_offset": 0.1, "normal_step": 0.02}
 MATERIALS = {
     "plain": {"color": [0.6, 0.5, 0.4], "reflectivity": 0, "shininess": 15},
     "blue": {"color": [0.1, 0.2, 0.7], "reflectivity": 0, "shininess": 3.5},
@@ -50,11 +54,12 @@ def _transforms() -> dict[str, dict]:
     found = {}
     for kind in SIZES:
         turned = PLANE_TURNED if kind == "plane" else TURNED
-        found[kind] = scene([shape(kind)])
-        found[f"{kind}_turned"] = scene([shape(kind, **turned)])
+        limits = {"march": COARSE} if kind == "mandelbox" else {}
+        found[kind] = scene([shape(kind)], **limits)
+        found[f"{kind}_turned"] = scene([shape(kind, **turned)], **limits)
         for name, cells in {"x": [3.4, 0, 0], "y": [0, 3.2, 0], "z": [0, 0, 4], "all": CELLS}.items():
-            found[f"{kind}_repeated_{name}"] = scene([shape(kind, repeat=cells)])
-        found[f"{kind}_turned_repeated"] = scene([shape(kind, repeat=CELLS, **turned)])
+            found[f"{kind}_repeated_{name}"] = scene([shape(kind, repeat=cells)], **limits)
+        found[f"{kind}_turned_repeated"] = scene([shape(kind, repeat=CELLS, **turned)], **limits)
     found["rounded"] = scene([shape("box", rounding=0.4)])
     found["rounded_turned_repeated"] = scene([shape("box", rounding=0.25, repeat=CELLS, **TURNED)])
     for axis, name in enumerate("xyz"):
@@ -115,7 +120,7 @@ def _light() -> dict[str, dict]:
 
 def _counts() -> dict[str, dict]:
     """From one shape to 64, and shapes in each other's place."""
-    kinds = [kind for kind in SIZES if kind not in ("plane", "mandelbulb")]
+    kinds = [kind for kind in SIZES if kind not in ("plane", *FRACTALS)]
     materials = itertools.cycle(MATERIALS)
     many = []
     for i, (x, y, z) in enumerate(itertools.product(np.linspace(-3, 3, 4), repeat=3)):
@@ -144,6 +149,21 @@ def _limits() -> dict[str, dict]:
     }
     found |= {f"iterations_{n}": scene([bulb | {"iterations": n}]) for n in (1, 2, 4, 7)}
     found |= {f"bailout_{b}": scene([bulb | {"bailout": b}]) for b in (4, 10000)}
+    # the other well-known scale; a Mandelbox alone, with a plane, with a Mandelbulb, in each kind of shadow
+    box = shape("mandelbox")
+    beside = {
+        "scale_2": [box | {"scale": 2, "fold_limit": 0.4, "minimum_radius": 0.2, "fixed_radius": 0.4}],
+        "plane": [FLOOR, box, shape("sphere", radius=1, position=[-2.5, -0.5, -1], material="mirror")],
+        "bulb": [FLOOR, shape("mandelbulb", position=[-2.5, 0, -1]), box | {"position": [1.5, 0, 1]}],
+    }
+    found |= {
+        f"mandelbox_{name}": scene(shapes, march=COARSE, light={"shadows": "soft"})
+        for name, shapes in beside.items()
+    }
+    found |= {
+        f"mandelbox_{kind}": scene(beside["plane"], march=COARSE, light={"shadows": kind})
+        for kind in ("hard", "ideal")
+    }
     return found | {
         "hit_distance": scene(ROOM, march={"hit_distance": 0.01}),
         "bounds_radius": scene(ROOM, march={"bounds_radius": 5.5}, background=[0.3, 0.1, 0.1]),
@@ -282,4 +302,4 @@ CELL = scene(
 
 
 def is_fractal(whole: dict) -> bool:
-    return any(s["type"] == "mandelbulb" for s in whole["shapes"])
+    return any(s["type"] in FRACTALS for s in whole["shapes"])

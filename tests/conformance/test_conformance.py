@@ -24,6 +24,7 @@ from conformance.feature_scenes import (
     CELL,
     FEATURES,
     FLOOR,
+    FRACTALS,
     MATERIALS,
     ROOM,
     SIZES,
@@ -317,9 +318,9 @@ def opinion(name: str) -> dict[str, np.ndarray]:
 
 
 def drawn_by_numpy(name: str) -> dict:
-    """The feature's scene without its Mandelbulbs, which are chaotic."""
+    """The feature's scene without its fractals, which are chaotic."""
     whole = FEATURES[name]
-    return whole | {"shapes": [s for s in whole["shapes"] if s["type"] != "mandelbulb"]}
+    return whole | {"shapes": [s for s in whole["shapes"] if s["type"] not in FRACTALS]}
 
 
 @pytest.mark.parametrize("name", OPINIONS)
@@ -524,6 +525,14 @@ def shapes(draw: st.DrawFn) -> dict:
             "power": 8,
             "iterations": draw(st.integers(1, 6)),
             "bailout": draw(st.sampled_from([4, 256])),
+        }
+    elif kind == "mandelbox":
+        sizes = {
+            "scale": draw(st.sampled_from([-3, -1.5, 0.5, 2])),
+            "fold_limit": draw(length),
+            "minimum_radius": draw(st.floats(0.0625, 0.5, width=32)),
+            "fixed_radius": draw(st.floats(0.5, 2, width=32)),
+            "iterations": draw(st.integers(1, 6)),
         }
     placed = {"position": draw(vector), "material": draw(st.sampled_from(list(MATERIALS)))}
     if draw(st.booleans()):

@@ -12,14 +12,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from conformance import geometry
-from conformance.feature_scenes import FEATURES, SIZES, scene, shape
+from conformance.feature_scenes import FEATURES, FRACTALS, SIZES, scene, shape
 from conformance.harness import PHASES, REDUCED, Unsupported, call, check_refusal, distances, keep
 from drawn import examples
 from study.core import registry
 
 pytestmark = pytest.mark.parametrize("phase", PHASES)
 
-EXACT = [kind for kind in SIZES if kind != "mandelbulb"]  # the Mandelbulb's is an estimate, no distance
+EXACT = [kind for kind in SIZES if kind not in FRACTALS]  # theirs are estimates, no distances
 COUNT = 300 if REDUCED else 3000
 
 
@@ -297,3 +297,63 @@ def test_mandelbulb_at_its_poles(phase: str) -> None:
         assert np.isfinite(found).all(), f"{where}: at {points[~np.isfinite(found)][0].tolist()} not finite"
         origin = found[(points == 0).all(axis=1)]
         assert (np.abs(origin) < 1e-3).all(), f"{where}: {origin[0]!r} at the origin, where √m·ln m is 0"
+
+
+BOXES = {
+    "negative": {},
+    "one": {"iterations": 1},
+    "many": {"iterations": 16},
+    "two": {"scale": 2, "iterations": 12},
+    "other radii": {"scale": -2.5, "fold_limit": 0.7, "minimum_radius": 0.2, "fixed_radius": 1.3},
+    "no inversion": {"minimum_radius": 1, "scale": 1.5},
+    "shrinking": {"scale": -0.5, "iterations": 40},
+}
+
+
+@functools.cache
+def box_answers(name: str, unit: float) -> tuple[np.ndarray, ...]:
+    """Points, their distances, and how far noise of that unit roundoff moves them."""
+    random, box = np.random.default_rng(6), shape("mandelbox", **BOXES[name])
+    near = random.uniform(-2.3, 2.3, (COUNT, 3))
+    far = random.uniform(-30, 30, (COUNT // 4, 3))
+    border = np.array([-2, -1, -0.5, 0, 0.25, 0.5, 1, 1.5, 2, 3])  # where the map changes its case
+    grid = np.array(np.meshgrid(border, border, border)).reshape(3, -1).T
+    points = np.concatenate([near, far, grid]).astype(np.float32).astype(float)
+    exact = geometry.mandelbox(points, box)
+    noisy = [geometry.mandelbox(points, box, unit, seed) for seed in range(8)]
+    return points, exact, np.max([np.abs(estimate - exact) for estimate in noisy], axis=0)
+
+
+@pytest.mark.parametrize("name", BOXES)
+def test_mandelbox(phase: str, name: str) -> None:
+    """Against reflections and inversions in 80-bit floats, within what rounding can do."""
+    points, exact, spread = box_answers(name, roundoff(phase))
+    whole = scene([shape("mandelbox", **BOXES[name])])
+    found, _, where = probe(phase, whole, points, f"distance_mandelbox_{name.replace(' ', '_')}")
+    tolerance = 16 * spread + 16 * roundoff(phase) * (np.abs(exact) + 1e-3)
+    off = np.abs(found - exact)
+    worst = int(np.argmax(off / tolerance))
+    assert (off <= tolerance).all(), (
+        f"{where}: {(~(off <= tolerance)).sum()} of {len(points)} points, worst at {points[worst].tolist()}: "
+        f"{found[worst]!r} for {exact[worst]!r}, tolerance {tolerance[worst]:.2e}"
+    )
+
+
+# What the scene's reader lets through at most: scale and iterations, radii, and both.
+FURTHEST = [
+    {"scale": 1e6, "iterations": 1},
+    {"scale": -10, "iterations": 6, "fixed_radius": 1e9, "minimum_radius": 1.1e7, "fold_limit": 1e9},
+    {"scale": 1.148, "iterations": 100, "minimum_radius": 0.8},
+    {"scale": -1e-9, "iterations": 7, "minimum_radius": 0.01},
+    {"scale": 1, "iterations": 100, "minimum_radius": 1, "fold_limit": 1e-9},
+]
+
+
+@pytest.mark.parametrize("sizes", FURTHEST, ids=range(len(FURTHEST)))
+def test_mandelbox_is_finite(phase: str, sizes: dict) -> None:
+    """At the centre, on the axes, and further away than any ray goes."""
+    axes = [np.eye(3) * x for x in (0, 1e-30, 1, -2, 100, -1e5, 1e9)]
+    points = np.concatenate([*axes, np.full((1, 3), 1e9)])
+    whole = scene([shape("mandelbox", **sizes)])
+    found, _, where = probe(phase, whole, points, f"mandelbox_finite_{FURTHEST.index(sizes)}")
+    assert np.isfinite(found).all() and (found >= 0).all(), f"{where}: {found.tolist()}"

@@ -66,6 +66,18 @@ SIZES = {
         "bailout": st.sampled_from([4, 256, 10000]),
     },
 }
+# Kept apart, so that hypothesis draws the same scenes of solids as ever.
+EVERY = SIZES | {
+    "mandelbox": {
+        "scale": st.sampled_from([-3, -1.5, 0.5, 2]),
+        "fold_limit": sixteenths(0.25, 2),
+        "minimum_radius": sixteenths(0.125, 0.5),
+        "fixed_radius": sixteenths(0.5, 1.5),
+        "iterations": st.integers(1, 6),
+    },
+}
+RATHER = {"type", "material", "power", "iterations", "bailout", "normal"}  # neither large nor small
+RATHER |= {"scale", "minimum_radius", "fixed_radius"}
 
 
 def rounded(shape: dict) -> None:
@@ -85,12 +97,10 @@ def extreme(draw: st.DrawFn) -> dict:
     at = st.one_of(vector(-2.5, 2.5), st.tuples(ANY, ANY, ANY).map(list))
     color = st.tuples(*[st.sampled_from([0, 5e-324, 1e-9, 0.5, 1, 1e9])] * 3).map(list)
     shapes = []
-    for kind in draw(st.lists(st.sampled_from([*SIZES]), min_size=1, max_size=3)):
-        shape = {"type": kind, "material": "only"} | {key: draw(size) for key, size in SIZES[kind].items()}
+    for kind in draw(st.lists(st.sampled_from([*EVERY]), min_size=1, max_size=3)):
+        shape = {"type": kind, "material": "only"} | {key: draw(size) for key, size in EVERY[kind].items()}
         if draw(st.booleans()):
-            for key in sorted(
-                shape.keys() - {"type", "material", "power", "iterations", "bailout", "normal"}
-            ):
+            for key in sorted(shape.keys() - RATHER):
                 size = st.tuples(*[LENGTHS] * 3).map(list) if key == "half_size" else LENGTHS
                 shape[key] = draw(st.one_of(st.just(shape[key]), size))
         rounded(shape)
@@ -104,7 +114,7 @@ def extreme(draw: st.DrawFn) -> dict:
             if draw(st.integers(0, 3)) == 3:
                 shape[key] = draw(values)
         shapes.append(shape)
-    scene = draw(scenes([*SIZES]))
+    scene = draw(scenes([*EVERY]))
     scene["camera"]["vertical_fov_degrees"] = draw(st.sampled_from([30, 60, 1, 170]))
     if draw(st.booleans()):
         position = draw(st.tuples(ANY, ANY, ANY).map(list))
@@ -133,7 +143,7 @@ def extreme(draw: st.DrawFn) -> dict:
 def shapes(draw: st.DrawFn, kinds: list[str]) -> dict:
     kind = draw(st.sampled_from(kinds))
     shape = {"type": kind, "material": draw(st.sampled_from(["plain", "mirror"]))}
-    shape |= {key: draw(size) for key, size in SIZES[kind].items()}
+    shape |= {key: draw(size) for key, size in EVERY[kind].items()}
     for key, values in {
         "position": vector(-2.5, 2.5),
         "rotation_degrees": st.tuples(*[st.integers(-180, 180)] * 3).map(list),
@@ -229,9 +239,9 @@ def settled(examples: int):
 
 
 @settled(20)
-@given(scene=scenes([*SIZES]))
+@given(scene=scenes([*EVERY]))
 def test_no_phase_breaks(scene: dict) -> None:
-    """Any valid scene: Mandelbulbs, cameras and lights inside of shapes, everything at once."""
+    """Any valid scene: fractals, cameras and lights inside of shapes, everything at once."""
     note("build/test-scenes/random_any.json")
     pictures(scene, "random_any")
 
@@ -268,7 +278,7 @@ def test_unlike_sees() -> None:
         assert unlike(other, plane).sum() == 1, (name, value)
 
 
-@pytest.mark.parametrize("kind", [*SIZES])
+@pytest.mark.parametrize("kind", [*EVERY])
 def test_every_shape_is_drawn(kind: str) -> None:
     """The strategy yields every kind, and its scenes load."""
     seen = []

@@ -43,6 +43,7 @@ MANY = [
     shape("cone", position=[-2, 0, 1]),
     shape("octahedron", position=[-1, 1.5, 0], rotation_degrees=TURNED["rotation_degrees"]),
     shape("mandelbulb", position=[1.5, -0.5, -0.5], repeat=[0, 6, 0]),
+    shape("mandelbox", position=[-3, 2, 3], iterations=3),
     FLOOR,
 ]
 OTHER = "spheres40"  # where a system refuses a scene
@@ -195,6 +196,8 @@ def test_calls_follow_pixels_and_shapes(counted, phase, name, height):
     evaluations = calls(made, "sdf")
     for kind in SIZES:
         assert calls(made, f"sdf_{kind}") == evaluations * sum(one["type"] == kind for one in shapes), kind
+    moves = sum(one["iterations"] for one in shapes if one["type"] == "mandelbox")
+    assert calls(made, "sdf_mandelbox", "step") == evaluations * moves
     assert calls(made, "sdf", "shape") == calls(made, "apply_transform") == evaluations * len(shapes)
     marches = ("ray_march", "soft_shadow", "ideal_shadow", "hard_shadow")
     marched = sum(calls(made, march, "step") for march in marches)

@@ -54,7 +54,9 @@ RANDOM = {f"{count} spheres": spheres(count) for count in (40, 5)}
 
 
 def drawn_by(data: dict) -> set[str]:
-    """The paths that can draw a shipped scene, or one of RANDOM: each has closed forms."""
+    """The paths that can draw a shipped scene, or one of RANDOM: all but a Mandelbox's have closed forms."""
+    if any(s["type"] == "mandelbox" for s in data["shapes"]):
+        return {"march"}
     plain = not any(s["type"] == "mandelbulb" or any(s.get("repeat", ())) for s in data["shapes"])
     return set(PATHS) if plain and data["march"]["max_steps"] >= 256 else {"list", "march"}
 
@@ -159,6 +161,7 @@ REFUSED = {
     "two values": (RANDOM["5 spheres"], "list bvh", '"list bvh": should be list, bvh or march'),
     "a list of what has no closed form": (WIDE, "list", "no closed form: march draws it"),
     "a BVH of what has no closed form": (WIDE, "bvh", "no closed form: march draws it"),
+    "a list of a Mandelbox": (scene([FLOOR, shape("mandelbox")]), "list", "no closed form: march draws it"),
     "a BVH of few steps": (FEW_STEPS, "bvh", "256 or more"),
     "a BVH of a Mandelbulb": (scene([FLOOR, shape("mandelbulb")]), "bvh", "no Mandelbulb"),
     "a BVH of what is repeated": (scene([FLOOR, shape("sphere", repeat=[4, 0, 4])]), "bvh", 'no "repeat"'),

@@ -154,6 +154,8 @@ def test_what_is_no_ray_is_refused(origin, direction):
         exact.first_hit(several(BALL), origin, direction)
 
 
-def test_a_mandelbulb_has_no_exact_truth():
+def test_a_fractal_has_no_exact_truth():
     with pytest.raises(StudyError, match="mandelbulb"):
         several({"type": "mandelbulb", "power": 8, "iterations": 4, "bailout": 100})
+    with pytest.raises(StudyError, match="mandelbox"):
+        several({"type": "mandelbox", "scale": -1.5})

@@ -33,7 +33,7 @@ def test_the_seeds_have_every_shape_and_path(tmp_path):
         if len(shapes) == 1:
             alone.add(shapes[0]["type"])
             paths.add(shapes[0].get("path", {}).get("type"))
-    assert alone == {"sphere", "box", "torus", "cone", "octahedron", "plane", "mandelbulb"}
+    assert alone == {"sphere", "box", "torus", "cone", "octahedron", "plane", "mandelbulb", "mandelbox"}
     assert paths == {None, "circle", "line"}
 
 

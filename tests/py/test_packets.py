@@ -365,6 +365,7 @@ REFUSED = {
         "octahedron",
     ),
     "mandelbulb": (scene([shape("mandelbulb")], **HARD), "closed forms of spheres", "mandelbulb"),
+    "mandelbox": (scene([shape("mandelbox")], **HARD), "closed forms of spheres", "mandelbox"),
     "repeat": (scene([shape("box", repeat=[4, 0, 0])], **HARD), "repeated without end", "repeat"),
     "soft": (scene([shape("sphere")], light={"shadows": "soft"}), "no", "shadows"),
     "ideal": (scene([shape("sphere")], light={"shadows": "ideal"}), "no", "shadows"),

@@ -79,7 +79,7 @@ def test_broken_json_has_line_and_column(tmp_path):
 
 def test_scenes_know_whether_they_are_fractal():
     found = registry.scenes()
-    assert found["mandelbulb"].fractal
+    assert found["mandelbulb"].fractal and found["mandelbox"].fractal
     assert not found["scene0"].fractal
     assert set(found) == {path.stem for path in registry.ROOT.glob("common/scenes/*.json")}
 

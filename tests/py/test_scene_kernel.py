@@ -416,6 +416,12 @@ def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> No
     assert not left
 
 
+def test_a_mandelbox_is_marched_by_the_general_code(shop: Workshop) -> None:
+    facts, said, _ = shop.run("mandelbox")
+    assert not facts["generated"] and facts["hash"] is None and not said
+    assert facts["reason"] == "general: the scene is marched: no kernel is generated for that"
+
+
 def test_a_reason_that_is_no_utf8_is_recorded(shop: Workshop, tmp_path: Path) -> None:
     """JSON is: a byte that is not ASCII is a question mark in the record, and itself in the line."""
     environment = {"STEPWISE_CC": os.fsdecode(b"/nowhere/k\xe4fig/cc"), "STEPWISE_CACHE": str(tmp_path)}

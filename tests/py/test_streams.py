@@ -113,11 +113,15 @@ def test_full_queues(width, tmp_path) -> None:
     check_same(picture(PHASE, scene, tmp_path, (256, 90), **WIDTHS[width]), parents, width)
 
 
-FRACTALS = [name for name, scene in registry.scenes().items() if scene.fractal]
+BULBS = [
+    name
+    for name, scene in registry.scenes().items()
+    if any(shape["type"] == "mandelbulb" for shape in scene.data["shapes"])
+]
 
 
 @pytest.mark.parametrize("width", EACH_WIDTH)
-@pytest.mark.parametrize("name", FRACTALS)
+@pytest.mark.parametrize("name", BULBS)
 @pytest.mark.parametrize("hit_distance", [None, 2e-3])
 def test_a_mandelbulbs_streams_are_the_parents_packets(name, hit_distance, width, tmp_path) -> None:
     """Lanes that are filled again find what those of a packet find: to the bit, and as many steps.
@@ -146,7 +150,7 @@ def lone(name: str) -> dict:
     """A Mandelbulb alone, or with a plane: as in the project's scenes, and otherwise."""
     scene = copy.deepcopy(registry.scenes()["mandelbulb"].data)
     floor, bulb = scene["shapes"]
-    if name in FRACTALS:
+    if name in BULBS:
         scene = copy.deepcopy(registry.scenes()[name].data)
     elif name == "turned, nothing beside, hard shadows":
         bulb |= {"position": [0.3, -0.2, 5], "rotation_degrees": [20, -50, 80], "iterations": 7}
@@ -167,7 +171,7 @@ def lone(name: str) -> dict:
     return scene
 
 
-LONE = [*FRACTALS, "turned, nothing beside, hard shadows", "within its ball", "within itself"]
+LONE = [*BULBS, "turned, nothing beside, hard shadows", "within its ball", "within itself"]
 LONE += ["mirrors", "few steps", "a plane through it, from below"]
 
 

@@ -77,7 +77,7 @@ def test_no_start_past_the_true_hit(name, tmp_path) -> None:
     scene = registry.scenes()[name]
     for view, seen in views(scene.data).items():
         late[view] = check_starts(PHASE, seen, tmp_path, f"{name} from {view}")
-    if not scene.fractal:  # rays that may meet a Mandelbulb take all of their steps
+    if not scene.fractal:  # rays that may meet a fractal take all of their steps
         assert late["own"][0] > 0.5, f"{name}: hardly a cone has started beyond the camera"
         pieces = [hits for view, (_, hits) in late.items() if view.startswith("piece")]
         assert max(pieces) > 0.1, f"{name}: the narrow views see next to nothing"
@@ -85,15 +85,16 @@ def test_no_start_past_the_true_hit(name, tmp_path) -> None:
 
 @pytest.mark.parametrize("width", EACH_WIDTH)
 @pytest.mark.parametrize("name", [name for name, scene in registry.scenes().items() if scene.fractal])
-def test_a_mandelbulb_is_the_parents(name, width, tmp_path) -> None:
+def test_a_fractal_is_the_parents(name, width, tmp_path) -> None:
     """What a march by its estimate finds hangs on every step: the same hits and normals, to the bit."""
     scene = registry.scenes()[name]
-    bulb = next(i for i, shape in enumerate(scene.data["shapes"]) if shape["type"] == "mandelbulb")
+    shapes = scene.data["shapes"]
+    fractal = next(i for i, shape in enumerate(shapes) if shape["type"] in registry.FRACTALS)
     mine, parents = (
         picture(phase, scene.path, tmp_path, (96, 54), **WIDTHS[width]) for phase in (PHASE, PARENT)
     )
-    hit = parents["id"] == bulb
-    assert hit.sum() > 200 and np.array_equal(mine["id"] == bulb, hit)
+    hit = parents["id"] == fractal
+    assert hit.sum() > 200 and np.array_equal(mine["id"] == fractal, hit)
     for plane in ("Z", "N.x", "N.y", "N.z", "evals"):
         assert np.array_equal(mine[plane][hit], parents[plane][hit]), plane
 

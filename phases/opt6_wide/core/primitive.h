@@ -31,7 +31,7 @@ struct primitive {
     float normal[3];              // plane: in the world's axes
     float a, b, c;                // sizes: see prepare_shape()
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
-    float size[3];                // box: half size; plane: normal
+    float size[3];                // box: half size; plane: normal; Mandelbox: squares of its radii
     float bailout;
     int iterations;
     // For ray origins, which are moved into the shape's frame in double and then rounded once: position, rows of the

@@ -44,12 +44,20 @@ struct primitive prepare_shape(int index, const struct shape *shape, const struc
         to_floats(shape->plane.normal, p.size);
         p.a = (float)shape->plane.offset;
         break;
+    case SHAPE_MANDELBOX:
+        p.a = (float)shape->mandelbox.scale;
+        p.b = (float)fabs(shape->mandelbox.scale);
+        p.c = (float)shape->mandelbox.fold_limit;
+        p.size[0] = (float)(shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius);
+        p.size[1] = (float)(shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius);
+        p.iterations = shape->mandelbox.iterations;
+        break;
     default:
         p.bailout = (float)shape->mandelbulb.bailout;
         p.iterations = shape->mandelbulb.iterations;
         break;
     }
-    p.steady = !p.repeated && p.type != SHAPE_MANDELBULB;
+    p.steady = !p.repeated && !is_fractal(p.type);
     p.slack = 0x1p-18f * extent_of(shape);
     return p;
 }

@@ -75,6 +75,9 @@ distances_to_shape(struct packet_group *group, int shape, int size,
         group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_ROUNDED_BOX,
                         found);
         break;
+    case SHAPE_MANDELBOX:
+        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_MANDELBOX, found);
+        break;
     default:
         group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_PLANE, found);
         break;

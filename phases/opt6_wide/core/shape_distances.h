@@ -1,7 +1,8 @@
 // Signed distances of one shape, from one point in each lane. Sphere, box, torus, capped cone, octahedron: I. Quilez,
 // "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map
-// without trigonometry, with the running derivative: I. Quilez, "mandelbulb" (iquilezles.org/articles/mandelbulb). It
-// is an estimate, not a bound.
+// without trigonometry, with the running derivative: I. Quilez, "mandelbulb" (iquilezles.org/articles/mandelbulb).
+// Mandelbox: T. Lowe (fractalforums.com, 2010), with the running derivative of Buddhi and Rrrola (fractalforums.com,
+// 2010). Both are estimates, not bounds.
 #ifndef SHAPE_DISTANCES_H
 #define SHAPE_DISTANCES_H
 
@@ -229,6 +230,29 @@ static inline vfloat bulb_wake_bound(vfloat square, vfloat t) {
     return v_madd(v_splat(1.0f - 0x1p-10f), bound, t);
 }
 
+// x reflected at the nearer of ±limit where it is beyond.
+static inline vfloat folded(vfloat x, vfloat limit) {
+    return v_msub(v_splat(2.0f), v_min(v_max(x, -limit), limit), x);
+}
+
+// The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius, scales
+// it and adds p. dr is the most by which the iterations stretch a distance.
+static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
+    COUNT(sdf_mandelbox, call);
+    vfloat limit = v_splat(s->c), outer_sq = v_splat(s->size[1]);
+    vfloat one = v_splat(1.0f), dr = one;
+    struct vec w = p;
+    for (int i = 0; i < s->iterations; i++) {
+        COUNT(sdf_mandelbox, iteration);
+        w = (struct vec){folded(w.x, limit), folded(w.y, limit), folded(w.z, limit)};
+        vfloat norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->size[0])), outer_sq);
+        vfloat inversion = outer_sq / norm_sq;
+        w = vec_along(p, w, v_splat(s->a) * inversion);
+        dr = v_madd(v_splat(s->b) * inversion, dr, one);
+    }
+    return vec_norm(w) / dr;
+}
+
 // Returns the distance at a point of the shape's frame, wrapped if it is repeated. `type` is a constant where this is
 // inlined in group_distances().
 __attribute__((always_inline)) static inline vfloat
@@ -241,6 +265,7 @@ distance_at(struct vec p, const struct primitive *primitive, enum shape_type typ
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
     default: return sdf_mandelbulb(p, primitive, live);
     }
 }
@@ -261,7 +286,7 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *p
     }
     COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
-    if (repeated)
+    if (repeated && (type != SHAPE_MANDELBOX || primitive->repeated))
         p = vec_wrapped(primitive, p);
     return distance_at(p, primitive, type, live);
 }

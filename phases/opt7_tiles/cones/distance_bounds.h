@@ -43,7 +43,7 @@ static inline struct packet_rays probe_rays(struct march_scratch *scratch,
 
 // Lists the wanted shapes of the scene, in both orders, into `shapes`.
 struct shape_list list_wanted(const bool *wanted, const struct prepared *scene, int *shapes);
-// Lists the wanted shapes for rays that may be hit. If a Mandelbulb is wanted, the list has all shapes: its estimate
+// Lists the wanted shapes for rays that may be hit. If a fractal is wanted, the list has all shapes: its estimate
 // is no bound, and what a march finds depends on every step from the ray's origin on.
 struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *scene, int *shapes);
 

@@ -9,7 +9,7 @@ static size_t even_count(int shapes) {
 
 static int max_packets(const struct model *model) {
     for (int i = 0; i < model->shape_count; i++)
-        if (model->shapes[i].type == SHAPE_MANDELBULB)
+        if (is_fractal(model->shapes[i].type))
             return GROUP;
     return SMALL_GROUP;
 }

@@ -12,7 +12,7 @@ enum { CONE_LEVELS = 2 };
 
 // A worker's memory, of the size that march_scratch_size() returns.
 struct march_scratch {
-    int packets;  // in the largest group: GROUP if the scene has a Mandelbulb, else SMALL_GROUP
+    int packets;  // in the largest group: GROUP if the scene has a fractal, else SMALL_GROUP
     vfloat *wake; // of the rays that march: `packets` for each shape
     struct local_ray *local;
     vfloat *probe_wake;         // of rays that only ask for bounds: axes of cones and bundles

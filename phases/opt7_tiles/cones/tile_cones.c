@@ -130,7 +130,7 @@ struct shape_list list_wanted(const bool *wanted, const struct prepared *scene, 
 
 struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *scene, int *shapes) {
     for (int i = 0; i < scene->model.shape_count; i++)
-        if (wanted[i] && scene->primitives[i].trust == BOUND_BALL)
+        if (wanted[i] && is_fractal(scene->primitives[i].type))
             return scene->all;
     return list_wanted(wanted, scene, shapes);
 }
@@ -147,7 +147,7 @@ struct shape_list list_of_cone(int lane, const struct prepared *scene,
     COUNT(list_of_cone, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
         scratch->wanted[i] = v_mask_bits(scratch->met[i]) >> lane & 1;
-        if (scratch->wanted[i] && scene->primitives[i].trust == BOUND_BALL)
+        if (scratch->wanted[i] && is_fractal(scene->primitives[i].type))
             *start = 0.0f;
     }
     return list_wanted_hits(scratch->wanted, scene, scratch->patch);

@@ -30,7 +30,7 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
 // Lists the shapes that some of the cones have met, into `shapes`. `some` has a bit for each of their lanes.
 struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
                                     struct march_scratch *scratch, int *shapes);
-// Lists the shapes that one cone has met. If a Mandelbulb is among them, the list has all shapes and `start` becomes
+// Lists the shapes that one cone has met. If a fractal is among them, the list has all shapes and `start` becomes
 // 0.
 struct shape_list list_of_cone(int lane, const struct prepared *scene,
                                struct march_scratch *scratch, float *start);

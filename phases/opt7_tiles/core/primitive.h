@@ -19,7 +19,8 @@ enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
 // What a shape's distance bounds. BOUND_LIPSCHITZ: two points p and q differ in distance by at most |p − q|.
 // BOUND_BALL: it is an estimate, but nothing is hit outside of a ball of radius `a`, and there it is at least half of
-// the distance to the ball. BOUND_NONE: it jumps at the walls of its cells.
+// the distance to the ball. BOUND_NONE: it jumps at the walls of its cells, or it is an
+// estimate of another kind.
 enum bound_kind { BOUND_LIPSCHITZ, BOUND_BALL, BOUND_NONE };
 
 // A shape in the form that the march evaluates.
@@ -38,7 +39,7 @@ struct primitive {
     float normal[3];              // plane: in the world's axes
     float a, b, c;                // sizes: see prepare_shape()
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
-    float size[3];                // box: half size; plane: normal
+    float size[3];                // box: half size; plane: normal; Mandelbox: squares of its radii
     float bailout;
     int iterations;
     // For ray origins, which are moved into the shape's frame in double and then rounded once: position, rows of the
@@ -59,7 +60,7 @@ struct prepared {
     struct shape_list all;
 };
 
-// The most packets of a group, which march together. Without a Mandelbulb SMALL_GROUP is enough: more packets would
+// The most packets of a group, which march together. Without a fractal SMALL_GROUP is enough: more packets would
 // share longer lists of shapes.
 enum { GROUP = 16, SMALL_GROUP = 4 };
 

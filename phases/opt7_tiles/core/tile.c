@@ -144,7 +144,7 @@ struct cone_starts {
     float lane[LANES];
 };
 
-// Draws the patches of an area. Patches that can meet a Mandelbulb have the list of all shapes and start at the
+// Draws the patches of an area. Patches that can meet a fractal have the list of all shapes and start at the
 // camera. They are collected until they fill a large group.
 static void draw_lanes(struct cone_area area, vmask there, struct cone_starts start,
                        struct point origin, const struct job *job, struct trace_context *world) {

@@ -8,9 +8,10 @@
 #define BALL_RADIUS 1.15f
 
 // A wrapped distance is 1-Lipschitz if the shape is its mirror image at the walls of its cell. A plane or a cone is
-// not.
+// not. A Mandelbox's estimate is not either, and how far it reaches depends on its numbers.
 static enum bound_kind bound_kind_of(const struct shape *shape, bool repeated) {
-    if (repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE))
+    bool jumps = repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE);
+    if (jumps || shape->type == SHAPE_MANDELBOX)
         return BOUND_NONE;
     return shape->type == SHAPE_MANDELBULB ? BOUND_BALL : BOUND_LIPSCHITZ;
 }

@@ -19,7 +19,8 @@ enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
 // What a shape's distance bounds. BOUND_LIPSCHITZ: two points p and q differ in distance by at most |p − q|.
 // BOUND_BALL: it is an estimate, but nothing is hit outside of a ball of radius `a`, and there it is at least half of
-// the distance to the ball. BOUND_NONE: it jumps at the walls of its cells.
+// the distance to the ball. BOUND_NONE: it jumps at the walls of its cells, or it is an
+// estimate of another kind.
 enum bound_kind { BOUND_LIPSCHITZ, BOUND_BALL, BOUND_NONE };
 
 // A shape in the form that the march evaluates.

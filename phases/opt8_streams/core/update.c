@@ -8,9 +8,10 @@
 #define BALL_RADIUS 1.15f
 
 // A wrapped distance is 1-Lipschitz if the shape is its mirror image at the walls of its cell. A plane or a cone is
-// not.
+// not. A Mandelbox's estimate is not either, and how far it reaches depends on its numbers.
 static enum bound_kind bound_kind_of(const struct shape *shape, bool repeated) {
-    if (repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE))
+    bool jumps = repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE);
+    if (jumps || shape->type == SHAPE_MANDELBOX)
         return BOUND_NONE;
     return shape->type == SHAPE_MANDELBULB ? BOUND_BALL : BOUND_LIPSCHITZ;
 }
@@ -50,7 +51,7 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     double bound = bounding_radius(shape);
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
-    p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
+    p->convex = shape->type != SHAPE_TORUS && !is_fractal(shape->type);
     if (p->kind == EVAL_LINEAR)
         p->over = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
                           p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);

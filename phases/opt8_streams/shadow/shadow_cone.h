@@ -71,7 +71,7 @@ static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
 static inline vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                                 const struct prepared *scene) {
     COUNT(convex_from, call);
-    if (s->type == SHAPE_MANDELBULB)
+    if (is_fractal(s->type))
         return v_mask_none();
     COUNT(convex_from, solid);
     vmask may = v_mask_all();

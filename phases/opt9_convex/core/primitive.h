@@ -34,7 +34,7 @@ struct primitive {
     float normal[3];              // plane: its normal in world axes
     float a, b, c;                // sizes: see prepare_shape() in core/primitives.c
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
-    float size[3];                // box: half size; plane: normal
+    float size[3];                // box: half size; plane: normal; Mandelbox: squares of its radii
     float bailout;
     int iterations;
     float bound, bound_sq; // radius of the bounding sphere about `position`; infinite for a plane

@@ -62,6 +62,15 @@ static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
     return shape->type == SHAPE_PLANE ? EVAL_LINEAR : EVAL_POINT;
 }
 
+static void prepare_mandelbox(struct primitive *p, const struct shape *shape) {
+    p->a = (float)shape->mandelbox.scale;
+    p->b = (float)fabs(shape->mandelbox.scale);
+    p->c = (float)shape->mandelbox.fold_limit;
+    p->size[0] = (float)(shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius);
+    p->size[1] = (float)(shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius);
+    p->iterations = shape->mandelbox.iterations;
+}
+
 static struct primitive prepare_shape(int index, const struct shape *shape,
                                       const struct limits *limits, struct primitive_extra *extra) {
     struct primitive p = {
@@ -109,6 +118,7 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
         to_floats(shape->plane.normal, p.size);
         p.a = (float)shape->plane.offset;
         break;
+    case SHAPE_MANDELBOX: prepare_mandelbox(&p, shape); break;
     default:
         p.bailout = (float)shape->mandelbulb.bailout;
         p.iterations = shape->mandelbulb.iterations;
@@ -181,7 +191,7 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     double bound = bounding_radius(shape);
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
-    p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
+    p->convex = shape->type != SHAPE_TORUS && !is_fractal(shape->type);
     const struct material *m = &model->materials[shape->material];
     to_floats(m->color, p->color);
     p->share = (float)(m->reflectivity * 0.1);
@@ -294,7 +304,7 @@ void prepare_shapes(struct prepared *prepared, const struct model *model) {
         known->repeats = known->repeats || p->repeated;
         if ((p->repeated &&
              (known->bulbs || !fits_its_cells(&model->shapes[i], p, &model->march))) ||
-            p->eval == EVAL_POWER ||
+            p->eval == EVAL_POWER || p->type == SHAPE_MANDELBOX ||
             // With two Mandelbulbs, each one's estimate changes the steps towards the other.
             (p->type == SHAPE_MANDELBULB && (model->march.hit_distance > 0.01 ||
                                              model->shadows == SHADOWS_HARD || known->bulbs > 1)))

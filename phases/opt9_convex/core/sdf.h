@@ -1,7 +1,8 @@
 // Signed distances of as many points at once as there are lanes. Sphere, box, torus, capped cone, octahedron:
 // I. Quilez, "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P.
 // Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
-// (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+// (iquilezles.org/articles/mandelbulb). Mandelbox: T. Lowe (fractalforums.com, 2010), with the running
+// derivative of Buddhi and Rrrola (fractalforums.com, 2010). Both are estimates, not bounds.
 //
 // In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated in world
 // coordinates. Each ray has an origin and a direction in the frame of each shape, and the march evaluates
@@ -283,6 +284,29 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
     return v_select_or_zero(v_cmp_gt(m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
+// x reflected at the nearer of ±limit where it is beyond.
+static inline vfloat folded(vfloat x, vfloat limit) {
+    return v_msub(v_splat(2.0f), v_min(v_max(x, -limit), limit), x);
+}
+
+// The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of
+// fixed_radius, scales it and adds p. dr is the most by which the iterations stretch a distance.
+static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
+    COUNT(sdf_mandelbox, call);
+    vfloat limit = v_splat(s->c), outer_sq = v_splat(s->size[1]);
+    vfloat one = v_splat(1.0f), dr = one;
+    struct vec w = p;
+    for (int i = 0; i < s->iterations; i++) {
+        COUNT(sdf_mandelbox, iteration);
+        w = (struct vec){folded(w.x, limit), folded(w.y, limit), folded(w.z, limit)};
+        vfloat norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->size[0])), outer_sq);
+        vfloat inversion = outer_sq / norm_sq;
+        w = vec_along(p, w, v_splat(s->a) * inversion);
+        dr = v_madd(v_splat(s->b) * inversion, dr, one);
+    }
+    return vec_norm(w) / dr;
+}
+
 // Returns the distance at a point in the shape's frame, already wrapped if the shape is repeated.
 __attribute__((always_inline)) static inline vfloat
 distance_at(struct vec p, const struct primitive *s, vmask done) {
@@ -294,6 +318,7 @@ distance_at(struct vec p, const struct primitive *s, vmask done) {
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, s);
     case SHAPE_PLANE: return sdf_plane(p, s);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, s);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(p, s);
     default: return sdf_mandelbulb(p, s, done);
     }
 }

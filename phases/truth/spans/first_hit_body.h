@@ -44,7 +44,7 @@ static void FN(copy_spans)(const struct shape *shape, struct FN(ray) ray, struct
     case SHAPE_CONE: FN(cone_spans)(shape, &ray, range, spans); break;
     case SHAPE_TORUS: FN(torus_spans)(shape, &ray, range, spans, evals); break;
     case SHAPE_OCTAHEDRON: FN(octahedron_spans)(shape, &ray, range, spans); break;
-    default: break; // a Mandelbulb is marched
+    default: break; // a fractal is marched
     }
     for (int i = 0; shift != 0 && i < spans->count; i++) {
         struct FN(span) *span = &spans->at[i];
@@ -122,7 +122,7 @@ static bool FN(take_span)(struct FN(search) * search, int index, const struct FN
 static void FN(search_solid)(struct FN(search) * search, const struct solid *solid, int index,
                              const struct FN(ray) * ray, long *evals) {
     struct FN(ray) local;
-    if (solid->duplicate || solid->shape->type == SHAPE_MANDELBULB)
+    if (solid->duplicate || is_fractal(solid->shape->type))
         return;
     FN(to_local)(solid, ray, &local);
     if (solid->repeated) {

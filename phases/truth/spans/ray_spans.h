@@ -59,7 +59,7 @@ FIRST_HIT(ivq, first_q);
 #undef FIRST_HIT
 
 // Return the first surface on the ray, proved or with an enclosure of where it may be. `evals` is increased by the
-// number of copies and quartics that were solved. A duplicate solid and a Mandelbulb have no surface here.
+// number of copies and quartics that were solved. A duplicate solid and a fractal have no surface here.
 struct first_d first_hit_d(const struct solid *solids, int count, const struct ray_d *ray,
                            struct ivd reach, long *evals);
 struct first_q first_hit_q(const struct solid *solids, int count, const struct ray_q *ray,

@@ -98,7 +98,7 @@ def of_scene(lab: Lab, path: Path, height: int) -> list[Check]:
     to_base = [images.compare(base, picture)["psnr_db"] for picture in (exact, broken)]
     shown = ["the same picture" if value == math.inf else f"{value:.1f} dB" for value in to_base]
     return [
-        Check("shape", not scene.fractal, "no Mandelbulb in the scene"),
+        Check("shape", not scene.fractal, "no fractal in the scene"),
         Check("exact", to_base[0] >= lab.exact_db, f"{lab.start} at {lab.exact_db} dB or more: {shown[0]}"),
         Check("breaks", to_base[1] <= lab.below_db, f"{lab.breaks} at {lab.below_db} dB or less: {shown[1]}"),
     ]

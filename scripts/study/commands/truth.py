@@ -22,7 +22,7 @@ def table(found: list[truth.Summary]) -> str:
 
 
 def main() -> int:
-    parser = cli.parser(__doc__, {1: "a ray of a scene without a Mandelbulb stayed undecided"})
+    parser = cli.parser(__doc__, {1: "a ray of a scene without a fractal stayed undecided"})
     parser.add_argument("scene", nargs="*", metavar="SCENE", help="default: all")
     parser.add_argument(
         "-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height in pixels; default: 720"

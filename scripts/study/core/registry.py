@@ -35,6 +35,7 @@ COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strateg
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SYSTEMS = "systems"  # family of what other articles did: alternatives to the ladder, shown apart
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
+FRACTALS = frozenset({"mandelbulb", "mandelbox"})  # shapes whose distance is an estimate
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class Scene:
-    """One common/scenes/NAME.json. `fractal`: it has a mandelbulb, so single samples are chaotic."""
+    """One common/scenes/NAME.json. `fractal`: it has one of FRACTALS, so single samples are chaotic."""
 
     name: str
     path: Path
@@ -202,7 +203,7 @@ def scene_at(path: Path) -> Scene:
     shapes = data.get("shapes")
     shapes = shapes if isinstance(shapes, list) else []  # what is wrong, the driver says
     types = [shape.get("type") for shape in shapes if isinstance(shape, dict)]
-    return Scene(path.stem, path, data, "mandelbulb" in types)
+    return Scene(path.stem, path, data, any(kind in FRACTALS for kind in types if isinstance(kind, str)))
 
 
 def is_exact(spec: str) -> bool:

@@ -144,8 +144,8 @@ class Pair(Record, kw_only=True):
     phase: Annotated[str, key("", "the phase, or phase@phase")]
     reference: Annotated[str | Absent, key("", "whose picture it is held against")] = ABSENT
     scene: Annotated[str, key("", "its name")]
-    kind: Annotated[str | Absent, key("", "`fractal` where there is a Mandelbulb, else `smooth`")] = (
-        msgspec.field(name="class", default=ABSENT)
+    kind: Annotated[str | Absent, key("", "`fractal` where there is one, else `smooth`")] = msgspec.field(
+        name="class", default=ABSENT
     )
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     height: Annotated[int, key("pixels", "of the picture", ge=1)]

@@ -48,7 +48,7 @@ class Scene:
 
     @classmethod
     def of(cls, data: dict[str, Any]) -> Scene:
-        """Raises StudyError where a shape has no exact truth (mandelbulb)."""
+        """Raises StudyError where a shape has no exact truth (a fractal)."""
         shapes = tuple(shape_of(shape) for shape in data["shapes"])
         return cls(shapes, float(data["march"]["bounds_radius"]), data["camera"])
 

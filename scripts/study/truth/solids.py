@@ -14,6 +14,7 @@ from typing import Any
 from flint import arb
 
 from study.core.cli import StudyError
+from study.core.registry import FRACTALS
 from study.truth.algebra import Poly, Unsure, sign
 
 Balls = list[arb]  # a vector
@@ -42,8 +43,8 @@ def _doubles(value: Any) -> list[float]:
 def shape_of(data: dict[str, Any]) -> Shape:
     """From the scene's JSON. A plane's normal is normalised as in scene_shapes.c, operation by operation."""
     kind = data["type"]
-    if kind == "mandelbulb":
-        raise StudyError("a mandelbulb has no exact truth: its surface is not given by polynomials")
+    if kind in FRACTALS:
+        raise StudyError(f"a {kind} has no exact truth: its surface is not given by polynomials")
     frame = [_doubles(data.get(key, (0, 0, 0))) for key in ("position", "rotation_degrees", "repeat")]
     if kind == "plane":
         n = _doubles(data["normal"])

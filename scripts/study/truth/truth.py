@@ -25,7 +25,7 @@ import OpenImageIO as oiio
 from study.core import cli, run, store, temporary
 from study.core.build import build
 from study.core.cli import StudyError
-from study.core.registry import ROOT, Scene
+from study.core.registry import FRACTALS, ROOT, Scene
 from study.pictures import images
 from study.pictures.images import Picture
 
@@ -138,7 +138,7 @@ def _forget(planes: Picture, row: int, column: int) -> None:
 def decide(data: dict[str, Any], planes: Picture) -> tuple[int, int]:
     """Decides undecided primary rays in place. Number of rays decided, and of these found to be otherwise."""
     rows, columns = np.nonzero(planes["status"] == UNDECIDED)
-    if not len(rows) or any(shape["type"] == "mandelbulb" for shape in data["shapes"]):
+    if not len(rows) or any(shape["type"] in FRACTALS for shape in data["shapes"]):
         return 0, 0
     from study.truth import exact  # flint is needed here only
 

@@ -38,7 +38,9 @@ static const char WHOLE[] =
     "{'type':'cone','bottom_radius':2,'top_radius':1,'half_height':3,'material':'white'},"
     "{'type':'octahedron','radius':1.25,'material':'mirror'},"
     "{'type':'plane','normal':[0,3,4],'offset':10,'material':'white'},"
-    "{'type':'mandelbulb','power':8,'iterations':4,'bailout':256,'material':'white'}]}";
+    "{'type':'mandelbulb','power':8,'iterations':4,'bailout':256,'material':'white'},"
+    "{'type':'mandelbox','scale':-1.5,'fold_limit':1,'minimum_radius':0.5,'fixed_radius':2,"
+    "'iterations':16,'material':'white'}]}";
 
 static char file_name[] = "/tmp/stepwise-scene-XXXXXX.json";
 static char error[SCENE_ERROR_SIZE];

@@ -64,7 +64,7 @@ static void limits_of_shapes_are_refused(void **state) {
         {"shapes", "[]", NULL, "0 shapes; 1 to 4096 are allowed"},
         {"shapes[2].type", "'donut'", NULL,
          "\"donut\" is not a shape; there are sphere, box, torus, cone, octahedron, plane, "
-         "mandelbulb"},
+         "mandelbulb, mandelbox"},
         {"shapes[0].radius", "0", NULL, "0 is not > 0"},
         {"shapes[0].radius", "-1", NULL, "-1 is not > 0"},
         {"shapes[0].repeat[1]", "-2", NULL, "-2 is not >= 0"},
@@ -77,7 +77,7 @@ static void limits_of_shapes_are_refused(void **state) {
          "radius"},
         {"shapes[1].type", "'rounded box'", NULL,
          "\"rounded box\" is not a shape; there are sphere, box, torus, cone, octahedron, plane, "
-         "mandelbulb"},
+         "mandelbulb, mandelbox"},
         {"shapes[2].major_radius", "0", NULL, "0 is not > 0"},
         {"shapes[2].minor_radius", "-0.5", NULL, "-0.5 is not > 0"},
         {"shapes[3].bottom_radius", "0", NULL, "0 is not > 0"},
@@ -95,6 +95,27 @@ static void limits_of_shapes_are_refused(void **state) {
         {"shapes[6].iterations", "1.5", NULL, "1.5 is not a whole number"},
         {"shapes[6].bailout", "3.9", NULL, "3.9 is not in 4 to 10000"},
         {"shapes[6].bailout", "10001", NULL, "10001 is not in 4 to 10000"},
+        {"shapes[7].scale", "0", NULL, "0 should be 1e-09 or more, or -1e-09 or less"},
+        {"shapes[7].scale", "-1e-10", NULL, "-1e-10 should be 1e-09 or more, or -1e-09 or less"},
+        {"shapes[7].scale", "2e9", NULL, "2e+09 is beyond 1e+09, the largest number there is"},
+        {"shapes[7].fold_limit", "0", NULL, "0 is not > 0"},
+        {"shapes[7].minimum_radius", "0", NULL, "0 is not > 0"},
+        {"shapes[7].minimum_radius", "2.5", NULL,
+         "2.5 is not between fixed_radius/100 and fixed_radius, 2"},
+        {"shapes[7].minimum_radius", "0.01", NULL,
+         "0.01 is not between fixed_radius/100 and fixed_radius, 2"},
+        {"shapes[7].fixed_radius", "0", NULL, "0 is not > 0"},
+        {"shapes[7].iterations", "0", NULL, "0 is not >= 1"},
+        {"shapes[7].iterations", "101", NULL, "101 is beyond 100, the largest there is"},
+        // 1.5^35 is 1.5e6; (1.5·16)^22 is 2.3e30
+        {"shapes[7].iterations", "35", NULL,
+         "|scale|^iterations is 1.45611e+06, beyond 1e6: at most 34 for this scale"},
+        {"shapes[7].iterations", "22", NULL,
+         "(|scale|*(fixed_radius/minimum_radius)^2)^iterations is 2.31551e+30, beyond 1e30: at "
+         "most 21 for these numbers"},
+        {"shapes[7].power", "8", NULL,
+         "unknown key; known here: type, material, position, rotation_degrees, repeat, path, "
+         "scale, fold_limit, minimum_radius, fixed_radius, iterations"},
     };
     all_refused(cases, COUNT(cases));
 }
@@ -143,6 +164,11 @@ static void limits_themselves_are_accepted(void **state) {
         {"shapes[6].iterations", "1"},
         {"shapes[6].bailout", "4"},
         {"shapes[6].bailout", "10000"},
+        {"shapes[7].scale", "1e-9"},
+        {"shapes[7].scale", "-1"},
+        {"shapes[7].iterations", "21"},
+        {"shapes[7].minimum_radius", "0.3125"},
+        {"shapes[7].minimum_radius", "2"},
         {"shapes[0].position", NULL},
         {"shapes[0].rotation_degrees", NULL},
         {"shapes[0].repeat", NULL},

@@ -10,7 +10,7 @@ static void shapes_follow_their_paths(void **state) {
     assert_true(load_json(root, 0));
     json_decref(root);
     const struct model *still = &scene.model;
-    struct shape shapes[7];
+    struct shape shapes[8];
     struct model moved = *still;
     moved.shapes = shapes;
     // Time in seconds; place on the circle about (0, 1, z), or zeros: not compared; place on the line to (4, −8, 0.5).
@@ -25,7 +25,7 @@ static void shapes_follow_their_paths(void **state) {
         if (row[3] != 0)
             assert_memory_equal(shapes[0].position, &row[1], sizeof shapes->position);
         assert_memory_equal(shapes[1].position, &row[4], sizeof shapes->position);
-        for (int k = 2; k < 7; k++) // these have no path
+        for (int k = 2; k < 8; k++) // these have no path
             assert_memory_equal(&shapes[k], &still->shapes[k], sizeof *shapes);
         assert_memory_equal(&shapes[0].sphere, &still->shapes[0].sphere, sizeof shapes->sphere);
     }
@@ -55,7 +55,7 @@ static void a_circle_keeps_its_distance(void **state) {
     assert_true(load_json(root, 0));
     json_decref(root);
     const double axis[3] = {1 / 3., -2 / 3., 2 / 3.}, centre[3] = {0, 1, 3};
-    struct shape shapes[7];
+    struct shape shapes[8];
     struct model moved = scene.model;
     moved.shapes = shapes;
     double along = -1 / 3., distance = sqrt(17 / 9.); // (1, 1, 0)·axis; its rest: 2 − 1/9
@@ -86,7 +86,7 @@ static void a_negative_zero_is_zero(void **state) {
     json_decref(root);
     const double place[3] = {1, 0, 0};
     assert_memory_equal(scene.model.shapes[0].position, place, sizeof place);
-    struct shape shapes[7];
+    struct shape shapes[8];
     struct model moved = scene.model;
     moved.shapes = shapes;
     model_move(&scene.model, 0, &moved);

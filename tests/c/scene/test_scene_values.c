@@ -6,12 +6,12 @@ static void types_and_materials_of_shapes_arrive(void **state) {
     (void)state;
     load_whole();
     const struct model *m = &scene.model;
-    static const enum shape_type types[] = {SHAPE_SPHERE,    SHAPE_ROUNDED_BOX, SHAPE_TORUS,
-                                            SHAPE_CONE,      SHAPE_OCTAHEDRON,  SHAPE_PLANE,
-                                            SHAPE_MANDELBULB};
-    assert_int_equal(m->shape_count, 7);
+    static const enum shape_type types[] = {SHAPE_SPHERE,     SHAPE_ROUNDED_BOX, SHAPE_TORUS,
+                                            SHAPE_CONE,       SHAPE_OCTAHEDRON,  SHAPE_PLANE,
+                                            SHAPE_MANDELBULB, SHAPE_MANDELBOX};
+    assert_int_equal(m->shape_count, 8);
     assert_int_equal(m->material_count, 2);
-    for (int i = 0; i < 7; i++) {
+    for (int i = 0; i < 8; i++) {
         assert_int_equal(m->shapes[i].type, types[i]);
         assert_int_equal(m->features.count[types[i]], 1);
         assert_int_equal(m->shapes[i].material, i == 0 || i == 4);
@@ -32,9 +32,9 @@ static void places_and_paths_of_shapes_arrive(void **state) {
     assert_int_equal(s[1].path.type, PATH_LINE);
     assert_memory_equal(s[1].path.to, ((double[]){4, -8, 0.5}), sizeof s->position);
     assert_true(s[0].path.period == 8 && s[1].path.period == 2);
-    for (int i = 2; i < 7; i++)
+    for (int i = 2; i < 8; i++)
         assert_int_equal(s[i].path.type, PATH_NONE);
-    for (int i = 1; i < 7; i++) { // these leave them out: zero
+    for (int i = 1; i < 8; i++) { // these leave them out: zero
         assert_memory_equal(s[i].position, ((double[]){0, 0, 0}), sizeof s->position);
         assert_memory_equal(s[i].rotation_degrees, ((double[]){0, 0, 0}), sizeof s->position);
         assert_memory_equal(s[i].repeat, ((double[]){0, 0, 0}), sizeof s->position);
@@ -54,6 +54,9 @@ static void sizes_of_shapes_arrive(void **state) {
     assert_true(s[3].cone.half_height == 3);
     assert_true(s[6].mandelbulb.power == 8 && s[6].mandelbulb.bailout == 256);
     assert_int_equal(s[6].mandelbulb.iterations, 4);
+    assert_true(s[7].mandelbox.scale == -1.5 && s[7].mandelbox.fold_limit == 1);
+    assert_true(s[7].mandelbox.minimum_radius == 0.5 && s[7].mandelbox.fixed_radius == 2);
+    assert_int_equal(s[7].mandelbox.iterations, 16);
     // The plane n·p = 10 with n = (0, 3, 4): the normal becomes a unit vector, the plane stays where it is.
     assert_true(near(s[5].plane.normal[0], 0, 0) && near(s[5].plane.normal[1], 0.6, 1e-15));
     assert_true(near(s[5].plane.normal[2], 0.8, 1e-15) && near(s[5].plane.offset, 2, 1e-15));

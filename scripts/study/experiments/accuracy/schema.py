@@ -46,7 +46,7 @@ class Row(Colours, kw_only=True):
     height: Annotated[int, key("pixels", "of the picture", ge=1)]
     precision: Annotated[str | Absent | None, key("", "float or double")] = ABSENT
     converged_only: Annotated[
-        bool | Absent, key("", "a Mandelbulb: judged by `antialiased` and `depth_agree_fraction`")
+        bool | Absent, key("", "a fractal: judged by `antialiased` and `depth_agree_fraction`")
     ] = ABSENT
     non_finite: Annotated[int | Absent | None, key("samples", "NaN or infinite where none may be")] = ABSENT
     proved_fraction: Annotated[float | Absent | None, key("share of pixels", "camera ray proved")] = ABSENT

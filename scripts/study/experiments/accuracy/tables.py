@@ -283,6 +283,6 @@ def note(result: dict[str, Any]) -> str:
     """What stands under the figures."""
     heights = sorted({row["height"] for row in result["rows"]})
     return (
-        f"n = {', '.join(map(str, heights))}. The Mandelbulb's ground truth is converged only, in "
+        f"n = {', '.join(map(str, heights))}. A fractal's ground truth is converged only, in "
         "double-double (104 bits)."
     )

@@ -107,14 +107,13 @@ def set_up(spec: Spec, scene: Scene) -> Row:
 
 def apart(specs: tuple[Spec, Spec], scene: Scene) -> Row:
     """How far the kernel's picture is from the other's, in linear RGB."""
-    fractal = any(shape["type"] == "mandelbulb" for shape in scene.data["shapes"])
     with temporary.folder() as folder:
         made = []
         for i, spec in enumerate(specs):
             out = folder / f"{i}.exr"
-            run.render(spec, scene.path, SMALL * (4 if fractal else 1), aov=True, out=out, timed=False)
+            run.render(spec, scene.path, SMALL * (4 if scene.fractal else 1), aov=True, out=out, timed=False)
             made.append(images.read(out))
-    return against(*made, fractal)
+    return against(*made, scene.fractal)
 
 
 def reps_of(seconds: float) -> int:

@@ -254,9 +254,9 @@ def against(reference: images.Picture, image: images.Picture, fractal: bool) -> 
 
 
 def bulb_psnr(reference: images.Picture, image: images.Picture, scene: Scene) -> float | None:
-    """PSNR in dB of the 4×4 means all of whose samples hit a Mandelbulb in both pictures; None of none."""
-    bulbs = [i for i, shape in enumerate(scene.data["shapes"]) if shape["type"] == "mandelbulb"]
-    hit = np.isin(reference["id"], bulbs) & np.isin(image["id"], bulbs)
+    """PSNR in dB of the 4×4 means all of whose samples hit a fractal in both pictures; None of none."""
+    fractals = [i for i, shape in enumerate(scene.data["shapes"]) if shape["type"] in registry.FRACTALS]
+    hit = np.isin(reference["id"], fractals) & np.isin(image["id"], fractals)
     high, wide = (size // FACTOR for size in hit.shape)
     blocks = hit[: high * FACTOR, : wide * FACTOR].reshape(high, FACTOR, wide, FACTOR).all(axis=(1, 3))
     if not blocks.any():

@@ -50,7 +50,7 @@ class Row(PictureErrors, kw_only=True):
     ]
     bulb_psnr_db: Annotated[
         float | Absent | None,
-        key("dB", "of 4×4 means whose samples all hit a Mandelbulb; null: none, or identical"),
+        key("dB", "of 4×4 means whose samples all hit a fractal; null: none, or identical"),
     ] = ABSENT
     marched: Annotated[Marched | Absent | None, key("", "for comparison; null by the scene's own")] = ABSENT
 

@@ -17,7 +17,7 @@ class Row(Record, kw_only=True):
     hit_distance: Annotated[float, key("scene units", "as used")]
     max_steps: Annotated[int, key("evaluations", "as used")]
     own_parameters: Annotated[bool | Absent, key("", "whether both are the scene's own")] = ABSENT
-    converged_only: Annotated[bool | Absent, key("", "a Mandelbulb: its hits are not judged")] = ABSENT
+    converged_only: Annotated[bool | Absent, key("", "a fractal: its hits are not judged")] = ABSENT
     beaten_by: Annotated[
         dict[str, str] | Absent | None, key("", "null: timed in full; else measure → the point that beats it")
     ] = ABSENT

@@ -166,7 +166,7 @@ def note(result: dict[str, Any], measure: str = FIRST) -> str:
         "other hit distances and step caps, in its colour; hollow: an approximated root"
         f"{', named beside it' if measure == FIRST else ''}. "
         f"{pareto.left_out(result.get('rows', ()))} {_unfinished(result)}"
-        "The Mandelbulb's ground truth is converged only; its pictures are judged as 4 × 4 averages "
+        "A fractal's ground truth is converged only; its pictures are judged as 4 × 4 averages "
         f"at n = {averaged}. "
         f"{ABOUT.get(measure, '')}"
     ).strip()
