@@ -320,7 +320,7 @@ def test_what_was_drawn_of_the_same_tables_stays_only_where_it_may(tmp_path: Pat
     written = []
 
     class Drawn:
-        caption, note, hover = "a", "b", None
+        caption, note = "a", "b"
 
         def write(self, stem: Path) -> list[Path]:
             paths = [stem.with_suffix(suffix) for suffix in (".svg", ".png")]

@@ -9,6 +9,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import matplotlib.image
@@ -26,7 +27,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from study.core import store
 from study.core.cli import StudyError
-from study.pictures import contents, labels
+from study.pictures import contents, hover, labels
 
 # Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
 # than any of it: no two rungs share one. Markers and hatches say the same in print.
@@ -38,6 +39,7 @@ HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
 RING = {"marker": "o", "mfc": "none", "mec": BAD, "markersize": 16, "mew": 2, "linestyle": "none"}
 STYLE = {
     "svg.hashsalt": "stepwise",
+    "svg.fonttype": "none",
     "font.size": 10,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -50,24 +52,16 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown.
-
-    `hover`: puts what a point says under the pointer into the SVG's text. The page has such a figure as SVG,
-    every other as PNG.
-    """
+    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown."""
 
     caption: str
     note: str  # stands under it
     make: Callable[[], Figure]
-    hover: Callable[[str], str] | None = None
 
     def write(self, stem: Path) -> list[Path]:
         """STEM.svg and STEM.png."""
         with matplotlib.rc_context(STYLE):
-            paths = save(self.make(), stem, self.note)
-        if self.hover:
-            store.write_text(paths[0], self.hover(paths[0].read_text(encoding="utf-8")))
-        return paths
+            return save(self.make(), stem, self.note)
 
 
 def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
@@ -86,6 +80,12 @@ def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
             "label": spec + (f", {threads} threads" if threads > 1 else ""),
         }
     return found
+
+
+def shape(style: Mapping[str, Any]) -> dict[str, Any]:
+    """Of one of `look`'s: what report/templates/plot.js draws a mark by."""
+    marker = style["marker"] if isinstance(style["marker"], str) else "*"  # (4, 1, 0): a star
+    return {"colour": style["color"], "marker": marker, "hollow": style["hollow"]}
 
 
 def _places(phases: list[str]) -> dict[str, int]:
@@ -142,6 +142,7 @@ def _lay_out(figure: Figure) -> None:
 def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure.
 
+    In the SVG letters are text, and marks have what study.pictures.hover was told of them as titles.
     The PNG of lines and text has a palette of 256 colours: half the bytes and less. It keeps the figure's
     numbers and words (study.pictures.contents).
     """
@@ -149,8 +150,9 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     try:
         stem.parent.mkdir(parents=True, exist_ok=True)
         drawn = io.StringIO()
+        told = hover.numbered(figure)
         figure.savefig(drawn, format="svg", metadata={"Date": None})
-        store.write_text(stem.with_suffix(".svg"), drawn.getvalue())
+        store.write_text(stem.with_suffix(".svg"), hover.titled(drawn.getvalue(), told))
         made = _pixels(figure, 130)
         made.save(stem.with_suffix(".png"), optimize=True, pnginfo=said)
     except OSError as error:
