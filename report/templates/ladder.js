@@ -36,7 +36,7 @@ function choices(data) {
     const ratios = cells.some((one) => one?.[1][which]);
     const lines = rows.flatMap((row, k) => {
       const found = cells[k] && (ratios ? cells[k][1][which] : cells[k][0]);
-      return found ? [{ ...row, text: found[0], value: found[1], low: found[2] ?? found[1], high: found[3] ?? found[1], error: cells[k][2] }] : [];
+      return found ? [{ ...row, text: found[0], value: found[1], low: found[2] ?? found[1], high: found[3] ?? found[1], error: cells[k][2] === "–" ? "" : `; ${cells[k][2]}` }] : [];
     });
     if (!lines.length) return `<p class="notice">${escaped(scene)}: not timed on ${escaped(machine.name)}.</p>`;
     const [wide, left, right, top, step] = [NARROW ? 380 : 620, NARROW ? 96 : 120, NARROW ? 112 : 170, 34, 22];
@@ -52,11 +52,11 @@ function choices(data) {
     }
     lines.forEach((one, k) => {
       const y = top + step * (k + 0.5);
-      const says = `${one.key.replace(/ 1$/, "").replace(/ (\d+)$/, ", $1 threads")}, ${scene}, ${machine.name}: ${one.text}${ratios ? ` over ${chosen.base}` : " ms"}; PSNR to ground truth ${one.error}`;
+      const says = `${one.key.replace(/ 1$/, "").replace(/ (\d+)$/, ", $1 threads")}, ${scene}, ${machine.name}: ${one.text}${ratios ? ` over ${chosen.base}` : " ms"}${one.error && one.error.replace("; ", "; PSNR to ground truth ")}`;
       const [fill, edge] = one.hollow ? ["#fff", one.colour] : [one.colour, "#000"];
       made.push(`<g><title>${escaped(says)}</title><path d="M${x(one.low)},${y}H${x(one.high)}" stroke="${one.colour}" stroke-width="2.5"/><polygon points="${corners(SHAPES[one.marker], Number(x(one.value)), y, 6)}" fill="${fill}" stroke="${edge}"/></g>`);
       made.push(`<text x="${left - 10}" y="${y + 4}" text-anchor="end">${escaped(one.key.replace(/ 1$/, "").replace(/ (\d+)$/, "×$1"))}</text>`);
-      made.push(`<text x="${wide - right + 10}" y="${y + 4}">${escaped(`${one.text.split(" ")[0]}${ratios ? "" : " ms"}; ${one.error}`)}</text>`);
+      made.push(`<text x="${wide - right + 10}" y="${y + 4}">${escaped(`${one.text.split(" ")[0]}${ratios ? "" : " ms"}${one.error}`)}</text>`);
     });
     made.push(`<text x="${(left + wide - right) / 2}" y="${high - 6}" text-anchor="middle">${ratios ? "×, " : "ms, "}logarithmic; right: PSNR to ground truth</text>`);
     return `<svg viewBox="0 0 ${wide} ${high}" font-size="11" role="img" aria-label="${escaped(`${scene}: ${title}`)}">${made.join("")}</svg>`;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 from xml.etree import ElementTree
 
 import matplotlib
@@ -11,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from study.pictures import hover
-from study.pictures.draw import STYLE
+from study.pictures.draw import STYLE, save
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -83,6 +84,20 @@ def test_a_mark_that_was_told_nothing_is_found() -> None:
     marks = [*axes.plot([1], [1], "s"), axes.scatter([1], [2]), *axes.bar([1], [2])]
     axes.errorbar([1], [1], yerr=[1], capsize=3, linestyle="none")
     assert hover.untold(figure) == marks and line
+
+
+def test_powers_of_ten_are_formulas_and_names_are_not(tmp_path: Path) -> None:
+    figure = Figure(layout="constrained")
+    axes = figure.subplots()
+    axes.plot([1, 2], [0, 1e6])
+    axes.set_yscale("symlog", linthresh=10)
+    axes.set_xticks([1, 2], ["$a$", "b"])
+    with matplotlib.rc_context(STYLE):
+        svg, _ = save(figure, tmp_path / "figure", "costs $1, not $2")
+    root = ElementTree.parse(svg).getroot()
+    texts = ["".join("".join(one.itertext()).split()) for one in root.iter(f"{SVG}text")]
+    assert {"$a$", "b", "costs$1,not$2", "106"} <= set(texts)
+    assert not any("mathdefault" in text for text in texts)
 
 
 def test_a_short_svg_is_whole_and_has_ids_of_its_own() -> None:

@@ -21,7 +21,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogFormatterMathtext, LogLocator, NullFormatter
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
@@ -178,12 +178,20 @@ def _ready(figure: Figure, note: str) -> PngInfo:
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
     said = contents.chunk(figure)  # before names are moved about
     FigureCanvasAgg(figure)
+    powers = _powers(figure)
     for text in figure.findobj(Text):
-        if "\\mathdefault" not in text.get_text():
-            text.set_parse_math(False)
+        text.set_parse_math(text in powers)
     labels.settle(figure)
     _lay_out(figure)
     return said
+
+
+def _powers(figure: Figure) -> set[Text]:
+    """Labels at ticks that Matplotlib itself numbers by powers of ten; they are empty till it draws."""
+    axes = [axis for one in figure.axes for axis in (one.xaxis, one.yaxis)]
+    numbered = [one for one in axes if isinstance(one.get_major_formatter(), LogFormatterMathtext)]
+    ticks = [tick for axis in numbered for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())]
+    return {label for tick in ticks for label in (tick.label1, tick.label2)}
 
 
 def _pixels(figure: Figure, dpi: int) -> Image.Image:

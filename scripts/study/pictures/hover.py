@@ -122,7 +122,8 @@ def short(svg: str, name: str) -> str:
     """For use inside a page: no prolog, ids of its own (those that are used, after `name`), few bytes."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"<[^>]+>", _shorter, svg.replace("xlink:href", "href"))
+    svg = re.sub(r' xmlns:xlink="[^"]*"', "", svg).replace("xlink:href", "href")
+    svg = re.sub(r"<[^>]+>", _shorter, svg)
     svg = re.sub(r">\s+<", "><", svg)
     used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', svg))
     svg = re.sub(r' id="([^"]*)"', lambda one: one[0] if one[1] in used else "", svg)
