@@ -5,14 +5,13 @@ from __future__ import annotations
 import html.parser
 import re
 
+import marked
 import pytest
-from matplotlib.figure import Figure
 
 from study.commands import report
 from study.core.registry import ROOT
 from study.experiments import experiment
 from study.numbers import analysis
-from study.pictures import hover
 
 PUBLISHED = max((ROOT / "results" / "reference").glob("*/pareto.json")).parent
 WORDS, BYTES = 15_000, 6_000_000
@@ -80,14 +79,8 @@ class Reader(html.parser.HTMLParser):
 def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Reader]:
     """Of which no figure may have a mark that says nothing under the pointer."""
     out = tmp_path_factory.mktemp("report") / "index.html"
-    numbered = hover.numbered
-
-    def checked(figure: Figure) -> hover.Told:
-        assert not hover.untold(figure), figure.get_suptitle()
-        return numbered(figure)
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hover, "numbered", checked)
+        marked.checked(patch)
         text = report.page(analysis.load(PUBLISHED, strict=False), out)
     return text, Reader(text)
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import complete
+import marked
 import numpy as np
 import pytest
 from PIL import Image
@@ -225,6 +226,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         plots = {"speedup-ladder": sweep_figures.speedups, "runtime": sweep_figures.runtime}
         patch.setattr(sweep_figures, "PLOTS", plots)
+        marked.checked(patch)
         patch.setattr(pareto_tables, "FIGURES", {"psnr_db": "pareto"})
         patch.setattr(machines, "PUBLISHED", folder / "published")
         text = report.page(analysis.load(run, strict=False), folder / "out" / "index.html")
