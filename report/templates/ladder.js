@@ -39,7 +39,7 @@ function choices(data) {
       return found ? [{ ...row, text: found[0], value: found[1], low: found[2] ?? found[1], high: found[3] ?? found[1], error: cells[k][2] === "–" ? "" : `; ${cells[k][2]}` }] : [];
     });
     if (!lines.length) return `<p class="notice">${escaped(scene)}: not timed on ${escaped(machine.name)}.</p>`;
-    const [wide, left, right, top, step] = [NARROW ? 380 : 620, NARROW ? 96 : 120, NARROW ? 112 : 170, 34, 22];
+    const [wide, left, right, top, step] = [NARROW ? 380 : 620, NARROW ? 88 : 120, NARROW ? 160 : 170, 34, 22];
     const high = top + step * lines.length + 42;
     const ends = lines.flatMap((one) => [one.low, one.high]).map(Math.log10);
     const [x0, x1] = [Math.min(...ends) - 0.06, Math.max(...ends) + 0.06];
