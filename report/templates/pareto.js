@@ -1,7 +1,6 @@
 "use strict";
 // Speed against error: phases and scenes to choose, an error to choose, zoom, and what a mark says.
 
-const NARROW = document.documentElement.clientWidth < 640;
 const [WIDE, HIGH, LEFT, RIGHT, TOP, BOTTOM] = [NARROW ? 380 : 560, NARROW ? 320 : 400, 74, 24, 28, 44]; // of a panel and its margins
 
 function chart(place) {

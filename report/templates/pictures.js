@@ -39,9 +39,12 @@ function viewer(figure) {
   const canvases = [0, 1, 2].map(() => element("canvas"));
   const said = element("output", { className: "pixel" });
   const divider = element("i");
-  const wide = element("div", { className: "one" }, element("div", { className: "under" }, canvases[0], divider));
+  const crosses = canvases.map(() => element("b", { hidden: true }));
+  const [first, ...others] = canvases.map((canvas, i) => element("div", { className: "under" }, canvas, crosses[i]));
+  first.append(divider);
+  const wide = element("div", { className: "one" }, first);
   const captions = ["", `Difference, ${GAIN} times as strong`, ""].map((text) => element("p", { textContent: text, className: "small" }));
-  const beside = [1, 2].map((i) => element("div", {}, canvases[i], captions[i]));
+  const beside = [1, 2].map((i) => element("div", {}, others[i - 1], captions[i]));
   const hint = "Move the pointer over the picture, or use the arrow keys on the slider.";
   const tools = element("p", { className: "tools" }, "Scene ", scene, " left ", left, " right ", right);
   wide.append(slider, said);
@@ -57,7 +60,7 @@ function viewer(figure) {
     context.putImageData(b, 0, 0, cut, 0, width - cut, height);
     divider.style.left = `${(100 * cut) / width}%`;
   };
-  const at = (data, x, y) => data.data.slice(4 * (y * data.width + x), 4 * (y * data.width + x) + 3).join(" ");
+  const at = (data, x, y) => [...data.data.slice(4 * (y * data.width + x), 4 * (y * data.width + x) + 3)];
   const tell = (event) => {
     const box = event.currentTarget.getBoundingClientRect();
     const x = Math.min(a.width - 1, Math.max(0, Math.floor(((event.clientX - box.left) / box.width) * a.width)));
@@ -67,7 +70,14 @@ function viewer(figure) {
       show();
     }
     const count = levels ? `; about ${Math.round((levels.data[4 * (y * a.width + x)] * most) / 255)} evaluations` : "";
-    said.textContent = `Pixel ${x}, ${y}: ${left.value} ${at(a, x, y)}; ${right.value} ${at(b, x, y)} (R G B of 255)${count}`;
+    const [one, other] = [at(a, x, y), at(b, x, y)];
+    const apart = one.map((value, i) => Math.abs(value - other[i]));
+    said.textContent = `Pixel ${x}, ${y}: ${left.value} ${one.join(" ")}; ${right.value} ${other.join(" ")}; difference ${apart.join(" ")} (R G B of 255)${count}`;
+    for (const cross of crosses) {
+      cross.hidden = false;
+      cross.style.left = `${(100 * (x + 0.5)) / a.width}%`;
+      cross.style.top = `${(100 * (y + 0.5)) / a.height}%`;
+    }
   };
   const load = async () => {
     const find = (phase) => pictures.find((one) => one.dataset.scene === scene.value && one.dataset.phase === phase);

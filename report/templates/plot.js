@@ -1,6 +1,7 @@
 "use strict";
 // What a chart is made of: marks, places on axes.
 
+const NARROW = document.documentElement.clientWidth < 640;
 const SHAPES = { o: [24, 0, 1], s: [4, 45, 1], "^": [3, 0, 1], D: [4, 0, 1], v: [3, 180, 1], P: [4, 0, 0.45] };
 Object.assign(SHAPES, { X: [4, 45, 0.45], "<": [3, -90, 1], ">": [3, 90, 1], p: [5, 0, 1], "*": [4, 0, 0.3], H: [6, 0, 1] });
 

@@ -1,5 +1,5 @@
 "use strict";
-// Tables: a click on a column's head sorts, a text field filters, a menu chooses the base of the ratios.
+// Tables: a click on a column's head sorts, a text field filters.
 
 // The number that a cell stands for: the middle of its interval, else its first number; NaN where it has none.
 function valueOf(text) {
@@ -67,33 +67,6 @@ function filterable(table, rows) {
   });
 }
 
-// One menu at each table of ratios; a choice at one holds for all of them.
-function ratios() {
-  const heads = [...document.querySelectorAll("th[data-choices]")];
-  const menus = [];
-  const columns = heads.map((head) => {
-    const table = head.closest("table");
-    const at = [...head.parentElement.cells].indexOf(head);
-    const cells = [...table.tBodies[0].rows].map((row) => row.cells[at]);
-    return [head, ...cells].map((cell) => {
-      const own = (cell === head && cell.querySelector("button")) || cell;
-      return [own, [own.textContent, ...JSON.parse(cell.dataset.choices || "[]")]];
-    });
-  });
-  const choose = (which) => {
-    for (const [cell, texts] of columns.flat()) cell.textContent = texts[which] ?? "–";
-    menus.forEach((menu) => (menu.selectedIndex = which));
-    for (const head of heads) head.dispatchEvent(new Event("changed"));
-  };
-  heads.forEach((head, i) => {
-    const menu = element("select");
-    columns[i][0][1].forEach((name) => menu.add(new Option(name.replace(/^.*?(× |over )/, "").replace(/\s*\[.*/, ""))));
-    menu.addEventListener("change", () => choose(menu.selectedIndex));
-    menus.push(menu);
-    head.closest(".scroll").before(element("label", { className: "tools" }, "Base of the speed-ups: ", menu));
-  });
-}
-
 for (const table of document.querySelectorAll(".scroll > table")) {
   const heads = table.tHead ? [...table.tHead.rows[table.tHead.rows.length - 1].cells] : [];
   const rows = [...(table.tBodies[0]?.rows ?? [])];
@@ -101,4 +74,3 @@ for (const table of document.querySelectorAll(".scroll > table")) {
   if (!table.closest(".notes")) sortable(table, heads, rows);
   if (rows.length >= 6) filterable(table, rows);
 }
-ratios();

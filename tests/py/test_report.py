@@ -72,7 +72,7 @@ class Page(html.parser.HTMLParser):
         found = dict(attributes)
         self.ids += [found["id"]] if "id" in found else []
         self.loaded += [found[k] for k in ("src", "srcset", "data", "action", "poster") if k in found]
-        if tag == "a":
+        if tag in ("a", "use"):
             self.links.append(found["href"])
         elif "href" in found:
             self.loaded.append(found["href"])
@@ -127,7 +127,9 @@ def test_the_page_is_whole_and_loads_nothing(made: Made) -> None:
     assert text.startswith("<!DOCTYPE html>")
     assert len(page.ids) == len(set(page.ids))
     assert page.loaded and all(item.startswith("data:image/") for item in page.loaded)
-    assert not re.search(r"@import|url\(|https?:", re.sub(r"data:image/\S+", "", text))
+    outside = re.sub(r'data:image/\S+|xmlns="http://www.w3.org/2000/svg"', "", text)
+    assert not re.search(r"@import|url\((?!#)|https?:", outside)
+    assert set(re.findall(r"url\(#([^)]+)\)", text)) <= set(page.ids)
     for link in page.links:
         assert link.startswith("#") and link[1:] in page.ids
     for image in page.images:
@@ -320,7 +322,7 @@ def test_what_was_drawn_of_the_same_tables_stays_only_where_it_may(tmp_path: Pat
     written = []
 
     class Drawn:
-        caption, note, hover = "a", "b", None
+        caption, note = "a", "b"
 
         def write(self, stem: Path) -> list[Path]:
             paths = [stem.with_suffix(suffix) for suffix in (".svg", ".png")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html.parser
 import re
 
+import marked
 import pytest
 
 from study.commands import report
@@ -76,8 +77,11 @@ class Reader(html.parser.HTMLParser):
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Reader]:
+    """Of which no figure may have a mark that says nothing under the pointer."""
     out = tmp_path_factory.mktemp("report") / "index.html"
-    text = report.page(analysis.load(PUBLISHED, strict=False), out)
+    with pytest.MonkeyPatch.context() as patch:
+        marked.checked(patch)
+        text = report.page(analysis.load(PUBLISHED, strict=False), out)
     return text, Reader(text)
 
 
@@ -116,6 +120,17 @@ def test_every_chapter_with_an_answer_opens_with_a_figure(page: tuple[str, Reade
         shown = re.sub(r"<details>.*</details>", "", chapters[name], flags=re.DOTALL)
         assert shown.count("<figure") == 1, name
     assert "<svg" in chapters["roofline"] and "<title>" in chapters["roofline"]
+
+
+def test_figures_are_svg_and_have_titles(page: tuple[str, Reader]) -> None:
+    """But those made of pictures; what has lines alone has no marks."""
+    text, _ = page
+    inline = re.findall(r'<figure class="inline">.*?</figure>', text, re.DOTALL)
+    silent = [one for one in inline if "<title>" not in one]
+    assert len(inline) > 30 and len(silent) <= 1, [re.findall("<figcaption>.*", one) for one in silent]
+    for one in inline:
+        own = set(re.findall(r' id="([^"]+)"', one))
+        assert set(re.findall(r'(?:url\(#|href="#)([^)"]+)', one)) == own
 
 
 def test_its_words_are_the_fields(page: tuple[str, Reader]) -> None:

@@ -1,4 +1,4 @@
-"""What the report's page does with scripts, in headless Chromium: tables, pictures, chart, base of ratios."""
+"""What the report's page does with scripts, in headless Chromium: tables, figures, pictures, machine."""
 
 from __future__ import annotations
 
@@ -12,17 +12,20 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import complete
+import marked
 import numpy as np
 import pytest
 from PIL import Image
 
-from study.commands import report
+from study.commands import publish, report
+from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.pareto import tables as pareto_tables
 from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis
 from study.pictures import images
-from study.report import compared
+from study.report import compared, figures, machines
 
 pytestmark = pytest.mark.slow
 
@@ -76,16 +79,49 @@ async function use() {
   change(field, "", "input");
   said.unfiltered = column(points, 0).length;
 
-  const ratio = heads.findIndex((head) => head.dataset.choices);
-  const [base] = document.querySelectorAll("#ladder select");
-  said.ratios = { before: column(table, ratio), bases: [...base.options].map((one) => one.text) };
-  base.selectedIndex = 1;
-  base.dispatchEvent(new Event("change"));
-  said.ratios.after = column(table, ratio);
-  said.ratios.head = heads[ratio].textContent;
-  const long = [...document.querySelectorAll("#ladder table")][2];
-  const same = [...long.tHead.rows[1].cells].findIndex((head) => head.textContent.startsWith("opt2, same"));
-  said.ratios.column = column(long, same);
+  const ratio = heads.findIndex((head) => head.textContent.startsWith("× "));
+  const names = (menu) => [...menu.options].map((one) => one.text);
+  const [machine, base] = document.querySelectorAll("#ladder select");
+  const runtime = document.querySelector("#size table");
+  const over = [...runtime.tHead.rows[0].cells].findIndex((head) => head.dataset.choices);
+  const [still, drawn] = [document.querySelector("#ladder figure"), document.querySelector(".ladder-chart")];
+  const look = () => ({
+    head: heads[ratio].textContent,
+    ratios: column(table, ratio),
+    ms: column(table, at),
+    others: column([...document.querySelectorAll("#ladder table")][1], ratio),
+    runtime: column(runtime, over),
+    still: !still.hidden,
+    drawn: drawn.hidden ? [] : [...drawn.querySelectorAll("title")].map((one) => one.textContent),
+    note: document.querySelector("#ladder output").textContent,
+    overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  });
+  const choose = (menu, i) => {
+    menu.selectedIndex = i;
+    menu.dispatchEvent(new Event("change"));
+    return look();
+  };
+  said.machines = names(machine);
+  said.bases = names(base);
+  said.chosen = { own: look() };
+  said.chosen.same = choose(base, 1);
+  said.chosen.paper = choose(base, 2);
+  choose(base, 0);
+  said.chosen.fast = choose(machine, 1);
+  said.chosen.fastSame = choose(base, 1);
+  choose(base, 0);
+  said.chosen.held = choose(machine, 2);
+  said.chosen.back = choose(machine, 0);
+
+  said.figures = [...document.querySelectorAll("figure.inline")].map((one) => {
+    const titles = [...one.querySelectorAll("svg title")];
+    const box = titles[0]?.parentElement.getBoundingClientRect();
+    const [clientX, clientY] = box ? [box.left + box.width / 2, box.top + box.height / 2] : [0, 0];
+    const moved = new PointerEvent("pointermove", { clientX, clientY, bubbles: true });
+    titles[0]?.parentElement.dispatchEvent(moved);
+    const output = one.querySelector("output")?.textContent;
+    return { titles: titles.map((title) => title.textContent), output };
+  });
 
   const chart = document.querySelector(".pareto-chart");
   const panels = chart.querySelector(".panels");
@@ -126,9 +162,11 @@ async function use() {
   const [clientX, clientY] = [place.left + 0.75 * place.width, place.top + 0.5 * place.height];
   canvas.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY, bubbles: true }));
   said.pointer = { divider: Number(slider.value), text: text.textContent };
+  const crosses = [...figure.querySelectorAll("b")];
+  said.pointer.crosses = crosses.map((one) => [one.hidden, one.style.left, one.style.top]);
   const difference = figure.querySelectorAll("canvas")[1];
   said.difference = [...difference.getContext("2d").getImageData(3, 3, 1, 1).data];
-  said.heat = figure.querySelectorAll("canvas")[2].parentElement.hidden;
+  said.heat = figure.querySelectorAll("canvas")[2].parentElement.parentElement.hidden;
   const cells = ["32.0× [30.0, 36.0]", "1,797 [1,700, 1,900]", "base", "> 150", "1.2e-04", "1 insufficient"];
   said.values = [...cells, "opt4"].map(valueOf);
   said.ends = valueOf("∞") === Infinity && valueOf("identical") === Infinity;
@@ -145,11 +183,39 @@ addEventListener("message", (event) => (document.querySelector("pre").textConten
 <iframe src="page.html" style="border: 0" width={} height="900"></iframe>"""
 
 
+FIXTURE = ROOT / "tests" / "fixtures" / "run"
+BESIDE = {"phase": "baseline", "scene": "scene0", "n": 180, "ours_over_theirs": {"value": 0.8}}
+BESIDE |= {"ours_launches_ms": [200.0] * 6, "theirs_launches_ms": [250.0] * 6}
+
+
+def published(folder: Path, name: str, faster: dict[str, int], beside: bool) -> None:
+    """A run of another machine: phases of `faster` take a whole part of the fixture's time."""
+    run = Path(shutil.copytree(FIXTURE, folder / name))
+    frames = [json.loads(line) for line in (run / "frames.jsonl").read_text().splitlines()]
+    for frame in frames:
+        frame["ns"] //= faster.get(frame["phase"], faster.get("all", 1))
+    (run / "frames.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in frames))
+    context = json.loads((run / "context.json").read_text())
+    context["cpu"]["microarchitecture"] = name
+    (run / "context.json").write_text(json.dumps(context))
+    plan = json.loads((run / "plan.json").read_text())
+    for one in plan["configurations"]:
+        one["height"] = 180 if "180" in one["config"] else 90
+        one["width"] = one["height"] * 16 // 9
+    (run / "plan.json").write_text(json.dumps(plan))
+    if beside:
+        complete.write(run / "original.json", {"rows": [BESIDE]})
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of the fixture with a published pareto.json and two pictures of one colour each."""
+    """The page of the fixture with a published pareto.json and two pictures of one colour each, beside the
+    paper's program; two other machines are published, one beside that program."""
     folder = tmp_path_factory.mktemp("scripts")
-    run = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", folder / "machine" / "run"))
+    published(folder / "published", "Fast Lake", {"all": 2}, beside=False)
+    published(folder / "published", "Held Lake", {"opt4": 4}, beside=True)
+    run = Path(shutil.copytree(FIXTURE, folder / "machine" / "run"))
+    complete.write(run / "original.json", {"rows": [BESIDE]})
     shutil.copy(ROOT / "results" / "reference" / "zen4-2026-11-25" / "pareto.json", run)
     verify = json.loads((run / "verify.json").read_text())
     pair = next(one for one in verify["pairs"] if (one["phase"], one["scene"]) == ("opt4", "scene0"))
@@ -158,8 +224,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         images.write_png(run / pair[name], np.full((90, 160, 3), colour, np.uint8))
     (run / "verify.json").write_text(json.dumps(verify))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sweep_figures, "PLOTS", {"runtime": sweep_figures.runtime})
+        plots = {"speedup-ladder": sweep_figures.speedups, "runtime": sweep_figures.runtime}
+        patch.setattr(sweep_figures, "PLOTS", plots)
+        marked.checked(patch)
         patch.setattr(pareto_tables, "FIGURES", {"psnr_db": "pareto"})
+        patch.setattr(machines, "PUBLISHED", folder / "published")
         text = report.page(analysis.load(run, strict=False), folder / "out" / "index.html")
     (folder / "index.html").write_text(text)
     return folder
@@ -231,13 +300,56 @@ def test_a_filter_leaves_the_rows_with_all_its_words(
     assert said["unfiltered"] == len(rows)
 
 
+def values(texts: list[str]) -> list[str]:
+    """`32.0×` of `32.0× [30.0, 36.0]`."""
+    return [text.split(" ")[0] for text in texts]
+
+
 @pytest.mark.parametrize(("across", "dark"), SEEN)
 def test_the_ratios_follow_the_base(used: Callable, across: int, dark: bool) -> None:
-    """The long table has the ratio to opt2 with the same flags in a column of its own."""
-    said = used(across, dark)["ratios"]
-    assert said["bases"] == ["baseline", "opt2, same flags"]
-    assert said["head"].startswith("× opt2, same flags")
-    assert said["after"] == said["column"] != said["before"]
+    """On scene0 a pixel takes 16000, 5000, 4000, 3200 (opt2 by opt3's flags), 1000 and 500 ns; the paper's
+    baseline takes 1.25 times as long as ours, and was timed on scene0 at n = 180 alone."""
+    said = used(across, dark)
+    assert said["bases"] == ["baseline", "opt2, same flags", "the paper's baseline"]
+    own, same, paper = (said["chosen"][name] for name in ("own", "same", "paper"))
+    assert values(own["ratios"]) == ["base", "3.20×", "4.00×", "5.00×", "16.0×", "32.0×"]
+    assert own["still"] and not own["drawn"] and own["head"].startswith("× baseline")
+    assert same["head"].startswith("× opt2, same flags")
+    assert values(same["ratios"]) == ["0.250×", "0.800×", "base", "base", "3.20×", "6.40×"]
+    assert values(paper["ratios"]) == ["1.25×", "4.00×", "5.00×", "6.25×", "20.0×", "40.0×"]
+    assert set(paper["others"]) == {"–"} and own["others"] != same["others"]
+    assert values(paper["runtime"]).count("–") == 12 and "40.0×" in values(paper["runtime"])
+    assert "6.40×" in values(same["runtime"]) and own["ms"] == same["ms"] == paper["ms"]
+    assert not paper["still"] and any("opt4" in text and "40.0×" in text for text in paper["drawn"])
+    assert max(one["overflow"] for one in said["chosen"].values()) <= 0
+
+
+@pytest.mark.parametrize(("across", "dark"), SEEN)
+def test_the_ladder_follows_the_machine(used: Callable, across: int, dark: bool) -> None:
+    """Its ms, and its ratios where its run may state them: over baseline only beside the paper's program."""
+    said = used(across, dark)
+    assert said["machines"] == ["Example Lake (this run)", "Fast Lake", "Held Lake"]
+    own, fast, same, held, back = (
+        said["chosen"][name] for name in ("own", "fast", "fastSame", "held", "back")
+    )
+    assert values(own["ms"])[-1] == "28.80" and values(fast["ms"])[-1] == "14.40"
+    assert set(fast["ratios"]) == {"–"} and "not timed beside the paper's program" in fast["note"]
+    assert any("14.40" in text and text.startswith("opt4, scene0, Fast Lake") for text in fast["drawn"])
+    assert values(same["ratios"])[-1] == "6.40×"
+    assert values(held["ms"])[-1] == "7.200" and values(held["ratios"])[-2:] == ["16.0×", "128×"]
+    assert "run Held Lake" in held["note"] and "not timed" not in held["note"]
+    assert back == own
+
+
+@pytest.mark.parametrize(("across", "dark"), SEEN)
+def test_every_figure_says_the_numbers_of_its_marks(used: Callable, across: int, dark: bool) -> None:
+    figures = used(across, dark)["figures"]
+    assert len(figures) >= 3
+    for figure in figures:
+        assert figure["titles"] and figure["output"] in figure["titles"]
+    (runtime,) = [one["titles"] for one in figures if "runtime of a frame" in one["titles"][0]]
+    assert len(runtime) == 18
+    assert "opt4, scene0, n = 180\n0.02880 [0.02851,\u00a00.02909] runtime of a frame, s" in runtime
 
 
 @pytest.mark.parametrize(("across", "dark"), SEEN)
@@ -263,7 +375,9 @@ def test_the_slider_moves_and_the_pixel_is_told(used: Callable, across: int, dar
     left, right = list(LEFT), list(RIGHT)
     assert said["slider"] == {"50": [left, right], "0": [right, right], "100": [left, left]}
     assert abs(said["pointer"]["divider"] - 75) <= 1
-    assert said["pointer"]["text"].startswith("Pixel 120, 45: baseline 10 20 30; opt4 200 100 50")
+    text = "Pixel 120, 45: baseline 10 20 30; opt4 200 100 50; difference 190 80 20 (R G B of 255)"
+    assert said["pointer"]["text"] == text
+    assert said["pointer"]["crosses"] == 3 * [[False, "75.3125%", "50.5556%"]]
     assert said["difference"] == [255, 255, 255, 255]  # 16 × 20 and more
     assert said["heat"]  # no evaluations in this run
 
@@ -274,6 +388,45 @@ def test_without_scripts_the_page_has_its_figure_and_pictures(made: Path) -> Non
     assert "<input" not in text.partition("<script>")[0]
     for file in (ROOT / "report" / "templates").glob("*.js"):
         assert len(file.read_text().splitlines()) < 200, file.name
+
+
+def test_a_page_is_never_larger_than_its_limit(
+    made: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """What is left out is named; without any picture a page that is still too large is an error."""
+    data = analysis.load(made / "machine" / "run", strict=False)
+    monkeypatch.setattr(sweep_figures, "PLOTS", {"runtime": sweep_figures.runtime})
+    monkeypatch.setattr(pareto_tables, "FIGURES", {"psnr_db": "pareto"})
+    monkeypatch.setattr(machines, "PUBLISHED", tmp_path)
+    whole = report.page(data, tmp_path / "index.html")
+    limit = len(whole.encode()) - 20_000
+    monkeypatch.setattr(figures, "MOST", limit)
+    less = report.page(data, tmp_path / "index.html")
+    assert limit - 400_000 < len(less.encode()) <= limit
+    assert "Left out, for the page is to stay below" in less and "left out of this page for its size" in less
+    monkeypatch.setattr(figures, "MOST", 100_000)
+    with pytest.raises(StudyError, match="above its limit without a picture"):
+        report.page(data, tmp_path / "index.html")
+
+
+def test_a_published_run_keeps_pictures_for_the_slider(made: Path, tmp_path: Path) -> None:
+    """Of each scene that has two the reference's and the last phase's, every fourth pixel of 1,280."""
+    run = Path(shutil.copytree(made / "machine" / "run", tmp_path / "run"))
+    rng = np.random.default_rng(1)
+    pixels = {name: rng.integers(0, 256, (720, 1280, 3), np.uint8) for name in ("reference_png", "png")}
+    for name, picture in pixels.items():
+        images.write_png(run / "images" / f"{name}.png", picture)
+    verify = json.loads((run / "verify.json").read_text())
+    next(one for one in verify["pairs"] if "png" in one)["width"] = 1280
+    (run / "verify.json").write_text(json.dumps(verify))
+    folder = tmp_path / "published"
+    folder.mkdir()
+    publish.copy_files(run, folder)
+    assert publish.copy_compared(run, folder) == ["images/reference_png.png", "images/png.png"]
+    for name, picture in pixels.items():
+        assert np.array_equal(images.read_png(folder / "images" / f"{name}.png"), picture[::4, ::4])
+    text = compared.fragment(analysis.load(folder, strict=False))
+    assert text.count("<img data-scene=") == 2 and "every 4th pixel" in text
 
 
 def test_pictures_are_thinned_and_limited_and_evaluations_are_levels(

@@ -20,15 +20,16 @@ from study.experiments import experiment
 from study.experiments.rods import measure as rods
 from study.numbers import analysis
 from study.pictures import images
+from study.report import compared
 
 DESCRIPTION = """\
 Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
 without `all`, the thousands of settings that were tried and are in no table), counts.json, validation.json
-and frames.jsonl packed, the pictures that chapters show, scaled down until each is under 300 kB. run.toml
-says the machine, the commit, the commands and a caveat. Then every chapter is read from the copies and
-must have the parts, figures and pictures that it has in the run; only then is there a FOLDER. A run that is
-being measured is refused; of one that was interrupted, a last line of frames.jsonl that was cut off is
-dropped."""
+and frames.jsonl packed, the pictures that chapters show, scaled down until each is under 300 kB, and of two
+scenes two of the pictures that the report compares, at most 320 pixels across. run.toml says the machine,
+the commit, the commands and a caveat. Then every chapter is read from the copies and must have the parts,
+figures and pictures that it has in the run; only then is there a FOLDER. A run that is being measured is
+refused; of one that was interrupted, a last line of frames.jsonl that was cut off is dropped."""
 PICTURE_BYTES = 300_000
 # Megabytes; what reads them takes both forms (store.stored).
 PACKED = ("counts.json", "validation.json", "hotspots.json")
@@ -99,6 +100,16 @@ def copy_pictures(run: Path, folder: Path) -> list[str]:
     return names
 
 
+def copy_compared(run: Path, folder: Path) -> list[str]:
+    """The few pictures that the report compares under a slider, small; their names below the run."""
+    names = []
+    for path, pixels in compared.kept(analysis.load(run, strict=False)).items():
+        names.append(str(path.relative_to(run)))
+        (folder / names[-1]).parent.mkdir(parents=True, exist_ok=True)
+        images.write_png(folder / names[-1], np.ascontiguousarray(pixels))
+    return names
+
+
 def about(folder: Path, commands: list[str], caveat: str) -> str:
     """run.toml: what a reader must know of the run before its numbers."""
     context = store.read_json(folder / "context.json") if (folder / "context.json").exists() else {}
@@ -141,7 +152,7 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
             made = apart / folder.name
             made.mkdir()
             copy_files(run, made)
-            names = copy_pictures(run, made)
+            names = copy_pictures(run, made) + copy_compared(run, made)
             store.write_text(made / RUN_TOML, about(made, commands, caveat))
             About.checked(tomllib.loads((made / RUN_TOML).read_text(encoding="utf-8")), str(made / RUN_TOML))
             check(run, made)

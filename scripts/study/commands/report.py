@@ -17,7 +17,7 @@ from study.experiments.section import Section
 from study.experiments.sweep import ladder
 from study.numbers import analysis, stats
 from study.numbers.analysis import Data
-from study.report import chapters, facts, figures, history_chapter
+from study.report import chapters, facts, figures, history_chapter, machines
 
 OUT = registry.ROOT / "report" / "out" / "index.html"
 MORE = 6  # the question of a chapter whose place is of no other
@@ -80,22 +80,34 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
     environment.filters["code"] = lambda text: re.fullmatch(r"`([^`]+)`", text)
     folder = out.parent / "figures"
     figures.draw(found, folder, reuse=bool(running))
-    return environment.get_template("index.html.j2").render(
-        run="/".join(data.path.resolve().parts[-2:]),
-        data=data,
-        running=list(running),
-        questions=questions,
-        headlines=headlines(rows),
-        figures={one.id: figures.figures(one, folder) for one in found},
-        images={one.id: figures.copied(one.images, folder) for one in found},
-        absent={one.id: figures.absent(one) for one in found},
-        machine=facts.machine(data),
-        remarks=analysis.noise(data)["remarks"],
-        commands=facts.commands(data),
-        skipped=facts.skipped(data),
-        phases=chapters.described(data),
-        methods={"median": stats.MEDIAN.text(), "ratio": stats.RATIO.text()},
-    )
+    drawn = {one.id: figures.figures(one, folder) for one in found}
+    images = {one.id: figures.copied(one.images, folder) for one in found}
+    told = {
+        "run": "/".join(data.path.resolve().parts[-2:]),
+        "data": data,
+        "running": list(running),
+        "questions": questions,
+        "headlines": headlines(rows),
+        "ladders": machines.script(data, rows),
+        "figures": drawn,
+        "images": images,
+        "absent": {one.id: figures.absent(one) for one in found},
+        "machine": facts.machine(data),
+        "remarks": analysis.noise(data)["remarks"],
+        "commands": facts.commands(data),
+        "skipped": facts.skipped(data),
+        "phases": chapters.described(data),
+        "methods": {"median": stats.MEDIAN.text(), "ratio": stats.RATIO.text()},
+        "left_out": "",
+    }
+    template = environment.get_template("index.html.j2")
+    text = template.render(told)
+    excess = len(text.encode()) - figures.MOST
+    if excess > 0:
+        room = 1_000  # for the sentence
+        told["left_out"] = figures.fewer([drawn[one.id] + images[one.id] for one in found], excess + room)
+        text = template.render(told)
+    return text
 
 
 def main() -> int:

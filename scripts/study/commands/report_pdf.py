@@ -9,6 +9,8 @@ import json
 import shutil
 from pathlib import Path
 
+import matplotlib
+
 from study.commands import report
 from study.core import cli, registry, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
@@ -22,7 +24,11 @@ from study.report import figures, paper
 OUT = registry.ROOT / "report" / "out" / "report.pdf"
 HOME = registry.ROOT / "build" / "pdf"
 PACKAGE = "typst==0.15.2"
-SET = "import sys, typst; typst.compile(sys.argv[1], output=sys.argv[2], root=sys.argv[3])"
+SET = (
+    "import sys, typst; "
+    "typst.compile(sys.argv[1], output=sys.argv[2], root=sys.argv[3], font_paths=sys.argv[4:])"
+)
+FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"  # of the figures' letters
 
 
 def typeset(folder: Path, out: Path) -> None:
@@ -30,6 +36,7 @@ def typeset(folder: Path, out: Path) -> None:
     if not venvs.has(venvs.python_of(HOME), "typst"):
         venvs.install(HOME, [PACKAGE])
     command = [venvs.python_of(HOME), "-I", "-c", SET, folder / paper.TEMPLATE.name, out, folder]
+    command.append(FONTS)
     done = child.run(command, capture_output=True, text=True)
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["no word"])[-1]

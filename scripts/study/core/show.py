@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pandas as pd
@@ -231,12 +231,19 @@ def table(rows: Sequence[Row], columns: Sequence[Column]) -> Table:
     empty = (NOTHING, "reference")
     kept = [i for i, column in enumerate(texts) if i == 0 or any(text not in empty for text in column)]
     cells = [[(texts[i][n], columns[i].mark(row)) for i in kept] for n, row in enumerate(rows)]
+    shown = [_with_choices(columns[i], rows, (*empty, "not measured")) for i in kept]
     choices = {
-        place: [[text(row) for text in columns[i].others.values()] for row in rows]
-        for place, i in enumerate(kept)
-        if columns[i].others
+        place: [[text(row) for text in column.others.values()] for row in rows]
+        for place, column in enumerate(shown)
+        if column.others
     }
-    return Table([columns[i] for i in kept], cells, choices)
+    return Table(shown, cells, choices)
+
+
+def _with_choices(column: Column, rows: Sequence[Row], empty: Sequence[str]) -> Column:
+    """The column without the others that say nothing in any row."""
+    said = {name: text for name, text in column.others.items() if any(text(row) not in empty for row in rows)}
+    return replace(column, others=said)
 
 
 def inert(text: str) -> str:

@@ -9,6 +9,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import matplotlib.image
@@ -20,13 +21,13 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogFormatterMathtext, LogLocator, NullFormatter
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from study.core import store
 from study.core.cli import StudyError
-from study.pictures import contents, labels
+from study.pictures import contents, hover, labels
 
 # Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
 # than any of it: no two rungs share one. Markers and hatches say the same in print.
@@ -38,6 +39,7 @@ HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
 RING = {"marker": "o", "mfc": "none", "mec": BAD, "markersize": 16, "mew": 2, "linestyle": "none"}
 STYLE = {
     "svg.hashsalt": "stepwise",
+    "svg.fonttype": "none",
     "font.size": 10,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -50,24 +52,16 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown.
-
-    `hover`: puts what a point says under the pointer into the SVG's text. The page has such a figure as SVG,
-    every other as PNG.
-    """
+    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown."""
 
     caption: str
     note: str  # stands under it
     make: Callable[[], Figure]
-    hover: Callable[[str], str] | None = None
 
     def write(self, stem: Path) -> list[Path]:
         """STEM.svg and STEM.png."""
         with matplotlib.rc_context(STYLE):
-            paths = save(self.make(), stem, self.note)
-        if self.hover:
-            store.write_text(paths[0], self.hover(paths[0].read_text(encoding="utf-8")))
-        return paths
+            return save(self.make(), stem, self.note)
 
 
 def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
@@ -86,6 +80,12 @@ def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
             "label": spec + (f", {threads} threads" if threads > 1 else ""),
         }
     return found
+
+
+def shape(style: Mapping[str, Any]) -> dict[str, Any]:
+    """Of one of `look`'s: what report/templates/plot.js draws a mark by."""
+    marker = style["marker"] if isinstance(style["marker"], str) else "*"  # (4, 1, 0): a star
+    return {"colour": style["color"], "marker": marker, "hollow": style["hollow"]}
 
 
 def _places(phases: list[str]) -> dict[str, int]:
@@ -142,6 +142,7 @@ def _lay_out(figure: Figure) -> None:
 def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure.
 
+    In the SVG letters are text, and marks have what study.pictures.hover was told of them as titles.
     The PNG of lines and text has a palette of 256 colours: half the bytes and less. It keeps the figure's
     numbers and words (study.pictures.contents).
     """
@@ -149,8 +150,9 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     try:
         stem.parent.mkdir(parents=True, exist_ok=True)
         drawn = io.StringIO()
+        told = hover.numbered(figure)
         figure.savefig(drawn, format="svg", metadata={"Date": None})
-        store.write_text(stem.with_suffix(".svg"), drawn.getvalue())
+        store.write_text(stem.with_suffix(".svg"), hover.titled(drawn.getvalue(), told))
         made = _pixels(figure, 130)
         made.save(stem.with_suffix(".png"), optimize=True, pnginfo=said)
     except OSError as error:
@@ -176,12 +178,20 @@ def _ready(figure: Figure, note: str) -> PngInfo:
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
     said = contents.chunk(figure)  # before names are moved about
     FigureCanvasAgg(figure)
+    powers = _powers(figure)
     for text in figure.findobj(Text):
-        if "\\mathdefault" not in text.get_text():
-            text.set_parse_math(False)
+        text.set_parse_math(text in powers)
     labels.settle(figure)
     _lay_out(figure)
     return said
+
+
+def _powers(figure: Figure) -> set[Text]:
+    """Labels at ticks that Matplotlib itself numbers by powers of ten; they are empty till it draws."""
+    axes = [axis for one in figure.axes for axis in (one.xaxis, one.yaxis)]
+    numbered = [one for one in axes if isinstance(one.get_major_formatter(), LogFormatterMathtext)]
+    ticks = [tick for axis in numbered for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())]
+    return {label for tick in ticks for label in (tick.label1, tick.label2)}
 
 
 def _pixels(figure: Figure, dpi: int) -> Image.Image:

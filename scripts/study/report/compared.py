@@ -18,6 +18,7 @@ WIDEST = (
     640  # pixels across; of a larger picture every second, third … pixel, so that each shown is one of its
 )
 MOST = 900_000  # bytes of all of them on the page
+KEPT, SCENES = 320, 2  # of a published run: pixels across, scenes
 
 
 def _uri(pixels: np.ndarray) -> str:
@@ -44,15 +45,31 @@ def _evaluations(path: Path) -> tuple[np.ndarray, int] | None:
     return np.round(255 * np.clip(plane / plane.max(), 0, 1)).astype(np.uint8), int(plane.max())
 
 
-def _files(data: Data) -> list[tuple[str, str, Path]]:
-    """Scene, phase and PNG: of each scene the reference, then its phases as verified."""
-    found: dict[tuple[str, str], Path] = {}
+def _files(data: Data) -> list[tuple[str, str, int, Path]]:
+    """Scene, phase, pixels across as verified, and PNG: of each scene the reference, then its phases."""
+    found: dict[tuple[str, str], tuple[int, Path]] = {}
     for scene in dict.fromkeys(pair["scene"] for pair in data.pairs):
         for pair in data.pairs:
             for who, name in ((pair["reference"], "reference_png"), (pair["phase"], "png")):
                 if pair["scene"] == scene and name in pair:
-                    found.setdefault((scene, who), inside(data.path, pair[name]))
-    return [(*key, path) for key, path in found.items()]
+                    found.setdefault((scene, who), (pair["width"], inside(data.path, pair[name])))
+    return [(*key, *value) for key, value in found.items()]
+
+
+def kept(data: Data) -> dict[Path, np.ndarray]:
+    """What a published run keeps for the slider: of its first two scenes the reference's picture and the last
+    phase's, every second, third … pixel each way, so that they are at most KEPT across."""
+    by_scene: dict[str, list[Path]] = {}
+    for scene, _, _, path in _files(data):
+        if path.is_file():
+            by_scene.setdefault(scene, []).append(path)
+    several = [paths for paths in by_scene.values() if len(paths) > 1][:SCENES]
+    made = {}
+    for path in (end for paths in several for end in (paths[0], paths[-1])):
+        pixels = images.read_png(path)
+        every = -(-pixels.shape[1] // KEPT)
+        made[path] = pixels[::every, ::every]
+    return made
 
 
 def fragment(data: Data) -> str:
@@ -64,7 +81,7 @@ def fragment(data: Data) -> str:
     shown: dict[str, list[dict[str, Any]]] = {}
     heats: list[dict[str, Any]] = []
     left_out, used, step = 0, 0, 1
-    for scene, phase, path in _files(data):
+    for scene, phase, width, path in _files(data):
         if left_out:
             left_out += path.is_file()
             continue
@@ -72,11 +89,12 @@ def fragment(data: Data) -> str:
         if pixels is None:
             continue
         every = _step(pixels.shape[1])
-        uri = _uri(pixels[::every, ::every])
+        small = pixels[::every, ::every]
+        uri = _uri(small)
         if used + len(uri) > MOST:
             left_out = 1
             continue
-        used, step = used + len(uri), max(step, every)
+        used, step = used + len(uri), max(step, every, -(-width // small.shape[1]))
         shown.setdefault(scene, []).append({"scene": scene, "phase": phase, "uri": uri})
     pictures = [one for some in shown.values() if len(some) > 1 for one in some]
     for pair in data.pairs:

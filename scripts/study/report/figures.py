@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 from study.core import store
 from study.core.cli import StudyError
 from study.experiments.section import Section, reading
-from study.pictures import embed
+from study.pictures import embed, hover
 from study.pictures.draw import Drawing
 from study.pictures.processes import in_processes
 
-Shown = dict[str, str]  # name, caption, and uri or svg
+Shown = dict[str, str]  # name, caption, and uri or svg; neither where the page has no room for it
+MOST = 6_000_000  # bytes of a page
+LONGEST = 300_000  # bytes of an SVG in it
 
 
 def read(path: Path) -> bytes:
@@ -34,13 +35,8 @@ def picture(path: Path) -> str:
 
 
 def inline(path: Path) -> str:
-    """An SVG for use inside a page: no prolog, ids of its own. Pictures in <img> show no hover text."""
-    svg = read(path).decode("utf-8")
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    for before in ('id="', "url(#", 'href="#'):
-        svg = svg.replace(before, f"{before}{path.stem}-")
-    return svg
+    """An SVG for use inside a page. Pictures in <img> show no hover text."""
+    return hover.short(read(path).decode("utf-8"), path.stem)
 
 
 def content(section: Section) -> str:
@@ -75,17 +71,43 @@ def draw(sections: Sequence[Section], folder: Path, reuse: bool = False) -> None
 
 
 def figures(section: Section, folder: Path) -> list[Shown]:
-    """A chapter's figures, which `draw` has drawn: PNG, and the first as SVG where its points say something
-    under the pointer."""
+    """A chapter's figures, which `draw` has drawn: as SVG, or as PNG what is made of pictures, or of so many
+    marks that its SVG is longer than LONGEST."""
     made = []
     for name, drawing in section.drawn.items():
-        svg, png = folder / f"{name}.svg", folder / f"{name}.png"
         shown = {"name": name, "caption": drawing.caption}
-        if drawing.hover and not made:
-            made.append({**shown, "svg": inline(svg)})
+        svg = inline(folder / f"{name}.svg")
+        if "<image" in svg or len(svg) > LONGEST:
+            made.append({**shown, "uri": embed.exact(read(folder / f"{name}.png"))})
         else:
-            made.append({**shown, "uri": embed.exact(read(png))})
+            made.append({**shown, "svg": svg})
     return made
+
+
+def fewer(chapters: Iterable[Sequence[Shown]], excess: int) -> str:
+    """Leaves out pictures until the page has `excess` bytes less: first the largest of those that are behind
+    a summary, then the largest of the others. A sentence on them; StudyError if all are not enough."""
+    several = [list(items) for items in chapters]
+    order = [one for items in several for one in items[1:]], [one for items in several for one in items[:1]]
+    names = []
+    for group in order:
+        for item in sorted(group, key=_length, reverse=True):
+            if excess <= 0:
+                break
+            excess -= _length(item)
+            names.append(item["name"])
+            item.pop("svg", None)
+            item.pop("uri", None)
+    if excess > 0:
+        raise StudyError(
+            f"the page would be {excess:,} bytes above its limit without a picture, too; "
+            "report a run of fewer phases or scenes"
+        )
+    return f"Left out, for the page is to stay below {MOST / 1e6:g} MB: {', '.join(names)} (in figures/)."
+
+
+def _length(item: Shown) -> int:
+    return len(item.get("svg", item.get("uri", "")).encode())
 
 
 def copied(wanted: Mapping[Path, str], folder: Path) -> list[Shown]:

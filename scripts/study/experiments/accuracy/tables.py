@@ -15,6 +15,7 @@ from study.core import show
 from study.core.show import Column, Row
 from study.experiments.accuracy import converge, where
 from study.pictures.draw import legend, look, panels
+from study.pictures.hover import tell
 
 MARK = "▼"  # worse than baseline
 
@@ -212,11 +213,13 @@ def places(rows: Sequence[Row]) -> Figure:
         mine = [row for row in rows if row["scene"] == scene]
         names = [row["phase"] for row in mine]
         left = [0.0] * len(mine)
-        for name in where.CLASSES:
-            ppm = [1e6 * r["bad_pixels"] * r[f"bad_{name}"] / (r["width"] * r["height"]) for r in mine]
-            label = name.replace("_", " ")
-            colour = where.COLOURS[name]
-            axes.barh(names, ppm, left=left, color=colour, edgecolor="black", linewidth=0.4, label=label)
+        for kind in where.CLASSES:
+            ppm = [1e6 * r["bad_pixels"] * r[f"bad_{kind}"] / (r["width"] * r["height"]) for r in mine]
+            label = kind.replace("_", " ")
+            colour = where.COLOURS[kind]
+            drawn = axes.barh(names, ppm, left=left, color=colour, edgecolor="black", lw=0.4, label=label)
+            said = zip(names, ppm, strict=True)
+            tell(drawn, [f"{name}, {scene}: {show.number(one)} ppm bad, {label}" for name, one in said])
             left = [a + b for a, b in zip(left, ppm, strict=True)]
         for place, total in enumerate(left):
             axes.text(total, place, f" {total:,.0f}", va="center", fontsize=8)
@@ -253,7 +256,7 @@ def convergence(table: dict[str, Any]) -> Figure:
                 if not mine:
                     continue
                 label = f"{converge.WORDS.get(name, name)} {LINES[other][1]}"
-                (lines[label],) = axes.plot(
+                (lines[label],) = drawn = axes.plot(
                     [r["hit_distance"] for r in mine],
                     [r[other][metric] for r in mine],
                     LINES[other][0],
@@ -262,6 +265,9 @@ def convergence(table: dict[str, Any]) -> Figure:
                     label=label,
                     **style,
                 )
+                unit = " dB" if metric == "psnr_db" else ""
+                said = [(f"{r['hit_distance']:g}", show.number(r[other][metric])) for r in mine]
+                tell(drawn, [f"{label}, hit distance {hit}: {value}{unit}" for hit, value in said])
         axes.set(xscale="log", xlabel="hit distance", title=title)
         if metric == "dt_p99":
             axes.set(yscale="log")

@@ -12,7 +12,7 @@ import pandas as pd
 from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto import tables
 from study.experiments.pareto.fronts import Row
-from study.pictures.draw import look
+from study.pictures.draw import look, shape
 
 NAMES = {  # of a measure: in a menu, name, unit
     "psnr_db": ("PSNR to ground truth", "PSNR to ground truth", "dB"),
@@ -54,9 +54,7 @@ def looks(phases: Sequence[str]) -> dict[str, dict[str, Any]]:
     found = look(frame)
     made = {}
     for name in phases:
-        style = found[name.partition("+")[0], 1]
-        marker = style["marker"] if isinstance(style["marker"], str) else "*"  # (4, 1, 0): a star
-        made[name] = {"colour": style["color"], "marker": marker, "hollow": "+" in name}
+        made[name] = shape(found[name.partition("+")[0], 1]) | {"hollow": "+" in name}
     return made
 
 

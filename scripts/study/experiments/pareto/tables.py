@@ -20,6 +20,7 @@ from study.experiments.pareto.fronts import Row
 from study.numbers import paper
 from study.pictures import labels
 from study.pictures.draw import legend, look, panels, plain_log
+from study.pictures.hover import tell
 
 TOP = 120  # dB: what is nearer is drawn here; floats of a colour near 1 hold no more than 150
 PAPER = {"marker": "*", "s": 170, "color": "#d62728", "edgecolor": "black", "zorder": 6}
@@ -53,7 +54,16 @@ def drawn_at(row: Row, measure: str) -> float:
 
 
 def _scatter(axes: Axes, rows: Sequence[Row], measure: str, **style: Any) -> None:
-    axes.scatter([pareto.pace_of(r) for r in rows], [drawn_at(r, measure) for r in rows], **style)
+    drawn = axes.scatter([pareto.pace_of(r) for r in rows], [drawn_at(r, measure) for r in rows], **style)
+    tell(drawn, [_said(r, measure) for r in rows])
+
+
+def _said(row: Row, measure: str) -> str:
+    how = f"hit {row['hit_distance']:g}, cap {row['max_steps']}"
+    how = "own parameters" if row["own_parameters"] else how
+    at = "≥ " * (measure in pareto.TRUTHS and drawn_at(row, measure) >= TOP)
+    error = f"{at}{show.number(drawn_at(row, measure))}"
+    return f"{row['phase']}, {how}: {_ns(row)} ns/pixel, {pareto.MEASURES[measure]}: {error}"
 
 
 def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
@@ -106,7 +116,8 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
         label="front: nothing is both faster and nearer",
     )
     if measure == FIRST and (there := paper_point(scene, rows)):
-        axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
+        drawn = axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
+        tell(drawn, f"the paper's opt4: {show.number(there[0])} ns/pixel, {show.number(there[1])} dB")
     fractal = any(r["converged_only"] for r in rows)
     axes.set_title(f"{scene} (4×4 means)" if fractal else scene)
     axes.set(xscale="log", xlabel="time, ns per pixel", ylabel=pareto.MEASURES[measure])

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
 import textwrap
 from functools import partial
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +22,7 @@ from study.experiments.sweep import figures as sweep_figures
 from study.numbers.analysis import Data
 from study.pictures import labels
 from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
+from study.pictures.hover import tell
 
 CAPTIONS = {
     "roofline": "Every phase below the measured roofs of one core, by bytes as the core sees them; the dash "
@@ -45,7 +44,7 @@ OFF = 0.75  # natural logarithm: how far a slope's name keeps from points and ot
 LEVEL_LINES = dict(zip(LEVELS, ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5))), strict=True))
 
 
-def hover(row: Row) -> str:
+def hover(row: Row | pd.Series) -> str:
     """What the page says of a point under the pointer."""
     lines = [
         f"{row['phase']}, {row['scene']}, n = {row['n']}",
@@ -194,49 +193,35 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
 
 
 def point(axes: Axes, row: pd.Series, style: dict) -> None:
-    """A phase, its whisker, its own least roof above. The id is what `titled` looks for."""
+    """A phase, its whisker, its own least roof above."""
     x, y, least = row["intensity"], row["flops_per_core_cycle"], row["least_roof"]
     if least > 0:
         axes.plot([x, x], [y, least], color=style["color"], linewidth=0.8, linestyle=":")
-        axes.plot(x, least, marker="_", color=style["color"], markersize=14, mew=2.2)
+        dash = axes.plot(x, least, marker="_", color=style["color"], markersize=14, mew=2.2)
+        tell(dash, f"{row['phase']}, {row['scene']}: its own limit, {show.number(least)} flop/core cycle")
     ends = bars_of(row.to_frame().T.infer_objects(), "flops_per_core_cycle")
     axes.errorbar(x, y, yerr=ends, color=style["color"], capsize=3, linestyle="none")
     face = "white" if style["hollow"] else style["color"]
     drawn = {"color": style["color"], "markerfacecolor": face, "markersize": 9, "linestyle": "none"}
-    axes.plot(x, y, marker=style["marker"], label=style["label"], gid=gid(row), zorder=5, **drawn)
+    tell(axes.plot(x, y, marker=style["marker"], label=style["label"], zorder=5, **drawn), hover(row))
     if row["share_of_fma_roof"] > 1 or row["share_of_mix_roof"] > 1:
-        axes.plot(x, y, **RING)
-
-
-def gid(row: Row | pd.Series) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]", "-", f"point-{row['scene']}-{row['phase']}-{row['n']}")
+        tell(axes.plot(x, y, **RING))
 
 
 def performance(table: pd.DataFrame) -> Figure:
     """The paper's Fig. 6 in form: flop per core cycle against n; its own values as stars on the right."""
     title = "Performance against picture height; stars: the paper's own (i7-7700, its convention)"
-    figure = sweep_figures.against_n(table, "flops_per_core_cycle", "flop per core cycle", title)
+    figure = sweep_figures.against_n(table, "flops_per_core_cycle", "flop per core cycle", title, hover)
     looks = look(table)
     for axes, scene in zip(figure.axes, dict.fromkeys(table["scene"]), strict=False):
-        for _, row in table[table["scene"] == scene].iterrows():
-            color = looks[row["phase"], row["threads"]]["color"]
-            # A marker that nobody sees, for the pointer to find.
-            unseen = {"marker": "o", "markersize": 9, "alpha": 0, "linestyle": "none"}
-            axes.plot(row["height"], row["flops_per_core_cycle"], color=color, gid=gid(row), **unseen)
         for _, row in table[(table["scene"] == scene) & (table["paper_flops_per_cycle"] > 0)].iterrows():
             star = {"color": looks[row["phase"], row["threads"]]["color"], "markeredgecolor": "black"}
             at = {"transform": axes.get_yaxis_transform(), "clip_on": False, "markersize": 11}
-            axes.plot(1.02, row["paper_flops_per_cycle"], marker="*", linestyle="none", **star, **at)
+            value = row["paper_flops_per_cycle"]
+            drawn = axes.plot(1.02, value, marker="*", linestyle="none", **star, **at)
+            tell(drawn, f"the paper's {row['phase']}, {scene}: {show.number(value)} flop/cycle")
         plain_log(axes.yaxis)
     return figure
-
-
-def titled(svg: str, table: pd.DataFrame) -> str:
-    """The SVG with hover text in every element that has a point's id."""
-    for row in table.to_dict("records"):
-        mark = f'<g id="{gid(row)}">'
-        svg = svg.replace(mark, f"{mark}\n<title>{escape(hover(row))}</title>", 1)
-    return svg
 
 
 def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
@@ -269,17 +254,16 @@ def lacking(name: str, table: pd.DataFrame, limits: Ceilings | None) -> str | No
 
 
 def drawings(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> dict[str, Drawing]:
-    """Of each figure that the run has data for, with what its points say under the pointer."""
+    """Of each figure that the run has data for."""
     made = {}
     for name, about in CAPTIONS.items():
         if lacking(name, table, limits):
             continue
-        hover = partial(titled, table=table)
         if name == "roofline" and limits:
             shown = roof.headline(table[table["intensity"] > 0])
-            made[name] = Drawing(about, caption(data, shown, limits), partial(roofline, shown, limits), hover)
+            made[name] = Drawing(about, caption(data, shown, limits), partial(roofline, shown, limits))
         else:
-            made[name] = Drawing(about, caption(data, table, None), partial(performance, table), hover)
+            made[name] = Drawing(about, caption(data, table, None), partial(performance, table))
     return made
 
 

@@ -13,10 +13,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from study.core import machine, registry
+from study.core import machine, registry, show
 from study.experiments.scaling.series import LAW, Row
 from study.numbers import power_laws as scaling_fit
 from study.pictures.draw import Drawing, legend, look, panels, plain_log, thumbnails
+from study.pictures.hover import tell
 
 APART = 0.052  # of a panel's height: labels that are nearer would overlap
 TOP = 120  # dB: what is nearer is drawn here
@@ -86,7 +87,9 @@ def _grown(
             style = looks[phase, 1]
             points = [(row["x"], value(row)) for row in mine if row["phase"] == phase]
             marks = {"marker": style["marker"], "markersize": 4.5, "color": style["color"]}
-            axes.plot(*zip(*points, strict=True), **marks, linewidth=0.8, label=phase, zorder=3)
+            drawn = axes.plot(*zip(*points, strict=True), **marks, linewidth=0.8, label=phase, zorder=3)
+            across = result["axes"][mine[0]["series"]]
+            tell(drawn, [f"{phase}, {across} {x:g}: {show.number(y)} {axis}" for x, y in points])
             fits = [f for f in result["fits"] if (f["title"], f["phase"]) == (name, phase)]
             fit = fits[0][kind] if fits else None
             if fit:
@@ -126,6 +129,11 @@ def level(row: Row) -> float | None:
     return TOP if row["psnr_db"] is None else min(row["psnr_db"], TOP)
 
 
+def _decibels(row: Row) -> str:
+    reference = "ground truth" if row["reference"] == "truth" else row["reference"]
+    return f"{'≥ ' * (level(row) == TOP)}{show.number(level(row))} dB to {reference}"
+
+
 def errors(result: dict[str, Any]) -> Figure:
     """A panel per series: PSNR to ground truth (filled) or to the finest picture there is (hollow)."""
     rows = [r | {"scene": result["titles"][r["series"]]} for r in result["rows"] if level(r) is not None]
@@ -148,7 +156,9 @@ def errors(result: dict[str, Any]) -> Figure:
                 axes.plot(*zip(*same, strict=True), color=style["color"], linewidth=0.8, zorder=2)
             fill = [style["color"] if row["reference"] == "truth" else "white" for row in points]
             marks = {"marker": style["marker"], "s": size, "edgecolor": style["color"], "zorder": 3}
-            axes.scatter(*at, c=fill, **marks)
+            drawn = axes.scatter(*at, c=fill, **marks)
+            across = result["axes"][mine[0]["series"]]
+            tell(drawn, [f"{phase}, {across} {row['x']:g}: {_decibels(row)}" for row in points])
             axes.plot([], [], marker=style["marker"], color=style["color"], linewidth=0.8, label=phase)
         axes.set(
             title=name, xscale="log", xlabel=result["axes"][mine[0]["series"]], ylabel="PSNR, dB (linear)"

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from study.experiments.stability.cases import curves
+from study.pictures.hover import tell
 
 CAPTION = "How far each phase gets in each hard case before it first fails"
 COLOURS = ("#7a0c05", "#d9694f", "#f6d5c3")  # fails at the first strength … at the last
@@ -20,6 +21,14 @@ def reached(row: dict[str, Any]) -> float:
     if row["first_failure"] is None:
         return 1.0
     return row["strengths"].index(row["first_failure"]) / len(row["strengths"])
+
+
+def _said(row: dict[str, Any], case: dict[str, Any]) -> str:
+    if row["refused"]:
+        return "refuses"
+    if row["first_failure"] is None:
+        return "right at every strength"
+    return f"fails from {case['strength']} {curves.number(row['first_failure'])} on"
 
 
 def draw(data: dict[str, Any]) -> Figure:
@@ -38,7 +47,8 @@ def draw(data: dict[str, Any]) -> Figure:
             row = found[case["number"], name]
             share = reached(row)
             colour = REFUSES if row["refused"] else RIGHT if share == 1 else fading(share)
-            axes.barh(line, 0.94, 0.9, column - 0.47, color=colour)
+            bar = axes.barh(line, 0.94, 0.9, column - 0.47, color=colour)
+            tell(bar, f"{name}, {case['number']}. {case['title']}: {_said(row, case)}")
             if share < 1 and not row["refused"]:
                 ink = "white" if share < 0.4 else "black"
                 text = curves.number(row["first_failure"])

@@ -12,6 +12,7 @@ import pandas as pd
 from study.core.registry import BASE as BASE
 from study.core.registry import phases
 from study.experiments.accuracy import measure as accuracy
+from study.experiments.original import measure as original
 from study.numbers import paper, stats
 from study.numbers.analysis import Cell, Data, described, second_base
 from study.numbers.stats import Interval
@@ -105,6 +106,30 @@ def _compiling(cell: Cell) -> float:
     return cell.values.get("kernel_compile_ns", pd.Series([math.nan], dtype=float)).max() / 1e6
 
 
+def _papers(data: Data) -> dict[tuple[str, int], tuple[list[float], list[float]]]:
+    """Scene and height → ms of the launches of our baseline and of the paper's, one beside the other.
+
+    Empty where the paper's own program was not timed in this run.
+    """
+    file = data.path / original.FILE
+    rows = original.read(file)["rows"] if file.is_file() else []
+    return {
+        (row["scene"], row["n"]): (row["ours_launches_ms"], row["theirs_launches_ms"])
+        for row in rows
+        if row["phase"] == BASE and row.get("ours_launches_ms") and row.get("theirs_launches_ms")
+    }
+
+
+def _over_paper(data: Data, cell: Cell, base: Cell | None) -> Interval | None:
+    """Speed-up over the paper's own baseline: over ours, times theirs over ours where both ran in turn."""
+    if "papers" not in data.kept:
+        data.kept["papers"] = _papers(data)
+    both = data.kept["papers"].get((cell.scene, cell.height))
+    if base is None or both is None:
+        return None
+    return stats.change_interval(both, (base.values["ns"], cell.values["ns"]))
+
+
 def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
     base = data.cell(cell.scene, BASE, cell.height, cell.width)
     same = second_base(cell, data.cells, described(data.plan))
@@ -132,6 +157,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         "core_hz_load": cell.median("core_hz_load").value if "core_hz_load" in cell.values else math.nan,
         "speedup_base": base.spec if base else None,
         **_spread("speedup", base and cell.over(base)),
+        **_spread("over_paper", _over_paper(data, cell, base)),
         **_spread("over_one_thread", one and cell.over(one)),
         "same_flags_base": same.spec if same else None,
         **_spread("speedup_same_flags", same and cell.over(same)),

@@ -15,8 +15,15 @@ from study.experiments.views.measure import BASE, Row
 from study.experiments.views.views import CLEAR
 from study.numbers.stats import Interval
 from study.pictures.draw import Drawing, thumbnails
+from study.pictures.hover import tell
 
 SHEET, RATIOS = "views-sheet", "views-ratios"
+
+
+def _said(row: Row) -> str:
+    value, low, high = ends(row)
+    gain = show.interval({"v": value, "v_low": low, "v_high": high}, "v", 3, "×")
+    return f"{row['phase']}, {row['scene']}, {row['view']}: {gain} its parent's speed"
 
 
 def ratios(result: Row) -> Figure:
@@ -32,10 +39,14 @@ def ratios(result: Row) -> Figure:
         others, tuned = ([r for r in mine if r["tuned"] is flag] for flag in (False, True))
         aside = place + 0.5 * (np.arange(len(others)) / max(1, len(others) - 1) - 0.5)
         dots = {"s": 16, "color": "#56B4E9", "linewidth": 0, "zorder": 2}
-        axes.scatter(aside, [ends(r)[0] for r in others], **dots, label="" if place else "another view")
+        dots["label"] = "" if place else "another view"
+        drawn = axes.scatter(aside, [ends(r)[0] for r in others], **dots)
+        tell(drawn, [_said(r) for r in others])
         marks = {"s": 46, "marker": "D", "color": "#D55E00", "zorder": 3}
         where = [place - 0.36 + 0.08 * i for i in range(len(tuned))]
-        axes.scatter(where, [ends(r)[0] for r in tuned], **marks, label="" if place else "a tuned view")
+        marks["label"] = "" if place else "a tuned view"
+        drawn = axes.scatter(where, [ends(r)[0] for r in tuned], **marks)
+        tell(drawn, [_said(r) for r in tuned])
         middle = rung["median"]
         value = middle.value if isinstance(middle, Interval) else middle["value"]
         axes.plot([place - 0.3, place + 0.3], [value] * 2, color="black", linewidth=2, zorder=4,
