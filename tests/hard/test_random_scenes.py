@@ -13,14 +13,14 @@ import os
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, note, settings
+from hypothesis import HealthCheck, assume, given, note, settings
 from hypothesis import Phase as Stage
 from hypothesis import strategies as st
 
 from conformance import harness
 from study.core import registry
 from study.experiments.stability.cases import measure
-from study.pictures import images
+from study.pictures import gate, images
 
 pytestmark = pytest.mark.slow
 
@@ -214,13 +214,15 @@ def pictures(scene: dict, name: str) -> dict[str, harness.Run]:
     return found
 
 
-def unlike(a: images.Picture, b: images.Picture) -> np.ndarray:
-    """Pixels of another shape, of another depth by more than CLOSE, or of another colour as seen."""
+def unlike(a: images.Picture, b: images.Picture, colours: bool = True) -> np.ndarray:
+    """Pixels of another shape, of another depth by more than CLOSE, or (`colours`) of another colour as seen."""
     wrong = a["id"] != b["id"]
     both = ~wrong & (a["id"] >= 0)
     depth = np.abs(np.where(both, a["Z"], 1) - np.where(both, b["Z"], 1))
     # 1e-6/sin(angle): a grazing hit may end anywhere in its last step; the angle is known from the normal.
     wrong |= both & ~(depth <= CLOSE * np.maximum(np.abs(np.where(both, a["Z"], 1)), 1))
+    if not colours:
+        return wrong
     x, y = (images.clamped(images.rgb(p)) for p in (a, b))
     return wrong | ~(np.abs(x - y) <= CLOSE + 1 / 255).all(-1)
 
@@ -261,8 +263,13 @@ def test_phases_agree(scene: dict) -> None:
     note("build/test-scenes/random_benign.json")
     runs = pictures(scene, "random_benign")
     reference = runs.pop(REFERENCE)
-    for run in runs.values():
-        wrong = unlike(reference.picture, run.picture)
+    # A camera inside of a solid sees a point behind itself. Rounding may decide what of it the light meets.
+    assume((reference.picture["Z"] >= 0).all())
+    soft = scene["light"]["shadows"] == "soft"
+    for phase, run in runs.items():
+        # The ideal shadow is not the estimate that the others draw of it.
+        other = soft and gate.draws_ideal(registry.find_phase(phase))
+        wrong = unlike(reference.picture, run.picture, colours=not other)
         assert wrong.mean() <= ALLOWED, f"{run}: {wrong.sum()} of {wrong.size} pixels are not {REFERENCE}'s"
 
 

@@ -113,6 +113,19 @@ def test_full_queues(width, tmp_path) -> None:
     check_same(picture(PHASE, scene, tmp_path, (256, 90), **WIDTHS[width]), parents, width)
 
 
+@pytest.mark.parametrize("width", EACH_WIDTH)
+def test_a_light_straight_above_a_hit_is_seen(tmp_path, width: str) -> None:
+    """All rays start on a sphere, and the light is on the normal: 0/0 in the shadow's second term."""
+    scene = copy.deepcopy(registry.find_scene("scene0").data)
+    material = next(iter(scene["materials"]))
+    scene["shapes"] = [{"type": "sphere", "material": material, "radius": 0.125}]
+    scene["camera"] |= {"position": [0, 0, -0.125], "look_at": [0.25, 0.5, 1]}
+    scene["light"] |= {"position": [0, 0, -1], "shadows": "soft", "shadow_strength": 0.5}
+    seen = picture(PHASE, scene, tmp_path, (8, 8), **WIDTHS[width])
+    parents = picture(PARENT, scene, tmp_path, (8, 8))
+    assert parents["R"].min() > 0.1 and np.allclose(seen["R"], parents["R"], rtol=1e-4)
+
+
 BULBS = [
     name
     for name, scene in registry.scenes().items()

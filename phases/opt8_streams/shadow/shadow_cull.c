@@ -159,5 +159,6 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec norma
     if (model->march.max_steps < 2)
         second = v_mask_none();
     vfloat least = v_select(first, v_min(one, strength * u), one);
-    return v_select(second, v_min(least, term), least);
+    // A ray that leaves along the normal has 0/0 for a second term: of that and a number, v_min takes its second argument.
+    return v_select(second, v_min(term, least), least);
 }
