@@ -215,7 +215,7 @@ def pictures(scene: dict, name: str) -> dict[str, harness.Run]:
 
 
 def unlike(a: images.Picture, b: images.Picture, colours: bool = True) -> np.ndarray:
-    """Pixels of another shape, of another depth by more than CLOSE, or (`colours`) of another colour as seen."""
+    """Pixels of another shape, of another depth by more than CLOSE, or, if `colours`, of another colour."""
     wrong = a["id"] != b["id"]
     both = ~wrong & (a["id"] >= 0)
     depth = np.abs(np.where(both, a["Z"], 1) - np.where(both, b["Z"], 1))
