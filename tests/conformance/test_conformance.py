@@ -98,6 +98,7 @@ UNLIKE += ENDED
 UNLIKE += ["camera_within_a_shape", "camera_under_the_floor", "camera_at_a_centre"]
 UNLIKE += ["camera_under_the_floor_bulb", "light_under_the_floor_too"]
 UNLIKE += ["camera_within_a_mandelbulb", "scene_within_a_sphere"]
+UNLIKE += ["mandelbox_plane", "mandelbox_bulb", "mandelbox_hard", "mandelbox_ideal"]  # a floor, hit coarsely
 UNLIKE += ["camera_within_one_of_a_crowd", "camera_within_a_sphere_of_a_crowd", "crowd_within_a_box"]
 
 # Scenes, and which of their shapes others enclose.

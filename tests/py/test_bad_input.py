@@ -99,7 +99,7 @@ ARGUMENTS = {
     "-n 4 --first-frame 1": "--first-frame needs --frames",
     "-n 4 --first-frame -1": "--first-frame: 0 to 1000000 is required",
     "-n 4 --frames 3 --first-frame 3": "--first-frame 3: an animation of 3 frames ends with frame 2",
-    "-n 4 --frames 3": ": --frames: no shape has a path",
+    "-n 4 --frames 3": ": --frames: neither the camera nor a shape has a path",
     "-n 4 --json --jsonl": "--json and --jsonl exclude each other",
     "-n 4 --display --aov": "--display and --aov exclude each other",
     "-n 4 -o a.png": '-o: a name that ends in .exr is required, not "a.png" (of 8 bits: --display, .ppm)',
