@@ -128,7 +128,8 @@ def _counts() -> dict[str, dict]:
         many.append(shape(kinds[i % len(kinds)], position=[x, y, z], material=next(materials)) | small)
     far = {"position": [1, 2, -12]}
     twice = [shape("sphere", material=material) for material in ("blue", "plain")]
-    one_of_each = [shape(k, position=[1.6 * i - 4, 0.3 * i, 2]) for i, k in enumerate(SIZES) if k != "plane"]
+    kinds = [kind for kind in SIZES if kind != "mandelbox"]  # which needs COARSE limits
+    one_of_each = [shape(k, position=[1.6 * i - 4, 0.3 * i, 2]) for i, k in enumerate(kinds) if k != "plane"]
     return {
         "shapes_64": scene(many, camera=far, light={"shadows": "soft"}),
         "shapes_64_turned": scene(

@@ -75,7 +75,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     char error[SCENE_ERROR_SIZE] = "";
     struct reader reader = {.file = "fuzz", .path = "$", .error = error};
     CHECK(object);
-    scene_read_path(&reader, object, &shape);
+    scene_read_path(&reader, object, shape.position, &shape.path);
     json_decref(object);
     CHECK(reader.failed == (error[0] != '\0'));
     if (!reader.failed)

@@ -175,7 +175,9 @@ def test_kernels_of_features(shop: Workshop, tmp_path: Path) -> None:
     """
     quick = shop.script("less", 'exec gcc "$@" -O1')
     words = {"STEPWISE_CC": str(quick), "STEPWISE_CACHE": str(tmp_path / "cache")}
-    names = list(FEATURES)[:: 1 if os.environ.get("STEPWISE_EVERY_KERNEL") else 4]
+    marched = {name for name in FEATURES if "mandelbox" in str(FEATURES[name])}  # which have no kernel
+    names = [name for name in FEATURES if name not in marched]
+    names = names[:: 1 if os.environ.get("STEPWISE_EVERY_KERNEL") else 4]
     generated = 0
     for name in names:
         size = ("-w", "48", "-n", "27")
