@@ -13,8 +13,8 @@ static inline void split(double a, float *hi, float *lo) {
     *lo = (float)(a - *hi);
 }
 
-// How a shape is evaluated along a ray: its distance at a point of its frame; a line in t, for a plane that is not
-// repeated; or its power, a polynomial in t, for a sphere wider than the bounds.
+// How a shape is evaluated along a ray. POINT: its distance at a point of its frame. LINEAR: a line in t, for a plane
+// that is not repeated. POWER: its power, a polynomial in t, for a sphere wider than the bounds.
 enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
 // A shape in the form that the march evaluates.
