@@ -13,7 +13,7 @@ EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view try new-phase format clean phases truth enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 $(EXPERIMENTS)
+.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view try new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -47,9 +47,6 @@ phases: $(PHASES:%=$(BUILD)/%/render) ## build every phase
 
 $(EXPERIMENTS): setup
 	@$(PY) scripts/stepwise $(if $(strip $(OPTIONS)),$@$(OPTIONS),study --part $@) $(ARGS)
-
-truth: setup ## the exact pictures of SCENE=… (default: scene0) at N=360, in proved enclosures
-	@$(PY) scripts/stepwise truth $(or $(SCENE),scene0) -n $(or $(N),360) $(ARGS)
 
 enclosures: setup-test ## truth's enclosures against exact roots, 100,000 random and adversarial rays per shape
 	@STEPWISE_RAYS=100000 $(PY) -m pytest -q tests/py/test_enclosures.py $(ARGS)

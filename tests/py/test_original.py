@@ -60,6 +60,11 @@ def test_toy_is_fetched_built_and_timed(toy: Path, tmp_path: Path) -> None:
     assert not row["ours_over_theirs"].sufficient
 
 
+def test_a_folder_of_this_machine_is_not_published(tmp_path: Path) -> None:
+    assert original.called(original.REPOSITORY) == original.REPOSITORY
+    assert original.called(str(tmp_path)) == f"a local copy of {original.REPOSITORY}"
+
+
 def test_settings_that_are_missing_are_named() -> None:
     with pytest.raises(StudyError, match="0 lines `#define REPETITIONS`"):
         original.configured(CONFIG.replace("REPETITIONS 4", "REPEAT 4"), 36)

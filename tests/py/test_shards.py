@@ -76,8 +76,8 @@ def test_what_is_no_whole_is_not_joined(parts: list[dict[str, object]], said: st
         shards.join(parts, ["rows", "skipped"])
 
 
-def test_accuracy_and_stability_have_shards() -> None:
-    assert SHARDED.keys() == {"accuracy", "stability"}
+def test_which_experiments_have_shards() -> None:
+    assert SHARDED.keys() == {"accuracy", "animation", "random", "stability", "truth"}
     for name, one in SHARDED.items():
         assert one.file in experiment.find_all()[name].schemas
 
@@ -90,6 +90,9 @@ def stepwise(*words: object) -> str:
 
 CASES = {
     "accuracy": ["--phase", "opt1", "opt4", "--scene", "trio", "mandelbulb", "-n", "16"],
+    "animation": ["--scene", "spheres40_animated", "--phase", "opt4", "--frames", "4", "-n", "16"],
+    "random": ["--kind", "any", "scene", "--seeds", "2", "--scenes", "2", "--executions", "2000"],
+    "truth": ["--scene", "trio", "two_spheres", "mandelbulb", "-n", "12"],
     "stability": ["--phase", "baseline", "opt4", "--case", "7", "8", "21", "--strengths", "few"],
 }
 

@@ -137,9 +137,9 @@ def test_the_script(tmp_path):
         command = [sys.executable, ROOT / "scripts" / "stepwise", "truth", *arguments]
         return started.run(command)
 
-    done = script("two_spheres", "-n", "12", "-w", "16", "--json")
+    done = script("--scene", "two_spheres", "-n", "12", "-w", "16", "--json", "--run", tmp_path)
     assert done.returncode == cli.OK, done.stderr
-    (found,) = emitted.result(done.stdout)["scenes"]
+    (found,) = emitted.result(done.stdout)["rows"]
     assert (found["proved"], found["undecided"], found["converged_only"]) == (16 * 12, 0, 0)
-    wrong = script("two_sphere", "-n", "12")
+    wrong = script("--scene", "two_sphere", "-n", "12")
     assert wrong.returncode == cli.BAD_INPUT and "did you mean two_spheres" in wrong.stderr

@@ -88,8 +88,8 @@ def picture(scene: Scene, size: Size) -> Picture:
     return images.read(make(scene, size))
 
 
-def make(scene: Scene, size: Size) -> Path:
-    """Path of the cached picture, rendered and decided if need be."""
+def make(scene: Scene, size: Size, threads: int | None = None) -> Path:
+    """Path of the cached picture, rendered by `threads` (default: CPUs) and decided if need be."""
     path = path_of(scene, size)
     if path.exists():
         return path
@@ -99,7 +99,7 @@ def make(scene: Scene, size: Size) -> Path:
     try:
         # Named by this process: a killed run's folder is known for what it is, and swept by the next one.
         with temporary.folder(CACHE, f".{os.getpid()}.") as folder:
-            done = _rendered(scene, size, folder)
+            done = _rendered(scene, size, folder, threads or len(os.sched_getaffinity(0)))
             if path_of(scene, size) != path:
                 raise StudyError("build/truth/render has changed meanwhile: once more")
             done.replace(path)
@@ -108,11 +108,10 @@ def make(scene: Scene, size: Size) -> Path:
     return path
 
 
-def _rendered(scene: Scene, size: Size, folder: Path) -> Path:
+def _rendered(scene: Scene, size: Size, folder: Path, threads: int) -> Path:
     """The exact picture as a file in `folder`, with the count of pixels decided and mended."""
     begun = time.monotonic()
     raw, done = folder / "raw.exr", folder / "done.exr"
-    threads = len(os.sched_getaffinity(0))
     run.render("truth", scene.path, size[1], size[0], aov=True, out=raw, threads=threads, timed=False)
     planes = images.read(raw)
     decided, mended = decide(scene.data, planes)
@@ -180,10 +179,10 @@ def _write(path: Path, planes: Picture, facts: dict[str, float]) -> None:
         raise StudyError(f"{path}: cannot be written: {file.geterror().strip()}")
 
 
-def summary(scene: Scene, size: Size) -> Summary:
+def summary(scene: Scene, size: Size, threads: int | None = None) -> Summary:
     """Counts of the cached picture, which is made if it is not there."""
     cached = path_of(scene, size).exists()
-    path = make(scene, size)
+    path = make(scene, size, threads)
     planes = images.read(path)
     file = oiio.ImageInput.open(str(path))
     try:

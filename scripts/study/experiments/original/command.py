@@ -48,7 +48,7 @@ def main() -> int:
         for name in args.scene:
             rows.append(cli.plain(original.measure(programs, registry.find_scene(name), phase, settings)))
             print(original.sentence(rows[-1]), file=sys.stderr if args.json else sys.stdout, flush=True)
-            result = {"schema": 1, "repository": args.repository, "launches": args.launches}
+            result = {"schema": 1, "repository": original.called(args.repository), "launches": args.launches}
             result |= {"seed": args.seed, "rows": kept + rows, "context": machine.context()}
             store.write_json(folder / original.FILE, result)
     return running.end(args, result, [folder / original.FILE])

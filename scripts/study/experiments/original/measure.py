@@ -196,6 +196,11 @@ def folder_of(repository: str) -> Path:
     return ROOT / "build" / "original" / ("repository" if repository == REPOSITORY else "copy")
 
 
+def called(repository: str) -> str:
+    """A repository as a file may say it: a folder of this machine is nobody else's business."""
+    return repository if "://" in repository else f"a local copy of {REPOSITORY}"
+
+
 def others(path: Path, height: int, phases: Sequence[str], scenes: Sequence[str]) -> list[dict[str, Any]]:
     """The rows of an earlier original.json of that height that these phases and scenes do not make anew.
 

@@ -1,0 +1,83 @@
+"""Random scenes through every phase and random bytes through every reader, by seed: what breaks one."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from study.core import cli, progress, store
+from study.experiments import running, shards
+from study.experiments.random import measure
+
+DESCRIPTION = """\
+Scenes are drawn by tests/hard/test_random_scenes.py, other ones for each seed. They are any scenes, scenes at
+the format's limits, and benign ones, on which every phase must see what baseline sees. The readers are those
+of tests/fuzz, under ASan and UBSan. `make fuzz MINUTES=60` tries longer: it keeps the inputs that reached new
+code, where this command starts anew with each seed."""
+FILE = "random.json"
+Unit = tuple[str, int]
+
+
+def arguments() -> argparse.Namespace:
+    parser = cli.parser(DESCRIPTION, {1: "an input broke a phase or a reader", 3: "clang is missing"})
+    add = parser.add_argument
+    kinds = measure.kinds()
+    add(
+        "--kind",
+        nargs="+",
+        choices=kinds,
+        default=kinds,
+        metavar="KIND",
+        help=f"of {', '.join(kinds)}; default: all",
+    )
+    add("--seeds", type=cli.at_least(1), default=4, metavar="N", help="of each kind; default: 4")
+    add("--first-seed", type=cli.at_least(1), default=1, metavar="K", help="default: 1")
+    add("--scenes", type=cli.at_least(1), default=20, metavar="N", help="for each seed; default: 20")
+    add(
+        "--executions",
+        type=cli.at_least(1),
+        default=200_000,
+        metavar="N",
+        help="of a harness for each seed; default: 200000",
+    )
+    add("--run", type=Path, metavar="DIR", help="for random.json; default: build/random")
+    cores = len(os.sched_getaffinity(0))
+    add("--jobs", type=cli.at_least(1), default=cores, help="seeds tried at a time; default: CPUs")
+    parser.set_defaults(home="random")
+    shards.option(parser, "pairs of kind and seed")
+    return parser.parse_args()
+
+
+def units(args: argparse.Namespace) -> list[Unit]:
+    """Kinds and seeds. All seeds of a kind are neighbours."""
+    seeds = range(args.first_seed, args.first_seed + args.seeds)
+    return [(kind, seed) for kind in dict.fromkeys(args.kind) for seed in seeds]
+
+
+def main() -> int:
+    args = arguments()
+    chosen = shards.part(units(args), args.shard)
+    folder = running.folder(args)
+    for kind, _ in chosen:
+        measure.need(kind)
+
+    def one(unit: Unit) -> measure.Row:
+        kind, seed = unit
+        if kind in measure.SCENES:
+            return measure.scenes(kind, seed, args.scenes)
+        return measure.fuzzed(kind, seed, args.executions)
+
+    with ThreadPoolExecutor(args.jobs) as pool:
+        rows = list(progress.each(pool.map(one, chosen), "seeds", len(chosen)))
+    result = {"schema": 1, "rows": rows}
+    path = folder / shards.file_name(FILE, args.shard)
+    store.write_json(path, shards.marked(result, args.shard))
+    failed = [f"{row['kind']}, seed {row['seed']}: {row['found']}" for row in rows if row["found"]]
+    lines = [
+        f"{kind}: {sum(row['tried'] for row in rows if row['kind'] == kind):,} inputs by "
+        f"{sum(row['kind'] == kind for row in rows)} seeds"
+        for kind in dict.fromkeys(row["kind"] for row in rows)
+    ]
+    return running.end(args, result, [*lines, path], failed)
