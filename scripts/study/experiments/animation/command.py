@@ -60,7 +60,9 @@ def drawn(unit: Unit, spec: Spec, n: int, width: int | None, folder: Path) -> tu
     name = f"animation/{scene.name}-{spec}-{size[0]}x{size[1]}-{number:05}.png"
     with temporary.folder() as scratch:
         out = scratch / "frame.exr"
-        run.render(spec, scene.path, size[1], size[0], out=out, animation=1, first_frame=number, timed=False)
+        run.render(
+            spec, scene.path, size[1], size[0], out=out, animation=number + 1, first_frame=number, timed=False
+        )
         picture = images.read(out)
     images.write_png(folder / name, images.to_display(images.rgb(picture)))
     about = {"scene": scene.name, "phase": str(spec), "frame": number, "seconds": number / RATE}

@@ -60,8 +60,7 @@ def main() -> int:
     args = arguments()
     chosen = shards.part(units(args), args.shard)
     folder = running.folder(args)
-    for kind, _ in chosen:
-        measure.need(kind)
+    measure.prepare([kind for kind, _ in chosen])
 
     def one(unit: Unit) -> measure.Row:
         kind, seed = unit

@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from study.core import build, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import ROOT
+from study.experiments.stability.cases.measure import able
 
 TESTS = ROOT / "tests"
 SCENES = {  # kind → its test; the scene that fails is random_KIND.json
@@ -35,18 +37,24 @@ def kinds() -> list[str]:
     return [*SCENES, *sorted(path.stem for path in (TESTS / "fuzz").glob("*.c"))]
 
 
-def need(kind: str) -> None:
-    """Raises StudyError where a kind cannot be tried."""
-    if kind not in SCENES and not shutil.which("clang"):
-        text = f"kind {kind} needs clang: apt install clang, or choose --kind {' '.join(SCENES)}"
+def prepare(kinds: Collection[str]) -> None:
+    """Builds what they need. Raises StudyError where one of them cannot be tried here."""
+    harnesses = [kind for kind in dict.fromkeys(kinds) if kind not in SCENES]
+    if harnesses and not shutil.which("clang"):
+        text = f"kind {harnesses[0]} needs clang: apt install clang, or choose --kind {' '.join(SCENES)}"
         raise StudyError(text, CANNOT_RUN)
+    for harness in harnesses:
+        build.build("fuzz", harness)
+    if len(harnesses) < len(set(kinds)):
+        for phase in able(None)[0]:
+            build.build(phase)
 
 
 def scenes(kind: str, seed: int, count: int) -> Row:
     """`count` random scenes through every phase of the ladder that can run here."""
     with temporary.folder() as scratch:
         test = f"{TESTS / 'hard' / 'test_random_scenes.py'}::{SCENES[kind]}"
-        how = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--hypothesis-seed={seed}"]
+        how = ["-q", "-o", f"cache_dir={scratch}", f"--hypothesis-seed={seed}"]
         more = {"STEPWISE_RANDOM": str(count), "STEPWISE_KEPT": str(scratch)}
         command = [sys.executable, "-m", "pytest", *how, test]
         done = child.run(command, capture_output=True, text=True, cwd=ROOT, env=os.environ | more)
