@@ -142,6 +142,20 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     assert foot.strip() in text
 
 
+def test_the_thumbnails_of_a_figure_are_published_small(tmp_path):
+    """As a file names them, whoever wrote it; not what the run lacks."""
+    run, folder = tmp_path / "run", tmp_path / "published"
+    noise = np.random.default_rng(3).integers(0, 256, (90, 160, 3), dtype=np.uint8)
+    images.write_png(run / "images" / "a.png", noise)
+    folder.mkdir()
+    named = {"thumbnails": [{"picture": "images/a.png"}, {"picture": "images/none.png"}]}
+    store.write_json(folder / "views.json", named)
+    store.write_json(folder / "other.json", [1])
+    assert publishing.copy_thumbnails(run, folder) == ["images/a.png"]
+    assert 3_000 < (folder / "images" / "a.png").stat().st_size <= publishing.THUMBNAIL_BYTES
+    assert not (folder / "images" / "none.png").exists()
+
+
 def test_what_is_there_is_not_written_over(made, tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "mine").write_text("")

@@ -15,7 +15,7 @@ from study.experiments.sweep import ladder
 from study.numbers import analysis
 from study.report import paper
 
-PUBLISHED = ROOT / "results" / "reference" / "zen4-2026-11-25"
+PUBLISHED = ROOT / "results" / "reference" / "zen4-2026-11-28"
 HOSTILE = '#panic("x") $a$ <script> @ref *b* [c'
 
 

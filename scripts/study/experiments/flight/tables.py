@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from study.core import machine, show
 from study.core.show import Column
@@ -12,12 +14,13 @@ from study.experiments.flight.measure import FILE, Row
 from study.experiments.flight.schema import Flight
 from study.experiments.section import Found, Section, chapter, part
 from study.pictures.draw import COLOURS, Drawing
+from study.pictures.hover import tell
 
 NAMES = {
     "rods": "rods, as in the article",
     "packets": "packets alone",
     "throttle": "rods and packets, by the throttle",
-    "fastest": "the fastest phase",
+    "fastest": "the ladder",
 }
 
 
@@ -100,27 +103,43 @@ def sentence(row: Row) -> str:
     )
 
 
-def _draw(row: Row) -> Figure:
-    """Frames a second along the path, a line a way."""
-    figure = Figure(figsize=(8, 4), layout="constrained")
-    axes = figure.subplots()
+def _draw(row: Row, article: float) -> Figure:
+    """Frames a second and error along the path, a line a way. `article`: its frames a second."""
+    figure = Figure(figsize=(12, 4), layout="constrained")
+    title = f"A flight through {row['scene']}, {row['width']}×{row['n']} pixels, one thread"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    speed, error = figure.subplots(1, 2)
     for number, (name, words) in enumerate(NAMES.items()):
         made = ways(row, name)
-        if made:
-            seconds = [at for at, _ in made]
-            axes.plot(seconds, rates(row, name), "o-", color=COLOURS[number], markersize=4, label=words)
-    axes.set(yscale="log", xlabel="time of the flight, s", ylabel="frames a second, one thread")
-    axes.legend(frameon=False, fontsize=9)
+        if not made:
+            continue
+        seconds = [at for at, _ in made]
+        label = made[0][1]["phase"] if name == "fastest" else words
+        style = {"color": COLOURS[number], "markersize": 4, "label": label}
+        says = [f"{label}, {at:.3g} s: {1e3 / way['ms']:.3g} frames a second" for at, way in made]
+        tell(speed.plot(seconds, rates(row, name), "o-", **style), says)
+        near = [math.nan if way["psnr_db"] is None else way["psnr_db"] for _, way in made]
+        says = [f"{label}, {at:.3g} s: {db:.3g} dB" for at, db in zip(seconds, near, strict=True)]
+        tell(error.plot(seconds, near, "o-", **style), says)
+    speed.axhline(article, color="#888888", linestyle=":", label="the article's figure, of no stated size")
+    speed.set(yscale="log", xlabel="time of the flight, s", ylabel="frames a second")
+    speed.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    speed.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    speed.yaxis.set_minor_formatter(NullFormatter())
+    error.set(xlabel="time of the flight, s", ylabel="PSNR to ground truth, dB", ylim=(0, None))
+    handles, labels = speed.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=9)
     return figure
 
 
 def drawings(result: Row) -> dict[str, Drawing]:
     note = f"{machine.name(result.get('context'))}; {result['launches']} interleaved launches a place."
+    article = result["article"]["frames_a_second"]
     return {
         f"flight-{row['scene']}": Drawing(
-            f"Frames a second along {row['scene']}, {row['width']}×{row['n']}",
+            f"Frames a second and error along {row['scene']}, {row['width']}×{row['n']}",
             note,
-            lambda row=row: _draw(row),
+            lambda row=row: _draw(row, article),
         )
         for row in result["rows"]
     }
