@@ -19,9 +19,11 @@ import made_up
 import numpy as np
 import pytest
 import started
+from matplotlib.figure import Figure
 
 from study.commands import publish as publishing
 from study.core import store
+from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import pictures as fixed_pictures
@@ -29,8 +31,10 @@ from study.experiments.packets import measure as packets
 from study.experiments.packets import pictures as packets_pictures
 from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures as rods_pictures
+from study.experiments.section import Section
 from study.experiments.systems import pictures as systems_pictures
 from study.pictures import images
+from study.pictures.draw import Drawing
 
 pytestmark = pytest.mark.slow
 
@@ -142,18 +146,18 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     assert foot.strip() in text
 
 
-def test_the_thumbnails_of_a_figure_are_published_small(tmp_path):
-    """As a file names them, whoever wrote it; not what the run lacks."""
-    run, folder = tmp_path / "run", tmp_path / "published"
-    noise = np.random.default_rng(3).integers(0, 256, (90, 160, 3), dtype=np.uint8)
-    images.write_png(run / "images" / "a.png", noise)
-    folder.mkdir()
-    named = {"thumbnails": [{"picture": "images/a.png"}, {"picture": "images/none.png"}]}
-    store.write_json(folder / "views.json", named)
-    store.write_json(folder / "other.json", [1])
-    assert publishing.copy_thumbnails(run, folder) == ["images/a.png"]
-    assert 3_000 < (folder / "images" / "a.png").stat().st_size <= publishing.THUMBNAIL_BYTES
-    assert not (folder / "images" / "none.png").exists()
+def test_a_figure_of_thumbnails_may_be_lost_and_no_other(tmp_path, monkeypatch):
+    def shown(folder):
+        names = ["sheet", "plot"] if folder.name == "run" else kept
+        drawn = {name: Drawing("", "", Figure, of_thumbnails=name == "sheet") for name in names}
+        return [Section("views", "Views", "", [], drawn=drawn)]
+
+    monkeypatch.setattr(publishing, "sections", shown)
+    kept = ["plot"]
+    publishing.check(tmp_path / "run", tmp_path / "published")
+    kept = ["sheet"]
+    with pytest.raises(StudyError, match="not as in the run: views"):
+        publishing.check(tmp_path / "run", tmp_path / "published")
 
 
 def test_what_is_there_is_not_written_over(made, tmp_path):

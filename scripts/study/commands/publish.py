@@ -25,13 +25,13 @@ from study.report import compared
 DESCRIPTION = """\
 Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
 without `all`, the thousands of settings that were tried and are in no table), counts.json, validation.json
-and frames.jsonl packed, and pictures. Those are the pictures that chapters show, scaled down until each is
-under 300 kB, the thumbnails that figures are made of, each under 12 kB, and of two scenes two of the pictures
-that the report compares, at most 320 pixels across. run.toml says the machine, the commit, the commands and a
-caveat. Then every chapter is read from the copies and must have the parts, figures and pictures that it has
-in the run; only then is there a FOLDER. A run that is being measured is refused; of one that was interrupted,
-a last line of frames.jsonl that was cut off is dropped."""
-PICTURE_BYTES, THUMBNAIL_BYTES = 300_000, 12_000
+and frames.jsonl packed, the pictures that chapters show, scaled down until each is under 300 kB, and of two
+scenes two of the pictures that the report compares, at most 320 pixels across. run.toml says the machine,
+the commit, the commands and a caveat. Then every chapter is read from the copies and must have the parts,
+figures and pictures that it has in the run, but for figures made of thumbnails; only then is there a FOLDER.
+A run that is being measured is refused; of one that was interrupted, a last line of frames.jsonl that was cut
+off is dropped."""
+PICTURE_BYTES = 300_000
 # Megabytes; what reads them takes both forms (store.stored).
 PACKED = ("counts.json", "validation.json", "hotspots.json")
 SMALLER = 0.85  # each time a picture is still too large
@@ -101,18 +101,6 @@ def copy_pictures(run: Path, folder: Path) -> list[str]:
     return names
 
 
-def copy_thumbnails(run: Path, folder: Path) -> list[str]:
-    """The pictures that figures are made of, as the JSON files name them; their names below the run."""
-    names = []
-    for file in sorted(folder.glob("*.json")):
-        data = store.read_json(file)
-        for one in data.get("thumbnails", ()) if isinstance(data, dict) else ():
-            if (run / one["picture"]).is_file():
-                names.append(one["picture"])
-                shrink(run / names[-1], folder / names[-1], THUMBNAIL_BYTES)
-    return names
-
-
 def copy_compared(run: Path, folder: Path) -> list[str]:
     """The few pictures that the report compares under a slider, small; their names below the run."""
     names = []
@@ -141,7 +129,7 @@ def shown(folder: Path) -> dict[str, Any]:
     return {
         one.id: (
             [(part.name, part.markdown) for part in one.parts],
-            sorted(one.drawn),
+            sorted(name for name, drawing in one.drawn.items() if not drawing.of_thumbnails),
             sorted(path.name for path in one.images if path.is_file()),
         )
         for one in sections(folder)
@@ -165,7 +153,7 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
             made = apart / folder.name
             made.mkdir()
             copy_files(run, made)
-            names = copy_pictures(run, made) + copy_compared(run, made) + copy_thumbnails(run, made)
+            names = copy_pictures(run, made) + copy_compared(run, made)
             store.write_text(made / RUN_TOML, about(made, commands, caveat))
             About.checked(tomllib.loads((made / RUN_TOML).read_text(encoding="utf-8")), str(made / RUN_TOML))
             check(run, made)

@@ -52,11 +52,15 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown."""
+    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown.
+
+    `of_thumbnails`: dozens of small pictures of the run are its content, which no published run keeps.
+    """
 
     caption: str
     note: str  # stands under it
     make: Callable[[], Figure]
+    of_thumbnails: bool = False
 
     def write(self, stem: Path) -> list[Path]:
         """STEM.svg and STEM.png."""

@@ -209,7 +209,11 @@ def drawings(result: dict[str, Any], folder: Path) -> dict[str, Drawing]:
         "scaling-error": any(level(row) is not None for row in result["rows"]),
         SHEET: any((folder / one["picture"]).is_file() for one in result["thumbnails"]),
     }
-    return {name: Drawing(CAPTIONS[name], note(result), make) for name, make in able.items() if there[name]}
+    return {
+        name: Drawing(CAPTIONS[name], note(result), make, name == SHEET)
+        for name, make in able.items()
+        if there[name]
+    }
 
 
 def figures(result: dict[str, Any], folder: Path) -> dict[str, Figure]:

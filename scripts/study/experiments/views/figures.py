@@ -91,7 +91,7 @@ def drawings(result: Row, folder: Path) -> dict[str, Drawing]:
         made[RATIOS] = Drawing(about, note(result), lambda: ratios(result))
     if any((folder / one["picture"]).is_file() for one in result.get("thumbnails", ())):
         about = "The views: each scene's own and three further ones"
-        made[SHEET] = Drawing(about, note(result), lambda: sheet(result, folder))
+        made[SHEET] = Drawing(about, note(result), lambda: sheet(result, folder), True)
     return made
 
 
