@@ -8,6 +8,9 @@
 #include "viewer/show.h"
 
 enum { MAX_FRAMES = 1000000 };
+static const char UNKNOWN[] = "is no key of a path; scene, phase, reference, mode, divider, "
+                              "amplify, position, look_at, up, light, "
+                              "seconds and frames are";
 
 static const char *const VECTORS[] = {"position", "look_at", "up", "light", NULL};
 
@@ -48,8 +51,7 @@ static const char *wanted(const char *key, const json_t *value) {
         return json_integer_value(value) >= 1 && json_integer_value(value) <= MAX_FRAMES
                    ? NULL
                    : "a whole number from 1 to 1000000";
-    return "one of scene, phase, reference, mode, divider, amplify, position, look_at, up, light, "
-           "seconds, frames";
+    return UNKNOWN;
 }
 
 static bool check_line(const char *path, int number, const json_t *line, char *error) {
@@ -58,8 +60,9 @@ static bool check_line(const char *path, int number, const json_t *line, char *e
     json_object_foreach((json_t *)line, key, value) {
         const char *required = wanted(key, value);
         if (required) {
-            snprintf(error, SCENE_ERROR_SIZE, "%.300s:%d: %.60s: %s is required", path, number, key,
-                     required);
+            bool known = required != UNKNOWN;
+            snprintf(error, SCENE_ERROR_SIZE, "%.300s:%d: %.60s%s %s%s", path, number, key,
+                     known ? ":" : "", required, known ? " is required" : "");
             return false;
         }
     }
@@ -197,7 +200,7 @@ static json_t *three(const double from[3]) {
 bool script_record(FILE *file, const struct show *show) {
     const struct camera *camera = &show->camera;
     json_t *line =
-        json_pack("{ss ss ss ss sf so so so so sf}", "scene", show->world->path, "phase",
+        json_pack("{ss ss ss ss sf so so so so sf}", "scene", world_called(show->world), "phase",
                   show->left.phase->name, "reference", show->reference->name, "mode",
                   mode_name(show->mode), "amplify", show->amplify, "position",
                   three(camera->position), "look_at", three(camera->look_at), "up",

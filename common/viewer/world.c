@@ -62,6 +62,12 @@ static bool locate(const char *name, char path[4096]) {
     return false;
 }
 
+const char *world_called(const struct world *world) {
+    char path[4096];
+    const char *name = world->scene.name;
+    return locate(name, path) && strcmp(path, world->path) == 0 ? name : world->path;
+}
+
 struct world *world_open(const char *name, char *error) {
     char path[4096];
     if (!locate(name, path)) {

@@ -21,6 +21,8 @@ struct world {
 // Returns the scene `name`: a path, or the name of a file of common/scenes. It is loaded once and
 // kept until worlds_free. Returns NULL with one line in `error` (SCENE_ERROR_SIZE bytes).
 struct world *world_open(const char *name, char *error);
+// Returns what world_open() finds the scene by on every machine: its name if it is one of common/scenes, else its path.
+const char *world_called(const struct world *world);
 // Returns the scene `steps` after `world` in the list of all scenes of common/scenes, the animated
 // ones last. Errors as for world_open.
 struct world *world_next(const struct world *world, int steps, char *error);

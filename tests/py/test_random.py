@@ -101,6 +101,9 @@ def test_frames_are_those_of_the_phase(tmp_path) -> None:
         shown = images.to_display(images.rgb(picture))
         assert np.array_equal(images.read_png(tmp_path / row["picture"]), shown)
     assert rows[0]["sha256"] != rows[1]["sha256"]
+    assert stepwise("animation", *words[:-4], "--frames", 1, "-n", 18, "--run", tmp_path).returncode == cli.OK
+    (left,) = (tmp_path / "animation").iterdir()  # a film of this call has none of an earlier call's frames
+    assert left == tmp_path / rows[0]["picture"]
 
 
 @pytest.mark.parametrize(

@@ -124,6 +124,7 @@ def test_frames_go_there_in_a_straight_line(tmp_path: Path) -> None:
         ('{"position": [0, 1]}\n', ":1: position: three numbers is required"),
         ('{"phase": "opt99"}\n', 'phase: "opt99" is no phase of this program'),
         ('{"up": [0, 0, 1]}\n', "look_at is the camera's position, or up is parallel to the view"),
+        ('{"mod": "ids"}\n', ":1: mod is no key of a path; scene, phase, reference, mode,"),
         ('{"divider": 1.5}\n', ":1: divider: a number from 0 to 1, or false is required"),
         ('{"phase": "fixed"}\n', "soft shadows"),
         ('{"frames": 2\n', ":1: "),

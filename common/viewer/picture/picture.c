@@ -128,5 +128,5 @@ void picture_legend(enum mode mode, const struct frame *frame, char *text, size_
     snprintf(text, size,
              "evaluations of a camera ray: mean %.1f, most %.0f%s\n"
              "black 0, blue 2, cyan 8, green 27, yellow 83, red 255 and more",
-             sum / (double)pixels, most, most > 1 ? "" : " (closed forms: no march)");
+             sum / (double)pixels, most, most > 1 ? "" : " (this phase counts none)");
 }

@@ -15,8 +15,8 @@ static const char HELP[] =
     "with Ctrl     1 ... 9, 0, B, P choose the reference instead\n"
     "V             the phase and the reference side by side; the mouse moves the divider\n"
     "Shift+D       difference to the reference; + and -: amplify more or less\n"
-    "E Z N I C     evaluations, depth (Z), normals, shape ids, colours\n"
-    "R             resolution: adaptive or full\n"
+    "E Z N I C     evaluations (see 4, opt4), depth, normals, shape ids, colours\n"
+    "R             resolution: adaptive or full; ends the throttle\n"
     "T             rods_simd: the throttle of rod marching\n"
     "Space         stop and go on with an animation or a flight\n"
     "K             screenshot; F: write this view as a scene file\n"
@@ -74,12 +74,13 @@ static void figures(struct window *w, char *text, size_t size) {
                  left->threads > 1 ? "s" : "");
     snprintf(text, size,
              "%s%s, %s, %s, %s\n"
-             "frame %.2f ms, 99 %% %.2f ms (median of %d), %.1f ns/pixel, %.0f frames a second\n"
+             "frame %.2f ms (median of %d; 99 %% of them within %.2f ms), %.1f ns/pixel, "
+             "%.0f frames a second\n"
              "resolution %d x %d of %d x %d: %s\n"
              "%s\n"
              "H: help",
              left->phase->name, other, show->world->scene.name, threads, mode_name(show->mode),
-             median, slow, w->renders.count, median * 1e6 / pixels, gap > 0 ? 1e9 / gap : 0,
+             median, w->renders.count, slow, median * 1e6 / pixels, gap > 0 ? 1e9 / gap : 0,
              show_width(show), show->height, show->canvas.width, show->canvas.height, w->pace.says,
              psnr);
 }

@@ -33,6 +33,7 @@ uint64_t times_percentile(const struct times *times, int percent) {
 void pace_start(struct pace *pace, int most) {
     int least = most < LEAST_HEIGHT ? most : LEAST_HEIGHT;
     *pace = (struct pace){.adaptive = pace->adaptive,
+                          .throttled = pace->throttled,
                           .height = least,
                           .least = least,
                           .most = most,
@@ -52,6 +53,9 @@ static int fitting(const struct pace *pace, double budget) {
 static const char *what_it_did(const struct pace *pace, double budget, double other_ms,
                                bool still) {
     bool late = pace->render_ms > budget;
+    if (!pace->adaptive && pace->throttled)
+        return pace->height == pace->most ? "full, while the throttle adapts"
+                                          : "what takes a second, while the throttle adapts";
     if (!pace->adaptive)
         return pace->height == pace->most ? "full, by key R" : "what takes a second, by key R";
     if (still && late)

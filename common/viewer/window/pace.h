@@ -20,7 +20,8 @@ uint64_t times_percentile(const struct times *times, int percent);
 
 // Chooses the rendered pictures' height from what frames took.
 struct pace {
-    bool adaptive; // else `most`, unless a frame would take longer than a second
+    bool adaptive;  // else `most`, unless a frame would take longer than a second
+    bool throttled; // by the throttle, and not by key R
     int height, least, most;
     double render_ms; // smoothed time of rendering at this height
     int settled;      // frames since the height changed

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 
-enum { DOWN_AFTER = 4, UP_AFTER = 30 };
+enum { DOWN_AFTER = 4, UP_AFTER = 30, FAR_TOO_SLOW = 4 };
 static const double FRAME_MS = 1000.0 / 60;
 
 // Rods of `size` to `least` pixels make at most `steps` steps, each pixel then at most `finish`. 0: the scene's cap. Fewer
@@ -35,7 +35,9 @@ bool throttle_frame(struct throttle *t, double render_ms, double other_ms, bool 
     t->settled++;
     t->budget_ms = fmax(FRAME_MS - other_ms, FRAME_MS / 2);
     int step = 0;
-    if (t->level < LAST && t->settled >= DOWN_AFTER && t->render_ms > t->budget_ms)
+    if (t->level < LAST && t->render_ms > FAR_TOO_SLOW * t->budget_ms)
+        step = LAST - t->level; // no level is so much faster than its neighbour
+    else if (t->level < LAST && t->settled >= DOWN_AFTER && t->render_ms > t->budget_ms)
         step = 1;
     else if (full && t->level > 0 && t->settled >= UP_AFTER && t->render_ms < 0.6 * t->budget_ms)
         step = -1; // the finer level takes up to 1.6 times as long
@@ -57,8 +59,8 @@ void throttle_say(const struct throttle *t, char *text, size_t size) {
         snprintf(steps, sizeof steps, "%d", level->steps);
     if (level->finish)
         snprintf(finish, sizeof finish, "%d", level->finish);
-    snprintf(
-        text, size,
-        "throttle %d of %d (T): rods of %d to %d pixels by %s steps, pixels by %s; %.1f of %.1f ms",
-        t->level, LAST, level->size, level->least, steps, finish, t->render_ms, t->budget_ms);
+    snprintf(text, size,
+             "throttle %d of %d, larger is coarser (T): %.1f of %.1f ms\n"
+             "rods of %d to %d pixels: %s steps, then each pixel: %s",
+             t->level, LAST, t->render_ms, t->budget_ms, level->size, level->least, steps, finish);
 }

@@ -18,11 +18,11 @@ const char *throttle_phase(void);
 // Returns the settings of the level as STEPWISE_RODS takes them.
 const char *throttle_settings(const struct throttle *throttle);
 // Learns from a frame: its rendering, what else it took, and whether its resolution is full. Without that no finer
-// level is taken. Returns whether the level has changed.
+// level is taken. Where the frame is far too slow, the coarsest level is. Returns whether the level has changed.
 bool throttle_frame(struct throttle *throttle, double render_ms, double other_ms, bool full);
 // Returns whether there is no coarser level: the resolution has to fall then.
 bool throttle_spent(const struct throttle *throttle);
-// Says the settings and the frame's time in a line.
+// Says the frame's time and the settings in two lines.
 void throttle_say(const struct throttle *throttle, char *text, size_t size);
 
 #endif

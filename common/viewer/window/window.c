@@ -65,7 +65,17 @@ static double fitting_speed(struct show *show) {
 
 static void end_throttle(struct window *w) {
     w->throttle = (struct throttle){0};
+    w->pace.throttled = false;
+    w->pace.adaptive = true;
     stage_settings(NULL);
+}
+
+// Full resolution by the finest settings, until the throttle is spent.
+static void begin_throttle(struct window *w) {
+    w->throttle = (struct throttle){.on = true};
+    w->pace.throttled = true;
+    w->pace.adaptive = false;
+    stage_settings(throttle_settings(&w->throttle));
 }
 
 // Opens the phase again, for its new settings.
@@ -81,10 +91,8 @@ void window_throttle(struct window *w, bool on) {
         return;
     }
     end_throttle(w);
-    w->throttle.on = on;
-    w->pace.adaptive = !on; // full resolution, until the throttle is spent
     if (on)
-        stage_settings(throttle_settings(&w->throttle));
+        begin_throttle(w);
     reopen(w);
     window_restart(w);
 }
@@ -100,6 +108,8 @@ void window_open(struct window *w, const struct viewer_phase *phase, const struc
     bool other = world != w->show->world;
     if (w->throttle.on && strcmp(phase->name, throttle_phase()) != 0)
         end_throttle(w);
+    else if (w->throttle.on && other)
+        begin_throttle(w); // what the scene before needed says nothing of this one
     if (!show_open(w->show, phase, world, error))
         window_say(w, "%s", error);
     else if (other)

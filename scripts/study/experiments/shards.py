@@ -35,11 +35,12 @@ class Shard:
 class Sharded:
     """Of an experiment whose command has --shard, --run and --jobs. `file`: the whole's name. `lists`: its
     keys whose lists are those of the parts, one after another. `units`: what is to be done, in order, from
-    the command's parsed arguments; StudyError for bad ones."""
+    the command's parsed arguments; StudyError for bad ones. `says`: lines of the whole and its folder."""
 
     file: str
     lists: Sequence[str]
     units: Callable[[argparse.Namespace], Sequence[Any]]
+    says: Callable[[dict[str, Any], Path], list[str]] | None = None
 
 
 def parse(text: str) -> Shard:

@@ -31,6 +31,19 @@ static void the_finest_level_that_fits_is_taken_and_kept(void **state) {
     assert_int_equal(play(&throttle, fast, 1000, true), 0);
 }
 
+// From there the finer ones are tried, as ever.
+static void the_coarsest_is_taken_at_once_where_a_frame_is_far_too_slow(void **state) {
+    (void)state;
+    const double slow[] = {700, 600, 500, 400, 300}, mixed[] = {700, 30, 12, 5, 4};
+    struct throttle throttle = {.on = true};
+    assert_int_equal(play(&throttle, slow, 1, true), 1);
+    assert_true(throttle_spent(&throttle));
+    throttle = (struct throttle){.on = true};
+    assert_int_equal(play(&throttle, mixed, 1, true), 1);
+    play(&throttle, mixed, 200, true);
+    assert_int_equal(throttle.level, 2);
+}
+
 static void the_settings_and_the_time_are_said(void **state) {
     (void)state;
     const double ms[] = {90, 80, 70, 60, 50};
@@ -38,14 +51,13 @@ static void the_settings_and_the_time_are_said(void **state) {
     char text[256];
     throttle_frame(&throttle, 3, 4, true);
     throttle_say(&throttle, text, sizeof text);
-    assert_string_equal(text,
-                        "throttle 0 of 4 (T): rods of 16 to 2 pixels by all steps, pixels by all; "
-                        "3.0 of 12.7 ms");
+    assert_string_equal(text, "throttle 0 of 4, larger is coarser (T): 3.0 of 12.7 ms\n"
+                              "rods of 16 to 2 pixels: all steps, then each pixel: all");
     assert_false(throttle_spent(&throttle));
     play(&throttle, ms, 100, true);
     throttle_say(&throttle, text, sizeof text);
     assert_non_null(
-        strstr(text, "rods of 32 to 8 pixels by 32 steps, pixels by 64; 50.0 of 12.7 ms"));
+        strstr(text, "50.0 of 12.7 ms\nrods of 32 to 8 pixels: 32 steps, then each pixel: 64"));
     assert_true(throttle_spent(&throttle));
 }
 
@@ -64,6 +76,7 @@ static void each_level_is_coarser_than_the_one_before(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_finest_level_that_fits_is_taken_and_kept),
+        cmocka_unit_test(the_coarsest_is_taken_at_once_where_a_frame_is_far_too_slow),
         cmocka_unit_test(the_settings_and_the_time_are_said),
         cmocka_unit_test(each_level_is_coarser_than_the_one_before),
     };

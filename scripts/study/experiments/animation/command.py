@@ -70,11 +70,26 @@ def drawn(unit: Unit, spec: Spec, n: int, width: int | None, folder: Path) -> tu
     return about | made, images.non_finite(picture)
 
 
+def clear(folder: Path, chosen: list[Unit], spec: Spec, args: argparse.Namespace) -> None:
+    """Removes the frames of an earlier call that would stand among these."""
+    for scene in {scene.name: scene for scene, _ in chosen}.values():
+        width, n = scene.size(args.n, args.w)
+        for old in (folder / "animation").glob(f"{scene.name}-{spec}-{width}x{n}-[0-9]*.png"):
+            old.unlink()
+
+
 def film(row: dict[str, Any], folder: Path) -> str:
     """The command that makes a film of the pictures that begin with a row's."""
     pattern = f"{row['picture'].rpartition('-')[0]}-%05d.png"
     first = f"-start_number {row['frame']} " if row["frame"] else ""
     return f"ffmpeg -framerate {RATE} {first}-i {folder / pattern} -pix_fmt yuv420p {row['scene']}.mp4"
+
+
+def films(result: dict[str, Any], folder: Path) -> list[str]:
+    """Where the pictures are, and how to make a film of each scene's."""
+    first = {row["scene"]: row for row in reversed(result["rows"])}
+    lines = [film(row, folder) for row in first.values()]
+    return [f"{len(result['rows'])} frames: {folder / 'animation'}", *lines]
 
 
 def main() -> int:
@@ -89,6 +104,8 @@ def main() -> int:
     def one(unit: Unit) -> tuple[dict[str, Any], int]:
         return drawn(unit, spec, args.n, args.w, folder)
 
+    if not args.shard:
+        clear(folder, chosen, spec, args)
     with ThreadPoolExecutor(args.jobs) as pool:
         made = list(progress.each(pool.map(one, chosen), "frames", len(chosen)))
     rows = [row for row, _ in made]
@@ -98,7 +115,4 @@ def main() -> int:
     result = {"schema": 1, "rows": rows}
     path = folder / shards.file_name(FILE, args.shard)
     store.write_json(path, shards.marked(result, args.shard))
-    first = {row["scene"]: row for row in reversed(rows)}
-    films = [] if args.shard else [film(row, folder) for row in first.values()]
-    lines = [f"{len(rows)} frames: {folder / 'animation'}", *films, path]
-    return running.end(args, result, lines, failed)
+    return running.end(args, result, [*([] if args.shard else films(result, folder)), path], failed)

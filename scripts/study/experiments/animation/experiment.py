@@ -14,5 +14,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     depth=None,
     cut="It measures nothing.",
-    sharded=Sharded(command.FILE, ("rows",), command.units),
+    sharded=Sharded(command.FILE, ("rows",), command.units, command.films),
 )

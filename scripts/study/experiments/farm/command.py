@@ -18,8 +18,8 @@ and joins the results to the run's file: the same bytes as of one run on one mac
 loses its shard and no more. A shard of each worker, and one in a hundred of all, is drawn on another worker
 too. Where the two differ, a third tells which is wrong; what that one drew is drawn again by others.
 
-What stands behind -- goes to the experiment. Dask is no part of the project: --install puts it into
-build/farm. docs/scale.md says how workers are started on other machines."""
+What stands behind -- goes to the experiment, as in `farm accuracy --workers 4 -- -n 180`. Dask is no part of
+the project: --install puts it into build/farm. docs/scale.md says how to start workers on other machines."""
 
 
 def arguments() -> tuple[argparse.Namespace, list[str]]:
@@ -43,6 +43,9 @@ def arguments() -> tuple[argparse.Namespace, list[str]]:
     add("--run", type=Path, metavar="DIR", help="for its file and farm.json; default: build/farm")
     add("--install", action="store_true", help="put Dask into build/farm first, if it is not there")
     parser.set_defaults(home="farm")
+    parser.usage = (
+        f"{parser.prog} EXPERIMENT (--workers N | --scheduler ADDRESS | --slurm N) [options] -- [ARGUMENTS]"
+    )
     cut = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
     args, words = parser.parse_args(sys.argv[1:cut]), sys.argv[cut + 1 :]
     if not (args.workers or args.scheduler or args.slurm):
@@ -90,7 +93,7 @@ def main() -> int:
     failed = [told(one, result["shards"]) for one in result["mismatches"]]
     lines = [table(result)]
     if all(found["hashes"]):
-        lines.append(str(farm.join(args.experiment, folder, found["hashes"])))
+        lines += farm.join(args.experiment, folder, found["hashes"])
     else:
         failed.append(f"{args.experiment} is not joined: nobody knows the right result of every shard")
     failed += [line.removeprefix("FAIL ") for line in found["failed"]]

@@ -82,8 +82,8 @@ def drive(python: Path, told: Json) -> Json:
     return result
 
 
-def join(name: str, folder: Path, hashes: Sequence[str]) -> Path:
-    """Writes the run's whole file from FOLDER/shards. Raises StudyError."""
+def join(name: str, folder: Path, hashes: Sequence[str]) -> list[str]:
+    """Writes the run's whole file from FOLDER/shards. Lines that say so. Raises StudyError."""
     one = able()[name]
     assert one.sharded
     parts = [json_files.read_json(folder / "shards" / f"{made}.json") for made in hashes]
@@ -91,4 +91,4 @@ def join(name: str, folder: Path, hashes: Sequence[str]) -> Path:
     path = folder / one.sharded.file
     one.schemas[one.sharded.file].checked(whole, str(path))
     store.write_json(path, whole)
-    return path
+    return [*(one.sharded.says(whole, folder) if one.sharded.says else []), str(path)]

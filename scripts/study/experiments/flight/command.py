@@ -1,4 +1,4 @@
-"""Frames a second and error along a camera's path: by rods, packets, both, and the fastest phase."""
+"""Frames a second and error along a camera's path: by rods, packets, both, and a phase of the ladder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from study.experiments.flight import tables as page
 DESCRIPTION = """\
 At some places along the path of a scene's camera: the time of a frame, its error to ground truth and its
 evaluations, by rods as in the article, by packets alone, by the throttle's choice of rods and packets for
-that place, and by the fastest phase. One thread; launches of all four are interleaved."""
+that place, and by a phase of the ladder. One thread; launches of all four are interleaved."""
 
 
 def arguments() -> argparse.Namespace:
@@ -22,11 +22,23 @@ def arguments() -> argparse.Namespace:
     )
     add = parser.add_argument
     add("--scene", nargs="+", default=list(flight.scenes()), metavar="SCENE", help="default: %(default)s")
-    add("--phase", default=flight.FASTEST, metavar="PHASE", help="the fastest; default: %(default)s")
+    add("--phase", default=flight.FASTEST, metavar="PHASE", help="of the ladder; default: %(default)s")
     add("--places", type=cli.at_least(1), default=6, metavar="K", help="along the path; default: 6")
     decibels, ppm = cli.at_least(0, float), cli.at_least(0, float)
-    add("--psnr", type=decibels, default=40.0, metavar="DB", help="to truth, at least; default: 40")
-    add("--wrong", type=ppm, default=1000.0, metavar="PPM", help="wrong hits, at most; default: 1000")
+    add(
+        "--psnr",
+        type=decibels,
+        default=40.0,
+        metavar="DB",
+        help="that the throttle's choice has to truth, at least; default: 40",
+    )
+    add(
+        "--wrong",
+        type=ppm,
+        default=1000.0,
+        metavar="PPM",
+        help="wrong hits of the throttle's choice, at most; default: 1000",
+    )
     running.height(parser, 180)
     running.options(parser, "flight.json and figures/", "flight", 2, "the order")
     return parser.parse_args()

@@ -1,4 +1,4 @@
-"""Frames a second and error along a camera's path: rods, packets, the throttle of both, the fastest phase.
+"""Frames a second and error along a camera's path: rods, packets, the throttle of both, the ladder.
 
 At each of some times the scene is a still picture from the camera's place. Rod marching, and the throttle
 that follows the view: W. Edwards, "Rod Marching" (article, 6 July 2012).

@@ -36,7 +36,7 @@ class Row(Record, kw_only=True):
 
 
 class Flight(Measured, kw_only=True):
-    """Frames a second and error along a camera's path: by rods, by packets, by the fastest phase."""
+    """Frames a second and error along a camera's path: by rods, by packets, by a phase of the ladder."""
 
     made_by: ClassVar[str] = "flight"
     article: Annotated[dict[str, Any], key("", "what the article of rod marching says")]

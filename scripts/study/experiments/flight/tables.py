@@ -87,20 +87,26 @@ PLACES = [
 ]
 
 
-def _range(summary: Row) -> str:
-    """Frames a second and the worst error, in words."""
-    least, most, psnr = (show.number(summary[key]) for key in ("least", "most", "psnr"))
-    return f"{least} to {most} frames a second, at {psnr} dB or more to ground truth"
+def _range(row: Row, name: str) -> str:
+    """Frames a second and the worst error of one way, in words."""
+    found = _summary(row, name)
+    least, most = (show.number(found[key]) for key in ("least", "most"))
+    near = "equal" if found["psnr"] is None else f"{show.number(found['psnr'])} dB or more"
+    here = (
+        ""
+        if found["places"] == f"{len(row['places'])} of {len(row['places'])}"
+        else (f" in {found['places']} places")
+    )
+    who = ways(row, name)[0][1]["phase"] if name == "fastest" else NAMES[name]
+    return f"{who}: {least} to {most} frames a second{here}, {near} to ground truth"
 
 
 def sentence(row: Row) -> str:
     """For a terminal, and the chapter's answer."""
-    rods, fastest = (_summary(row, name) for name in ("rods", "fastest"))
-    phase = ways(row, "fastest")[0][1]["phase"]
-    return (
-        f"Along {row['scene']} ({row['width']}×{row['n']}, one thread) rods draw {_range(rods)}; "
-        f"{phase} draws {_range(fastest)}."
-    )
+    said = [_range(row, name) for name in NAMES if ways(row, name)]
+    if not ways(row, "throttle"):
+        said.append("no setting of the throttle is within the error allowed")
+    return f"Along {row['scene']}, {row['width']}×{row['n']}, one thread. {'; '.join(said)}."
 
 
 def _draw(row: Row, article: float) -> Figure:
