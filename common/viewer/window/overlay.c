@@ -74,13 +74,12 @@ static void figures(struct window *w, char *text, size_t size) {
                  left->threads > 1 ? "s" : "");
     snprintf(text, size,
              "%s%s, %s, %s, %s\n"
-             "frame %.2f ms (median of %d; 99 %% of them within %.2f ms), %.1f ns/pixel, "
-             "%.0f frames a second\n"
+             "median of %d frames %.2f ms, 99 %% %.2f ms; %.1f ns/pixel; %.0f frames a second\n"
              "resolution %d x %d of %d x %d: %s\n"
              "%s\n"
              "H: help",
              left->phase->name, other, show->world->scene.name, threads, mode_name(show->mode),
-             median, w->renders.count, slow, median * 1e6 / pixels, gap > 0 ? 1e9 / gap : 0,
+             w->renders.count, median, slow, median * 1e6 / pixels, gap > 0 ? 1e9 / gap : 0,
              show_width(show), show->height, show->canvas.width, show->canvas.height, w->pace.says,
              psnr);
 }
