@@ -63,7 +63,6 @@ static void figures(struct window *w, char *text, size_t size) {
     psnr_line(w, psnr, sizeof psnr);
     double median = (double)times_percentile(&w->renders, 50) / 1e6;
     double slow = (double)times_percentile(&w->renders, 99) / 1e6;
-    double gap = (double)times_percentile(&w->frames, 50);
     double pixels = (double)show->height * show_width(show);
     if (show_compares(show))
         snprintf(other, sizeof other, " and %s", show->reference->name);
@@ -79,7 +78,7 @@ static void figures(struct window *w, char *text, size_t size) {
              "%s\n"
              "H: help",
              left->phase->name, other, show->world->scene.name, threads, mode_name(show->mode),
-             w->renders.count, median, slow, median * 1e6 / pixels, gap > 0 ? 1e9 / gap : 0,
+             w->renders.count, median, slow, median * 1e6 / pixels, times_rate(&w->frames),
              show_width(show), show->height, show->canvas.width, show->canvas.height, w->pace.says,
              psnr);
 }

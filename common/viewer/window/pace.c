@@ -30,6 +30,14 @@ uint64_t times_percentile(const struct times *times, int percent) {
     return sorted[rank < 1 ? 0 : rank - 1];
 }
 
+double times_rate(const struct times *times) {
+    uint64_t sum = 0;
+    int frames = 0;
+    for (; frames < times->count && sum < 1000000000u; frames++)
+        sum += times->ns[(times->next + TIMES - 1 - frames) % TIMES];
+    return sum > 0 ? frames * 1e9 / (double)sum : 0;
+}
+
 void pace_start(struct pace *pace, int most) {
     int least = most < LEAST_HEIGHT ? most : LEAST_HEIGHT;
     *pace = (struct pace){.adaptive = pace->adaptive,

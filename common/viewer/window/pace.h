@@ -17,6 +17,8 @@ void times_add(struct times *times, uint64_t ns);
 // Returns the smallest time that at least `percent` per cent of the frames do not exceed (nearest
 // rank); 0 if there is none. 50 is the median; of 60 frames the 99th percentile is the longest.
 uint64_t times_percentile(const struct times *times, int percent);
+// Returns frames a second over the last second, or over the last 60 frames if they took less; 0 if there is none.
+double times_rate(const struct times *times);
 
 // Chooses the rendered pictures' height from what frames took.
 struct pace {

@@ -26,6 +26,20 @@ static void percentiles_are_nearest_ranks(void **state) {
     assert_int_equal(times_percentile(&few, 50), 2);
 }
 
+static void the_rate_is_of_the_last_second(void **state) {
+    (void)state;
+    struct times times = {0};
+    assert_true(times_rate(&times) == 0);
+    for (int i = 0; i < 100; i++)
+        times_add(&times, 10000000);
+    assert_true(fabs(times_rate(&times) - 100) < 1e-9); // 60 frames of 10 ms
+    for (int i = 0; i < 2; i++)
+        times_add(&times, 400000000);
+    assert_true(fabs(times_rate(&times) - 22) < 1e-9); // 2 of 400 ms and 20 of 10 ms
+    times_add(&times, 2000000000);
+    assert_true(fabs(times_rate(&times) - 0.5) < 1e-9);
+}
+
 // Frames of a phase that takes `ns` a pixel at 16:9, each with 4 ms beside the rendering. Returns the
 // longest rendering of the last 100 frames in ms.
 static double play(struct pace *pace, double ns, int frames, bool still) {
@@ -101,6 +115,7 @@ static void without_adaption_a_frame_has_a_second(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(percentiles_are_nearest_ranks),
+        cmocka_unit_test(the_rate_is_of_the_last_second),
         cmocka_unit_test(sixty_frames_a_second_are_held),
         cmocka_unit_test(a_fast_phase_is_shown_in_full),
         cmocka_unit_test(a_slow_phase_is_said_to_be_too_slow),
