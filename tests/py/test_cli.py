@@ -33,6 +33,24 @@ def raising(error):
     return run
 
 
+def test_a_signal_in_a_callback_of_fork_ends_the_script_in_one_line():
+    """There Python prints and swallows what is raised."""
+    code = (
+        "import os, signal\nfrom study.core import cli\n"
+        "def run():\n"
+        "    end = lambda: (os.kill(os.getpid(), signal.SIGTERM), [i for i in range(1000)])\n"
+        "    os.register_at_fork(after_in_parent=end)\n"
+        "    if os.fork() == 0:\n        os._exit(0)\n"
+        "    raise cli.StudyError('nothing more is started')\n"
+        "cli.main(run)"
+    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(
+        words, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": "scripts"}, cwd=ROOT
+    )
+    assert (done.returncode, done.stderr) == (128 + 15, "-c: ended by SIGTERM\n")
+
+
 def test_main_gives_the_status_of_the_function():
     assert status_of(lambda: 1) == 1
     assert status_of(lambda: None) == 0

@@ -240,10 +240,18 @@ def _ended(number: int, frame: object) -> None:
     for end in _enders:
         end()
     os.write(2, f"{Path(sys.argv[0]).name}: ended by {signal.Signals(number).name}\n".encode())
+    _ending.append(128 + number)
     sys.exit(128 + number)
 
 
+def _swallowed(found: sys.UnraisableHookArgs) -> None:
+    """Python swallows what a signal raises in a callback, as of fork. `main` still ends by `_ending`."""
+    if not (_ending and isinstance(found.exc_value, SystemExit)):
+        sys.__unraisablehook__(found)
+
+
 _emitted: list[dict[str, Any]] = []
+_ending: list[int] = []  # the status of a script that a signal ends
 
 
 def _name() -> str:
@@ -256,11 +264,13 @@ def main(run: Callable[[], int | None]) -> None:
     before, at_key = signal.signal(signal.SIGTERM, _ended), signal.getsignal(signal.SIGINT)
     if at_key is signal.default_int_handler:  # else it is ignored, as under nohup
         signal.signal(signal.SIGINT, _interrupted)
+    sys.unraisablehook = _swallowed
     try:
         status = finish(run() or OK)
         sys.stdout.flush()
     except StudyError as error:
-        print(f"{_name()}: {one_line(str(error))}", file=sys.stderr)
+        if not _ending:
+            print(f"{_name()}: {one_line(str(error))}", file=sys.stderr)
         status = error.exit_status
     except KeyboardInterrupt:
         print(f"{_name()}: interrupted", file=sys.stderr)
@@ -278,7 +288,7 @@ def main(run: Callable[[], int | None]) -> None:
     finally:
         signal.signal(signal.SIGTERM, before)
         signal.signal(signal.SIGINT, at_key)
-    sys.exit(status)
+    sys.exit(_ending[0] if _ending else status)
 
 
 def plain(value: Any) -> Any:
