@@ -8,9 +8,9 @@
 #include "viewer/show.h"
 
 enum { MAX_FRAMES = 1000000 };
-static const char UNKNOWN[] = "is no key of a path; scene, phase, reference, mode, divider, "
-                              "amplify, position, look_at, up, light, "
-                              "seconds and frames are";
+static const char KEYS[] =
+    "scene, phase, reference, mode, divider, amplify, position, look_at, up, "
+    "light, seconds and frames are";
 
 static const char *const VECTORS[] = {"position", "look_at", "up", "light", NULL};
 
@@ -27,7 +27,7 @@ static bool is_vector(const json_t *value) {
     return good;
 }
 
-// Returns what a member must be if its value is none, NULL if it is one.
+// Returns what a member must be if its value is none, NULL if it is one, KEYS if there is no such key.
 static const char *wanted(const char *key, const json_t *value) {
     for (int i = 0; VECTORS[i]; i++)
         if (strcmp(key, VECTORS[i]) == 0)
@@ -51,7 +51,7 @@ static const char *wanted(const char *key, const json_t *value) {
         return json_integer_value(value) >= 1 && json_integer_value(value) <= MAX_FRAMES
                    ? NULL
                    : "a whole number from 1 to 1000000";
-    return UNKNOWN;
+    return KEYS;
 }
 
 static bool check_line(const char *path, int number, const json_t *line, char *error) {
@@ -59,12 +59,14 @@ static bool check_line(const char *path, int number, const json_t *line, char *e
     json_t *value;
     json_object_foreach((json_t *)line, key, value) {
         const char *required = wanted(key, value);
-        if (required) {
-            bool known = required != UNKNOWN;
-            snprintf(error, SCENE_ERROR_SIZE, "%.300s:%d: %.60s%s %s%s", path, number, key,
-                     known ? ":" : "", required, known ? " is required" : "");
+        if (required == KEYS)
+            snprintf(error, SCENE_ERROR_SIZE, "%.300s:%d: %.60s is no key of a path; %s", path,
+                     number, key, KEYS);
+        else if (required)
+            snprintf(error, SCENE_ERROR_SIZE, "%.300s:%d: %.60s: %s is required", path, number, key,
+                     required);
+        if (required)
             return false;
-        }
     }
     return true;
 }

@@ -22,11 +22,12 @@ function choices(data) {
     if (!table) return null;
     const heads = headsOf(table);
     const [ms, ratio] = ["ms a frame", "× "].map((start) => heads.findIndex((one) => one.textContent.startsWith(start)));
-    return { heads: [heads[ms], heads[ratio]], ms: column(table, ms), ratio: column(table, ratio) };
+    return { table, size, heads: [heads[ms], heads[ratio]], ms: column(table, ms), ratio: column(table, ratio) };
   });
   const cellsOf = (machine, i) => data.scenes[i].rows.map(({ key }) => machine.scenes[data.scenes[i].scene]?.cells[key]);
-  const known = (which) => data.machines.some((one, k) => data.scenes.some((_, i) => cellsOf(one, i).some((cells) => cells?.[1][which])));
-  const bases = [...new Set([...data.bases.filter((_, which) => known(which)), ...columns.flatMap((one) => one.names)])];
+  // Of each base whether the machine's run states a ratio to it.
+  const stated = (machine) => data.bases.map((_, which) => data.scenes.some((_, i) => cellsOf(machine, i).some((cells) => cells?.[1][which])));
+  const bases = [...new Set([...data.bases.filter((_, which) => data.machines.some((one) => stated(one)[which])), ...columns.flatMap((one) => one.names)])];
 
   // One scene's speed-ups, or times where the machine's run states no ratio to the base.
   const panel = (machine, i) => {
@@ -77,6 +78,9 @@ function choices(data) {
     ladders.forEach((one, i) => {
       if (!one) return;
       const which = data.bases.indexOf(chosen.base);
+      const theirs = machine.scenes[data.scenes[i].scene];
+      const times = chosen.machine && theirs ? ` (times at ${theirs.size}, errors of this page's run at ${one.size})` : "";
+      one.table.caption.textContent = `${data.scenes[i].scene}, ${times ? `${machine.name}: speed and error${times}` : `${one.size}: speed and error`}`;
       titleOf(one.heads[1]).textContent = `× ${chosen.base} [95\u00a0%]`;
       cellsOf(machine, i).forEach((cells, k) => {
         one.ms[k].textContent = cells?.[0]?.[0] ?? "–";
@@ -89,12 +93,18 @@ function choices(data) {
     chart.innerHTML = drawn ? data.scenes.map((_, i) => panel(machine, i)).join("") : "";
     if (still) still.hidden = drawn;
     const sizes = data.scenes.filter(({ scene, size }) => machine.scenes[scene] && machine.scenes[scene].size !== size);
-    const other = sizes.length ? ` Its pictures are of another size (${[...new Set(sizes.map(({ scene }) => machine.scenes[scene].size))].join(", ")}): ratios compare, milliseconds do not.` : "";
-    said.textContent = chosen.machine ? `Times and ratios: ${machine.about}${other} Errors in the tables are those of this page's run.` : "";
-    menus.forEach((menu) => (menu.value = chosen.base));
+    const other = sizes.length ? ` Its pictures are of another size (${[...new Set(sizes.map(({ scene }) => machine.scenes[scene].size))].join(", ")}): milliseconds do not compare${stated(machine).some(Boolean) ? ", ratios do" : ""}.` : "";
+    said.textContent = chosen.machine ? `Times and ratios: ${machine.about}${other} “–”: that run lacks it.` : "";
+    for (const menu of menus) {
+      for (const option of menu.options) {
+        const which = data.bases.indexOf(option.value);
+        option.text = which < 0 || stated(machine)[which] ? option.value : `${option.value} (not on this machine)`;
+      }
+      menu.value = chosen.base;
+    }
   };
   const baseMenu = () => {
-    const menu = element("select", { ariaLabel: "Base of the speed-ups" }, ...bases.map((name) => new Option(name)));
+    const menu = element("select", { ariaLabel: "Base of the speed-ups" }, ...bases.map((name) => new Option(name, name)));
     menu.addEventListener("change", () => {
       chosen.base = menu.value;
       show();

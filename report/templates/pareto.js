@@ -71,15 +71,16 @@ function chart(place) {
       const edge = one.own ? (look.hollow ? look.colour : "#000") : "none";
       lines.push(`<polygon points="${corners(shape, x(across(one)), y(up(one)), one.own ? 6.5 : 3)}" fill="${fill}" stroke="${edge}" opacity="${one.once && !one.own ? 0.35 : 1}" data-at="${points.indexOf(one)}"><title>${escaped(says(one))}</title></polygon>`);
     }
-    if (!mine.length) lines.push(`<text x="${LEFT + 10}" y="${TOP + 20}">Nothing here: this error was not measured, or no phase is chosen.</text>`);
+    if (!mine.length) lines.push(`<text x="${LEFT + 10}" y="${TOP + 20}">Nothing here. “Show all” ends a zoom; else no phase is chosen, or this error was not measured.</text>`);
     lines.push(`</svg><text x="${LEFT}" y="17" font-size="14">${escaped(scene)}</text><text x="${WIDE - RIGHT}" y="${HIGH - 8}" text-anchor="end">time, ns per pixel</text>`);
     lines.push(`<text transform="translate(13 ${(HIGH - BOTTOM + TOP) / 2}) rotate(-90)" text-anchor="middle">${escaped(`${name}, ${unit}`)}</text>`);
     return `<svg viewBox="0 0 ${WIDE} ${HIGH}" font-size="12" role="img" aria-label="${escaped(scene)}: ${mine.length} points">${lines.join("")}</svg>`;
   };
 
   const panels = element("div", { className: "panels" });
-  const said = element("output", { textContent: "Point at a mark for its numbers. Drag over a part of a panel to zoom into it." });
+  const said = element("output");
   const redraw = () => {
+    said.textContent = "Point at a mark for its numbers. Drag over a part of a panel to zoom into all of them.";
     panels.innerHTML = data.scenes.filter((scene) => !off.has(scene)).map(panel).join("");
   };
   const zoom = (factor) => {
@@ -166,7 +167,7 @@ function chart(place) {
     boxes("Phases", data.phases, hidden),
     said,
     panels,
-    element("p", { className: "small", textContent: "Left is faster, up is nearer to the ground truth. Large marks: the scene's own hit distance and step cap, hollow: an approximated root; dots: others; faint: launched once. The line is the front of the phases shown: nothing is both faster and nearer." }),
+    element("p", { className: "small", textContent: "Left is faster, up is nearer to the ground truth. Large marks have the scene's own hit distance and step cap; hollow ones an approximated root. Dots have other settings; faint ones were launched once. The line is the front of the phases shown: nothing is both faster and nearer." }),
   );
   place.hidden = false;
   reset();

@@ -94,6 +94,8 @@ async function use() {
     still: !still.hidden,
     drawn: drawn.hidden ? [] : [...drawn.querySelectorAll("title")].map((one) => one.textContent),
     note: document.querySelector("#ladder output").textContent,
+    caption: table.caption.textContent,
+    bases: names(base),
     overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
   });
   const choose = (menu, i) => {
@@ -335,6 +337,8 @@ def test_the_ladder_follows_the_machine(used: Callable, across: int, dark: bool)
     assert values(own["ms"])[-1] == "28.80" and values(fast["ms"])[-1] == "14.40"
     assert set(fast["ratios"]) == {"–"} and "not timed beside the paper's program" in fast["note"]
     assert any("14.40" in text and text.startswith("opt4, scene0, Fast Lake") for text in fast["drawn"])
+    assert fast["bases"][0] == "baseline (not on this machine)" and fast["bases"][1] == "opt2, same flags"
+    assert fast["caption"].startswith("scene0, Fast Lake: speed and error (times at ")
     assert values(same["ratios"])[-1] == "6.40×"
     assert values(held["ms"])[-1] == "7.200" and values(held["ratios"])[-2:] == ["16.0×", "128×"]
     assert "run Held Lake" in held["note"] and "not timed" not in held["note"]

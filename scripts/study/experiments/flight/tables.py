@@ -70,7 +70,7 @@ def _place(row: Row, place: Row) -> Row:
     """One place: a frame's time by each way, and what the throttle chose."""
     made = {way["name"]: way for way in place["ways"]}
     chosen = made.get("throttle")
-    said = f"none of {place['within']}"
+    said = f"none of {place['within']}" if place["within"] else "none is within the error"
     if chosen:
         one = dict(word.split("=") for word in chosen["settings"].split())
         cap = "the scene's cap of" if one["steps"] == "0" else f"at most {one['steps']}"
@@ -103,10 +103,20 @@ def _range(row: Row, name: str) -> str:
 
 def sentence(row: Row) -> str:
     """For a terminal, and the chapter's answer."""
-    said = [_range(row, name) for name in NAMES if ways(row, name)]
+    said = "; by ".join(_range(row, name) for name in NAMES if ways(row, name))
     if not ways(row, "throttle"):
-        said.append("no setting of the throttle is within the error allowed")
-    return f"Along {row['scene']}, {row['width']}×{row['n']}, one thread. {'; '.join(said)}."
+        said += "; no setting of the throttle is within the error allowed"
+    phase = ways(row, "fastest")[0][1]["phase"]
+    times = " and ".join(f"{_times(row, name)} times as fast as {name}" for name in ("rods", "packets"))
+    where = f"Along {row['scene']}, {row['width']}×{row['n']}, one thread"
+    return f"{where}, {phase} is {times}. By {said}."
+
+
+def _times(row: Row, name: str) -> str:
+    """The ladder's frames a second over that way's, from the least to the most of the places."""
+    slow, fast = dict(ways(row, name)), dict(ways(row, "fastest"))
+    ratios = sorted(slow[at]["ms"] / fast[at]["ms"] for at in slow.keys() & fast.keys())
+    return f"{show.number(ratios[0])} to {show.number(ratios[-1])}"
 
 
 def _draw(row: Row, article: float) -> Figure:
@@ -127,7 +137,9 @@ def _draw(row: Row, article: float) -> Figure:
         near = [math.nan if way["psnr_db"] is None else way["psnr_db"] for _, way in made]
         says = [f"{label}, {at:.3g} s: {db:.3g} dB" for at, db in zip(seconds, near, strict=True)]
         tell(error.plot(seconds, near, "o-", **style), says)
-    speed.axhline(article, color="#888888", linestyle=":", label="the article's figure, of no stated size")
+    if "mandelbox" in row["scene"]:  # the article's own scene
+        label = "the article's figure, of no stated size"
+        speed.axhline(article, color="#888888", linestyle=":", label=label)
     speed.set(yscale="log", xlabel="time of the flight, s", ylabel="frames a second")
     speed.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     speed.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -15,8 +15,8 @@ from study.experiments.pareto.fronts import Row
 from study.pictures.draw import look, shape
 
 NAMES = {  # of a measure: in a menu, name, unit
-    "psnr_db": ("PSNR to ground truth", "PSNR to ground truth", "dB"),
-    "psnr_ideal_db": ("PSNR with the ideal shadow", "PSNR, ideal shadow", "dB"),
+    "psnr_db": ("PSNR with the paper's shadow", "PSNR with the paper's shadow", "dB"),
+    "psnr_ideal_db": ("PSNR with the ideal shadow", "PSNR with the ideal shadow", "dB"),
     "false_ppm": ("false hits and misses", "false hits and misses", "ppm"),
     "dt_p99": ("|Δt|, 99th percentile", "|Δt|, 99th percentile", "scene units"),
 }

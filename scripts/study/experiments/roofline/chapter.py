@@ -57,7 +57,7 @@ def roofline(data: Data) -> Section:
 
 
 def _answer(rows: list[Row]) -> str:
-    """Of the phase that is nearest to its own roof on each scene: how near, and which roof that is."""
+    """What bounds the last phase on each scene; then the phase that is nearest to its own roof."""
     said = []
     for scene in dict.fromkeys(row["scene"] for row in rows):
         mine = [row for row in rows if row["scene"] == scene and 0 < row["share_of_least_roof"] <= 1]
@@ -68,5 +68,9 @@ def _answer(rows: list[Row]) -> str:
             said.append(
                 f"on {scene} {best['phase']} does {rate}, {share} of its lowest roof ({best['least_bound']})"
             )
-    text = f"Of all phases the nearest to its own roof: {'; '.join(said)}."
-    return text if said else ""
+    bound = [
+        f"{row['least_bound']} on {scene} ({show.percent(row['share_of_least_roof'])} of that roof)"
+        for scene, row in {row["scene"]: row for row in rows if row["phase"] == rows[-1]["phase"]}.items()
+    ]
+    text = f"{rows[-1]['phase']} is bound by {', by '.join(bound)}. " if bound else ""
+    return f"{text}Of all phases the nearest to its own roof: {'; '.join(said)}." if said else ""
