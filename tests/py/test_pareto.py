@@ -66,7 +66,7 @@ def test_the_fastest_reaches_the_level(level: int, winner: str) -> None:
 def test_a_level_that_nothing_reaches_is_said() -> None:
     made = [w for w in pareto.winners([A, B]) if w["level_db"] == 80]
     assert [w["best"] for w in made] == [None]
-    assert pareto.sentence(made[0]) == "scene0, 80 dB to the paper's estimator: no program reaches it"
+    assert pareto.sentence(made[0]) == "scene0, 80 dB to the paper's shadow: no program reaches it"
 
 
 def test_the_sentence_names_pace_interval_and_parameters() -> None:
@@ -74,7 +74,7 @@ def test_the_sentence_names_pace_interval_and_parameters() -> None:
     winner = next(w for w in pareto.winners([other]) if w["level_db"] == 60)
     said = pareto.sentence(winner)
     assert said == (
-        "scene0, 60 dB to the paper's estimator: opt4 is the fastest, 5 [4.5, 5.5] ns/pixel "
+        "scene0, 60 dB to the paper's shadow: opt4 is the fastest, 5 [4.5, 5.5] ns/pixel "
         "(hit distance 0.0001, 64 steps; 61.0 dB)"
     )
 
@@ -144,7 +144,7 @@ def test_a_point_launched_once_wins_nothing_and_is_said() -> None:
     assert pareto.front(rows, "psnr_db") == [A, B]
     assert pareto.fastest(rows, "psnr_db", 80) is None
     assert pareto.rivals(rows, "psnr_db", 60) == []
-    assert pareto.left_out(rows).startswith("1 of 3 points were launched once only")
+    assert pareto.left_out(rows).startswith("1 of 3 points are faint: they were launched once only")
     assert pareto.left_out([A, B]) == "Every point was timed in full."
     assert pareto_page._timed(once) == "once: beaten by b at 1e-06, 3000 steps"
 
@@ -160,10 +160,10 @@ def test_the_summary_names_every_scene_of_a_level_once() -> None:
     rows += [row("opt4", 5, 55), row("opt4", 7, 30, scene="cubes")]
     said = pareto.summary(pareto.winners(rows), rows)
     assert said[2] == (
-        "At 60 dB to the paper's estimator the fastest is: opt3 on scene0 (20 ns/pixel); opt4 or opt5 on "
+        "At 60 dB to the paper's shadow the fastest is: opt3 on scene0 (20 ns/pixel); opt4 or opt5 on "
         "trio (1,000 ns/pixel); nothing reaches it on cubes."
     )
-    assert said[3] == "Nothing reaches 80 dB to the paper's estimator on scene0, trio, cubes."
+    assert said[3] == "Nothing reaches 80 dB to the paper's shadow on scene0, trio, cubes."
     assert said[1].count("opt4 on scene0 (5 ns/pixel)") == 1 and len(said) == len(pareto.LEVELS)
 
 
@@ -317,6 +317,17 @@ def test_a_null_of_a_broken_picture_is_nan_and_drawn_nowhere() -> None:
     assert (9, 50) in drawn and all(x != 1 for x, _ in drawn)
 
 
+def test_a_phase_that_draws_the_ideal_shadow_has_a_second_mark() -> None:
+    rows = [row("opt10_scene", 14, 96, psnr_ideal_db=45.8), row("opt11_ideal", 11, 45.0, psnr_ideal_db=99.0)]
+
+    def drawn(measure: str) -> set[tuple[float, float]]:
+        figure = pareto_page.figure(rows, measure)
+        return {tuple(at) for axes in figure.axes for c in axes.collections for at in c.get_offsets()}
+
+    assert {(14, 96), (11, 45), (11, 99)} <= drawn("psnr_db") and (14, 45.8) not in drawn("psnr_db")
+    assert {(14, 45.8), (11, 99)} <= drawn("psnr_ideal_db") and (11, 45) not in drawn("psnr_ideal_db")
+
+
 def test_eleven_rungs_and_eight_scenes_can_be_told_apart() -> None:
     names = [f"opt{i}" for i in range(11)]
     scenes = [f"s{i}" for i in range(8)]
@@ -447,9 +458,9 @@ def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
     text = " ".join(cell for one in found.parts for line in one.table.cells for cell, _ in line)
     assert "opt4 500.0 [450.0,\u00a0550.0]; or opt5" in text and "none" in text
     assert "once: beaten by opt4 at 0.5, 9 steps" in text
-    assert "At 60 dB to the paper's estimator the fastest is: opt4 or opt5 on" in found.parts[0].foot
+    assert "At 60 dB to the paper's shadow the fastest is: opt4 or opt5 on" in found.parts[0].foot
     note = found.drawn["pareto"].note
-    assert "1 of 3 points were launched once only" in note
+    assert "1 of 3 points are faint: they were launched once only" in note
     assert "one thread, also of phases that could use more" in note
     assert (
         "at 50 dB or more" in found.answer and "opt4 (500 [450, 550] ns per pixel, 61.0 dB)" in found.answer
@@ -458,7 +469,7 @@ def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
 
 def test_the_note_says_how_the_mandelbulb_is_judged() -> None:
     said = pareto_page.note({"n": 90, "launches": 6})
-    assert "ground truth is converged only" in said and "4 × 4 averages at n = 90" in said
+    assert "ground truth is converged, not proved" in said and "4×4 means at n = 90" in said
 
 
 def test_a_time_per_evaluation_stands_only_where_evaluations_are_the_work():

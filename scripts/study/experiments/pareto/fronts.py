@@ -19,11 +19,11 @@ from study.core.registry import BASE as BASE
 from study.experiments.pareto.schema import Pareto
 
 FILE = "pareto.json"
-TRUTHS = {"psnr_db": "the paper's estimator", "psnr_ideal_db": "the ideal shadow"}
+TRUTHS = {"psnr_db": "the paper's shadow", "psnr_ideal_db": "the ideal shadow"}
 # What a front is drawn over. The first two are better when larger.
 MEASURES = {
-    "psnr_db": "PSNR to ground truth, dB (linear)",
-    "psnr_ideal_db": "PSNR to ground truth, ideal shadow, dB",
+    "psnr_db": "PSNR with the paper's shadow, dB (linear)",
+    "psnr_ideal_db": "PSNR with the ideal shadow, dB (linear)",
     "false_ppm": "false hits and misses, ppm",
     "dt_p99": "|Δt|, 99th percentile, scene units",
 }
@@ -160,9 +160,9 @@ def summary(winners: Sequence[Row], rows: Sequence[Row]) -> list[str]:
     sizes = {row.get("n") for row in rows} - {None}
     size = f" at n = {', '.join(map(str, sorted(sizes)))}" if sizes else ""
     made = []
-    for about in TRUTHS.values():
+    for metric, about in TRUTHS.items():
         for level in LEVELS:
-            mine = [w for w in winners if w["truth"] == about and w["level_db"] == level]
+            mine = [w for w in winners if w["metric"] == metric and w["level_db"] == level]
             groups: dict[str, list[str]] = {}
             for winner in mine:
                 if winner["best"]:
@@ -207,10 +207,9 @@ def left_out(rows: Sequence[Row]) -> str:
     if not few:
         return "Every point was timed in full."
     return (
-        f"{few} of {len(rows)} points were launched once only (faint): by every measure another point of at "
-        f"most their error took less than 1/{WITHIN} of their time in that launch, so that they can be on "
-        "no front; or their picture is not finite. The launch that chose is not among those of the others. "
-        "Points with the scene's own parameters are always timed in full."
+        f"{few} of {len(rows)} points are faint: they were launched once only. In that launch another point "
+        f"of no larger error took less than 1/{WITHIN} of their time, by every measure, or their picture was "
+        "not finite. That launch counts for no other point."
     )
 
 

@@ -18,7 +18,7 @@ from study.core.show import Column
 from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto.fronts import Row
 from study.numbers import paper
-from study.pictures import labels
+from study.pictures import gate, labels
 from study.pictures.draw import legend, look, panels, plain_log
 from study.pictures.hover import tell
 
@@ -88,6 +88,24 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
         labels.name(axes, pareto.pace_of(row), drawn_at(row, measure), word, style["color"], 7)
 
 
+def _draws_ideal(name: str) -> bool:
+    known = registry.phases().get(name.partition("+")[0])
+    return known is not None and gate.draws_ideal(known)
+
+
+def _by_ideal(axes: Axes, rows: Sequence[Row], looks: dict) -> None:
+    """A second, hollow mark of a phase that draws the ideal shadow: its error to that picture."""
+    for row in rows:
+        if not row["own_parameters"] or not _draws_ideal(row["phase"]):
+            continue
+        if math.isnan(at := drawn_at(row, "psnr_ideal_db")):
+            continue
+        style = looks[row["phase"], 1]
+        mark = {"marker": style["marker"], "facecolor": "white", "edgecolor": style["color"]}
+        _scatter(axes, [row], "psnr_ideal_db", s=75, linewidth=1.2, zorder=5, **mark)
+        labels.name(axes, pareto.pace_of(row), at, "with the ideal shadow", style["color"], 7)
+
+
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
     """Up is nearer: an error that is better when smaller goes down the axis; zeros have a place."""
     if measure in pareto.TRUTHS:
@@ -118,6 +136,8 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
     if measure == FIRST and (there := paper_point(scene, rows)):
         drawn = axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
         tell(drawn, f"the paper's opt4: {show.number(there[0])} ns/pixel, {show.number(there[1])} dB")
+    if measure == FIRST:
+        _by_ideal(axes, rows, looks)
     fractal = any(r["converged_only"] for r in rows)
     axes.set_title(f"{scene} (4×4 means)" if fractal else scene)
     axes.set(xscale="log", xlabel="time, ns per pixel", ylabel=pareto.MEASURES[measure])
@@ -133,7 +153,7 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
     # A switch looks like its phase, drawn hollow: the shape says which phase it is of.
     looks = look(frame.assign(phase=frame["phase"].str.partition("+")[0]))
-    made, grid = panels(frame, 4.2, 5.4)
+    made, grid = panels(frame, 4.4, 5.4)
     title = "Speed against error: left is faster, up is nearer to the ground truth"
     # over one panel it would go on into the legend beside it
     lines = textwrap.wrap(title, 60) if len(grid) == 1 else [title]
@@ -154,10 +174,10 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
 
 
 ABOUT = {  # of one figure alone
-    "psnr_db": "Levels over 50 dB hang on single pixels at edges, and so on n (scene0, opt4: 105 dB at "
-    "n = 90, 54.5 at n = 180, where two pixels of the cone's rim have a normal differenced across it). The "
-    "star is the paper's program run again: baseline's time here over its speed-up, its error against its "
-    "own baseline at n = 720 (linear).",
+    "psnr_db": "A phase that draws the ideal shadow has a second, hollow mark: its PSNR with that shadow. "
+    "Levels over 50 dB depend on single pixels at edges, and so on n (scene0, opt4: 105 dB at n = 90, 54.5 "
+    "at n = 180). The star is the paper's program: baseline's time here over its speed-up, its PSNR to its "
+    "own baseline at n = 720.",
     "dt_p99": "|Δt| is over the pixels that both pictures hit: a small step cap, which loses the hardest of "
     "them as false misses, looks near by it.",
 }
@@ -171,15 +191,14 @@ def _unfinished(result: dict[str, Any]) -> str:
 def note(result: dict[str, Any], measure: str = FIRST) -> str:
     cpu = machine.name(result.get("context"))
     averaged = result.get("antialias_n", result["n"])
+    named = ", named beside it" if measure == FIRST else ""
     return (
-        f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches on one thread, also "
-        "of phases that could use more: equal resources. Marks: a phase by the scene's parameters; dots: by "
-        "other hit distances and step caps, in its colour; hollow: an approximated root"
-        f"{', named beside it' if measure == FIRST else ''}. "
+        f"{cpu}; n = {result['n']}; medians of {result['launches']} launches in turn, on one thread, also "
+        "of phases that could use more. Marks: a phase with the scene's own parameters. Dots: with other "
+        f"hit distances and step caps. Hollow: with an approximated root{named}. "
         f"{pareto.left_out(result.get('rows', ()))} {_unfinished(result)}"
-        "A fractal's ground truth is converged only; its pictures are judged as 4 × 4 averages "
-        f"at n = {averaged}. "
-        f"{ABOUT.get(measure, '')}"
+        "A fractal's ground truth is converged, not proved; its pictures are 4×4 means "
+        f"at n = {averaged}. {ABOUT.get(measure, '')}"
     ).strip()
 
 
@@ -223,7 +242,7 @@ def by_level(winners: Sequence[Row]) -> list[Row]:
     """Winners as a row per scene and truth, with the winner of each level."""
     found: dict[tuple[str, str], Row] = {}
     for winner in winners:
-        place = winner["scene"], winner["truth"]
+        place = winner["scene"], pareto.TRUTHS[winner["metric"]]
         row = found.setdefault(place, {"scene": place[0], "truth": place[1]})
         row[winner["level_db"]] = winner
     return list(found.values())
