@@ -57,6 +57,9 @@ async function use() {
   const figure = document.querySelector("figure.pictures");
   for (let i = 0; i < 50 && !figure.dataset.ready; i++) await wait(100);
   said.overflow = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+  const stills = document.querySelectorAll("figure:has(> img, svg)");
+  const wider = [...stills].filter((one) => one.scrollWidth > one.clientWidth && !one.matches(".pictures"));
+  said.cut = wider.map((one) => getComputedStyle(one, "::before").content);
 
   const table = document.querySelector("#ladder table");
   const heads = [...table.tHead.rows[table.tHead.rows.length - 1].cells];
@@ -270,6 +273,12 @@ def test_no_script_fails_and_nothing_is_wider_than_the_window(
     assert said["failed"] == []
     assert (said["across"], said["dark"]) == (across, dark)
     assert said["overflow"] <= 0
+
+
+@pytest.mark.parametrize(("across", "dark"), SEEN)
+def test_a_figure_that_is_cut_says_that_it_scrolls(used: Callable, across: int, dark: bool) -> None:
+    said = used(across, dark)["cut"]
+    assert bool(said) == (across < 640) and all("swipe" in text for text in said)
 
 
 @pytest.mark.parametrize(("across", "dark"), SEEN)
