@@ -23,17 +23,18 @@ from study.numbers.schema import Verify
 from study.numbers.stats import Interval
 
 DESCRIPTION = """\
-Compares the times of runs with those of a base, configuration by configuration: ratio of the medians, base
-over run (over 1: the run is faster), with a 95 % bootstrap interval over launches. Time is cycles over clock,
-so that the ratio is that of the cycles times that of the clocks; what moved is named. Slower or faster means
-that the interval excludes 1. Of forty configurations that did not change, two will by chance, and more where
-the machine's hour changed between the runs, which no interval of launches knows.
+Compares the times of runs with those of a base, configuration by configuration. The ratio is that of the
+medians, base over run: over 1, the run is faster. Its 95 % interval is a bootstrap over launches. Time is
+cycles over clock: the ratios of cycles and of clocks stand beside it, and the one that changed is named.
+"Slower" and "faster" mean that the interval excludes 1. Of forty configurations without a change, two are
+called so by chance. A machine that was busier during one of the runs adds more: launches of one run do not
+show that.
 
-Runs of two machines, scenes that differ and other sizes of the picture are said first and get no verdict.
+Runs of two machines, different scenes and other sizes of the picture are said first and get no verdict.
 
-With --fail-on-slower, these end with status 1: a slower configuration; one that the run lacks (vanished); a
-phase outside its tolerance (failed) or no longer judged (unverified); runs without a verdict (machine, scene,
-size). --allow names those that may be."""
+With --fail-on-slower the status is 1 for a configuration that is slower, or that the run lacks (vanished).
+It is also 1 for a phase outside its tolerance (failed) or no longer judged (unverified), and for runs without
+a verdict (machine, scene, size). --allow names what is let through."""
 KEY = ["scene", "width", "height", "threads", "spec"]
 LIMITS = ["hit_distance", "max_steps", "scene_hash"]
 COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads"), ("run", "run")]
