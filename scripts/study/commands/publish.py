@@ -23,14 +23,14 @@ from study.pictures import images
 from study.report import compared
 
 DESCRIPTION = """\
-Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
-without `all`, the thousands of settings that were tried and are in no table), counts.json, validation.json
-and frames.jsonl packed, the pictures that chapters show, scaled down until each is under 300 kB, and of two
-scenes two of the pictures that the report compares, at most 320 pixels across. run.toml says the machine,
-the commit, the commands and a caveat. Then every chapter is read from the copies and must have the parts,
-figures and pictures that it has in the run, but for figures made of thumbnails; only then is there a FOLDER.
-A run that is being measured is refused; of one that was interrupted, a last line of frames.jsonl that was cut
-off is dropped."""
+Copies to FOLDER what the report of a run is made from: every JSON file at the top of the run, frames.jsonl
+and the pictures that chapters show. Large files are packed. Pictures are scaled down to 300 kB each, and
+to 320 pixels across for the two scenes that the report compares. Of throttle.json the thousands of settings
+that no table shows are left out. run.toml names the machine, the commit, the commands and a caveat.
+
+Then every chapter is read from the copies. It must have the parts, figures and pictures that it has in the
+run, but for figures made of thumbnails. Only then is there a FOLDER. A run that is being measured is refused.
+Of an interrupted run, a cut last line of frames.jsonl is dropped."""
 PICTURE_BYTES = 300_000
 # Megabytes; what reads them takes both forms (store.stored).
 PACKED = ("counts.json", "validation.json", "hotspots.json")

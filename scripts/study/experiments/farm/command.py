@@ -13,10 +13,11 @@ from study.experiments import running
 from study.experiments.farm import measure as farm
 
 DESCRIPTION = """\
-Parts the work of an experiment that has --shard, runs each shard as a command on a worker of one thread,
-and joins the results to the run's file: the same bytes as of one run on one machine. A worker that dies
-loses its shard and no more. A shard of each worker, and one in a hundred of all, is drawn on another worker
-too. Where the two differ, a third tells which is wrong; what that one drew is drawn again by others.
+Splits an experiment that has --shard into shards, and runs each as a command on a worker of one thread. The
+joined results are the bytes of one run on one machine. A worker that dies loses its shard and no more.
+
+Some shards are drawn twice, on two workers: one of each worker, and one in a hundred of all. Where the two
+differ, a third worker tells which is wrong, and what the wrong one drew is drawn again by others.
 
 What stands behind -- goes to the experiment, as in `farm accuracy --workers 4 -- -n 180`. Dask is no part of
 the project: --install puts it into build/farm. docs/scale.md says how to start workers on other machines."""

@@ -11,9 +11,10 @@ from study.experiments.flight import measure as flight
 from study.experiments.flight import tables as page
 
 DESCRIPTION = """\
-At some places along the path of a scene's camera: the time of a frame, its error to ground truth and its
-evaluations, by rods as in the article, by packets alone, by the throttle's choice of rods and packets for
-that place, and by a phase of the ladder. One thread; launches of all four are interleaved."""
+Flies along the path of a scene's camera. At some places it measures the time of a frame, its error to ground
+truth and its evaluations. Four programs draw each place: rods as in the article, packets alone, the
+throttle's choice of rods and packets for that place, and a phase of the ladder. One thread; launches of all
+four are interleaved."""
 
 
 def arguments() -> argparse.Namespace:

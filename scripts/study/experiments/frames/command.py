@@ -10,9 +10,9 @@ from study.experiments.frames import measure as frames
 from study.experiments.frames import tables as frames_page
 
 DESCRIPTION = """\
-Whole frames (rendering on every core, then gamma and 8 bits) of scene0 at 1920×1080 and of mandelbulb at
-1280×720, with the scene's own hit distance and with half a pixel's footprint, against 60 and 30 frames a
-second. The newest phases come first; what does not fit the time is said."""
+Whole frames against 60 and 30 frames a second: rendering on every core, then gamma and 8 bits. scene0 is
+drawn at 1920×1080 and mandelbulb at 1280×720, each with the scene's own hit distance and with half a pixel's
+footprint. The newest phases come first. What does not fit the time is named."""
 SECONDS = 60
 
 

@@ -12,10 +12,9 @@ from study.experiments import running
 from study.experiments.original import measure as original
 
 DESCRIPTION = """\
-Fetches the paper's program from its public repository, builds each of its steps as its own makefile does,
-and times it and this project's phase of the same step in turn, on one core. Prints the ratio of the times
-(ours over theirs) and how far apart the two pictures are. At the paper's size a pair of baselines takes
-40 s."""
+Fetches the paper's program from its public repository and builds each of its steps by its own makefile. Times
+each step and this project's phase of the same step in turn, on one core. Prints the ratio of the times (ours
+over theirs) and how far apart the two pictures are. At the paper's size a pair of baselines takes 40 s."""
 
 
 def arguments() -> argparse.Namespace:

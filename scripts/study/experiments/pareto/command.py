@@ -20,13 +20,13 @@ from study.experiments.pareto import tables as pareto_page
 from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
-Every program is rendered for each hit distance and step cap, its picture held against truth's. Then each of
-these points is launched once, and those are timed in full that may be on a front: a point is left at its one
-launch if by every measure (PSNR to either truth, false hits and misses, |Δt|) another point of at most its
-error took less than half its time; with the scene's own parameters every program is timed in full. Launches
-are in random order, one frame each (behind a warm-up one where that takes under 0.25 s), on one thread,
-whatever the phase could use: equal resources. The front:
-no other point is both faster and nearer to truth."""
+Speed against error. Every program draws every hit distance and step cap, and each picture is held against
+ground truth. The front is made of the points that no other point beats in both time and error.
+
+Each point is launched once. It is timed in full unless another point of no larger error took less than half
+its time, by every measure (PSNR to either truth, false hits and misses, |Δt|). With the scene's own
+parameters every program is timed in full. Launches are in random order, on one thread even of phases that
+could use more. A launch times one frame, behind a warm-up frame where that takes under 0.25 s."""
 
 
 def length(text: str) -> float:

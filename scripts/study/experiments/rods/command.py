@@ -11,9 +11,9 @@ from study.experiments.rods import pictures as rods_pictures
 from study.experiments.rods import tables as rods_page
 
 DESCRIPTION = """\
-The article's two pictures by rods and by rays (two_spheres, 800×800, 20 steps), the march alone timed in
-interleaved launches, evaluations and the error of both to truth; the same on every scene; and the trade-off
-that the article left open: starting rods × step cap → time and error."""
+The article's two pictures by rods and by rays: two_spheres, 800×800, 20 steps. Launches are interleaved and
+time the march alone. Also: evaluations, the error of both to ground truth, the same on every scene, and the
+trade-off that the article left open (number of starting rods and step cap against time and error)."""
 
 
 def arguments() -> argparse.Namespace:

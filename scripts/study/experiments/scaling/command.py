@@ -19,9 +19,10 @@ from study.numbers import power_laws as scaling_fit
 from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
-Each program is rendered over picture height, number of shapes (scenes made to order, the same share of the
-picture covered), step cap, bounces and threads, and timed in interleaved launches. Power laws are fitted and
-set beside the paper's O(K·T·N²). What would not fit the time is left out and said. Peak memory at 4K."""
+How time grows: each program is timed over picture height, number of shapes, step cap, bounces and threads, in
+interleaved launches. Scenes of many shapes are made to order and cover the same share of the picture. Power
+laws are fitted and set beside the paper's O(K·T·N²). What does not fit the time is left out and named. Also:
+peak memory at 4K."""
 SECONDS, FULL_SECONDS = 540, 14400
 HEIGHT, FULL_HEIGHT = 90, 360
 MEMORY_SHARE = 0.1

@@ -25,10 +25,10 @@ from study.experiments.sweep.plan import Config, fail, make_plan, now, overrides
 from study.numbers import stats
 
 DESCRIPTION = """\
-Times phases on scenes and sizes. A round launches every configuration once, in random order, pinned
-to one CPU and with an environment of random size, so that all phases of a comparison share the same
-stretch of time; rounds go on to --launches or to the end of --budget. When all
-phases of the ladder are swept, opt2 is measured with the flags of the others too (the second base).
+Times phases on scenes and sizes. A round launches every configuration once, in random order, pinned to one
+CPU and with an environment of random size. So all phases of a comparison share the same stretch of time.
+Rounds go on to --launches or to the end of --budget. When all phases of the ladder are swept, opt2 is also
+measured with the flags of the others (the second base).
 
 Each frame is a line of results/MACHINE/RUN/frames.jsonl, on disk before the next one. After a kill,
 `--run DIR --resume` goes on: a launch that was cut off keeps its whole frames, and a further process measures

@@ -24,9 +24,10 @@ from study.pictures import images
 from study.pictures.draw import STYLE, save
 
 DESCRIPTION = """\
-Constants of a rung may be tuned on the own views of scene0 and mandelbulb alone. Here every scene is rendered
-from four places, each rung timed in interleaved launches with its parent, and a rung that is faster where it
-was tuned and not elsewhere is said to be. The newest rungs come first; what does not fit the time is said."""
+Was a rung tuned to one view? Its constants may suit the own views of scene0 and mandelbulb alone. Here every
+scene is drawn from four places, and each rung is timed in interleaved launches with its parent. A rung that
+is faster where it was tuned and not elsewhere is named. The newest rungs come first; what does not fit the
+time is named too."""
 SECONDS = 150
 
 
