@@ -162,7 +162,7 @@ def test_a_table_of_ideas_is_of_the_newest_run_that_has_them_all(tmp_path: Path)
     rows = [line for line in lines if line.startswith("| ")][2:]
     assert len(rows) == len(ideas.of(name)) and all(len(line) <= COLUMNS for line in lines)
     assert rows[0].endswith("| 1.20 [1.00, 2.00] | 101 dB | 12 |")  # the largest gain
-    assert rows[-1].endswith("| 1.00 [1.00, 2.00] | none | 10 |")
+    assert rows[-1].endswith("| 1.00 [1.00, 2.00] | identical | 10 |")
     again = ideas.filled("\n".join([*lines, ""]), name, found)
     assert again.splitlines() == lines
     with pytest.raises(StudyError, match="lacks the line <!-- ideas"):

@@ -212,7 +212,7 @@ def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Pa
     complete.write(run / "accuracy.json", {"rows": [truth]})
     data = analysis.load(run)
     made = tables.readme(text, data, ladder.rows(data))
-    assert "54.5" in made and "pictures at n = 64" in made
+    assert "54.5" in made and "PSNR to the ground truth at n = 64 (" in " ".join(made.split())
     assert "error to ground truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
 
 
@@ -572,7 +572,7 @@ def test_the_readme_ends_on_the_two_strongest_other_programs(run: Path) -> None:
     complete.write(run / "peers.json", {"n": 180, "programs": told, "rows": rows})
     found = front_page.strongest(run, 180)
     assert [cells[0] for cells in found] == ["first", "second"]
-    assert found[0][4] == "2.00× [2.00,\u00a02.00] opt10_scene's time" and found[1][8] == "60.0"
+    assert found[0][4] == "2.00× [2.00,\u00a02.00] as long as opt10_scene" and found[1][8] == "60.0"
     assert front_page.strongest(run, 720) == []
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -37,13 +38,15 @@ def by_phase(rows: pd.DataFrame) -> dict[str, dict[str, Row]]:
 
 
 def limits(data: Data) -> dict[str, str]:
-    """Phase -> what bounds it on scene0 by the roofline; empty where the run has no counts or ceilings."""
+    """Phase -> its lowest roof on scene0 and the share that it reaches: `L1 (45 %)`. Empty where the run has
+    no counts or ceilings."""
     counted, ceilings, _ = roof.read(data.path, strict=False)
     table = roof.headline(roof.rows(data, counted, ceilings))
     if table.empty:
         return {}
     rows = table[table["scene"] == SCENES[0]].to_dict("records")
-    return {row["phase"]: row["least_bound"] for row in rows if isinstance(row.get("least_bound"), str)}
+    named = [row for row in rows if isinstance(row.get("least_bound"), str)]
+    return {row["phase"]: f"{row['least_bound']} ({100 * row['share_of_least_roof']:.0f} %)" for row in named}
 
 
 def _cells(row: Row | None, ratios: bool = True) -> list[str]:
@@ -100,7 +103,7 @@ def strongest(folder: Path, height: int) -> list[list[str]]:
         for row in (whole[name][scene] for scene in PLAIN):
             cells += [
                 show.spread(row["ms"], 4),
-                f"{show.spread(row['ratio'], 3, '×')} {row['beside']}'s time",
+                f"{show.spread(row['ratio'], 3, '×')} as long as {row['beside']}",
             ]
             cells.append("identical" if row["psnr_db"] is None else show.number(row["psnr_db"]))
         lines.append(cells)
@@ -116,7 +119,7 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
     found, bound, known = by_phase(rows), limits(data), registry.ladder()
     ratios = original.held_beside(data.path)
     size = next(iter(next(iter(found.values())).values()))
-    head = ["phase", "idea", "bound by"]
+    head = ["phase", "idea", "lowest roof"]
     for scene in SCENES:
         head += [f"{scene}, ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]
     lines = []
@@ -130,17 +133,16 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
     table = markdown(head, [*lines, *(originals(data.path) if ratios else []), *others])
     at = truth_height([row for several in found.values() for row in several.values()])
     note = (
-        f"{size['width']}×{size['height']}, one thread, {show.inert(provenance.place(data.context))}. "
-        "Times are medians "
-        "over process launches.\nIntervals hold 95 %. dB: PSNR to the ground truth "
-        f"(linear RGB, pictures{at or ' not measured'};\nmandelbulb: means of 4×4 samples). "
-        "Bound by: what limits\nthe phase on scene0 by the roofline model. L1: traffic of the "
-        "first-level cache; divider: the unit\nof quotients and roots.\n"
-        + "“To ours”: between the displayed pictures of the paper's step and of ours.\n" * ratios
-        + "Without shadows: both scenes without shadows and mirrors, beside our fastest phase on the same.\n"
+        f"{size['width']}×{size['height']}, one thread, {show.inert(provenance.place(data.context))}. Times: "
+        "medians over process launches, with 95 % intervals. dB: PSNR to the ground truth"
+        f"{at or ', not measured'} (mandelbulb: means of 4×4 samples); above 50 dB a few pixels at edges "
+        "decide, so levels differ with the size. Lowest roof: of the roofline model on scene0, and the share "
+        "of it that the phase reaches (L1: traffic of the first-level cache; divider: quotients and roots)."
+        + " “To ours”: between the displayed pictures of both." * ratios
+        + " Without shadows: on both scenes without shadows and mirrors, beside our fastest phase there."
         * bool(others)
     )
-    return f"{table}\n{note}"
+    return f"{table}\n{textwrap.fill(note, 100, break_on_hyphens=False)}\n"
 
 
 def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:

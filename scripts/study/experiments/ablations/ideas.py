@@ -26,7 +26,7 @@ MADE = re.compile(rf"({'|'.join(scaling_scenes.ARRANGEMENTS)})-(\d+)")  # scenes
 SEED = 1
 BEGIN = "<!-- ideas: stepwise lessons -->"  # stands in a lesson before its table
 WIDTH = 100  # columns of a lesson
-HEADER = ("idea", "scene", "gain [95 %]", "change of the picture", "lines")
+HEADER = ("idea", "scene", "gain [95 %]", "PSNR of the two pictures", "lines of code")
 Row = Mapping[str, Any]
 
 
@@ -88,7 +88,7 @@ def of(phase: str, root: Path = ROOT) -> list[patches.Patch]:
 def change(row: Row) -> str:
     """What the idea does to the picture: how far the patched phase's picture is from the phase's own."""
     if row["change_psnr_db"] is None:
-        return "none" if row["change_max_abs"] == 0 else "undefined"
+        return "identical" if row["change_max_abs"] == 0 else "undefined"
     return f"{row['change_psnr_db']:.0f} dB"
 
 

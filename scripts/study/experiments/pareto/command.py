@@ -24,9 +24,10 @@ Speed against error. Every program draws every hit distance and step cap, and ea
 ground truth. The front is made of the points that no other point beats in both time and error.
 
 Each point is launched once. It is timed in full unless another point of no larger error took less than half
-its time, by every measure (PSNR to either truth, false hits and misses, |Δt|). With the scene's own
-parameters every program is timed in full. Launches are in random order, on one thread even of phases that
-could use more. A launch times one frame, behind a warm-up frame where that takes under 0.25 s."""
+its time, by every measure (PSNR to either truth, false hits and misses, |Δt|). That first launch is not among
+those of the full timing. With the scene's own parameters every program is timed in full. Launches are in
+random order, on one thread even of phases that could use more. A launch times one frame, behind a warm-up
+frame where that takes under 0.25 s."""
 
 
 def length(text: str) -> float:

@@ -207,9 +207,9 @@ def left_out(rows: Sequence[Row]) -> str:
     if not few:
         return "Every point was timed in full."
     return (
-        f"{few} of {len(rows)} points are faint: they were launched once only. In that launch another point "
-        f"of no larger error took less than 1/{WITHIN} of their time, by every measure, or their picture was "
-        "not finite. That launch counts for no other point."
+        f"{few} of {len(rows)} points are faint: they were launched once only, clearly beaten, and not "
+        f"timed again. Another point of no larger error, by any measure, took less than 1/{WITHIN} of their "
+        "time, or their picture was not finite."
     )
 
 

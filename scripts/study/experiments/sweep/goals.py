@@ -27,12 +27,13 @@ TWO_THREADS = 1.9
 
 
 def _error(row: goal.Row) -> str:
-    """Of a row of the ladder: PSNR to truth, a fractal's of 4×4 means."""
+    """Of a row of the ladder: PSNR to the picture that the phase draws, a fractal's of 4×4 means."""
     found = row.get("truth_own_db")
     if found is None or math.isnan(found):
         return ""
     means = ", 4×4" if show.yes(row.get("truth_converged_only")) else ""
-    return f"{show.number(found)} dB to ground truth{means}"
+    picture = "the ideal picture" if show.yes(row.get("truth_draws_ideal")) else "ground truth"
+    return f"{show.number(found)} dB to {picture}{means}"
 
 
 def _speed(
