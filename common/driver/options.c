@@ -21,9 +21,9 @@ static const char USAGE[] =
     "                        themselves; -o writes it as a binary PPM\n"
     "  --threads T           default 1\n"
     "  --reps R              timed frames, default 1; the camera moves by 1e-6 in between\n"
-    "  --frames N            an animation of N frames instead: frame k is at k/60 s, shapes\n"
-    "                        follow their paths, the camera stays; -o writes the first frame\n"
-    "  --first-frame K       start the animation at frame K, e.g. after an interruption\n"
+    "  --frames N            an animation instead: frame k < N is at k/60 s, shapes and the\n"
+    "                        camera follow their paths; -o writes the first frame\n"
+    "  --first-frame K       start it at frame K: frames K to N-1 are drawn\n"
     "  --warmup K            frames before the timed ones, marked as warm-up, default 0\n"
     "  --hit-distance X      replaces the scene's value (recorded)\n"
     "  --max-steps K         replaces the scene's value (recorded)\n"
@@ -66,8 +66,8 @@ static int check_combination(int argc, char **argv, struct options *o) {
                             "--first-frame needs --frames: give the animation's length too");
     if (o->first_frame && o->first_frame >= o->frames)
         return driver_error(BAD_INPUT,
-                            "--first-frame %d: an animation of %d frames ends with frame %d",
-                            o->first_frame, o->frames, o->frames - 1);
+                            "--first-frame %d needs --frames %d or more: frames are counted from 0",
+                            o->first_frame, o->first_frame + 1);
     if (!o->frames && !o->reps)
         o->reps = 1;
     if (o->width == 0)

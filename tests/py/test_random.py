@@ -109,7 +109,7 @@ def test_frames_are_those_of_the_phase(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--scene", "scene0"], "scene0: is no animated scene; there are flythrough"),
+        (["--scene", "scene0"], "scene0: is no animated scene; common/scenes/animated has flythrough"),
         (["--phase", "opt44"], "did you mean opt4"),
         (["--frames", "0"], "argument --frames"),
     ],

@@ -105,6 +105,8 @@ def test_an_unknown_name_names_the_nearest():
         registry.find_scene("mandlebulb")
     with pytest.raises(StudyError, match=r"no scene 'xyz'; there are .*cubes"):
         registry.find_scene("xyz")
+    with pytest.raises(StudyError, match="'flythrough' stands in common/scenes/animated: it is"):
+        registry.find_scene("flythrough")
 
 
 def test_a_cpu_without_the_instruction_set(monkeypatch):

@@ -212,7 +212,7 @@ def cells(side: dict[str, Any]) -> dict[str, str]:
         "PSNR to baseline, dB": "identical" if base["identical"] else show.number(base["psnr_db"]),
         "pixels off by more than 1/255 to baseline": show.percent(base["fraction_over_1_255"]),
         "evaluations of a camera ray": show.number(side["evaluations"], 4),
-        "FLOPs a pixel": work,
+        "declared FLOPs a pixel": work,
         "lanes at work": lanes,
     }
 
@@ -229,7 +229,7 @@ def text(result: dict[str, Any]) -> str:
         f"{'':{wide[0]}}  {parent['name']:{wide[1]}}  {mine['name']}",
         *(f"{name:{wide[0]}}  {left[name]:{wide[1]}}  {right[name]}" for name in left),
         "",
-        f"{mine['name']} is {speed_up(result['ratio'])} {parent['name']}.",
+        f"{mine['name']} is {speed_up(result['ratio'])} {parent['name']}.{doubt(result['ratio'])}",
     ]
     if result["calls"]:
         lines += ["", "Calls that changed (--json has all):"]
@@ -243,13 +243,18 @@ def text(result: dict[str, Any]) -> str:
     return "\n".join([*lines, f"Pictures: {result['picture']}"])
 
 
+def doubt(ratio: stats.Interval) -> str:
+    """What to do where the interval holds 1."""
+    if not ratio.sufficient or not ratio.low <= 1 <= ratio.high:
+        return ""
+    return ' The interval holds 1: no difference can be told. More launches narrow it: ARGS="--launches 30".'
+
+
 def speed_up(ratio: stats.Interval) -> str:
-    """`1.21× [1.18, 1.24] as fast as`; says so where the interval holds 1, and where there is none."""
+    """`1.21× [1.18, 1.24] as fast as`; says so where there is no interval."""
     if not ratio.sufficient:
         return f"{ratio.value:.3g}× (too few launches for an interval) as fast as"
-    shown = show.spread(ratio, 3, "×")
-    told = not ratio.low <= 1 <= ratio.high
-    return f"{shown} as fast as" if told else f"{shown} as fast as (no difference that can be told from)"
+    return f"{show.spread(ratio, 3, '×')} as fast as"
 
 
 def files(both: Sides) -> dict[Path, float]:

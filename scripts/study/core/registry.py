@@ -245,6 +245,8 @@ def parent_of(name: str, root: Path = ROOT) -> str | None:
 
 def find_scene(name: str, root: Path = ROOT) -> Scene:
     """The scene of that name, or a StudyError that names the nearest ones."""
+    if name in animated(root) and name not in scenes(root):
+        raise StudyError(f"scene '{name}' stands in common/scenes/animated: it is for animation and flight")
     if name not in scenes(root):
         raise _unknown("scene", name, scenes(root))
     return scenes(root)[name]

@@ -48,7 +48,8 @@ def units(args: argparse.Namespace) -> list[Unit]:
     registry.find_phase(Spec.parse(args.phase).phase)
     scenes = registry.animated()
     if unknown := [name for name in args.scene if name not in scenes]:
-        raise StudyError(f"{unknown[0]}: is no animated scene; there are {', '.join(scenes)}")
+        there = f"common/scenes/animated has {', '.join(scenes)}"
+        raise StudyError(f"{unknown[0]}: is no animated scene; {there}")
     numbers = range(args.first_frame, args.first_frame + args.frames)
     return [(scenes[name], number) for name in dict.fromkeys(args.scene) for number in numbers]
 
