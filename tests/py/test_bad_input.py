@@ -98,7 +98,7 @@ ARGUMENTS = {
     "-n 4 --frames 2 --reps 2": "--frames and --reps exclude each other",
     "-n 4 --first-frame 1": "--first-frame needs --frames",
     "-n 4 --first-frame -1": "--first-frame: 0 to 1000000 is required",
-    "-n 4 --frames 3 --first-frame 3": "--first-frame 3: an animation of 3 frames ends with frame 2",
+    "-n 4 --frames 3 --first-frame 3": "--first-frame 3 needs --frames 4 or more: frames are counted from 0",
     "-n 4 --frames 3": ": --frames: neither the camera nor a shape has a path",
     "-n 4 --json --jsonl": "--json and --jsonl exclude each other",
     "-n 4 --display --aov": "--display and --aov exclude each other",
