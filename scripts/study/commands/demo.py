@@ -54,7 +54,7 @@ def speed(shot: dict) -> str:
 
 def note(shot: dict) -> str:
     rays = f"{shot['lanes']} {shot['precision']} ray{'s' if shot['lanes'] > 1 else ''} at a time"
-    return f"{speed(shot)}\none thread, {rays}\n{shot['flags']}"
+    return f"{speed(shot)}\none thread, {rays}"
 
 
 def main() -> int:
@@ -81,7 +81,7 @@ def main() -> int:
         pictures = images.read(files[0]), images.read(files[1])
     metrics, ratio = images.compare(*pictures), slow["ns"] / fast["ns"]
     size = f"{slow['width']}×{slow['height']} pixels"
-    faster = f"{ratio:.1f} times as fast as {reference}"
+    faster = f"{ratio:,.1f} times as fast as {reference}"
     notes = note(slow), note(fast), "one frame each; make study has intervals"
     names, title = (str(reference), str(spec)), f"{scene.name}, {size}: {spec} is {faster}"
     panels.save(panels.pair(pictures, names, title, metrics, notes), args.out)
