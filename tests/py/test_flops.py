@@ -714,6 +714,7 @@ def test_a_wrong_cost_is_found(tmp_path):
     )
     words = [sys.executable, str(copy / "scripts" / "stepwise"), "flops", "--validate", "--phase", "baseline"]
     done = started.run([*words, "--scene", "spheres40", "-n", "8"], timeout=300)
+    assert "phases/baseline/costs.def: declare there what the code does" in done.stderr
     assert done.returncode == 1 and "baseline spheres40 sdf_sphere (calls): declared" in done.stderr, (
         done.stderr
     )

@@ -169,4 +169,6 @@ def main() -> int:
             f"{row['backend']} {row['measured']:,}: {row['relative_difference']:+.2%}, of which nothing "
             f"explains {row['unexplained']:+.2%}"
         )
+    for phase in dict.fromkeys(row["phase"].partition("+")[0] for row in bad):
+        cli.say(f"phases/{phase}/costs.def: declare there what the code does (CONTRIBUTING.md, residues.def)")
     return cli.FAILED if bad else cli.OK
