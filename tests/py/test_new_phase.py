@@ -172,7 +172,10 @@ def test_what_is_next_is_what_the_tutorial_does(whole):
     tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```sh\n(.*?)^```$", tutorial, re.MULTILINE | re.DOTALL)
     there = [
-        line for block in blocks for line in block.splitlines() if " NAME=mine" in line or "PHASE=" in line
+        line
+        for block in blocks
+        for line in block.splitlines()
+        if " NAME=mine" in line or "PHASE=mine" in line
     ]
     said = [line.partition("#")[0].strip() for line in new_phase.following("mine", "opt1", whole)]
     assert [line for line in said if line.startswith("make ")] == there[1:]
