@@ -155,7 +155,7 @@ function chart(place) {
       made.append(element("button", { type: "button", textContent: text, onclick: all(checked) }), " ");
     return made;
   };
-  const menu = element("select", { ariaLabel: "Error on the vertical axis" }, ...data.measures.map((one) => new Option(one.title)));
+  const menu = element("select", { ariaLabel: "Error on the vertical axis" }, ...data.measures.map((one) => new Option(one.name)));
   menu.addEventListener("change", () => {
     measure = menu.selectedIndex;
     reset();

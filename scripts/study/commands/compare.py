@@ -33,7 +33,7 @@ show that.
 Runs of two machines, different scenes and other sizes of the picture are said first and get no verdict.
 
 With --fail-on-slower the status is 1 for a configuration that is slower, or that the run lacks (vanished).
-It is also 1 for a phase outside its tolerance (failed) or no longer judged (unverified), and for runs without
+It is also 1 for a phase outside its tolerance (failed) or not judged (unverified), and for runs without
 a verdict (machine, scene, size). --allow names what is let through."""
 KEY = ["scene", "width", "height", "threads", "spec"]
 LIMITS = ["hit_distance", "max_steps", "scene_hash"]

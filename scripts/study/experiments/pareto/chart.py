@@ -14,13 +14,6 @@ from study.experiments.pareto import tables
 from study.experiments.pareto.fronts import Row
 from study.pictures.draw import look, shape
 
-NAMES = {  # of a measure: in a menu, name, unit
-    "psnr_db": ("PSNR with the paper's shadow", "PSNR with the paper's shadow", "dB"),
-    "psnr_ideal_db": ("PSNR with the ideal shadow", "PSNR with the ideal shadow", "dB"),
-    "false_ppm": ("false hits and misses", "false hits and misses", "ppm"),
-    "dt_p99": ("|Δt|, 99th percentile", "|Δt|, 99th percentile", "scene units"),
-}
-
 
 def _height(row: Row, measure: str) -> float | None:
     """As the still figure has it, to six digits; None where there is none."""
@@ -62,15 +55,15 @@ def points(rows: Sequence[Row]) -> dict[str, Any]:
     """All that the chart needs: names, looks, and an array a point."""
     scenes, phases = (list(dict.fromkeys(row[key] for row in rows)) for key in ("scene", "phase"))
     measures = []
-    for name in NAMES:
+    for name in pareto.MEASURES:
         if any(_height(row, name) is not None for row in rows):
             measures.append(name)
     about = []
     for name in measures:
-        title, short, unit = NAMES[name]
+        title, unit = pareto.MEASURES[name]
         errors = [error for row in rows if (error := _height(row, name)) is not None and error > 0]
         decibels = name in pareto.TRUTHS
-        about.append({"title": title, "name": short, "unit": unit, "decibels": decibels})
+        about.append({"name": title, "unit": unit, "decibels": decibels})
         about[-1]["least"] = min(errors, default=1.0)
     made = [_point(row, scenes, phases, measures) for row in rows]
     return {

@@ -20,12 +20,12 @@ from study.experiments.pareto.schema import Pareto
 
 FILE = "pareto.json"
 TRUTHS = {"psnr_db": "the paper's shadow", "psnr_ideal_db": "the ideal shadow"}
-# What a front is drawn over. The first two are better when larger.
+# What a front is drawn over: name, unit. The first two, of linear colours, are better when larger.
 MEASURES = {
-    "psnr_db": "PSNR with the paper's shadow, dB (linear)",
-    "psnr_ideal_db": "PSNR with the ideal shadow, dB (linear)",
-    "false_ppm": "false hits and misses, ppm",
-    "dt_p99": "|Δt|, 99th percentile, scene units",
+    "psnr_db": ("PSNR with the paper's shadow", "dB"),
+    "psnr_ideal_db": ("PSNR with the ideal shadow", "dB"),
+    "false_ppm": ("false hits and misses", "ppm"),
+    "dt_p99": ("|Δt|, 99th percentile", "scene units"),
 }
 LEVELS = (40, 50, 60, 80)  # dB
 FACTOR = 4  # of the averaged pictures of fractals, each way

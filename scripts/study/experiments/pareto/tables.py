@@ -63,7 +63,7 @@ def _said(row: Row, measure: str) -> str:
     how = "own parameters" if row["own_parameters"] else how
     at = "≥ " * (measure in pareto.TRUTHS and drawn_at(row, measure) >= TOP)
     error = f"{at}{show.number(drawn_at(row, measure))}"
-    return f"{row['phase']}, {how}: {_ns(row)} ns/pixel, {pareto.MEASURES[measure]}: {error}"
+    return f"{row['phase']}, {how}: {_ns(row)} ns/pixel, {', '.join(pareto.MEASURES[measure])}: {error}"
 
 
 def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
@@ -140,7 +140,7 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
         _by_ideal(axes, rows, looks)
     fractal = any(r["converged_only"] for r in rows)
     axes.set_title(f"{scene} (4×4 means)" if fractal else scene)
-    axes.set(xscale="log", xlabel="time, ns per pixel", ylabel=pareto.MEASURES[measure])
+    axes.set(xscale="log", xlabel="time, ns per pixel", ylabel=", ".join(pareto.MEASURES[measure]))
     plain_log(axes.xaxis)
     _vertical(axes, measure, rows)
 
