@@ -49,7 +49,7 @@ $(EXPERIMENTS): setup
 	@$(PY) scripts/stepwise $(if $(strip $(OPTIONS)),$@$(OPTIONS),study --part $@) $(ARGS)
 
 enclosures: setup-test ## truth's enclosures against exact roots, 100,000 random and adversarial rays per shape
-	@STEPWISE_RAYS=100000 $(PY) -m pytest -q tests/py/test_enclosures.py $(ARGS)
+	@STEPWISE_RAYS=100000 $(PY) -m pytest -q tests/study/truth/test_enclosures.py $(ARGS)
 
 view: ## a window on SCENE=scene0 by PHASE=… (default: the ladder's last): walk about, compare phases, see their errors (docs/view.md)
 	@scripts/setup.sh view

@@ -1,8 +1,8 @@
 """For all tests: opt10_scene compiles nothing and no driver measures its clocks unless a test says so.
 
 A kernel takes seconds to compile, and the suites have hundreds of scenes. They run its general kernels, which
-are the same sources; py/test_scene_kernel.py holds generated ones to these. Clocks are 25 ms of each of the
-thousands of pictures; what the scripts time (study.core.run) has them all the same.
+are the same sources; phases/test_scene_kernel.py holds generated ones to these. Clocks are 25 ms of each of
+the thousands of pictures; what the scripts time (study.core.run) has them all the same.
 
 Hypothesis draws the same examples at every run: all of them (profile `whole`), or a fifth (`quick`), as
 `make test` does.
@@ -17,6 +17,7 @@ import pytest
 from hypothesis import settings
 
 from drawn import WHOLE
+from fixtures import blank, disc, miss, refused, write_exr  # noqa: F401  (fixtures of every suite)
 
 os.environ.setdefault("STEPWISE_CC", "none")
 os.environ.setdefault("STEPWISE_UNTIMED", "1")

@@ -38,7 +38,7 @@ HALVES = {
 }
 # Folders of one pytest, and its environment.
 PYTEST: dict[str, tuple[list[str], dict[str, str]]] = {
-    "tests": (["tests/c", "tests/conformance", "tests/hard", "tests/py"], {}),
+    "tests": (["tests"], {}),
     "sanitized": (["tests/conformance"], {"STEPWISE_BUILD": "build/asan"}),
 }
 

@@ -1,4 +1,4 @@
-// What each intrinsic of 16 lanes makes of given operands, for tests/py/test_emulated.py: blocks of `struct given` from
+// What each intrinsic of 16 lanes makes of given operands, for tests/common/test_emulated.py: blocks of `struct given` from
 // standard input, for each 64 bytes an intrinsic to standard output, in the order that `each names` prints. Built
 // with tests/emulate before the compiler's own header, and without it where the CPU has AVX-512.
 #include <immintrin.h>

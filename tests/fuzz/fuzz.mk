@@ -1,6 +1,6 @@
 # Fuzzing by libFuzzer (clang), with ASan and UBSan: make fuzz MINUTES=10 runs each harness of this folder in turn, on
 # every core; FUZZ=scene runs one. What a harness finds is in build/fuzz/NAME.found, and the run fails.
-# tests/py/test_fuzz.py runs each for some seconds.
+# tests/common/test_fuzz.py runs each for some seconds.
 FUZZERS := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
 FUZZ ?= $(FUZZERS)
 FUZZ_CC ?= clang

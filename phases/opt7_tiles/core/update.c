@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 // Beyond this radius the power-8 map's orbits escape: |w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on. There the estimate is at
-// least half of the distance to the ball: tests/py/test_tiles.py samples it.
+// least half of the distance to the ball: tests/phases/test_tiles.py samples it.
 #define BALL_RADIUS 1.15f
 
 // A wrapped distance is 1-Lipschitz if the shape is its mirror image at the walls of its cell. A plane or a cone is

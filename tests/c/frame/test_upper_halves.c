@@ -1,5 +1,5 @@
 // Presenting a frame leaves the upper halves of vector registers as a program of SSE alone has them. Sanitizers change
-// what a compiler puts there: tests/py/test_build.py runs this program as the renderers are built, too.
+// what a compiler puts there: tests/study/core/test_build.py runs this program as the renderers are built, too.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

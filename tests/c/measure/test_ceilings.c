@@ -1,5 +1,5 @@
 // What common/ceilings makes of its samples. Its kernels are tested by `build/ceilings --check` and
-// tests/py/test_ceilings.py.
+// tests/common/test_ceilings.py.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

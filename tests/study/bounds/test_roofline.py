@@ -35,7 +35,7 @@ from study.pictures import labels
 from study.pictures.draw import RING, STYLE, save
 from study.report import figures
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PIXELS = {90: 160 * 90, 180: 320 * 180}
 # Instructions per core cycle; a division takes 8 cycles, a square root 16.
 RATES = {

@@ -14,7 +14,7 @@ from study.core.build import build
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def test_a_gradient_works_for_all_that_hit_its_shape(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
 from study.counting.hardware import perf_stat
 
-FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "perf"
+FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "perf"
 HARDWARE = ["instructions", "cycles", "fp_scalar_double", "fp_scalar_single"]
 
 

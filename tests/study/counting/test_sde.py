@@ -11,7 +11,7 @@ from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import find_scene
 from study.counting import sde
 
-FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "sde"
+FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "sde"
 MIX, MASKS = FIXTURES / "sde-mix-out.txt", FIXTURES / "sde-dyn-mask-profile.txt"
 OPCODES = FIXTURES / "sde-mix-opcodes.txt"
 

@@ -34,7 +34,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def test_slope_of_scene0s_cones() -> None:
-    """The least that tells a ray lit; tests/py/test_convex.py tries the bound on random marches."""
+    """The least that tells a ray lit; tests/phases/test_convex.py tries the bound on random marches."""
     assert bound(0.3458) * STRENGTH == pytest.approx(1, abs=1e-3)
 
 
@@ -63,7 +63,7 @@ def test_shadows_at_edges_are_the_parents(name, tmp_path) -> None:
 def test_starts_are_the_parents(width, tmp_path) -> None:
     """The same squares and patches, from other arrangements of lanes.
 
-    So what tests/py/test_tiles.py holds against truth holds here, for every strip of a picture.
+    So what tests/phases/test_tiles.py holds against truth holds here, for every strip of a picture.
     """
     scenes = {name: scene.data for name, scene in registry.scenes().items()}
     scenes |= {name: FEATURES[name] for name in ("everything", "camera_within_a_shape", "nothing_to_see")}

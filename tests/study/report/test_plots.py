@@ -30,7 +30,7 @@ from study.pictures import draw as drawing
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 REFERENCE = ROOT / "results" / "reference"
 
 

@@ -20,7 +20,7 @@ from study.experiments.functions import tables as functions_page
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SCRIPT = (ROOT / "scripts" / "stepwise", "functions")
 
 

@@ -18,7 +18,7 @@ from study.core.cli import StudyError
 from study.counting import elf
 from study.experiments.hotspots import bounds_tables as bounds_page
 
-FIXTURES = Path(__file__).parents[1] / "fixtures" / "bounds"
+FIXTURES = Path(__file__).parents[2] / "fixtures" / "bounds"
 MCA = (FIXTURES / "llvm-mca.txt").read_text()
 OSACA = (FIXTURES / "osaca.yaml").read_text()
 needs_mca = pytest.mark.skipif(analysers.mca_missing() is not None, reason=str(analysers.mca_missing()))

@@ -29,7 +29,7 @@ from study.experiments.hotspots import tables as hotspots
 
 pytestmark = pytest.mark.slow
 
-FIXTURES = Path(__file__).parents[1] / "fixtures" / "hotspots"
+FIXTURES = Path(__file__).parents[2] / "fixtures" / "hotspots"
 SCRIPT = (ROOT / "scripts" / "stepwise", "hotspots")
 RECORDED = (FIXTURES / "perf-script.txt").read_text()
 needs_perf = pytest.mark.skipif(perf.missing() is not None, reason=str(perf.missing()))

@@ -29,7 +29,7 @@ from study.report import chapters, facts, figures
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 
 

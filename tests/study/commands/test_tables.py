@@ -27,7 +27,7 @@ from study.numbers.verdicts import OPEN, PART
 from study.pictures import gate
 from study.report import front_page
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from study.experiments import cuts, experiment
 from study.experiments.experiment import DEPTHS, Call, Study
 from study.numbers import analysis
 
-FIXTURE = Path(__file__).resolve().parents[1] / "fixtures" / "run"
+FIXTURE = Path(__file__).resolve().parents[2] / "fixtures" / "run"
 
 
 @pytest.fixture(autouse=True)
