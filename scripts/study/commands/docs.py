@@ -56,7 +56,7 @@ def filled(text: str) -> str:
     return "\n\n".join(parts)
 
 
-def options() -> str:
+def option_table() -> str:
     """A line each of what means the same everywhere."""
     lines = []
     for name, (placeholder, meaning) in commands.OPTIONS.items():
@@ -66,7 +66,9 @@ def options() -> str:
 
 
 def page() -> str:
-    return "\n".join([HEAD, options(), *(described(command) for command in commands.find_all().values())])
+    return "\n".join(
+        [HEAD, option_table(), *(described(command) for command in commands.find_all().values())]
+    )
 
 
 def pages(root: Path = ROOT) -> dict[str, str]:

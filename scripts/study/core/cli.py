@@ -19,7 +19,7 @@ import re
 import signal
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
@@ -179,6 +179,34 @@ class StudyError(Exception):
         self.exit_status = exit_status
 
 
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """How a command ended. `result`: what --json prints; `lines`: what a person reads instead; `run`: the
+    folder that was read or written; `remarks` and `failed` (checks): a sentence each, on standard error;
+    `status`: where it is not FAILED for what failed, else OK."""
+
+    result: Any = None
+    lines: Iterable[object] = ()
+    run: Path | None = None
+    remarks: Sequence[str] = ()
+    failed: Sequence[str] = ()
+    status: int | None = None
+
+    @property
+    def ended(self) -> int:
+        return self.status if self.status is not None else FAILED if self.failed else OK
+
+    def tell(self, as_json: bool) -> int:
+        """Prints it; the exit status."""
+        if as_json:
+            emit(self.result, self.run)
+        else:
+            print(*self.lines, sep="\n", end="\n" if self.lines else "")
+        for text in [*self.remarks, *(f"FAIL {text}" for text in self.failed)]:
+            say(text)
+        return self.ended
+
+
 def parser(description: str, statuses: dict[int, str] | None = None) -> argparse.ArgumentParser:
     """A parser with --json and the exit statuses (the usual ones, then `statuses`) in its help."""
     meaning = {status: text for status, text in STATUSES.items() if status != FAILED} | (statuses or {})
@@ -292,7 +320,11 @@ def main(run: Callable[[], int | None]) -> None:
 
 
 def plain(value: Any) -> Any:
-    """`value` as JSON types: dataclasses as objects, NumPy as numbers and lists, NaN and inf as null."""
+    """`value` as JSON types: dataclasses and Structs as objects, NumPy as lists, NaN and inf as null."""
+    if hasattr(value, "__struct_fields__"):
+        import msgspec  # a package: this module must be importable without
+
+        value = msgspec.to_builtins(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         value = dataclasses.asdict(value)
     if hasattr(value, "tolist"):

@@ -13,11 +13,13 @@ import contextlib
 import difflib
 import importlib
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 from study.core import cli
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 
 STUDY = Path(__file__).resolve().parents[1]
 OPTIONS = {  # one meaning in every command that has it: placeholder and what it is
@@ -64,12 +66,40 @@ class Command:
         return ".".join(["study", *self.path.relative_to(STUDY).with_suffix("").parts])
 
 
+class Body(Protocol):
+    """A command's module. `measure` is what an experiment has, `run` what any other command has; the text of
+    -h is DESCRIPTION or the module's, with STATUSES beside the usual exit statuses."""
+
+    def options(self, parser: argparse.ArgumentParser) -> None: ...
+
+    def measure(self, args: argparse.Namespace) -> Outcome: ...
+
+
+def parser_for(name: str, body: Any) -> argparse.ArgumentParser:
+    """The parser of a command's module."""
+    text = getattr(body, "DESCRIPTION", body.__doc__) or ""
+    made = cli.parser(text, getattr(body, "STATUSES", None))
+    made.prog = f"stepwise {name}"
+    body.options(made)
+    return made
+
+
+def called(name: str, words: Sequence[str]) -> tuple[Outcome, bool]:
+    """A command in this process, and whether --json was given. SystemExit for bad arguments; StudyError."""
+    body: Any = importlib.import_module(find_all()[name].module)
+    args = parser_for(name, body).parse_args(list(words))
+    return (body.measure(args) if hasattr(body, "measure") else body.run(args)), args.json
+
+
 class _Parsed(Exception):
     """Ends a command where it would parse its arguments."""
 
 
 def parser_of(command: Command) -> argparse.ArgumentParser:
     """The command's own parser: its main is run as far as to where the arguments would be parsed."""
+    body = importlib.import_module(command.module)
+    if hasattr(body, "options"):
+        return parser_for(command.name, body)
     found: list[argparse.ArgumentParser] = []
 
     def parsed(parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
@@ -122,4 +152,8 @@ def main() -> int:
         hint = f"did you mean {near[0]}?" if near else "`scripts/stepwise list` names them all"
         raise StudyError(f"no command {name!r}; {hint}" if name else f"which command? {hint}")
     sys.argv[:] = [f"stepwise {name}", *rest]
-    return importlib.import_module(found[name].module).main()
+    body = importlib.import_module(found[name].module)
+    if not hasattr(body, "options"):
+        return body.main()
+    outcome, as_json = called(name, rest)
+    return outcome.tell(as_json)

@@ -10,7 +10,7 @@ import contextlib
 import types
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Self, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -57,6 +57,16 @@ class File(Record):
         except StudyError as error:
             raise StudyError(f"{error}; make it again with scripts/stepwise {cls.made_by}") from None
         return cls.checked(data, str(path))
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """The content of `path`, or of the packed file, as this type. Raises StudyError as `read`."""
+        return msgspec.convert(cls.read(path), cls)
+
+    @classmethod
+    def load_if_there(cls, path: Path) -> Self | None:
+        """`load`, None without that file. Raises StudyError."""
+        return cls.load(path) if json_files.stored(path).exists() else None
 
     @classmethod
     def read_if_there(cls, path: Path) -> dict[str, Any]:

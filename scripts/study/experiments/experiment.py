@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
+from study.core import commands
 from study.core.cli import StudyError
 from study.core.schema import File
 from study.experiments import cuts
@@ -77,6 +78,7 @@ class Experiment:
     `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS it
     answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `goals`: what was
     asked, beside what a run has of it. `sharded`: how its work is parted, where its command has --shard.
+    `command`: the module with `options(parser)` and `measure(args) -> Outcome`.
     """
 
     name: str
@@ -89,6 +91,7 @@ class Experiment:
     cut: str = ""
     goals: Callable[[Data], Iterable[Goal]] | None = None
     sharded: Sharded | None = None
+    command: commands.Body | None = None
 
     def __post_init__(self) -> None:
         if self.calls is None:

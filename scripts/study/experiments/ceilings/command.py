@@ -3,34 +3,34 @@ a minute where it is disturbed."""
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 from study.bounds import ceilings
-from study.core import cli, show, store
+from study.core import show, store
+from study.core.cli import Outcome
 from study.experiments.roofline import tables as roof_tables
 
 
-def main() -> int:
-    parser = cli.parser(__doc__ or "")
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--run", type=Path, metavar="DIR", help="for ceilings.json; default: the newest run")
     parser.add_argument("--cpu", type=int, help="CPU to pin to; default: of a fast core")
     parser.add_argument("--samples", type=int, metavar="N", help="of each ceiling, 5 to 1000; default: 30")
-    args = parser.parse_args()
+
+
+def measure(args: argparse.Namespace) -> Outcome:
     target = store.Run.open(args.run) if args.run else store.latest()
     context = target.path / "context.json"
     known = store.read_json(context) if context.exists() else {}
     ceilings.refuse(target.path, known)
     measured = ceilings.measure(args.cpu, args.samples)
     path = ceilings.write(target.path, measured)
-    if args.json:
-        cli.emit(measured.data | {"file": path}, target.path)
-    else:
+    tables = [
+        f"{title}\n\n{show.markdown(show.table(roof_tables.grid(measured, by), columns))}"
         for by, title, columns in (
             ("precision", "flop per core cycle", roof_tables.COMPUTE),
             ("level", "bytes per core cycle", roof_tables.BANDWIDTH),
-        ):
-            print(f"{title}\n\n{show.markdown(show.table(roof_tables.grid(measured, by), columns))}")
-        print(path)
-    for remark in measured.remarks():
-        cli.say(remark)
-    return cli.OK
+        )
+    ]
+    result = measured.data | {"file": path}
+    return Outcome(result, [*tables, path], target.path, measured.remarks())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.bounds.schema import SCHEMAS
+from study.experiments.ceilings import command
 from study.experiments.experiment import Call, Experiment, Study
 
 
@@ -17,5 +18,5 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
-    sections=[],
+    command=command,
 )
