@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from conformance.harness import Run, within_reach
-from study.experiments.accuracy.measure import PROVED
 from study.pictures.images import Picture
+from study.truth.judging import PROVED
 
 STEPS = 20
 

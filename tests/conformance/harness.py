@@ -20,9 +20,9 @@ from conformance import geometry
 from study.core import registry
 from study.core.registry import ROOT
 from study.core.run import UNTIMED
-from study.experiments.accuracy.measure import PROVED
 from study.pictures import images
 from study.pictures.images import Picture
+from study.truth.judging import PROVED
 
 BUILD = os.environ.get("STEPWISE_BUILD", "build")
 REDUCED = BUILD != "build"

@@ -20,9 +20,9 @@ from study.core import registry
 from study.core.build import build
 from study.core.registry import Scene, Spec
 from study.experiments.accuracy import command
-from study.experiments.accuracy import measure as accuracy
 from study.pictures import gate, images
 from study.pictures.gallery import Gallery
+from study.truth import judging
 
 PHASE, GENERATOR = "opt9_convex", "opt10_scene"
 VARIABLE = "STEPWISE_PATH"
@@ -96,7 +96,7 @@ def test_every_path_is_as_near_to_truth_as_the_phase_declares(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown = subject(name, tmp_path)
-    plain, size = accuracy.without_shadows(shown, tmp_path), shown.size(HEIGHT)
+    plain, size = judging.without_shadows(shown, tmp_path), shown.size(HEIGHT)
     spec, beside = Spec.parse(PHASE), [command.FLOAT] if shown.fractal else []
     drawn = set()
     for path in PATHS:

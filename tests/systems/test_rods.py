@@ -23,9 +23,8 @@ from conformance.feature_scenes import FEATURES, ROOM, scene
 from study.core import registry, store
 from study.core.build import build
 from study.core.registry import ROOT
-from study.experiments.accuracy import measure as accuracy
 from study.pictures import gate, images
-from study.truth import truth
+from study.truth import judging, truth
 
 SIMD_LACKS = bool(registry.missing_isa(registry.phases()["rods_simd"]))
 needs_simd = pytest.mark.skipif(SIMD_LACKS, reason="the CPU lacks what rods_simd needs")
@@ -339,7 +338,7 @@ def test_a_picture_one_pixel_aside_is_not_rods(name):
     exact = truth.picture(scene, scene.size(64))
     granted = gate.margins(registry.find_phase("rods"))
     rolled = {plane: np.roll(values, 1, axis=1) for plane, values in exact.items()}
-    beyond = accuracy.beyond_outlines(exact, rolled, granted[gate.OUTLINE])
+    beyond = judging.beyond_outlines(exact, rolled, granted[gate.OUTLINE])
     assert beyond["wrong_shape_ppm"] > granted["wrong_shape_ppm"], beyond
 
 

@@ -19,12 +19,12 @@ from made_up import rods_result as made_up
 from study.core import cli, registry, run, show
 from study.core.cli import StudyError
 from study.core.registry import ROOT
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures as rods_pictures
 from study.experiments.rods import tables as rods_page
 from study.experiments.systems import pictures as systems_pictures
 from study.experiments.systems import tables as systems
+from study.truth import judging
 
 
 def planes(**other: list) -> dict[str, np.ndarray]:
@@ -55,7 +55,7 @@ def test_errors_by_hand():
     found = rods.errors(exact, planes(Z=[1, 2, np.nan, np.inf]))
     assert found["false_misses_ppm"] == 250_000, "a shape without a depth is no hit"
     for one in (made, planes(Z=[1, np.inf, 3, 4])):
-        mine, theirs = rods.errors(unknown, one), accuracy._hits(unknown, one)
+        mine, theirs = rods.errors(unknown, one), judging._hits(unknown, one)
         for kind in ("false_hits", "false_misses", "wrong_shape"):
             assert mine[f"{kind}_ppm"] == theirs[f"{kind}_ppm"], "one name, one thing"
     found = rods.errors(exact, planes(R=[0, 0, 0, np.nan]))

@@ -19,7 +19,6 @@ from study.claims.compilers import known
 from study.core import show
 from study.counting import flops, paper_rule
 from study.experiments.ablations import measure as ablations
-from study.experiments.accuracy.schema import Accuracy
 from study.experiments.fixed import measure as fixed
 from study.experiments.functions.schema import Functions
 from study.experiments.hotspots.schema import Hotspots
@@ -46,6 +45,7 @@ from study.numbers.verdicts import (
     sized,
     timed,
 )
+from study.truth.accuracy import Accuracy
 
 Claim = dict[str, Any]
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from study.core import cli, registry
 from study.core.cli import StudyError
-from study.experiments.ablations import ideas
+from study.experiments import experiment
 from study.report import lessons, lessons_svg
 
 
@@ -17,11 +17,11 @@ def main() -> int:
     made = []
     for name in args.phase or registry.phases():
         found = lessons.figure(name)
-        if ideas.of(name):
-            notes = registry.find_phase(name).path / "NOTES.md"
-            text = notes.read_text(encoding="utf-8")
-            notes.write_text(ideas.filled(text, name, ideas.published(name)), encoding="utf-8")
-            made.append(notes.relative_to(registry.ROOT))
+        notes = registry.find_phase(name).path / "NOTES.md"
+        for fill in (one.lesson for one in experiment.find_all().values() if one.lesson):
+            if text := fill(name, notes.read_text(encoding="utf-8")):
+                notes.write_text(text, encoding="utf-8")
+                made.append(notes.relative_to(registry.ROOT))
         if found is None:
             if args.phase:
                 raise StudyError(

@@ -21,11 +21,11 @@ from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.counting import flops
-from study.experiments.accuracy import command as accuracy_command
-from study.experiments.accuracy import measure as accuracy
 from study.numbers import stats
 from study.pictures import gate, images, panels
 from study.pictures.gallery import Gallery
+from study.truth import judging
+from study.truth.subject import FLOAT, Subject
 
 DESCRIPTION = """\
 Builds NAME and its parent (--against) and shows them side by side: the time of a frame, interleaved, and its
@@ -120,14 +120,14 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str,
     one cannot draw the scene.
     """
     size = scene.size(height)
-    plain = accuracy.without_shadows(scene, FOLDER / "scenes")
-    beside = [accuracy_command.FLOAT] if scene.fractal else []
+    plain = judging.without_shadows(scene, FOLDER / "scenes")
+    beside = [FLOAT] if scene.fractal else []
     specs = list(dict.fromkeys([BASE, *beside, *both.both]))
     gallery = Gallery(FOLDER / "images", specs)
     refused = gallery.render_all([(spec, one, size) for spec in specs for one in (scene, plain)], 2)
     if refused:
         raise StudyError(str(next(iter(refused.values()))))
-    subject = accuracy_command.Subject(gallery, scene, plain, size, beside)
+    subject = Subject(gallery, scene, plain, size, beside)
     pictures = {spec: images.read(gallery.path(spec, scene, size)) for spec in specs}
     found = {}
     for spec in both.both:

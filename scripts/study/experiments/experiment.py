@@ -78,7 +78,8 @@ class Experiment:
     `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS it
     answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `goals`: what was
     asked, beside what a run has of it. `sharded`: how its work is parted, where its command has --shard.
-    `command`: the module with `options(parser)` and `measure(args) -> Outcome`.
+    `lesson`: a phase and the text of its NOTES.md → that text with the experiment's table made anew, None
+    where it has none there. `command`: the module with `options(parser)` and `measure(args) -> Outcome`.
     """
 
     name: str
@@ -91,6 +92,7 @@ class Experiment:
     cut: str = ""
     goals: Callable[[Data], Iterable[Goal]] | None = None
     sharded: Sharded | None = None
+    lesson: Callable[[str, str], str | None] | None = None
     command: commands.Body | None = None
 
     def __post_init__(self) -> None:

@@ -16,16 +16,16 @@ from discs import HEIGHT, WIDTH, lengths, made_truth
 
 from study.core import registry
 from study.core.cli import StudyError, plain
-from study.experiments.accuracy import converge, where
-from study.experiments.accuracy import measure as accuracy
+from study.experiments.accuracy import converge
 from study.pictures import gate
+from study.truth import accuracy, judging, where
 
 # --- below the picture
 
 
 @pytest.mark.parametrize("shift", [0, 1, 3, 20])
 def test_a_shifted_disc_has_the_false_hits_of_its_rows(disc, shift):
-    found = accuracy.metrics(made_truth(disc()), disc(shift))
+    found = judging.metrics(made_truth(disc()), disc(shift))
     # Each row of length l that moves by k leaves min(k, l) pixels and takes as many new ones.
     ppm = 1e6 * sum(min(shift, length) for length in lengths()) / (HEIGHT * WIDTH)
     assert found["false_misses_ppm"] == found["false_hits_ppm"] == pytest.approx(ppm)
@@ -37,7 +37,7 @@ def test_undecided_pixels_are_left_out_and_counted(disc):
     truth, image = made_truth(disc()), disc(3)
     truth["status"][:, :25] = 0
     truth["status"][0, 0] = np.nan
-    found = accuracy.metrics(truth, image)
+    found = judging.metrics(truth, image)
     # Misses lie at the left, hits at the right: only the hits remain, of fewer pixels.
     assert found["false_misses_ppm"] == 0
     assert found["false_hits_ppm"] == pytest.approx(1e6 * sum(min(3, n) for n in lengths()) / (HEIGHT * 35))
@@ -48,7 +48,7 @@ def test_undecided_pixels_are_left_out_and_counted(disc):
 def test_nothing_proved_has_no_hit_metric(disc):
     truth = made_truth(disc())
     truth["status"][:] = 1
-    found = accuracy.metrics(truth, disc())
+    found = judging.metrics(truth, disc())
     assert math.isnan(found["false_hits_ppm"]) and math.isnan(found["dt_p99"])
     assert found["converged_pixels"] == HEIGHT * WIDTH and found["undecided_pixels"] == 0
 
@@ -61,7 +61,7 @@ def test_a_fatter_outline_lies_in_front():
     def beyond(pixel: int, shape: int, z: float) -> list[float]:
         made = {name: plane.copy() for name, plane in exact.items()}
         made["id"][0, pixel], made["Z"][0, pixel] = shape, z
-        found = accuracy.beyond_outlines(exact, made, 1)
+        found = judging.beyond_outlines(exact, made, 1)
         return [round(6 * found[f"{name}_ppm"] / 1e6) for name in ("false_hits", "wrong_shape")]
 
     assert beyond(2, 0, 1) == beyond(4, 1, 5) == [0, 0]  # fatter
@@ -75,7 +75,7 @@ def test_another_shape_is_neither_a_false_hit_nor_a_miss(disc):
     image = disc()
     image["id"][20, 20:25] = 3
     image["Z"][20, 20:25] = 99
-    found = accuracy.metrics(made_truth(disc()), image)
+    found = judging.metrics(made_truth(disc()), image)
     assert found["wrong_shape_ppm"] == pytest.approx(1e6 * 5 / (HEIGHT * WIDTH))
     assert found["false_hits_ppm"] == found["false_misses_ppm"] == found["dt_max"] == 0
 
@@ -92,7 +92,7 @@ def test_another_shape_is_neither_a_false_hit_nor_a_miss(disc):
 def test_nan_is_a_wrong_hit_whatever_truth_says(disc, plane, spot, metric):
     image = disc()
     image[plane][spot] = np.nan
-    found = accuracy.metrics(made_truth(disc()), image)
+    found = judging.metrics(made_truth(disc()), image)
     assert found[metric] == pytest.approx(1e6 / (HEIGHT * WIDTH))
     assert found["non_finite"] >= 1
     assert where.bad(made_truth(disc()), image).sum() == 1
@@ -104,7 +104,7 @@ def test_depth_and_normals_have_their_own_errors(blank):
     image["Z"][5, 5] += 1.5
     angle = math.radians(3)
     image["N.x"][:], image["N.z"][:] = math.sin(angle), -math.cos(angle)
-    found = accuracy.metrics(truth, image)
+    found = judging.metrics(truth, image)
     assert (found["dt_p99"], found["dt_max"]) == (0.5, 1.5)
     assert found["normal_p99_degrees"] == pytest.approx(3, abs=1e-4)
 
@@ -118,20 +118,20 @@ def test_distances_are_compared_over_as_many_hits(blank):
     base["Z"][1, 0] += 4
     more["Z"][:] += 0.125
     more["Z"][0] += 4
-    others = accuracy.right_distances(truth, base)
+    others = judging.right_distances(truth, base)
     assert len(others) == 180 and others[-1] == 4.25
-    assert accuracy.metrics(truth, more)["dt_p99"] > 4
-    assert accuracy.dt_p99_of(others, truth, more) == 0.125
-    assert accuracy.dt_p99_of(others, truth, base) == accuracy.metrics(truth, base)["dt_p99"] == 0.25
+    assert judging.metrics(truth, more)["dt_p99"] > 4
+    assert judging.dt_p99_of(others, truth, more) == 0.125
+    assert judging.dt_p99_of(others, truth, base) == judging.metrics(truth, base)["dt_p99"] == 0.25
     all_of_fewer = np.full(1000, 0.25)
-    assert accuracy.dt_p99_of(all_of_fewer, truth, more) == accuracy.metrics(truth, more)["dt_p99"]
+    assert judging.dt_p99_of(all_of_fewer, truth, more) == judging.metrics(truth, more)["dt_p99"]
     more["Z"][3, :4] += 8  # what is further off than all of the other's hides behind nothing
-    assert accuracy.dt_p99_of(others, truth, more) == 8.125
+    assert judging.dt_p99_of(others, truth, more) == 8.125
     more["id"][:, 5:] = 7  # another shape is no right hit
-    assert len(accuracy.right_distances(truth, more)) == 50
-    assert math.isnan(accuracy.dt_p99_of(others[:0], truth, base | {"id": base["id"] * 0 + 7}))
+    assert len(judging.right_distances(truth, more)) == 50
+    assert math.isnan(judging.dt_p99_of(others[:0], truth, base | {"id": base["id"] * 0 + 7}))
     more["Z"][:, :] = np.nan
-    assert math.isnan(accuracy.dt_p99_of(others, truth, more))
+    assert math.isnan(judging.dt_p99_of(others, truth, more))
 
 
 # --- colours
@@ -143,7 +143,7 @@ def test_each_truth_has_its_own_psnr(blank):
         truth[name] += np.float32(0.1)
         truth[f"ideal.{name}"] -= np.float32(0.01)
     dark = blank(8, 8, 0.501)
-    found = accuracy.metrics(truth, image, dark)
+    found = judging.metrics(truth, image, dark)
     assert found["psnr_db"] == pytest.approx(20, abs=1e-4)
     assert found["psnr_ideal_db"] == pytest.approx(40, abs=1e-3)
     assert found["psnr_none_db"] == pytest.approx(60, abs=1e-2)
@@ -151,7 +151,7 @@ def test_each_truth_has_its_own_psnr(blank):
     levels = [math.trunc(255 * grey**0.4545) for grey in (0.5, 0.6, 0.49, 0.501)]
     for key, level in (("psnr_display_db", levels[1]), ("psnr_ideal_display_db", levels[2])):
         assert found[key] == pytest.approx(20 * math.log10(255 / abs(level - levels[0])), abs=1e-3)
-    assert "psnr_none_db" not in accuracy.metrics(truth, image)
+    assert "psnr_none_db" not in judging.metrics(truth, image)
 
 
 def test_the_exact_estimator_errs_from_the_ideal_shadow_alone(blank):
@@ -159,7 +159,7 @@ def test_the_exact_estimator_errs_from_the_ideal_shadow_alone(blank):
     for name in "RGB":
         truth["ideal." + name] += np.float32(0.01)
         truth["none." + name] += np.float32(0.1)
-    found = accuracy.estimator(truth)
+    found = judging.estimator(truth)
     assert found["psnr_db"] == found["psnr_none_db"] == math.inf
     assert found["psnr_ideal_db"] == pytest.approx(40, abs=1e-4)
     assert [found[name] for name in gate.HITS] == [0, 0, 0, 0]
@@ -172,7 +172,7 @@ def test_shadow_error_is_of_what_the_shadow_takes(blank):
         truth[name][:5] -= np.float32(0.25)
         truth[f"ideal.{name}"][:5] -= np.float32(0.35)
         shaded[name][:5] -= np.float32(0.35)
-    found = accuracy.metrics(truth, shaded, lit)
+    found = judging.metrics(truth, shaded, lit)
     assert found["shadow_rmse"] == pytest.approx(math.sqrt(0.005), abs=1e-6)
     assert found["shadow_ideal_rmse"] == pytest.approx(0, abs=1e-6)
 
@@ -180,18 +180,18 @@ def test_shadow_error_is_of_what_the_shadow_takes(blank):
 def test_a_shadow_that_nobody_can_see_is_no_error(blank):
     """Linear and clamped: from 3.0 down to 1.5 nothing changes on a screen."""
     truth, lit, shaded = made_truth(blank(4, 4, 3.0)), blank(4, 4, 3.0), blank(4, 4, 1.5)
-    assert accuracy.metrics(truth, shaded, lit)["shadow_rmse"] == 0
+    assert judging.metrics(truth, shaded, lit)["shadow_rmse"] == 0
     shaded["R"][0, 0] = np.inf
-    assert math.isnan(accuracy.metrics(truth, shaded, lit)["shadow_rmse"])
+    assert math.isnan(judging.metrics(truth, shaded, lit)["shadow_rmse"])
 
 
 def test_identical_is_infinite_in_memory_null_in_json_and_infinite_again(blank, tmp_path):
-    found = accuracy.metrics(made_truth(blank()), blank(), blank(), fractal=True)
+    found = judging.metrics(made_truth(blank()), blank(), blank(), fractal=True)
     assert found["psnr_db"] == found["psnr_none_display_db"] == math.inf
     broken = blank()
     broken["R"][0, 0] = np.nan
     row = {"phase": "opt4", "scene": "trio", **found}
-    bad = {**row, **accuracy.metrics(made_truth(blank()), broken, blank(), fractal=True)}
+    bad = {**row, **judging.metrics(made_truth(blank()), broken, blank(), fractal=True)}
     assert plain(row)["psnr_db"] is None
     complete.write(tmp_path / "accuracy.json", {"rows": [row, bad]})
     again, nan = accuracy.rows(tmp_path)
@@ -208,7 +208,7 @@ def test_a_fractal_is_judged_averaged_and_by_depth(blank):
         image[name] += board.astype(np.float32)
     image["Z"][:2] *= 1.01
     truth["status"][:] = 1
-    found = accuracy.metrics(truth, image, image, fractal=True)
+    found = judging.metrics(truth, image, image, fractal=True)
     assert found["converged_only"] is True and found["proved_fraction"] == 0
     assert found["psnr_db"] == pytest.approx(20, abs=1e-3)
     assert found["antialiased"]["psnr_db"] > 120
@@ -218,22 +218,22 @@ def test_a_fractal_is_judged_averaged_and_by_depth(blank):
 def test_pictures_that_do_not_belong_together_are_refused(blank):
     truth = made_truth(blank())
     with pytest.raises(StudyError, match="different size: 10x10 and 11x10"):
-        accuracy.metrics(truth, blank(10, 11))
+        judging.metrics(truth, blank(10, 11))
     del truth["none.G"]
     with pytest.raises(StudyError, match=r"truth's picture lacks the channels none\.G"):
-        accuracy.metrics(truth, blank())
+        judging.metrics(truth, blank())
 
 
 def test_a_truth_that_is_none_is_refused_where_it_claims_to_know(blank):
     truth = made_truth(blank())
     truth["ideal.G"][3, 3] = np.nan
     with pytest.raises(StudyError, match="not finite in 1 pixels"):
-        accuracy.metrics(truth, blank())
+        judging.metrics(truth, blank())
     truth["status.all"][3, 3] = 0
-    assert accuracy.metrics(truth, blank())["unjudged_colours"] == 1
+    assert judging.metrics(truth, blank())["unjudged_colours"] == 1
     truth["Z"][4, 4] = np.inf
     with pytest.raises(StudyError, match="neither hit nor miss"):
-        accuracy.metrics(truth, blank())
+        judging.metrics(truth, blank())
 
 
 def test_what_truth_does_not_know_is_no_agreement(blank):
@@ -241,18 +241,18 @@ def test_what_truth_does_not_know_is_no_agreement(blank):
     truth, image = made_truth(blank(64, 64)), blank(64, 64)
     for axis in "RGB":
         image[axis] += np.float32(0.1)
-    whole = accuracy.metrics(truth, image, blank(64, 64))
+    whole = judging.metrics(truth, image, blank(64, 64))
     truth["ideal.G"][:48] = np.nan
     truth["status.all"][:48] = 0
-    found = accuracy.metrics(truth, image, blank(64, 64))
+    found = judging.metrics(truth, image, blank(64, 64))
     assert found["unjudged_colours"] == 48 * 64 and whole["psnr_db"] == pytest.approx(20, abs=1e-3)
     for name in ("psnr_db", "psnr_display_db", "rmse", "fraction_over_1_255", "shadow_rmse"):
         assert found[name] == pytest.approx(whole[name], rel=1e-5, abs=1e-7), name
     assert found["flip_mean"] == pytest.approx(whole["flip_mean"], rel=0.25), "its filter mixes neighbours"
-    averaged = accuracy.metrics(truth, image, fractal=True)["antialiased"]
+    averaged = judging.metrics(truth, image, fractal=True)["antialiased"]
     assert averaged["psnr_db"] == pytest.approx(20, abs=1e-3)
     truth["ideal.G"][:], truth["status.all"][:] = np.nan, 0
-    found = accuracy.metrics(truth, image, blank(64, 64))
+    found = judging.metrics(truth, image, blank(64, 64))
     assert all(math.isnan(found[n]) for n in ("psnr_db", "rmse", "max_abs", "flip_max", "shadow_rmse"))
 
 
@@ -263,11 +263,11 @@ def test_a_hit_without_a_normal_in_truth_is_left_out_of_the_angles_alone(blank):
     for name in ("N.x", "N.y", "N.z", "ideal.G"):
         truth[name][:5] = np.nan
     truth["status.all"][:5] = 0
-    found = accuracy.metrics(truth, image)
+    found = judging.metrics(truth, image)
     assert found["normal_p99_degrees"] == 0 and found["dt_max"] == 2
     assert found["unjudged_colours"] == 50 and found["false_misses_ppm"] == 0
     truth["N.y"][:] = np.nan
-    assert math.isnan(accuracy.metrics(truth, image)["normal_p99_degrees"])
+    assert math.isnan(judging.metrics(truth, image)["normal_p99_degrees"])
 
 
 # --- where
@@ -355,23 +355,23 @@ def test_the_map_has_the_classes_colour_and_loses_no_pixel(blank):
 
 
 def test_mirrors_are_the_shapes_whose_material_reflects():
-    assert accuracy.mirrors(registry.find_scene("scene0")) == {2}  # its sphere
-    assert accuracy.mirrors(registry.find_scene("scene0_plain")) == frozenset()
+    assert judging.mirrors(registry.find_scene("scene0")) == {2}  # its sphere
+    assert judging.mirrors(registry.find_scene("scene0_plain")) == frozenset()
     scene = registry.find_scene("scene0")
     still = {**scene.data, "march": {**scene.data["march"], "max_bounces": 0}}
-    assert accuracy.mirrors(dataclasses.replace(scene, data=still)) == frozenset()
+    assert judging.mirrors(dataclasses.replace(scene, data=still)) == frozenset()
 
 
 def test_a_scene_without_its_shadows(tmp_path):
     scene = registry.find_scene("scene0")
-    made = accuracy.without_shadows(scene, tmp_path)
+    made = judging.without_shadows(scene, tmp_path)
     data = json.loads(made.path.read_text())
     assert data["light"].pop("shadows") == "none" and scene.data["light"]["shadows"] == "soft"
     assert data == {**scene.data, "light": {k: v for k, v in scene.data["light"].items() if k != "shadows"}}
     age = made.path.stat().st_mtime_ns
-    assert accuracy.without_shadows(scene, tmp_path).path.stat().st_mtime_ns == age
+    assert judging.without_shadows(scene, tmp_path).path.stat().st_mtime_ns == age
     cubes = registry.find_scene("cubes")
-    assert accuracy.without_shadows(cubes, tmp_path) is cubes
+    assert judging.without_shadows(cubes, tmp_path) is cubes
 
 
 # --- convergence

@@ -19,10 +19,9 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import DriverError
 from study.experiments.accuracy import command as command_module
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.accuracy import tables as accuracy_page
-from study.experiments.accuracy import where
 from study.pictures import gallery, gate, images
+from study.truth import accuracy, where
 
 
 @pytest.fixture

@@ -21,7 +21,6 @@ from study.core.registry import ROOT
 from study.core.schema import File
 from study.experiments import experiment, goal
 from study.experiments.accuracy import goals as accuracy_goals
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.drjit import goals as drjit_goals
 from study.experiments.drjit import measure as drjit_measure
 from study.experiments.frames import goals as frames_goals
@@ -38,6 +37,7 @@ from study.experiments.verify import goals as verify_goals
 from study.numbers import analysis
 from study.numbers.stats import Interval
 from study.report import goals_page
+from study.truth import accuracy
 
 pytestmark = pytest.mark.slow
 

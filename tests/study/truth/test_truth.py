@@ -17,9 +17,8 @@ import started
 from study.core import cli, registry, run
 from study.core.cli import StudyError
 from study.core.registry import ROOT
-from study.experiments.accuracy import measure as accuracy
 from study.pictures import images
-from study.truth import truth
+from study.truth import judging, truth
 
 SIZE = (16, 12)
 # Planes that hang on the primary hit.
@@ -85,7 +84,7 @@ def test_only_a_right_guess_with_a_normal_keeps_its_colours(cache, scene):
             assert planes[name][spot] == right[name][spot], name
     assert (planes["status.all"] < truth.CONVERGED).sum() == 4
     made = {name: right[name] for name in images.AOVS}
-    found = accuracy.metrics(planes, made)
+    found = judging.metrics(planes, made)
     assert found["unjudged_colours"] == 2 and found["undecided_pixels"] == 0
     assert found["psnr_db"] == math.inf and found["normal_p99_degrees"] == 0
     assert found["false_hits_ppm"] == found["false_misses_ppm"] == found["wrong_shape_ppm"] == 0

@@ -13,7 +13,7 @@ from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments.ablations import ideas
 from study.experiments.ablations import measure as ablations
-from study.experiments.ablations.measure import BASELINE, Ablation, Case
+from study.experiments.ablations.measure import Ablation, Case
 from study.experiments.sweep import summary
 from study.pictures.gallery import Gallery
 
@@ -64,9 +64,9 @@ class Study:
             self.found = [one for one in self.found if bool(one.idea) == args.ideas]
         self.failures = [{"ablation": name, "reason": str(error)} for name, error in broken.items()]
         self.skipped: list[dict[str, str]] = []
-        lacking = " ".join(registry.missing_isa(Spec.parse(BASELINE)))
+        lacking = " ".join(registry.missing_isa(Spec.parse(registry.BASE)))
         if lacking:
-            raise StudyError(f"{BASELINE} cannot run: this CPU lacks {lacking}", cli.CANNOT_RUN)
+            raise StudyError(f"{registry.BASE} cannot run: this CPU lacks {lacking}", cli.CANNOT_RUN)
         self._drop_unable()
         self._drop_unbuilt()
 
@@ -96,7 +96,7 @@ class Study:
     def specs(self) -> list[Spec]:
         """Every program, the baseline first."""
         wanted = [spec for a in self.found for spec in (a.against, a.spec)]
-        return list(dict.fromkeys([Spec.parse(BASELINE), *wanted]))
+        return list(dict.fromkeys([Spec.parse(registry.BASE), *wanted]))
 
     def pairs(self) -> list[tuple[Ablation, Scene]]:
         """Rows to be: each ablation on the scenes where its step can matter."""
@@ -174,7 +174,7 @@ def main() -> int:
         raise StudyError(f"no ablation of these matters on {', '.join(args.scene or SCENES)}")
     rows = study.measure()
     settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "cpu")}
-    result = {"schema": 1, "reference": BASELINE, **settings, "context": machine.context(), "rows": rows}
+    result = {"schema": 1, "reference": registry.BASE, **settings, "context": machine.context(), "rows": rows}
     result |= {"skipped": study.skipped, "failures": study.failures}
     folder = args.run or registry.ROOT / "build" / "ablations"
     path = folder / (ideas.FILE if args.ideas else "ablations.json")

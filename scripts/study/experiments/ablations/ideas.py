@@ -148,3 +148,8 @@ def filled(text: str, phase: str, run: Path | None) -> str:
         raise StudyError(f"{phase}: NOTES.md lacks the line {BEGIN}, below which its table stands")
     after = re.sub(r"\A([^|#!]*\n)?(\|.*\n)+", "", rest)
     return f"{before}{begin}{chr(10).join(table(phase, run))}\n{after}"
+
+
+def lesson(phase: str, text: str) -> str | None:
+    """`filled` from the newest published run; None for a phase without ideas."""
+    return filled(text, phase, published(phase)) if of(phase) else None

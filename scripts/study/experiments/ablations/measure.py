@@ -28,7 +28,6 @@ from study.numbers import stats, verdicts
 from study.pictures import gate, images
 from study.pictures.gallery import Gallery, Size
 
-BASELINE = "baseline"
 FACTOR = 4  # of the anti-aliased comparison of fractal scenes, each way
 ERRORS = ("psnr_db", "fraction_over_1_255", "max_abs", "mask_mismatch_ppm", "non_finite")
 Case = tuple[Spec, str]  # a program and the name of a scene
@@ -52,7 +51,7 @@ class Ablation:
     def reference(self) -> Spec:
         """Whose picture its own is held against."""
         own = registry.find_phase(self.spec.phase.partition("+")[0])
-        return self.against if gate.left_to_truth(own) else Spec.parse(BASELINE)
+        return self.against if gate.left_to_truth(own) else Spec.parse(registry.BASE)
 
     @property
     def claim(self) -> float | None:

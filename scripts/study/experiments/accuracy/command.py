@@ -13,12 +13,12 @@ from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
 from study.experiments import shards
-from study.experiments.accuracy import converge, where
-from study.experiments.accuracy import measure as accuracy
+from study.experiments.accuracy import converge
 from study.experiments.accuracy import tables as accuracy_page
-from study.pictures import draw, gate, images, panels
+from study.pictures import draw, gate, images
 from study.pictures.gallery import Gallery, Size
-from study.truth import truth
+from study.truth import accuracy, judging
+from study.truth.subject import BASE, FLOAT, Subject
 
 DESCRIPTION = """\
 Each phase's picture is held against truth's, below the picture first. Rungs behind opt4 are gated: on no
@@ -27,8 +27,6 @@ exact arithmetic; from a truth that is converged only: than baseline or opt4), b
 grants (tolerance.truth, with a reason); in |Δt| over as many of the true hits as baseline has. A phase that
 draws the ideal shadow (tolerance.ideal) is judged by that and not by the estimator's picture. baseline to
 opt4, and what is not on the ladder, are shown; scripts/stepwise verify has their gate."""
-BASE = Spec("baseline", "baseline")
-FLOAT = Spec("opt4", "opt4")  # where truth is converged only, rungs behind it may be as far as it is
 FAMILY = "truth"  # of the phases that are what the others are held against
 
 
@@ -68,76 +66,6 @@ def units(args: argparse.Namespace) -> list[tuple[Scene, Spec]]:
     if args.convergence:
         raise StudyError("--convergence is no part of a shard: measure it in a run without --shard")
     return pairs(args)
-
-
-class Subject:
-    """A scene at a size, with truth's picture of it and baseline's errors: read and worked out once."""
-
-    def __init__(self, gallery: Gallery, scene: Scene, plain: Scene, size: Size, beside: list[Spec]) -> None:
-        self.gallery, self.scene, self.plain, self.size = gallery, scene, plain, size
-        self.truth = truth.picture(scene, size)
-        self.mirrors = accuracy.mirrors(scene)
-        self.where = where.classes(self.truth, self.mirrors)
-        self.base, made = self.measure(BASE)
-        self.base_distances = accuracy.right_distances(self.truth, made)
-        self.pictures = {"baseline": made, "the exact estimator": self.truth}
-        self.references = {
-            "baseline": self.base,
-            "the exact estimator": accuracy.estimator(self.truth, scene.fractal),
-        }
-        for spec in beside:
-            self.references[str(spec)], self.pictures[str(spec)] = self.measure(spec)
-
-    def measure(self, spec: Spec) -> tuple[dict, images.Picture]:
-        """The metrics of a spec's picture, and the picture."""
-        made, plain = (images.read(self.gallery.path(spec, s, self.size)) for s in (self.scene, self.plain))
-        return accuracy.metrics(self.truth, made, plain, self.scene.fractal), made
-
-    def row(self, spec: Spec) -> dict:
-        """One row of accuracy.json, its picture written."""
-        found, made = self.measure(spec)
-        phase = registry.find_phase(spec.phase)
-        gated = gate.by_truth(phase)
-        granted = gate.margins(phase) if gated else gate.visible(self.base)
-        as_many = accuracy.dt_p99_of(self.base_distances, self.truth, made)
-        outlines = int(granted.get(gate.OUTLINE, 0))
-
-        def beyond(picture: images.Picture) -> dict:
-            return accuracy.beyond_outlines(self.truth, picture, outlines) if outlines else {}
-
-        # What is not asked of the phase is not allowed it as an error of the references' either.
-        others = {who: values | beyond(self.pictures[who]) for who, values in self.references.items()}
-        ideal = gate.ideal_bounds(phase)
-        worse = gate.inferior(found | beyond(made) | {"dt_p99": as_many}, others, granted, ideal)
-        wrong = where.bad(self.truth, made)
-        gallery, size = self.gallery, self.size
-        stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
-        title = f"{self.scene.name}, {size[0]}×{size[1]} pixels: {spec} against ground truth"
-        figure = where.figure(self.truth, made, title, str(spec), found, self.where, wrong)
-        panels.save(figure, gallery.folder / stem)
-        return {
-            **about(spec, self.scene, size),
-            "precision": phase.precision,
-            **found,
-            "dt_p99_of_as_many": as_many,
-            "beyond_outlines": beyond(made) or None,
-            **where.shares(self.where, wrong),
-            "gated": gated,
-            "judged_by": gate.IDEAL if ideal else "estimator",
-            "margins": granted,
-            "worse": list(worse),
-            "why": [f"{name}: {text}" for name, text in worse.items()],
-            "failed": bool(worse) if gated else "non_finite" in worse,
-            "binary_sha256": gallery.hashes[spec],
-            "truth_sha256": images.sha256(self.truth),
-            "picture": f"{gallery.folder.name}/{stem}",
-        }
-
-
-def about(spec: Spec, scene: Scene, size: Size) -> dict:
-    """What a row is about: its first keys."""
-    kind = "fractal" if scene.fractal else "smooth"
-    return {"phase": str(spec), "scene": scene.name, "class": kind, "width": size[0], "height": size[1]}
 
 
 def specs_of(names: list[str] | None) -> list[Spec]:
@@ -205,7 +133,7 @@ def main() -> int:
     }
     using = dict.fromkeys(spec for some in drawn.values() for spec in some)
     gallery = Gallery(folder / "images", list(using))
-    plain = {scene.name: accuracy.without_shadows(scene, folder / "scenes") for scene in scenes}
+    plain = {scene.name: judging.without_shadows(scene, folder / "scenes") for scene in scenes}
     sizes = {scene.name: scene.size(args.n, args.w) for scene in scenes}
     tasks = [
         (who, one, sizes[scene.name])

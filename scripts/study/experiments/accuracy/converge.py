@@ -16,9 +16,9 @@ import numpy as np
 from study.core import cli, registry, run
 from study.core.registry import Spec
 from study.core.run import DriverError
-from study.experiments.accuracy.measure import FACTOR
 from study.pictures import images
 from study.pictures.images import Picture
+from study.truth.judging import FACTOR
 
 SCENE = "mandelbulb"
 HIT_DISTANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)

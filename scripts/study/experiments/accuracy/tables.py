@@ -13,9 +13,10 @@ from matplotlib.lines import Line2D
 
 from study.core import show
 from study.core.show import Column, Row
-from study.experiments.accuracy import converge, where
+from study.experiments.accuracy import converge
 from study.pictures.draw import legend, look, panels
 from study.pictures.hover import tell
+from study.truth import where
 
 MARK = "▼"  # worse than baseline
 

@@ -21,12 +21,12 @@ from study.core import registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.frames.schema import Frames
 from study.experiments.views import views
 from study.numbers import stats, verdicts
 from study.numbers.stats import Interval
 from study.pictures import images
+from study.truth import judging
 
 FILE = "frames.json"
 GOALS = {"scene0": (1080, 60.0), "mandelbulb": (720, 30.0)}  # height, frames a second
@@ -38,7 +38,7 @@ AWAY, AWAY_ONCE = 10, 3  # now, and where frames.json does not say
 MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 20, 3, 1.0  # timed ones of a launch; s that they may take
 OVERHEAD, A_FRAME = 0.05, 0.02  # s beside a launch's frames and beside each: clocks are calibrated
 ENOUGH = 100  # frames for a 99th percentile
-FACTOR = accuracy.FACTOR
+FACTOR = judging.FACTOR
 PHASE = "phase"  # whose work presenting is; else the driver's
 MET, MISSED, UNSURE, FEW = verdicts.MET, verdicts.MISSED, verdicts.APART, verdicts.TOO_FEW
 Row = dict[str, Any]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from study.experiments.ablations import ideas
 from study.experiments.ablations.schema import IDEAS
 from study.experiments.experiment import Call, Experiment, Study
 
@@ -19,5 +20,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth=None,
     cut="Each idea is a build of a wide phase of its own, half a minute each; it has no chapter.",
-    sections=[],
+    lesson=ideas.lesson,
 )

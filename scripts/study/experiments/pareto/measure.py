@@ -21,12 +21,11 @@ import numpy as np
 from study.core import progress, run
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.pareto.fronts import BASE, FACTOR, MEASURES, TRUTHS, WITHIN, Row, badness
 from study.experiments.sweep import rungs
 from study.numbers import stats
 from study.pictures import images
-from study.truth import truth
+from study.truth import judging, truth
 
 LONG = 0.25  # s; a frame longer than that warms itself up (scripts/stepwise sweep --long)
 
@@ -98,7 +97,7 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
         "evals_per_ray": float(np.mean(made["evals"], dtype=np.float64)),
         "non_finite": images.non_finite(made),
     }
-    metrics = accuracy.metrics(exact, made, fractal=scene.fractal)
+    metrics = judging.metrics(exact, made, fractal=scene.fractal)
     if scene.fractal:
         found |= {name: metrics["antialiased"][name] for name in TRUTHS}
         return found | {"depth_agree_fraction": metrics["depth_agree_fraction"]}

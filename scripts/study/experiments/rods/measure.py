@@ -16,12 +16,11 @@ import numpy as np
 
 from study.core import run, temporary
 from study.core.registry import Scene, find_scene
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.rods.schema import Rods
 from study.numbers import stats
 from study.pictures import images
 from study.pictures.images import Picture
-from study.truth import truth
+from study.truth import judging, truth
 
 Row = dict[str, Any]
 FILE, THROTTLE = "rods.json", "throttle.json"
@@ -81,18 +80,18 @@ def decibels(square: float) -> float | None:
 def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
     """How far a picture is from truth: wrong hits in ppm of the pixels that truth proves (where it proves
     none, of those that converged), whose share `judged` is; |Δt| in scene units where the shape is right;
-    PSNR in dB of linear colours in [0, 1]. As accuracy.measure has them. `known`: share that truth knows.
+    PSNR in dB of linear colours in [0, 1]. As judging.measure has them. `known`: share that truth knows.
     """
-    least = accuracy.PROVED if (exact["status"] == accuracy.PROVED).any() else accuracy.CONVERGED
+    least = judging.PROVED if (exact["status"] == judging.PROVED).any() else judging.CONVERGED
     count = int((exact["status"] >= least).sum())
-    off = accuracy.right_distances(exact, made, least)
+    off = judging.right_distances(exact, made, least)
     found: Row = {
         "evaluations": float((made["evals"] + made.get("rods", 0)).mean()),
         "judged": count / exact["status"].size,
         "known": float((exact["status"] >= truth.CONVERGED).mean()),
         **{
             f"{kind}_ppm": float(mask.sum() / count * 1e6) if count else math.nan
-            for kind, mask in accuracy.wrong_hits(exact, made, least).items()
+            for kind, mask in judging.wrong_hits(exact, made, least).items()
         },
         **{f"dt_p{p}": float(np.percentile(off, p)) if off.size else None for p in (50, 99, 100)},
         "non_finite": images.non_finite(made),

@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from study.core import registry
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.scaling.series import Picture, Point, Row, Series, foreseen
 from study.pictures import images
-from study.truth import truth
+from study.truth import judging, truth
 
 
 def against(reference: images.Picture, image: images.Picture, exact: bool) -> Row:
     """Errors to a reference: truth (`exact`), of whose pixels the proved ones are judged, or a picture."""
     if exact:
-        accuracy.check(reference, image)
-        wrong = accuracy.wrong_hits(reference, image)
-        judged = reference["status"] == accuracy.PROVED
+        judging.check(reference, image)
+        wrong = judging.wrong_hits(reference, image)
+        judged = reference["status"] == judging.PROVED
         known = np.isfinite(images.rgb(reference)).all(axis=-1)
         share = sum(int(mask.sum()) for mask in wrong.values()) / max(1, int(judged.sum()))
     else:

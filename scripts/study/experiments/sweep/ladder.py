@@ -11,12 +11,12 @@ import pandas as pd
 
 from study.core.registry import BASE as BASE
 from study.core.registry import phases
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.original import measure as original
 from study.numbers import paper, stats
 from study.numbers.analysis import Cell, Data, described, second_base
 from study.numbers.stats import Interval
 from study.pictures import gate
+from study.truth import accuracy
 
 ERRORS = (
     "identical",

@@ -7,8 +7,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from study.core import show
-from study.core.show import Column
-from study.experiments.pareto.fronts import Row
+from study.core.show import Column, Row
 from study.experiments.section import Section, part, reading
 from study.experiments.toolchains import measure as toolchains
 from study.pictures import dots

@@ -21,11 +21,11 @@ from study.core import cli, progress, run
 from study.core.cli import StudyError
 from study.core.host import child
 from study.core.registry import ROOT, Scene, Spec
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.toolchains.schema import Toolchains
 from study.numbers import stats
 from study.pictures import images
 from study.pictures.images import Picture
+from study.truth import judging
 
 COMPILERS = ("gcc", "clang", "icx")
 # Behind the phase's own flags (-O3, its -m flags, -ffp-contract=off); a later flag wins.
@@ -155,7 +155,7 @@ def row(
 ) -> dict[str, Any]:
     """One line. `speedup`: over gcc as shipped, of the same phase. Errors: to truth, where there is one.
 
-    Those leave out what truth does not know (accuracy.metrics); `non_finite` is of this picture alone.
+    Those leave out what truth does not know (judging.metrics); `non_finite` is of this picture alone.
     """
     base = Program(*BASE, program.phase)
     about = {"compiler": program.compiler, "flags": program.flags, "more": SETS[program.flags]}
@@ -174,7 +174,7 @@ def row(
         "rmse_to_shipped": shipped["rmse"],  # JSON's null PSNR is infinite where this is 0, else no number
     }
     if truth is not None:
-        error = accuracy.metrics(truth, mine, fractal=scene.fractal)
+        error = judging.metrics(truth, mine, fractal=scene.fractal)
         colours = error["antialiased"] if scene.fractal else error
         found |= {f"truth_{name}": colours[name] for name in ("psnr_db", "rmse")}
         found |= {f"truth_{name}": error[name] for name in HITS}

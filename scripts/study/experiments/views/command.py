@@ -13,7 +13,6 @@ from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments import running
-from study.experiments.ablations.measure import BASELINE
 from study.experiments.views import figures as views_page
 from study.experiments.views import gains as views_gains
 from study.experiments.views import measure as views_measure
@@ -105,7 +104,10 @@ def main() -> int:
     run.cpu_set(args.cpu, 1)
     keys = ("n", "error_n", "launches", "reps", "seed", "cpu")
     found = measured(args, folder)
-    settings = {key: getattr(args, key) for key in keys} | {"seconds": args.budget, "reference": BASELINE}
+    settings = {key: getattr(args, key) for key in keys} | {
+        "seconds": args.budget,
+        "reference": registry.BASE,
+    }
     result = running.write(folder / views_measure.FILE, settings, found)
     figures = []
     with matplotlib.rc_context(STYLE):

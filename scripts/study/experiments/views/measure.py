@@ -23,17 +23,16 @@ from study.core import cli, progress, registry, run
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
-from study.experiments.accuracy import measure as accuracy
 from study.experiments.views.schema import Views
 from study.experiments.views.views import View
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
 from study.pictures import images
-from study.truth import truth
+from study.truth import judging, truth
 
 FILE = "views.json"
 BASE = "baseline"  # the reference where truth would take too long
-FACTOR = accuracy.FACTOR  # of the averaged pictures of fractals: their single samples are chaotic
+FACTOR = judging.FACTOR  # of the averaged pictures of fractals: their single samples are chaotic
 LONG = 0.25  # s: caches settle within such a frame
 LEAST, MOST_REPS = 0.02, 200  # s of a launch's timed frames at least, and how many that may become
 OVERHEAD = 0.03  # s of a launch beside its frames
@@ -246,7 +245,7 @@ def against(reference: images.Picture, image: images.Picture, exact: bool, fract
     """Errors of a picture to truth's (`exact`) or another's. PSNR in dB of linear colours; NaN: none."""
     bad = images.non_finite(image)
     if exact:
-        found = accuracy.metrics(reference, image)
+        found = judging.metrics(reference, image)
         wrong = sum(found[f"{name}_ppm"] for name in ("false_hits", "false_misses", "wrong_shape"))
         kept = {name: found[name] for name in ("psnr_db", "rmse", "psnr_ideal_db", "rmse_ideal")}
         return kept | {"wrong_ppm": wrong, "depth_agree_fraction": None, "non_finite": bad}

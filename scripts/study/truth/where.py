@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from study.core import show
-from study.experiments.accuracy import measure as accuracy
 from study.pictures import images, panels
 from study.pictures.images import Picture
+from study.truth import judging
 
 # In the order in which they are asked: the first that applies has the pixel.
 CLASSES = ("silhouette", "edge", "shadow_boundary", "reflection", "interior")
@@ -97,7 +97,7 @@ def bad(truth: Picture, image: Picture) -> np.ndarray:
     judged = np.isfinite(a).all(axis=-1)
     finite = np.isfinite(images.rgb(image)).all(axis=-1)
     off = judged & ~(np.abs(a - b).max(axis=-1) <= images.ONE_STEP)
-    return off | ~finite | np.any(list(accuracy.wrong_hits(truth, image).values()), axis=0)
+    return off | ~finite | np.any(list(judging.wrong_hits(truth, image).values()), axis=0)
 
 
 def shares(where: np.ndarray, wrong: np.ndarray) -> dict[str, float]:

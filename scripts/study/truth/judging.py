@@ -2,7 +2,7 @@
 
 Truth (truth.truth) is a picture with more planes: `ideal.*` with the ideal soft shadow, `none.*` without
 any, the `shadow` factor of the primary hit, `status` of the primary ray (2 proved, 1 converged only, 0
-undecided) and `status.all` of the pixel's whole chain. Metrics and units: results/keys/accuracy.json.md.
+undecided) and `status.all` of the pixel's whole chain. Metrics and units: study.truth.schema.
 """
 
 from __future__ import annotations
@@ -16,12 +16,10 @@ import numpy as np
 from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import Scene
-from study.experiments.accuracy.schema import Accuracy
 from study.pictures import images
 from study.pictures.images import Picture
 
-FILE = "accuracy.json"
-FACTOR = 4  # of the averaged pictures of fractals, each way, as scripts/stepwise verify has it
+FACTOR = 4  # of the averaged pictures of fractals, each way: their single samples are chaotic
 PROVED, CONVERGED = 2, 1  # of the status plane
 # Key in the metrics → prefix of truth's planes: the paper's estimator, the ideal shadow, no shadow.
 TRUTHS = {"": "", "_ideal": "ideal.", "_none": "none."}
@@ -244,35 +242,3 @@ def mirrors(scene: Scene) -> frozenset[int]:
     if scene.data["march"]["max_bounces"] == 0:
         return frozenset()
     return frozenset(i for i, s in enumerate(scene.data["shapes"]) if s["material"] in reflective)
-
-
-def read(run: Path) -> dict[str, Any]:
-    """A run's accuracy.json, PSNR of identical pictures as math.inf again; without that file no row.
-
-    Raises StudyError for another thing's JSON.
-    """
-    path = Path(run) / FILE
-    if not path.exists():
-        return {"rows": [], "skipped": [], "convergence": None}
-    result = Accuracy.read(path)
-    converged = result.get("convergence") or {}
-    for row in (*result["rows"], *(converged.get("rows") or ())):
-        _restore(row)
-    return result
-
-
-def _restore(row: dict[str, Any]) -> None:
-    """JSON has null for infinite and for no value; the RMSE says which of the two it was."""
-    for name, value in list(row.items()):
-        if isinstance(value, dict):
-            _restore(value)
-        elif value is None and name.startswith("psnr"):
-            rmse = row.get("rmse" + name.removeprefix("psnr").removesuffix("_db").removesuffix("_display"))
-            row[name] = math.nan if rmse is None else math.inf
-        elif value is None:
-            row[name] = math.nan
-
-
-def rows(run: Path) -> list[dict[str, Any]]:
-    """Rows of a run's accuracy.json, one per phase and scene."""
-    return read(run)["rows"]

@@ -1,13 +1,17 @@
-"""accuracy.json."""
+"""accuracy.json: errors of each phase to ground truth."""
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+import math
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
 from study.core.schema import ABSENT, Absent, Record, key
 from study.numbers.schema import Result, Skipped
+
+FILE = "accuracy.json"
 
 
 class Colours(Record, kw_only=True):
@@ -172,4 +176,36 @@ class Accuracy(Result, kw_only=True):
     ] = ABSENT
 
 
-SCHEMAS = {"accuracy.json": Accuracy}
+SCHEMAS = {FILE: Accuracy}
+
+
+def read(run: Path) -> dict[str, Any]:
+    """A run's accuracy.json, PSNR of identical pictures as math.inf again; without that file no row.
+
+    Raises StudyError for another thing's JSON.
+    """
+    path = Path(run) / FILE
+    if not path.exists():
+        return {"rows": [], "skipped": [], "convergence": None}
+    result = Accuracy.read(path)
+    converged = result.get("convergence") or {}
+    for row in (*result["rows"], *(converged.get("rows") or ())):
+        _restore(row)
+    return result
+
+
+def _restore(row: dict[str, Any]) -> None:
+    """JSON has null for infinite and for no value; the RMSE says which of the two it was."""
+    for name, value in list(row.items()):
+        if isinstance(value, dict):
+            _restore(value)
+        elif value is None and name.startswith("psnr"):
+            rmse = row.get("rmse" + name.removeprefix("psnr").removesuffix("_db").removesuffix("_display"))
+            row[name] = math.nan if rmse is None else math.inf
+        elif value is None:
+            row[name] = math.nan
+
+
+def rows(run: Path) -> list[dict[str, Any]]:
+    """Rows of a run's accuracy.json, one per phase and scene."""
+    return read(run)["rows"]
