@@ -51,7 +51,7 @@ from drawn import examples
 from study.core import registry, schema
 from study.core.registry import ROOT
 from study.core.run_schema import Frame
-from study.pictures import gate, images
+from study.pictures import images
 
 SCENES = {name: found.path for name, found in registry.scenes().items()}
 WIDTH, HEIGHT = (17, 5) if REDUCED else (48, 27)
@@ -167,7 +167,7 @@ def check(run: Run, *options: str | int) -> None:
         bounds = replace(bounds, depth=bounds.depth + run.record["hit_distance"])
     expected = within_reach(reference.picture, run, lambda: drawn(phase=harness.TRUTH).picture)
     soft = run.scene["light"]["shadows"] == "soft"
-    if soft and gate.draws_ideal(registry.phases()[run.record["phase"]]):
+    if soft and registry.phases()[run.record["phase"]].draws_ideal:
         expected = in_ideal_shadow(expected, drawn(phase=harness.TRUTH).picture)
     compare(run, expected, bounds)
     phase, original = (registry.phases()[name] for name in (run.record["phase"], harness.REFERENCE))
@@ -329,7 +329,7 @@ def test_picture_is_what_the_words_say(phase: str, name: str) -> None:
     """Against a renderer in NumPy that was written from the text and shares nothing with any phase."""
     run = render(phase, keep(f"opinion_{name}", drawn_by_numpy(name)), 32, 18)
     mine = opinion(name)
-    if gate.draws_ideal(registry.phases()[phase]):
+    if registry.phases()[phase].draws_ideal:
         truth = harness.reference(keep(f"opinion_{name}", drawn_by_numpy(name)), 32, 18, phase=harness.TRUTH)
         mine = in_ideal_shadow(mine, truth.picture)
     compare(run, mine, SMOOTH[precision(phase)])

@@ -17,7 +17,7 @@ import pytest
 
 from conformance import harness
 from study.core import registry
-from study.pictures import gate, images
+from study.pictures import images
 
 pytestmark = pytest.mark.slow
 
@@ -225,7 +225,7 @@ def test_no_phase_is_alone(seed: int) -> None:
     found = {}
     for phase in PHASES:
         others = [exact, base, parent]
-        ideal = scene["light"]["shadows"] == "soft" and gate.draws_ideal(registry.phases()[phase])
+        ideal = scene["light"]["shadows"] == "soft" and registry.phases()[phase].draws_ideal
         if ideal:
             others = [in_ideal_shadow(one, exact) for one in others]
         for lanes in ("", "avx2"):

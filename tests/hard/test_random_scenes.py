@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from conformance import harness
 from study.core import registry
 from study.experiments.stability.cases import measure
-from study.pictures import gate, images
+from study.pictures import images
 
 pytestmark = pytest.mark.slow
 
@@ -268,7 +268,7 @@ def test_phases_agree(scene: dict) -> None:
     soft = scene["light"]["shadows"] == "soft"
     for phase, run in runs.items():
         # The ideal shadow is not the estimate that the others draw of it.
-        other = soft and gate.draws_ideal(registry.find_phase(phase))
+        other = soft and registry.find_phase(phase).draws_ideal
         wrong = unlike(reference.picture, run.picture, colours=not other)
         assert wrong.mean() <= ALLOWED, f"{run}: {wrong.sum()} of {wrong.size} pixels are not {REFERENCE}'s"
 

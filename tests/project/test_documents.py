@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from study.core import store
-from study.experiments.sweep import ladder
-from study.numbers import analysis
+from study.numbers import analysis, ladder
 
 ROOT = Path(__file__).parents[2]
 BUILT = {".venv", "build", "out", "runs"}  # not of the repository

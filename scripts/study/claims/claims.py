@@ -14,8 +14,7 @@ import pandas as pd
 from study.claims import register
 from study.core import show
 from study.core.show import Column, whole, word
-from study.experiments.sweep import ladder
-from study.numbers import paper, stats
+from study.numbers import ladder, paper, stats
 from study.numbers.analysis import Cell, Data
 from study.numbers.stats import Interval
 from study.numbers.verdicts import (

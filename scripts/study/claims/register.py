@@ -27,6 +27,7 @@ from study.experiments.moving import measure as moving
 from study.experiments.packets import measure as packets
 from study.experiments.rods import measure as rods
 from study.numbers import stats
+from study.numbers.accuracy import Accuracy
 from study.numbers.analysis import Data
 from study.numbers.stats import Interval
 from study.numbers.verdicts import (
@@ -45,7 +46,6 @@ from study.numbers.verdicts import (
     sized,
     timed,
 )
-from study.truth.accuracy import Accuracy
 
 Claim = dict[str, Any]
 

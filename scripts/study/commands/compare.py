@@ -16,11 +16,9 @@ from study.core import cli, provenance, store
 from study.core.cli import StudyError
 from study.core.registry import BASE
 from study.core.store import Run
-from study.experiments.sweep import exports, summary
-from study.numbers import clocks, history, stats
+from study.numbers import accuracy, clocks, exports, history, stats, summary
 from study.numbers.schema import Verify
 from study.numbers.stats import Interval
-from study.truth import accuracy
 
 DESCRIPTION = """\
 Compares the times of runs with those of a base, configuration by configuration. The ratio is that of the

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from study.core import cli, store
 from study.core.cli import StudyError
 from study.core.registry import phases
+from study.numbers import accuracy
 from study.pictures import images, panels
-from study.truth import accuracy
 
 THUMBNAIL = 320  # pixels across, at most
 

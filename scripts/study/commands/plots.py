@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from study.core import cli
 from study.core.cli import StudyError
-from study.experiments.sweep import ladder
-from study.experiments.sweep.figures import PLOTS, draw
-from study.numbers import analysis
+from study.numbers import analysis, ladder
+from study.pictures.ladder import PLOTS, draw
 
 
 def main() -> int:

@@ -14,8 +14,7 @@ from study.commands import tables
 from study.core import cli, html, registry, show, store, table_files
 from study.experiments import experiment
 from study.experiments.section import Section
-from study.experiments.sweep import ladder
-from study.numbers import analysis, stats
+from study.numbers import analysis, ladder, stats
 from study.numbers.analysis import Data
 from study.report import chapters, facts, figures, history_chapter, machines
 

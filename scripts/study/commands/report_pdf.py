@@ -16,8 +16,7 @@ from study.core import cli, registry, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.experiments import venvs
-from study.experiments.sweep import ladder
-from study.numbers import analysis
+from study.numbers import analysis, ladder
 from study.numbers.analysis import Data
 from study.report import figures, paper
 

@@ -23,8 +23,7 @@ from study.core.registry import ROOT, Spec, cpu_supports
 from study.core.run import USABLE
 from study.experiments import cuts, experiment
 from study.experiments.experiment import DEPTHS, Experiment, Study
-from study.experiments.sweep import ladder
-from study.numbers import analysis
+from study.numbers import analysis, ladder
 
 STEPWISE = ROOT / "scripts" / "stepwise"
 PAGE = ROOT / "report" / "out" / "index.html"

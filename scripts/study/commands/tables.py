@@ -15,10 +15,9 @@ from study.core.marked_blocks import between
 from study.core.registry import ROOT
 from study.experiments import experiment
 from study.experiments.section import Section
-from study.experiments.sweep import columns as sweep_columns
-from study.experiments.sweep import ladder
 from study.experiments.systems import tables as systems
-from study.numbers import analysis, paper
+from study.numbers import analysis, ladder, paper
+from study.numbers import columns as ladder_columns
 from study.numbers.analysis import Data
 from study.report import front_page
 
@@ -35,8 +34,8 @@ def ladder_text(rows: pd.DataFrame) -> str:
     for scene, group in ladder.ladders(rows).items():
         records = group.to_dict("records")
         lines.append(f"### {show.inert(scene)}, {records[0]['width']}×{records[0]['height']}\n")
-        for part, title in sweep_columns.PARTS:
-            lines += [f"{title}\n", show.markdown(show.table(records, sweep_columns.sized(part, records)))]
+        for part, title in ladder_columns.PARTS:
+            lines += [f"{title}\n", show.markdown(show.table(records, ladder_columns.sized(part, records)))]
     return "\n".join(lines)
 
 
@@ -44,7 +43,7 @@ def make(data: Data, rows: pd.DataFrame, sections: Sequence[Section] | None = No
     """Every table that the run has data for. `sections`: its chapters, where they are known."""
     theirs = paper.ladder()
     made: table_files.Made = {
-        "paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), sweep_columns.PAPER)))
+        "paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), ladder_columns.PAPER)))
     }
     if not rows.empty:
         made["ladder"] = rows[rows["headline"]], ladder_text(rows)

@@ -76,6 +76,11 @@ class Phase:
     derives: str | None = None
     without: list[str] = dataclasses.field(default_factory=list)
 
+    @property
+    def draws_ideal(self) -> bool:
+        """Whether it draws the ideal soft shadow, not an estimate of it, and is judged by that."""
+        return "ideal" in self.tolerance
+
     def file(self, name: str) -> Path:
         """Where the file `name` of the phase's tree stands: in its own folder or in the nearest ancestor's.
 

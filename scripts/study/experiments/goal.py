@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 from study.core import registry, show
 from study.numbers import verdicts
 from study.numbers.stats import Interval
-from study.pictures import gate
 
 DIGITS = 0.05  # dB: what is shown equal is taken to be equal
 Row = dict[str, Any]
@@ -68,7 +67,7 @@ def worst_rung(scene: str, base: str, name: str, values: dict[str, float]) -> It
     """
     ppm = name.endswith("ppm")
     known, estimate = registry.ladder(), not ppm and "ideal" not in name
-    rungs = [p for p in asked_with(base)[1:] if not (estimate and gate.draws_ideal(known[p]))]
+    rungs = [p for p in asked_with(base)[1:] if not (estimate and known[p].draws_ideal)]
     mine = {p: values[p] for p in reversed(rungs) if p in values}
     if not mine or math.isnan(values.get(base, math.nan)):
         return

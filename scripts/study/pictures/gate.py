@@ -139,11 +139,6 @@ def left_to_truth(phase: Phase) -> bool:
     return by_truth(phase) and set(phase.tolerance) - {IDEAL} == {TRUTH}
 
 
-def draws_ideal(phase: Phase) -> bool:
-    """Whether the phase draws the ideal soft shadow, not an estimate of it, and is judged by that."""
-    return IDEAL in phase.tolerance
-
-
 def ideal_bounds(phase: Phase) -> dict[str, float]:
     """Metric → the least PSNR to the ideal picture that the phase declares, in dB; or nothing."""
     declared = flatten(phase.tolerance.get(IDEAL) or {})

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from study.claims import claims
 from study.core import html, registry
 from study.experiments.section import Section, part
-from study.experiments.sweep import columns
-from study.numbers import analysis, paper, verdicts
+from study.numbers import analysis, columns, paper, verdicts
 from study.numbers.analysis import Data
 from study.pictures import embed
 from study.pictures.draw import Drawing

@@ -16,10 +16,9 @@ from study.experiments.original import measure as original
 from study.experiments.peers import measure as peers
 from study.experiments.peers.peer import PLAIN
 from study.experiments.peers.schema import Peers
-from study.experiments.sweep import ladder
-from study.experiments.sweep.columns import truth_height
-from study.numbers import stats
+from study.numbers import ladder, stats
 from study.numbers.analysis import Data
+from study.numbers.columns import truth_height
 from study.report import goals_page
 
 SCENES = ("scene0", "mandelbulb")  # the paper's own two

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from study.bounds import work
 from study.core import machine, registry, store
 from study.core.cli import StudyError
-from study.experiments.sweep import ladder, rungs
-from study.numbers import analysis
+from study.numbers import analysis, ladder
 
 REFERENCE = registry.ROOT / "results" / "reference"
 RUN = REFERENCE / "zen5-2026-11-25"  # the study that the figures are of
@@ -118,7 +118,7 @@ def _counted(phase: registry.Phase, name: str, scale: float, title: str, unit: s
     rows = []
     for scene in ("scene0", "mandelbulb"):
         height = next(row["height"] for row in _ladder(RUN) if row["scene"] == scene and row["headline"])
-        both = [rungs.counted(declared, one, scene, height) for one in (phase.parent or "", phase.name)]
+        both = [work.counted(declared, one, scene, height) for one in (phase.parent or "", phase.name)]
         if all(both):
             values = [_value(scale * one[name]) for one in both]
             rows.append({"label": scene, "values": values})

@@ -19,9 +19,9 @@ import pandas as pd
 from study.core import provenance, show
 from study.core.store import RESULTS, Run
 from study.experiments.original import measure as original
-from study.experiments.sweep import columns, figures, ladder
-from study.numbers import analysis, history
+from study.numbers import analysis, columns, history, ladder
 from study.numbers.analysis import Data
+from study.pictures import ladder as figures
 from study.pictures.draw import look, shape
 from study.pictures.processes import in_processes
 from study.report import goals_page

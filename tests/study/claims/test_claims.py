@@ -19,8 +19,7 @@ from study.commands import tables
 from study.core import cli, table_files
 from study.core.registry import ROOT
 from study.experiments import experiment
-from study.experiments.sweep import ladder
-from study.numbers import analysis, paper
+from study.numbers import analysis, ladder, paper
 from study.numbers.analysis import Cell, Data
 from study.numbers.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, WORDS, Found, sized
 

@@ -20,11 +20,12 @@ from study.claims import claims
 from study.commands import tables
 from study.core import show, table_files
 from study.core.cli import StudyError
-from study.experiments.sweep import chapter, figures, ladder, summary
-from study.experiments.sweep import columns as sweep_columns
-from study.numbers import analysis, paper, stats
+from study.experiments.sweep import chapter
+from study.numbers import analysis, ladder, paper, stats, summary
+from study.numbers import columns as ladder_columns
 from study.numbers.verdicts import OPEN, PART
 from study.pictures import gate
+from study.pictures import ladder as figures
 from study.report import front_page
 
 ROOT = Path(__file__).parents[3]
@@ -81,7 +82,7 @@ def test_times_are_medians_over_launches_in_the_unit_of_their_name(run: Path) ->
     assert opt4["setup_first_ms"] == pytest.approx(0.02 + 2 * 28.8)  # the warm-up frame is the first one
     assert opt4["present_ms"] == 1
     assert opt4["frames_per_s"] == pytest.approx(1000 / (28.8 + 1))
-    shown = show.table([opt4], sweep_columns.WHOLE)
+    shown = show.table([opt4], ladder_columns.WHOLE)
     texts = {column.name: text for column, (text, _) in zip(shown.columns, shown.cells[0], strict=True)}
     clocks = [texts[name] for name in ("TSC", "core", "core under its vector load")]
     assert (texts["10⁶ TSC cycles"], clocks) == ("72.00", ["2.500", "4.000", "3.500"])

@@ -25,8 +25,7 @@ from study.counting import assembly_source, recording, sde, symbols
 from study.counting.counts import Counts
 from study.counting.hardware import perf, perf_stat
 from study.experiments import experiment
-from study.experiments.sweep import ladder
-from study.numbers import analysis
+from study.numbers import analysis, ladder
 
 FIXTURES = ROOT / "tests" / "fixtures"
 RUNS = sorted(ROOT.glob("results/reference/*/context.json"))

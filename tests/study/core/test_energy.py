@@ -14,8 +14,8 @@ import pytest
 
 from study.core import machine, run
 from study.core.host import energy
-from study.experiments.sweep import columns, summary
 from study.experiments.sweep import command as sweep
+from study.numbers import columns, summary
 from study.report import facts
 
 MAX = 262143328850  # of a Xeon

@@ -8,7 +8,7 @@ from study.claims import claims
 from study.core.registry import ROOT, find_scene
 from study.counting import blocks, flops, paper_rule
 from study.experiments.flops import table1
-from study.experiments.sweep import ladder
+from study.numbers import ladder
 from study.numbers.analysis import load
 from study.numbers.verdicts import FAILS, HOLDS, PART
 

@@ -17,8 +17,9 @@ from discs import HEIGHT, WIDTH, lengths, made_truth
 from study.core import registry
 from study.core.cli import StudyError, plain
 from study.experiments.accuracy import converge
+from study.numbers import accuracy
 from study.pictures import gate
-from study.truth import accuracy, judging, where
+from study.truth import judging, where
 
 # --- below the picture
 

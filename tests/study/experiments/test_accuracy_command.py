@@ -20,8 +20,9 @@ from study.core.registry import ROOT, Spec
 from study.core.run import DriverError
 from study.experiments.accuracy import command as command_module
 from study.experiments.accuracy import tables as accuracy_page
+from study.numbers import accuracy
 from study.pictures import gallery, gate, images
-from study.truth import accuracy, where
+from study.truth import where
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import math
 import pandas as pd
 import pytest
 
-from study.experiments.sweep import rungs
+from study.bounds import work
 
 SIZE = {"width": 20, "height": 10}
 
@@ -31,17 +31,17 @@ def counts(phase: str, lanes: dict[str, float], kernel: str | None = None, **mor
     ],
 )
 def test_evaluations_are_of_one_solid_and_no_plane(lanes: dict, expected: float) -> None:
-    found = rungs.evaluations({name: {"lanes": n} for name, n in lanes.items()})
+    found = work.evaluations({name: {"lanes": n} for name, n in lanes.items()})
     assert found == pytest.approx(expected, nan_ok=True)
 
 
 def test_counts_are_of_the_whole_picture_and_of_the_nearest_size() -> None:
     some = [counts("a", {"sdf_sphere": 400}), counts("a", {"sdf_sphere": 9}, width=2, height=3)]
-    found = rungs.counted(some, "a", "scene0", 12)
+    found = work.counted(some, "a", "scene0", 12)
     assert (found["evals_per_pixel"], found["lane_efficiency"]) == (2.0, 0.75)
     assert (found["counted_at"], found["counts_of"]) == (10, "")
-    assert rungs.counted(some, "a", "trio", 12) == {}
-    assert math.isnan(rungs.counted([counts("a", {}, executed=0)], "a", "scene0", 9)["lane_efficiency"])
+    assert work.counted(some, "a", "trio", 12) == {}
+    assert math.isnan(work.counted([counts("a", {}, executed=0)], "a", "scene0", 9)["lane_efficiency"])
 
 
 def test_a_row_says_of_which_code_its_counts_are_and_what_is_lacking() -> None:
@@ -62,8 +62,8 @@ def test_a_row_says_of_which_code_its_counts_are_and_what_is_lacking() -> None:
     roofs["share_of_mix_roof"] = 0.227
     names = ["opt9_convex", "opt10_scene"]
     declared = [counts("opt10_scene", {"enter": 424}, kernel="general: a counting build counts")]
-    kernel, other = rungs.rows(table, declared, roofs, names)
-    cells = [column.text(kernel) for column in rungs.COLUMNS]
+    kernel, other = work.rows(table, declared, roofs, names)
+    cells = [column.text(kernel) for column in work.COLUMNS]
     assert cells[:2] == ["scene0, 20×10", "opt10_scene"] and "1,728× [1,434" in cells[2]
     assert cells[4:7] == [f"{text} (of its general code)" for text in ("2.12", "75.0 %", "22.7 %")]
     assert cells[7:] == ["96.0", "0"]
@@ -72,14 +72,14 @@ def test_a_row_says_of_which_code_its_counts_are_and_what_is_lacking() -> None:
         {**declared[0], "width": 8, "height": 4, "kernel": None},
     ]
     for height, text in ((1, "212 (of its general code; counted at n = 1)"), (4, "13.2 (counted at n = 4)")):
-        (row, _) = rungs.rows(table, [one for one in smaller if one["height"] == height], roofs, names)
-        assert rungs.COLUMNS[4].text(row) == text and text[text.index("(") :] in rungs.COLUMNS[5].text(row)
-        assert "counted at" not in rungs.COLUMNS[6].text(row), "the roofline says of which height its are"
-    (row, _) = rungs.rows(table, declared, roofs.assign(scaled_from_n=90.0), names)
-    assert rungs.COLUMNS[6].text(row) == "22.7 % (of its general code; counted at n = 90)"
-    (row, _) = rungs.rows(table, declared, roofs.assign(scaled_from_n=math.nan), names)
-    assert rungs.COLUMNS[6].text(row) == "22.7 % (of its general code)"
-    lacking = [column.text(other) for column in rungs.COLUMNS]
+        (row, _) = work.rows(table, [one for one in smaller if one["height"] == height], roofs, names)
+        assert work.COLUMNS[4].text(row) == text and text[text.index("(") :] in work.COLUMNS[5].text(row)
+        assert "counted at" not in work.COLUMNS[6].text(row), "the roofline says of which height its are"
+    (row, _) = work.rows(table, declared, roofs.assign(scaled_from_n=90.0), names)
+    assert work.COLUMNS[6].text(row) == "22.7 % (of its general code; counted at n = 90)"
+    (row, _) = work.rows(table, declared, roofs.assign(scaled_from_n=math.nan), names)
+    assert work.COLUMNS[6].text(row) == "22.7 % (of its general code)"
+    lacking = [column.text(other) for column in work.COLUMNS]
     assert lacking[4:8] == ["–"] * 4 and lacking[1] == "opt9_convex"
-    assert rungs.rows(pd.DataFrame(), declared, roofs, names) == []
-    assert math.isnan(rungs.rows(table, declared, pd.DataFrame(), names)[0]["share_of_mix_roof"])
+    assert work.rows(pd.DataFrame(), declared, roofs, names) == []
+    assert math.isnan(work.rows(table, declared, pd.DataFrame(), names)[0]["share_of_mix_roof"])

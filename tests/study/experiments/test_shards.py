@@ -129,7 +129,7 @@ def test_bad_shards_are_one_line(words: list[str], said: str, tmp_path) -> None:
 
 def test_nothing_that_reads_a_run_takes_a_shard_for_the_whole(tmp_path) -> None:
     """The report's chapter of a run with one shard alone is that of a run with nothing."""
-    from study.truth import accuracy
+    from study.numbers import accuracy
 
     shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "run")
     (tmp_path / "run" / "accuracy.json").unlink(missing_ok=True)

@@ -21,8 +21,8 @@ from study.core.registry import ROOT
 from study.core.run import DriverError
 from study.experiments.sweep import command as module
 from study.experiments.sweep import plan as planning
-from study.experiments.sweep import summary
 from study.experiments.sweep.plan import Config
+from study.numbers import summary
 
 SMALL = ["--phase", "baseline", "opt1", "--scene", "cubes", "-n", "6", "9x9", "--seed", "3"]
 SMALL += ["--launches", "3", "--reps", "2", "--warmup", "1"]

@@ -13,8 +13,7 @@ from compared import make_run, rows, run
 
 from study.commands import compare
 from study.core.registry import ROOT
-from study.experiments.sweep import exports
-from study.numbers import history, stats
+from study.numbers import exports, history, stats
 from study.report import history_chapter
 
 ZEN = {"cpu": {"model": "Some CPU", "microarchitecture": "Zen", "logical_cpus": 2}}

@@ -151,11 +151,9 @@ def test_the_ideal_is_declared_with_a_reason():
     phase = rung(11, truth=granted, ideal={"psnr_ideal_db": 90, "reason": "float"})
     gate.check(phase)
     assert (
-        gate.draws_ideal(phase)
-        and gate.left_to_truth(phase)
-        and gate.ideal_bounds(phase) == {"psnr_ideal_db": 90}
+        phase.draws_ideal and gate.left_to_truth(phase) and gate.ideal_bounds(phase) == {"psnr_ideal_db": 90}
     )
-    assert not gate.draws_ideal(rung(11, truth=granted)) and gate.ideal_bounds(rung(11, truth=granted)) == {}
+    assert not rung(11, truth=granted).draws_ideal and gate.ideal_bounds(rung(11, truth=granted)) == {}
     for wrong, message in (
         ({"psnr_ideal_db": 90}, "lacks its reason"),
         ({"psnr_db": 90, "reason": "so"}, "no such metric"),

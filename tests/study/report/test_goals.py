@@ -34,10 +34,9 @@ from study.experiments.packets import measure as packets
 from study.experiments.scaling import goals as scaling_goals
 from study.experiments.sweep import goals as sweep_goals
 from study.experiments.verify import goals as verify_goals
-from study.numbers import analysis
+from study.numbers import accuracy, analysis
 from study.numbers.stats import Interval
 from study.report import goals_page
-from study.truth import accuracy
 
 pytestmark = pytest.mark.slow
 

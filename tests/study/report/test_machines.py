@@ -7,8 +7,7 @@ import json
 import pytest
 
 from study.core.registry import ROOT
-from study.experiments.sweep import ladder
-from study.numbers import analysis
+from study.numbers import analysis, ladder
 from study.report import machines
 
 REFERENCE = ROOT / "results" / "reference"

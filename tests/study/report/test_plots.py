@@ -21,12 +21,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from study.core.cli import StudyError
-from study.experiments.sweep import figures as sweep_figures
-from study.experiments.sweep import ladder
-from study.numbers import analysis
+from study.numbers import analysis, ladder
 from study.numbers.analysis import Data
 from study.pictures import contents
 from study.pictures import draw as drawing
+from study.pictures import ladder as ladder_figures
 
 pytestmark = pytest.mark.slow
 
@@ -69,7 +68,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
 
 
 def test_every_figure_exists_and_is_a_picture(made: dict) -> None:
-    assert set(made) == set(sweep_figures.PLOTS)
+    assert set(made) == set(ladder_figures.PLOTS)
     for svg, png in made.values():
         root = ElementTree.parse(svg).getroot()
         assert root.tag.endswith("svg") and len(list(root.iter())) > 200
@@ -82,7 +81,7 @@ def test_the_same_run_gives_the_same_bytes(
     made: dict, data: Data, rows: pd.DataFrame, tmp_path: Path
 ) -> None:
     """In another process, of the run's original."""
-    again = sweep_figures.draw(data, rows, tmp_path)
+    again = ladder_figures.draw(data, rows, tmp_path)
     assert again.keys() == made.keys()
     for name in again:
         for a, b in zip(made[name], again[name], strict=True):
@@ -146,9 +145,9 @@ def test_contents_survive_another_matplotlib_and_no_other_number(rows: pd.DataFr
     def saved(name: str, made: Figure) -> Path:
         return drawing.save(made, tmp_path / name, "n = 90")[1]
 
-    first = saved("first", sweep_figures.runtime(rows))
+    first = saved("first", ladder_figures.runtime(rows))
     with matplotlib.rc_context({"font.family": "monospace", "font.size": 12, "lines.antialiased": False}):
-        update = saved("update", sweep_figures.runtime(rows))
+        update = saved("update", ladder_figures.runtime(rows))
     assert first.read_bytes() != update.read_bytes()
     assert not apart(contents.read(first), contents.read(update))
     for name, changed in {
@@ -156,7 +155,7 @@ def test_contents_survive_another_matplotlib_and_no_other_number(rows: pd.DataFr
         "phase": rows.replace({"phase": {"opt4": "opt4_other"}}),
         "scene": rows.replace({"scene": {"scene0": "trio"}}),
     }.items():
-        other = saved(name, sweep_figures.runtime(changed))
+        other = saved(name, ladder_figures.runtime(changed))
         assert apart(contents.read(first), contents.read(other)), name
 
 
@@ -167,7 +166,7 @@ def test_a_picture_without_contents_is_refused_by_name(tmp_path: Path) -> None:
 
 
 def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) -> None:
-    axes = sweep_figures.runtime(rows).axes[0]
+    axes = ladder_figures.runtime(rows).axes[0]
     containers = {container.get_label(): container for container in axes.containers}
     line, _, (whiskers,) = containers["opt4"]
     assert list(line.get_xdata()) == [90, 180]
@@ -178,7 +177,7 @@ def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) ->
 
 
 def test_a_phase_with_few_launches_has_no_whisker(rows: pd.DataFrame) -> None:
-    axes = sweep_figures.pace(rows).axes[1]
+    axes = ladder_figures.pace(rows).axes[1]
     assert axes.get_title() == "mandelbulb"
     containers = {container.get_label(): container for container in axes.containers}
     for phase, has in (("opt1", False), ("opt2", True)):
@@ -187,7 +186,7 @@ def test_a_phase_with_few_launches_has_no_whisker(rows: pd.DataFrame) -> None:
 
 
 def test_the_ladder_has_the_speedup_its_error_and_the_papers_marks(rows: pd.DataFrame) -> None:
-    figure = sweep_figures.speedups(rows)
+    figure = ladder_figures.speedups(rows)
     scene0 = figure.axes[0]
     assert scene0.get_xscale() == "log" and 0 < scene0.get_xlim()[0] < 1  # baseline's point shows
     assert not scene0.patches  # a bar's length means nothing there
@@ -204,7 +203,7 @@ def test_the_ladder_has_the_speedup_its_error_and_the_papers_marks(rows: pd.Data
 
 
 def test_identical_pictures_stand_on_the_rail_and_failing_ones_are_named(rows: pd.DataFrame) -> None:
-    figure = sweep_figures.error(rows)
+    figure = ladder_figures.error(rows)
     assert "outside its tolerance" in texts(figure)
     scene0 = figure.axes[0]
     at = {c.get_label(): c[0].get_xdata()[0] for c in scene0.containers}
@@ -215,15 +214,15 @@ def test_identical_pictures_stand_on_the_rail_and_failing_ones_are_named(rows: p
 
 def test_every_axis_names_its_unit(rows: pd.DataFrame) -> None:
     units = ("pixel", "s", "×", "dB", "ns per pixel", "core cycles per pixel")
-    for draw in sweep_figures.PLOTS.values():
+    for draw in ladder_figures.PLOTS.values():
         for axes in draw(rows).axes:
             label = axes.get_xlabel()
             assert label.endswith(units)
-            assert axes.get_ylabel().endswith(units) or draw is sweep_figures.speedups
+            assert axes.get_ylabel().endswith(units) or draw is ladder_figures.speedups
 
 
 def test_the_caption_names_machine_compiler_and_flags(data: Data, rows: pd.DataFrame) -> None:
-    text = sweep_figures.caption(data, rows)
+    text = ladder_figures.caption(data, rows)
     for part in ("Example CPU", "gcc 12.2.0", "-O3 -mavx2 -mfma", "3 to 6 process launches", "TSC 2.500 GHz"):
         assert part in text
 
@@ -238,14 +237,14 @@ def test_phases_differ_in_colour_marker_and_hatch(rows: pd.DataFrame) -> None:
 
 def test_a_phase_has_one_colour_in_every_panel(rows: pd.DataFrame) -> None:
     rows = rows[~((rows["scene"] == "mandelbulb") & (rows["phase"] == "opt1"))]
-    for draw in sweep_figures.PLOTS.values():
+    for draw in ladder_figures.PLOTS.values():
         seen: dict[str, set] = {}
         for axes in draw(rows).axes:
             for container in axes.containers:
                 if container.get_label() in ("opt2", "opt3", "opt4"):
                     seen.setdefault(container.get_label(), set()).add(container[0].get_color())
         assert all(len(colours) == 1 for colours in seen.values())
-        assert len(seen) == 3 or draw is sweep_figures.speedups
+        assert len(seen) == 3 or draw is ladder_figures.speedups
 
 
 def test_without_verify_the_error_plot_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
@@ -259,14 +258,14 @@ def test_without_verify_the_error_plot_is_left_out_and_said(run: Path, tmp_path:
 
 def test_without_baseline_the_ladder_is_left_out(data: Data, rows: pd.DataFrame, tmp_path: Path) -> None:
     names = ("speedup", "speedup_low", "speedup_high")
-    made = sweep_figures.draw(data, rows.assign(**dict.fromkeys(names, np.nan)), tmp_path)
+    made = ladder_figures.draw(data, rows.assign(**dict.fromkeys(names, np.nan)), tmp_path)
     assert "speedup-ladder" not in made and "runtime" in made
 
 
 def test_many_sizes_and_one_phase_can_be_drawn(rows: pd.DataFrame) -> None:
     one = rows[(rows["phase"] == "opt3") & (rows["scene"] == "scene0")].iloc[[0]]
     many = pd.concat([one.assign(height=n, ms=n, ms_low=n - 1, ms_high=n + 1) for n in range(100, 2001, 100)])
-    figure = sweep_figures.runtime(many)
+    figure = ladder_figures.runtime(many)
     FigureCanvasAgg(figure).draw()
     axes = figure.axes[0]
     shown = [

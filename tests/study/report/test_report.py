@@ -23,8 +23,8 @@ from study.commands import report
 from study.core import registry
 from study.core.show import Column
 from study.experiments import section
-from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis, stats
+from study.pictures import ladder as ladder_figures
 from study.report import chapters, facts, figures
 
 pytestmark = pytest.mark.slow
@@ -114,7 +114,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[Path], Page]:
     """Makes the page of a run in this process, with one plot only."""
-    monkeypatch.setattr(sweep_figures, "PLOTS", {"runtime": sweep_figures.runtime})
+    monkeypatch.setattr(ladder_figures, "PLOTS", {"runtime": ladder_figures.runtime})
 
     def make(run: Path) -> Page:
         return Page(report.page(analysis.load(run, strict=False), tmp_path / "out" / "index.html"))
@@ -147,7 +147,7 @@ def test_tables_and_figures_lie_beside_the_page(made: Made) -> None:
     files = {path.relative_to(made.out).as_posix() for path in made.out.rglob("*.*")}
     for name in ("ladder", "runtime", "verification", "paper"):
         assert {f"tables/{name}.{suffix}" for suffix in ("csv", "md", "json")} <= files
-    for name in sweep_figures.PLOTS:
+    for name in ladder_figures.PLOTS:
         assert {f"figures/{name}.svg", f"figures/{name}.png"} <= files
     assert not (made.run / "tables").exists()  # the run itself stays as it was
 

@@ -11,8 +11,7 @@ import pytest
 from study.commands import report, report_pdf
 from study.core.cli import StudyError
 from study.core.registry import ROOT
-from study.experiments.sweep import ladder
-from study.numbers import analysis
+from study.numbers import analysis, ladder
 from study.report import paper
 
 PUBLISHED = ROOT / "results" / "reference" / "zen4-2026-11-28"

@@ -22,9 +22,9 @@ from study.commands import publish, report
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.pareto import tables as pareto_tables
-from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis
 from study.pictures import images
+from study.pictures import ladder as ladder_figures
 from study.report import compared, figures, machines
 
 pytestmark = pytest.mark.slow
@@ -229,8 +229,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         images.write_png(run / pair[name], np.full((90, 160, 3), colour, np.uint8))
     (run / "verify.json").write_text(json.dumps(verify))
     with pytest.MonkeyPatch.context() as patch:
-        plots = {"speedup-ladder": sweep_figures.speedups, "runtime": sweep_figures.runtime}
-        patch.setattr(sweep_figures, "PLOTS", plots)
+        plots = {"speedup-ladder": ladder_figures.speedups, "runtime": ladder_figures.runtime}
+        patch.setattr(ladder_figures, "PLOTS", plots)
         marked.checked(patch)
         patch.setattr(pareto_tables, "FIGURES", {"psnr_db": "pareto"})
         patch.setattr(machines, "PUBLISHED", folder / "published")
@@ -408,7 +408,7 @@ def test_a_page_is_never_larger_than_its_limit(
 ) -> None:
     """What is left out is named; without any picture a page that is still too large is an error."""
     data = analysis.load(made / "machine" / "run", strict=False)
-    monkeypatch.setattr(sweep_figures, "PLOTS", {"runtime": sweep_figures.runtime})
+    monkeypatch.setattr(ladder_figures, "PLOTS", {"runtime": ladder_figures.runtime})
     monkeypatch.setattr(pareto_tables, "FIGURES", {"psnr_db": "pareto"})
     monkeypatch.setattr(machines, "PUBLISHED", tmp_path)
     whole = report.page(data, tmp_path / "index.html")

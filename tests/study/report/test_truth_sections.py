@@ -24,8 +24,8 @@ from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto import schema as pareto_schema
 from study.experiments.section import Section
-from study.experiments.sweep import figures as sweep_figures
 from study.numbers import analysis
+from study.pictures import ladder as ladder_figures
 from study.report import figures
 
 Row = dict[str, Any]
@@ -103,7 +103,7 @@ def part_of(section: Section, name: str) -> show.Table:
 def test_the_page_has_its_figures_from_the_files_alone(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sweep_figures, "PLOTS", {})
+    monkeypatch.setattr(ladder_figures, "PLOTS", {})
     one = functions_figures.drawings
     few = ("functions-float", "functions-float-latency")
     monkeypatch.setattr(functions_figures, "drawings", lambda r: {n: one(r)[n] for n in few})

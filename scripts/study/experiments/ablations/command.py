@@ -14,7 +14,7 @@ from study.core.run import DriverError
 from study.experiments.ablations import ideas
 from study.experiments.ablations import measure as ablations
 from study.experiments.ablations.measure import Ablation, Case
-from study.experiments.sweep import summary
+from study.numbers import summary
 from study.pictures.gallery import Gallery
 
 DESCRIPTION = """\

@@ -9,8 +9,8 @@ from study.core import show
 from study.core.show import Row
 from study.experiments.accuracy import tables as accuracy_page
 from study.experiments.section import Section, inside, part, reading
+from study.numbers import accuracy
 from study.pictures.draw import Drawing
-from study.truth import accuracy
 
 
 def _again(result: Row) -> str:

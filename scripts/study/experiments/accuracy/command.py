@@ -15,9 +15,10 @@ from study.core.run import NO_ISA, UNSUPPORTED
 from study.experiments import shards
 from study.experiments.accuracy import converge
 from study.experiments.accuracy import tables as accuracy_page
+from study.numbers import accuracy
 from study.pictures import draw, gate, images
 from study.pictures.gallery import Gallery, Size
-from study.truth import accuracy, judging
+from study.truth import judging
 from study.truth.subject import BASE, FLOAT, Subject
 
 DESCRIPTION = """\

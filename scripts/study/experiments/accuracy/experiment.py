@@ -5,8 +5,8 @@ from __future__ import annotations
 from study.experiments.accuracy import chapter, command, goals
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.shards import Sharded
-from study.truth import accuracy
-from study.truth.accuracy import SCHEMAS
+from study.numbers import accuracy
+from study.numbers.accuracy import SCHEMAS
 
 HEIGHT, QUICK_HEIGHT = "180", "90"  # scene0's truth at 180: half a minute on two cores
 

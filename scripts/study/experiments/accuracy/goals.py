@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from study.experiments import goal
+from study.numbers import accuracy
 from study.numbers.analysis import Data
-from study.truth import accuracy
 
 
 def reached(data: Data) -> Iterable[goal.Goal]:

@@ -14,7 +14,7 @@ from study.experiments.drjit import measure as drjit_measure
 from study.experiments.drjit import tables as drjit_page
 from study.experiments.drjit.measure import DRJIT, Measuring, Point, Rival
 from study.experiments.frames import measure as frames
-from study.experiments.sweep import summary
+from study.numbers import summary
 
 DESCRIPTION = """\
 scene0_plain and mandelbulb without shadows, rendered by Dr.Jit (float, at most 100 steps, hit distance

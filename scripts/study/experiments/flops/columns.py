@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pandas as pd
 
 from study.core.show import NOTHING, Column, Row, percent, picture, plain, word
-from study.experiments.sweep.columns import _phase
+from study.numbers.columns import _phase
 
 
 def _difference(name: str) -> Callable[[Row], str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
-from study.experiments.original.schema import SCHEMAS
+from study.numbers.original import SCHEMAS
 
 EXPERIMENT = Experiment(
     name="original",

@@ -21,8 +21,11 @@ from study.core import run, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import ROOT, Scene, Spec
-from study.experiments.original.schema import Original
 from study.numbers import stats
+from study.numbers.original import FILE as FILE
+from study.numbers.original import Original
+from study.numbers.original import held_beside as held_beside
+from study.numbers.original import read as read
 from study.pictures import images
 
 REPOSITORY = "https://github.com/devnio/Optimized-CPU-Ray-Marcher.git"
@@ -35,7 +38,6 @@ COMMITS = {
     "opt4": "e049ba6",
 }
 SCENES = ("scene0", "mandelbulb")  # the paper's own two; both projects hold the same numbers
-FILE = "original.json"
 Row = dict[str, Any]
 
 
@@ -176,19 +178,6 @@ def sentence(row: Row) -> str:
         f"program {theirs['value']:,.0f} ms, ratio {ratio['value']:.3f}{ends}; displayed pictures: "
         f"{psnr}, {100 * row['fraction_over_1_255']:.3g} % of the pixels off by more than 1/255"
     )
-
-
-def read(path: Path) -> Row:
-    """A run's original.json. Raises StudyError for another thing's JSON."""
-    return Original.read(path)
-
-
-def held_beside(folder: Path) -> bool:
-    """Whether the run's baseline was timed beside the paper's program and was no slower (3 %)."""
-    if not (folder / FILE).exists():
-        return False
-    rows = [row for row in Original.read(folder / FILE)["rows"] if row["phase"] == "baseline"]
-    return bool(rows) and all(row["ours_over_theirs"]["value"] <= 1.03 for row in rows)
 
 
 def folder_of(repository: str) -> Path:

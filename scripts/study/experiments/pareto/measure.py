@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from study.bounds import work
 from study.core import progress, run
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments.pareto.fronts import BASE, FACTOR, MEASURES, TRUTHS, WITHIN, Row, badness
-from study.experiments.sweep import rungs
 from study.numbers import stats
 from study.pictures import images
 from study.truth import judging, truth
@@ -118,7 +118,7 @@ def evaluations(point: Point, scene: Scene, height: int) -> float | None:
     except DriverError:
         return None
     counted = said["by_function"]
-    lanes = [counted[name]["lanes"] for name in ("sdf", *rungs.ESTIMATES) if name in counted]
+    lanes = [counted[name]["lanes"] for name in ("sdf", *work.ESTIMATES) if name in counted]
     return max(lanes) / (size[0] * size[1]) if lanes else None
 
 

@@ -18,7 +18,7 @@ from study.core.show import Column
 from study.experiments.pareto import fronts as pareto
 from study.experiments.pareto.fronts import Row
 from study.numbers import paper
-from study.pictures import gate, labels
+from study.pictures import labels
 from study.pictures.draw import legend, look, panels, plain_log
 from study.pictures.hover import tell
 
@@ -90,7 +90,7 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
 
 def _draws_ideal(name: str) -> bool:
     known = registry.phases().get(name.partition("+")[0])
-    return known is not None and gate.draws_ideal(known)
+    return known is not None and known.draws_ideal
 
 
 def _by_ideal(axes: Axes, rows: Sequence[Row], looks: dict) -> None:

@@ -18,9 +18,9 @@ from study.bounds.ceilings import LEVELS, Ceilings
 from study.bounds.roof import Row
 from study.core import cli, machine, show
 from study.experiments.roofline import tables as roof_tables
-from study.experiments.sweep import figures as sweep_figures
 from study.numbers.analysis import Data
 from study.pictures import labels
+from study.pictures import ladder as ladder_figures
 from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
 from study.pictures.hover import tell
 
@@ -211,7 +211,7 @@ def point(axes: Axes, row: pd.Series, style: dict) -> None:
 def performance(table: pd.DataFrame) -> Figure:
     """The paper's Fig. 6 in form: flop per core cycle against n; its own values as stars on the right."""
     title = "Performance against picture height; stars: the paper's own (i7-7700, its convention)"
-    figure = sweep_figures.against_n(table, "flops_per_core_cycle", "flop per core cycle", title, hover)
+    figure = ladder_figures.against_n(table, "flops_per_core_cycle", "flop per core cycle", title, hover)
     looks = look(table)
     for axes, scene in zip(figure.axes, dict.fromkeys(table["scene"]), strict=False):
         for _, row in table[(table["scene"] == scene) & (table["paper_flops_per_cycle"] > 0)].iterrows():

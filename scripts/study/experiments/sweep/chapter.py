@@ -7,8 +7,9 @@ import math
 from study.core import registry, show
 from study.core.show import Row
 from study.experiments.section import Part, Section, part, reading
-from study.experiments.sweep import columns, figures, ladder
+from study.numbers import columns, ladder
 from study.numbers.analysis import Data
+from study.pictures import ladder as figures
 from study.pictures.draw import Drawing
 
 CLOSED = (

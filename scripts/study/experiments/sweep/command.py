@@ -20,9 +20,8 @@ from study.core.cli import StudyError
 from study.core.host import energy, quotas
 from study.core.registry import Spec, find_scene, ladder
 from study.core.run import DriverError
-from study.experiments.sweep import summary
 from study.experiments.sweep.plan import Config, fail, make_plan, now, overrides, sha256
-from study.numbers import stats
+from study.numbers import stats, summary
 
 DESCRIPTION = """\
 Times phases on scenes and sizes. A round launches every configuration once, in random order, pinned to one

@@ -11,8 +11,7 @@ from collections.abc import Iterable, Sequence
 from study.core import registry, show
 from study.experiments import goal
 from study.experiments.original import measure as original
-from study.experiments.sweep import ladder
-from study.numbers import verdicts
+from study.numbers import ladder, verdicts
 from study.numbers.analysis import Data
 
 HEIGHT = 720  # of the goals' pictures

@@ -18,7 +18,7 @@ from study.core import cli, progress, run
 from study.core.build import build
 from study.core.registry import Spec, cpu_supports, find_phase, find_scene, missing_isa, phases
 from study.core.run import DriverError
-from study.experiments.sweep import summary
+from study.numbers import summary
 from study.numbers.analysis import GENERATED, SECOND_BASE
 
 CALIBRATION_HEIGHT = 45

@@ -9,9 +9,9 @@ from study.core import cli, machine, registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.sweep import summary
 from study.experiments.toolchains import measure as toolchains
 from study.experiments.toolchains.measure import BASE, SETS
+from study.numbers import summary
 
 DESCRIPTION = """\
 Each phase is built by each compiler under each set of flags, behind the phase's own:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from study.experiments.section import Section, inside, part, reading
-from study.experiments.sweep import figures, ladder
 from study.experiments.verify import columns
+from study.numbers import ladder
 from study.numbers.analysis import Data
+from study.pictures import ladder as figures
 
 
 def verification(data: Data) -> Section:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.core.show import NOTHING, Column, gate, gate_mark, plain, share, whole, word, yes
-from study.experiments.sweep.columns import _phase, _pictures
+from study.numbers.columns import _phase, _pictures
 
 VERIFICATION = [
     Column("", "scene", word("scene")),

@@ -16,7 +16,7 @@ from matplotlib.ticker import NullLocator
 
 from study.core import cli, machine, registry, show
 from study.core.show import Row
-from study.experiments.sweep import ladder
+from study.numbers import ladder
 from study.numbers.analysis import Data
 from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
 from study.pictures.hover import tell

@@ -1,8 +1,9 @@
-"""original.json."""
+"""original.json: the paper's own program beside ours."""
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
 from study.core.schema import ABSENT, Absent, Record, key
 from study.numbers.schema import Interval, Measured
@@ -40,4 +41,18 @@ class Original(Measured, kw_only=True):
     rows: Annotated[list[Row], key("", "phases and scenes", min_length=1)]
 
 
-SCHEMAS = {"original.json": Original}
+FILE = "original.json"
+SCHEMAS = {FILE: Original}
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A run's original.json. Raises StudyError for another thing's JSON."""
+    return Original.read(path)
+
+
+def held_beside(folder: Path) -> bool:
+    """Whether the run's baseline was timed beside the paper's program and was no slower (3 %)."""
+    if not (folder / FILE).exists():
+        return False
+    rows = [row for row in Original.read(folder / FILE)["rows"] if row["phase"] == "baseline"]
+    return bool(rows) and all(row["ours_over_theirs"]["value"] <= 1.03 for row in rows)

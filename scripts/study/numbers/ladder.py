@@ -11,12 +11,9 @@ import pandas as pd
 
 from study.core.registry import BASE as BASE
 from study.core.registry import phases
-from study.experiments.original import measure as original
-from study.numbers import paper, stats
+from study.numbers import accuracy, original, paper, stats
 from study.numbers.analysis import Cell, Data, described, second_base
 from study.numbers.stats import Interval
-from study.pictures import gate
-from study.truth import accuracy
 
 ERRORS = (
     "identical",
@@ -71,7 +68,7 @@ def truth_errors(data: Data) -> pd.DataFrame:
     for row in accuracy.read(data.path)["rows"]:
         colours = row["antialiased"] if row["converged_only"] else row
         known = phases().get(re.split("[@+]", row["phase"])[0])
-        ideal = known is not None and gate.draws_ideal(known)
+        ideal = known is not None and known.draws_ideal
         wrong = sum(row[name] for name in ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm"))
         made.append(
             {
