@@ -7,7 +7,7 @@ lists of the documents know an experiment only through this object, and find it 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -16,8 +16,7 @@ from study.core import commands
 from study.core.cli import StudyError
 from study.core.schema import File
 from study.experiments import cuts
-from study.experiments.goal import Goal
-from study.experiments.section import Section, reading
+from study.experiments.section import Section
 from study.experiments.shards import Sharded
 from study.numbers.analysis import Data
 
@@ -76,8 +75,8 @@ class Experiment:
     each file that its own command writes into a run. `calls`: its commands in a study; None: its own, which
     may lack what it needs. `depth`: the least depth of a study that has it; None: only by its name.
     `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS it
-    answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `goals`: what was
-    asked, beside what a run has of it. `sharded`: how its work is parted, where its command has --shard.
+    answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `sharded`: how its
+    work is parted, where its command has --shard.
     `lesson`: a phase and the text of its NOTES.md → that text with the experiment's table made anew, None
     where it has none there. `command`: the module with `options(parser)` and `measure(args) -> Outcome`.
     """
@@ -90,7 +89,6 @@ class Experiment:
     depth: str | None = "standard"
     sections: Sequence[tuple[int, Callable[[Data], Section]]] = ()
     cut: str = ""
-    goals: Callable[[Data], Iterable[Goal]] | None = None
     sharded: Sharded | None = None
     lesson: Callable[[str, str], str | None] | None = None
     command: commands.Body | None = None
@@ -128,17 +126,6 @@ def placed(data: Data) -> list[tuple[int, Section]]:
         )
         made += [(place, replace(make(data), cut=line)) for place, make in one.sections]
     return sorted(made, key=lambda each: each[0])
-
-
-def goals(data: Data) -> list[tuple[int, Goal]]:
-    """Goals that a run has a figure for, each with its experiment's place. StudyError for a broken file."""
-    made: list[tuple[int, Goal]] = []
-    for place, one in enumerate(find_all().values()):
-        if one.goals:
-            file = data.path / next(iter(one.schemas))
-            with reading(file, f"scripts/stepwise {one.name} --run {data.path}"):
-                made += [(place, goal) for goal in one.goals(data)]
-    return made
 
 
 def sections(data: Data) -> list[Section]:

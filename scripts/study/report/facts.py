@@ -6,9 +6,29 @@ import shlex
 from collections.abc import Mapping
 from typing import Any
 
+from study.core import machine as machines
+from study.core import registry
 from study.core.host import checkout, quotas
 from study.numbers import analysis
 from study.numbers.analysis import Data
+
+WIDE = 16  # lanes of the newest CPUs
+
+
+def short_name(data: Data) -> str:
+    """The run's machine; of a run whose phases had fewer lanes than that CPU has, with its vectors."""
+    found = data.context.get("cpu") or {}
+    short = found.get("microarchitecture") or machines.name(data.context)
+    if not {"phase", "lanes"} <= set(data.frames):
+        return short
+    flags = set(found.get("flags") or ())
+    wide = [
+        phase
+        for phase, known in registry.ladder().items()
+        if any(one["lanes"] >= WIDE and flags.issuperset(one["isa"]) for one in known.variants)
+    ]
+    lanes = data.frames[data.frames["phase"].isin(wide)]["lanes"].max()
+    return f"{short}, AVX2 alone" if lanes < WIDE else short
 
 
 def machine(data: Data) -> list[tuple[str, str]]:

@@ -19,7 +19,7 @@ from study.experiments.peers.schema import Peers
 from study.numbers import ladder, stats
 from study.numbers.analysis import Data
 from study.numbers.columns import truth_height
-from study.report import goals_page
+from study.report import facts
 
 SCENES = ("scene0", "mandelbulb")  # the paper's own two
 STRONGEST = 2  # of those programs are shown
@@ -156,7 +156,7 @@ def machines_block(runs: Sequence[Data]) -> str:
     The ratio to baseline is shown where baseline was held beside the paper's program.
     """
     parts = []
-    newest = {goals_page.name(data): data for data in sorted(runs, key=lambda data: data.context["time"])}
+    newest = {facts.short_name(data): data for data in sorted(runs, key=lambda data: data.context["time"])}
     for here, data in sorted(newest.items()):
         found = by_phase(ladder.rows(data, 720))
         if not found:

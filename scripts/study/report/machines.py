@@ -24,7 +24,7 @@ from study.numbers.analysis import Data
 from study.pictures import ladder as figures
 from study.pictures.draw import look, shape
 from study.pictures.processes import in_processes
-from study.report import goals_page
+from study.report import facts
 
 PUBLISHED = RESULTS / "reference"
 UNCHECKED = "No ratio to its baseline is given, for that was not timed beside the paper's program."
@@ -59,7 +59,7 @@ def _of(data: Data, rows: pd.DataFrame, checked: bool) -> Found:
     about = f"run {data.path.name}: {provenance.place(data.context)}."
     if not checked:
         about += f" {UNCHECKED}"
-    return {"name": goals_page.name(data), "about": about, "scenes": scenes}
+    return {"name": facts.short_name(data), "about": about, "scenes": scenes}
 
 
 def _pictures(run: Run, wanted: Sequence[Picture]) -> dict[str, Picture]:

@@ -50,7 +50,7 @@ SOUND |= {
 
 
 def read_run(folder: Path) -> None:
-    """Everything that a report says of a run, and the goals; figures are not drawn."""
+    """Everything that a report says of a run; figures are not drawn."""
     data = analysis.load(folder, strict=False)
     rows = ladder.rows(data)
     experiment.placed(data)
@@ -59,7 +59,6 @@ def read_run(folder: Path) -> None:
     report.facts.machine(data)
     report.facts.commands(data)
     report.facts.skipped(data)
-    experiment.goals(data)
     provenance.need_clean(folder, True)
     provenance.disturbed(folder, [path.name for path in folder.glob("*.json")])
 

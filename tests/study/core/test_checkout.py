@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from study.commands import goals, publish
+from study.commands import publish
 from study.core import provenance
 from study.core.cli import StudyError
 from study.core.host import checkout
@@ -113,7 +113,7 @@ def test_what_is_not_clean_is_not_passed_on(monkeypatch, tmp_path, git_state, me
     (tmp_path / "run" / "plan.json").write_text("{}")
     context = tmp_path / "run" / "context.json"
     context.write_text(json.dumps({"git": git_state}))
-    for command, more in ((publish, [str(tmp_path / "out")]), (goals, [])):
+    for command, more in ((publish, [str(tmp_path / "out")]),):
         monkeypatch.setattr("sys.argv", ["stepwise", str(tmp_path / "run"), *more])
         with pytest.raises(StudyError, match=message):
             command.main()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.experiments.accuracy import chapter, command, goals
+from study.experiments.accuracy import chapter, command
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.shards import Sharded
 from study.numbers import accuracy
@@ -28,6 +28,5 @@ EXPERIMENT = Experiment(
     depth="quick",
     cut="Three scenes at height 90.",
     sections=[(520, lambda data: chapter.errors(data.path))],
-    goals=goals.reached,
     sharded=Sharded(accuracy.FILE, ("rows", "skipped"), command.units),
 )

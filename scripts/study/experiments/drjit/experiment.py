@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.experiments.drjit import chapter, goals
+from study.experiments.drjit import chapter
 from study.experiments.drjit.schema import SCHEMAS
 from study.experiments.experiment import Experiment
 
@@ -14,5 +14,4 @@ EXPERIMENT = Experiment(
     depth="full",
     cut="Dr.Jit is not among what `make study` installs.",
     sections=[(160, lambda data: chapter.rival(data.path))],
-    goals=goals.reached,
 )

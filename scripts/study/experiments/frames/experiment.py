@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.frames import chapter, goals
+from study.experiments.frames import chapter
 from study.experiments.frames.schema import SCHEMAS
 
 SECONDS, WHOLE_SECONDS, QUICK_SECONDS = "45", "600", "8"
@@ -26,5 +26,4 @@ EXPERIMENT = Experiment(
     depth="quick",
     cut="The last phase on scene0 alone, in eight seconds.",
     sections=[(140, lambda data: chapter.rates(data.path))],
-    goals=goals.reached,
 )

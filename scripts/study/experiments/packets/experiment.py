@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
-from study.experiments.packets import goals
 from study.experiments.packets.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -12,6 +11,5 @@ EXPERIMENT = Experiment(
     turn=175,
     schemas=SCHEMAS,
     depth=None,
-    goals=goals.reached,
     cut="It needs Embree, which not every machine has.",
 )

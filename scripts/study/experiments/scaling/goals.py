@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 
 from study.core import generated_scenes as scaling_scenes
-from study.core import registry, run, show
+from study.core import registry, run
 from study.core.registry import Spec
 from study.core.run import DriverError
-from study.experiments import goal
-from study.experiments.scaling.measure import FILE, above_frame, read, why
+from study.experiments.scaling.measure import above_frame, why
 from study.experiments.scaling.series import CROWD_HEIGHT, Picture, Row, Series
 from study.numbers import power_laws as scaling_fit
 from study.numbers import stats
-from study.numbers.analysis import Data
 from study.numbers.stats import Interval
 
 FEW, MANY, MOST_TIMES = 16, 4096, 4.0  # shapes, and what the many may cost at most
@@ -216,35 +214,3 @@ def at_4k(spec: Spec, about: Row, seed: int, folder: Path) -> dict[str, Any]:
         **{"seconds": made["frames"][0]["ns"] * 1e-9, "peak_rss_mib": peak / 1024},
         "above_frame_mib": above_frame(peak, picture),
     }
-
-
-def reached(data: Data) -> Iterable[goal.Goal]:
-    found = read(data.path / FILE)
-    full = MANY, CROWD_HEIGHT
-    rows = [r for r in found.get("goals", []) if r["ratio"] and (r["shapes"], r["n"]) == full]
-    if rows:
-        row = goal.best(rows, "phase", lambda r: goal.given(r["ratio"]), least=True)
-        few, many = row.get("scenes") or (1, 1)  # runs of before there were more
-        drawn = "mean over scenes" if few > 1 else "one scene of each"
-        name = f"time of 4,096 scattered shapes over 16 at equal coverage, 1280×720, {drawn}"
-        known = [show.number(c) for c in row["coverage"] if c is not None]
-        covered = f"coverage {' and '.join(known)}" if known else "coverage not recorded in this run"
-        if few > 1:
-            covered = f"{few} and {many} scenes; coverage made to be {found['coverage_wanted']:g}"
-            if row.get("by_medians") and row["by_medians"]["value"] is not None:
-                covered += f"; by medians {show.spread(row['by_medians'], 3, '×')}"
-            others = [r for r in rows if r["phase"] != row["phase"]]
-            covered += "".join(f"; {r['phase']} {show.spread(r['ratio'], 3, '×')}" for r in others)
-        yield goal.Goal(
-            name, MOST_TIMES, goal.given(row["ratio"]), row["shapes_goal"], row["phase"],
-            beside=covered, at_most=True, scenes=few if few > 1 else 0,
-        )  # fmt: skip
-    most = [r for r in found.get("goals", []) if r["above_frame_mib"] is not None]
-    if most:
-        row = max(most, key=lambda r: r["above_frame_mib"])
-        threads = max(r["threads"] for r in found["memory"] if r["phase"] == row["phase"])
-        name = f"memory above the frame at 3840×2160, MiB, {threads} threads"  # a worker adds its own
-        mib = goal.exact(row["above_frame_mib"])
-        limit = MOST_MIB
-        verdict = memory_goal(found["memory"], row["phase"])
-        yield goal.Goal(name, limit, mib, verdict, row["phase"], "", at_most=True)

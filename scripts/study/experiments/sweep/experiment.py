@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.core.run_schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.sweep import chapter, goals, work
+from study.experiments.sweep import chapter, work
 
 
 def calls(study: Study) -> list[Call]:
@@ -20,5 +20,4 @@ EXPERIMENT = Experiment(
     depth="quick",
     cut="Six launches instead of ten, and pictures as large as 75 seconds allow.",
     sections=[(110, chapter.speeds), (130, chapter.sizes), (240, work.section)],
-    goals=goals.reached,
 )
