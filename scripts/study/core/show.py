@@ -24,7 +24,19 @@ LONG = (
     "here",
 )
 MOST_DB = 150  # of a PSNR: floats in [0, 1] are rounded at 2^-25 of themselves, 150 dB
-Row = Mapping[str, Any]
+Row = Any  # of a table: a mapping, or a record with these attributes
+
+
+def cell(row: Row, name: str) -> Any:
+    """A row's value of that name; None without it."""
+    return row.get(name) if hasattr(row, "get") else getattr(row, name, None)
+
+
+def cells(row: Row) -> Mapping[str, Any]:
+    """A row's values by name."""
+    if hasattr(row, "__struct_fields__"):
+        return {name: getattr(row, name) for name in row.__struct_fields__}
+    return row if isinstance(row, Mapping) else vars(row)
 
 
 @dataclass(frozen=True)
@@ -77,7 +89,7 @@ def interval(row: Row, name: str, digits: int = 4, unit: str = "") -> str:
 
     A line may break before the brackets only.
     """
-    value, low, high = (row.get(key) for key in (name, f"{name}_low", f"{name}_high"))
+    value, low, high = (cell(row, key) for key in (name, f"{name}_low", f"{name}_high"))
     if value is None or pd.isna(value):
         return "not measured"
     places = _places(value, digits)
@@ -90,13 +102,13 @@ def spread(found: Any, digits: int = 3, unit: str = "") -> str:
     None: –."""
     if found is None:
         return NOTHING
-    some = found if isinstance(found, Mapping) else vars(found)
+    some = cells(found)
     ends = {f"v{end}": some[key] for end, key in (("", "value"), ("_low", "low"), ("_high", "high"))}
     return interval({k: math.nan if v is None else v for k, v in ends.items()}, "v", digits, unit)
 
 
 def spread_of(name: str, unit: str = "", digits: int = 3) -> Callable[[Row], str]:
-    return lambda row: spread(row.get(name), digits, unit)
+    return lambda row: spread(cell(row, name), digits, unit)
 
 
 def speedup(name: str, base: str) -> Callable[[Row], str]:
@@ -188,23 +200,23 @@ def rerun(row: Row) -> str:
 
 def plain(name: str, digits: int = 3, scale: float = 1) -> Callable[[Row], str]:
     def text(row: Row) -> str:
-        value = row.get(name)
+        value = cell(row, name)
         return number(value / scale if isinstance(value, int | float) and scale != 1 else value, digits)
 
     return text
 
 
 def word(name: str) -> Callable[[Row], str]:
-    return lambda row: NOTHING if row.get(name) is None or pd.isna(row[name]) else str(row[name])
+    return lambda row: NOTHING if (value := cell(row, name)) is None or pd.isna(value) else str(value)
 
 
 def whole(name: str) -> Callable[[Row], str]:
-    return lambda row: NOTHING if row.get(name) is None or pd.isna(row[name]) else f"{row[name]:.0f}"
+    return lambda row: NOTHING if (value := cell(row, name)) is None or pd.isna(value) else f"{value:.0f}"
 
 
 def picture(row: Row) -> str:
     """The scene with the size of its picture in pixels: `scene0, 1280×720`."""
-    return f"{row['scene']}, {row['width']}×{row.get('height') or row['n']}"
+    return f"{cell(row, 'scene')}, {cell(row, 'width')}×{cell(row, 'height') or cell(row, 'n')}"
 
 
 @dataclass(frozen=True)

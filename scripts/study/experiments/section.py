@@ -35,7 +35,7 @@ class Part:
 
     @property
     def frame(self) -> pd.DataFrame:
-        return pd.DataFrame(self.rows)
+        return pd.DataFrame([show.cells(row) for row in self.rows])
 
     @property
     def markdown(self) -> str:
