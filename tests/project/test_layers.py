@@ -17,6 +17,7 @@ ORDER = [
     "truth",
     "counting",
     "bounds",
+    "measuring",
     "experiments",
     "claims",
     "report",

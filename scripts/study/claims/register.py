@@ -13,6 +13,8 @@ import statistics
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
+
 from study.bounds import roof
 from study.claims import compilers
 from study.claims.compilers import known
@@ -23,9 +25,10 @@ from study.experiments.fixed import measure as fixed
 from study.experiments.functions.schema import Functions
 from study.experiments.hotspots.schema import Hotspots
 from study.experiments.lattice import measure as lattice
-from study.experiments.moving import measure as moving
 from study.experiments.packets import measure as packets
 from study.experiments.rods import measure as rods
+from study.measuring import animation_tables
+from study.measuring.schema import Animation, Article
 from study.numbers import stats
 from study.numbers.accuracy import Accuracy
 from study.numbers.analysis import Data
@@ -293,8 +296,10 @@ def _integers(data: Data, claim: Claim) -> Found:
     said = result["article"]
     one = max(mine, key=lambda row: (row.get("frames") == said["frames"], row["threads"]))
     cores = f"{one['threads']} thread{'s' * (one['threads'] > 1)}"
-    beside = moving.per_article(one, said)
-    if beside == show.NOTHING:
+    ratio = animation_tables.per_article(msgspec.convert(one, Animation), msgspec.convert(said, Article))
+    if ratio is not None:
+        beside = f"{show.number(ratio)}× its pixels per core and second"
+    else:
         beside = f"{one.get('frames', '?')} frames of {one.get('width', '?')}×{one['n']}, no ratio"
     mean = one["ms"].get("mean", one["ms"]["p50"])  # the article's is one; older files have none
     text = f"{mean:.1f} ms on {cores}: {beside}"

@@ -214,6 +214,7 @@ def render(
     env_bytes: int = 0,
     timed: bool = True,
     general: bool | None = None,
+    told: Mapping[str, str] | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
@@ -221,13 +222,13 @@ def render(
     Options: aov, display, out, reps, animation (its frames), first_frame, warmup, hit_distance, max_steps,
     target (render-count …). Not `timed`: for a picture or counts alone; the clocks' rates are 0.
     `general`: no kernel is generated for the scene; so run all other targets than render. `env_bytes`: as
-    in frames.
+    in frames. `told`: variables of its environment.
     Raises DriverError(status, message).
     """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
     if general is None:
         general = options.get("target", "render") != "render"
-    more = GENERAL if general else None
+    more = dict(told or {}) | (GENERAL if general else {})
     text = "".join(_lines(arguments, cpu_set(cpu, threads), env_bytes, timed, more))
     return _parse(text, arguments[0])
 
@@ -263,12 +264,13 @@ def frames_into(
     cpu: int | None = None,
     threads: int = 1,
     timed: bool = True,
+    told: Mapping[str, str] | None = None,
     **options: Any,
 ) -> None:
     """`frames`, written by the driver itself at the end of the open `file`, a line flushed after each frame:
     no reader takes time from the threads, and what was written stays if this process is killed."""
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
-    with _child(arguments, cpu_set(cpu, threads), environment(0, timed), file):
+    with _child(arguments, cpu_set(cpu, threads), environment(0, timed, told), file):
         pass
 
 

@@ -14,13 +14,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from study.core import registry, run, store
 from study.core.registry import Scene, Spec
 from study.experiments.lattice.schema import Lattice
-from study.experiments.rods import measure as rods
+from study.measuring import hits
 from study.numbers import stats
+from study.pictures.images import Picture
 from study.truth import truth
 
 Row = dict[str, Any]
@@ -143,6 +145,11 @@ def rows(times: dict[Point, list[float]], errors: dict[str, Row]) -> list[Row]:
     return made
 
 
+def _errors(name: str, exact: Picture, scene: Scene, size: tuple[int, int]) -> Row:
+    found: Row = msgspec.to_builtins(hits.errors(exact, hits.picture(name, scene, size)))
+    return found
+
+
 def study(
     names: Sequence[str],
     sizes: Sequence[tuple[int, int]],
@@ -157,7 +164,7 @@ def study(
     scene = registry.find_scene(SCENE)
     size = scene.size(error_n)
     exact = truth.picture(scene, size)
-    errors = {name: rods.errors(exact, rods.picture(name, "", scene, size)) for name in names}
+    errors = {name: _errors(name, exact, scene, size) for name in names}
     for name, row in errors.items():
         row["shading"] = shading(name, scene, size)
     paths = {True: scene.path, False: unlit(scene, scratch)}

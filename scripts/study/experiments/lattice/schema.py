@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 from study.core.schema import ABSENT, Absent, key
-from study.numbers.schema import HitErrors, Measured
+from study.measuring.schema import HitErrors
+from study.numbers.schema import Measured
 
 
 class Row(HitErrors, kw_only=True):

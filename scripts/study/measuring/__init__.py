@@ -1,0 +1,1 @@
+"""What experiments that time programs share: launches, errors to ground truth, animations."""
