@@ -9,12 +9,11 @@ import numpy as np
 
 from study.core import run, temporary
 from study.core.registry import Scene
-from study.experiments.accuracy import measure as accuracy
 from study.measuring.launches import Size, Told
 from study.measuring.schema import HitErrors
 from study.pictures import images
 from study.pictures.images import Picture
-from study.truth import truth
+from study.truth import judging, truth
 
 
 def picture(phase: str, scene: Scene, size: Size, told: Told | None = None, **more: Any) -> Picture:
@@ -32,13 +31,13 @@ def decibels(square: float) -> float | None:
 
 def errors(exact: Picture, made: Picture) -> HitErrors:
     """Errors of the pixels that truth proves; where it proves none, of those that converged."""
-    least = accuracy.PROVED if (exact["status"] == accuracy.PROVED).any() else accuracy.CONVERGED
+    least = judging.PROVED if (exact["status"] == judging.PROVED).any() else judging.CONVERGED
     count = int((exact["status"] >= least).sum())
-    off = accuracy.right_distances(exact, made, least)
+    off = judging.right_distances(exact, made, least)
     p50, p99, most = np.percentile(off, (50, 99, 100)).tolist() if off.size else (None, None, None)
     wrong = {
         kind: float(mask.sum() / count * 1e6) if count else math.nan
-        for kind, mask in accuracy.wrong_hits(exact, made, least).items()
+        for kind, mask in judging.wrong_hits(exact, made, least).items()
     }
     square = mean_square(exact, made, exact["status.all"] >= truth.CONVERGED)
     return HitErrors(
