@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from study.experiments.fixed import measure as fixed
 from study.experiments.packets import measure as packets
-from study.experiments.packets import rays as packets_rays
 from study.experiments.rods import measure as rods
+from study.measuring import rays as packets_rays
 
 
 def fixed_result() -> dict:

@@ -14,8 +14,8 @@ from study.core import store
 from study.core.registry import Scene
 from study.experiments.fixed import measure as fixed
 from study.experiments.moving.measure import environment
-from study.experiments.packets import rays as packets_rays
 from study.experiments.rods import measure as rods
+from study.measuring import rays as packets_rays
 
 COUNT, SIZE = 4096, (43, 24)
 # Its disc is within the first block of 16 × 16 pixels: no ray through a corner of a block meets it.

@@ -16,7 +16,7 @@ from study.core.registry import ROOT
 SCRIPTS = ROOT / "scripts"
 FILES = sorted(path for path in SCRIPTS.rglob("*.py") if "__pycache__" not in path.parts)
 # Run by Pythons of their own, which have what they import.
-OWN_PYTHON = ("drjit/render.py", "farm/driver.py", "peers/workers/*.py")
+OWN_PYTHON = ("farm/driver.py", "peers/workers/*.py")
 ELSEWHERE = [path for path in FILES if any(path.match(one) for one in OWN_PYTHON)]
 # Imports every module as if the forbidden packages were not installed.
 IMPORT_ALL = """

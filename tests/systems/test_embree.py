@@ -19,7 +19,7 @@ from study.core.registry import ROOT, Scene, find_scene
 from study.experiments.packets import command
 from study.experiments.packets import figures as packets_figures
 from study.experiments.packets import measure as packets
-from study.experiments.packets import rays as packets_rays
+from study.measuring import rays as packets_rays
 
 pytestmark = pytest.mark.slow
 

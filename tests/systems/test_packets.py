@@ -22,7 +22,7 @@ from conformance.feature_scenes import FLOOR, scene, shape
 from study.core import registry, run, store
 from study.core.build import build
 from study.core.registry import ROOT
-from study.experiments.packets import rays as packets_rays
+from study.measuring import rays as packets_rays
 from study.pictures import images
 
 SPHERES40 = ROOT / "common" / "scenes" / "spheres40.json"

@@ -20,10 +20,10 @@ from study.experiments.packets import figures as packets_figures
 from study.experiments.packets import measure as packets
 from study.experiments.packets import moving_tables as packets_moving
 from study.experiments.packets import pictures as packets_pictures
-from study.experiments.packets import rays as packets_rays
 from study.experiments.packets import systems as packets_systems
 from study.experiments.packets import tables as packets_page
 from study.experiments.systems import tables as systems
+from study.measuring import rays as packets_rays
 
 DATA = scene([FLOOR, shape("sphere", radius=1, position=[0, 0, 4])], light={"shadows": "hard"})
 INF = np.inf

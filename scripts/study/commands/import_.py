@@ -6,26 +6,27 @@ size of its picture is no part of a scene here: the last line says it as options
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
-from study.core import cli, store
-from study.core.cli import StudyError
-from study.experiments.original import scenes
+from study.core import store
+from study.core.cli import Outcome, StudyError
+from study.measuring import paper_scenes
 
 
-def main() -> int:
-    parser = cli.parser(__doc__)
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("file", type=Path, metavar="FILE", help="in the repository of the paper's program: scenes/*.json")
     add("-o", "--out", type=Path, metavar="PATH", help="default: FILE's name in the current folder")
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> Outcome:
     out = args.out or Path(args.file.name)
     if out.exists() and (not args.out or (args.file.exists() and out.samefile(args.file))):
         raise StudyError(f"{out}: is there already; -o names another file")
-    theirs, scene = scenes.read(args.file), scenes.converted(args.file)
+    theirs = paper_scenes.read(args.file)
+    scene = paper_scenes.converted(theirs, args.file)
     store.write_json(out, scene)
-    if args.json:
-        cli.emit({"schema": 1, "scene": out, "width": theirs.camera.width, "height": theirs.camera.height})
-    else:
-        print(f"{out}: {len(scene['shapes'])} shapes; -n {theirs.camera.height} -w {theirs.camera.width}")
-    return cli.OK
+    wide, high = theirs.camera.width, theirs.camera.height
+    result = {"schema": 1, "scene": out, "width": wide, "height": high}
+    return Outcome(result, [f"{out}: {len(scene['shapes'])} shapes; -n {high} -w {wide}"])

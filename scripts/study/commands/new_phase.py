@@ -17,7 +17,7 @@ from study.core import cli, patches, registry, temporary
 from study.core.cli import StudyError
 
 BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built too
-    *("accuracy", "asan", "asan-clang", "calibration", "ceilings", "clang", "common", "drjit", "emulated"),
+    *("accuracy", "asan", "asan-clang", "calibration", "ceilings", "clang", "common", "emulated"),
     *(
         "frames",
         "functions",

@@ -10,11 +10,11 @@ from study.core.cli import StudyError
 from study.experiments import experiment
 from study.experiments.fixed import pictures as fixed_pictures
 from study.experiments.packets import pictures as packets_pictures
-from study.experiments.packets import rays as packets_rays
 from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures as rods_pictures
 from study.experiments.section import reading
 from study.experiments.systems import pictures as systems_pictures
+from study.measuring import rays as packets_rays
 from study.numbers import analysis
 
 PACKETS = 180  # height, as scripts/stepwise packets has

@@ -9,7 +9,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from study.core import cli, machine, registry, store
+from study.core.run_schema import Context
 from study.pictures.draw import Drawing
 
 BEGUN = time.monotonic()  # of the command
@@ -49,6 +52,13 @@ def write(path: Path, about: Mapping[str, Any], found: Mapping[str, Any]) -> dic
     result = cli.plain({"schema": 1, **about, **told, **found})
     store.write_json(path, result)
     return result
+
+
+def about(args: argparse.Namespace) -> dict[str, Any]:
+    """What a Measured says of how it was made: settings, how long it took, the machine."""
+    context = msgspec.convert(machine.context(), Context)
+    made = {"schema": 1, "launches": args.launches, "seed": args.seed, "cpu": getattr(args, "cpu", None)}
+    return {**made, "took_s": time.monotonic() - BEGUN, "context": context}
 
 
 def draw(path: Path, drawings: Mapping[str, Drawing]) -> list[Path]:

@@ -14,9 +14,10 @@ from typing import Any
 
 import pandas as pd
 
-from study.core import show
+from study.core import cli, show
 from study.core.cli import StudyError
-from study.core.show import Column, Row, Table
+from study.core.schema import Record
+from study.core.show import Column, Table
 from study.numbers.analysis import BROKEN
 from study.pictures.draw import Drawing
 
@@ -28,14 +29,16 @@ class Part:
 
     name: str
     caption: str
-    rows: list[Row]
+    rows: list[Any]
     table: Table
     foot: str = ""
     open: bool = False
 
     @property
     def frame(self) -> pd.DataFrame:
-        return pd.DataFrame([show.cells(row) for row in self.rows])
+        return pd.DataFrame(
+            [cli.plain(row) if isinstance(row, Record) else show.cells(row) for row in self.rows]
+        )
 
     @property
     def markdown(self) -> str:
@@ -111,15 +114,16 @@ def chapter(
     name: str,
     title: str,
     file: Path,
-    read: Callable[[Path], dict[str, Any]],
-    found: Callable[[dict[str, Any]], Found],
+    read: Callable[[Path], Any],
+    found: Callable[[Any], Found],
     rows: str = "rows",
 ) -> Section:
-    """The chapter of an experiment whose file has `rows`; without any it is empty."""
+    """The chapter of an experiment whose file has `rows`; without any, or without the file (None), it is
+    empty."""
     made, script = Found(), f"scripts/stepwise {name}"
     with reading(file, f"{script} --run {file.parent}"):
         result = read(file)
-        if result.get(rows):
+        if result.get(rows) if isinstance(result, dict) else getattr(result, rows, None):
             made = found(result)
     told = {"file": file, "script": script, "answer": made.answer, "drawn": made.drawn, "html": made.html}
     return Section(name, title, f"make {name}", made.parts, **told)
@@ -128,7 +132,7 @@ def chapter(
 def part(
     name: str,
     caption: str,
-    rows: Sequence[Row],
+    rows: Sequence[Any],
     shown: Sequence[Column],
     foot: str = "",
     open: bool = False,

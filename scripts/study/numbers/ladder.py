@@ -11,7 +11,7 @@ import pandas as pd
 
 from study.core.registry import BASE as BASE
 from study.core.registry import phases
-from study.numbers import accuracy, original, paper, stats
+from study.numbers import accuracy, beside, paper, stats
 from study.numbers.analysis import Cell, Data, described, second_base
 from study.numbers.stats import Interval
 
@@ -108,12 +108,10 @@ def _papers(data: Data) -> dict[tuple[str, int], tuple[list[float], list[float]]
 
     Empty where the paper's own program was not timed in this run.
     """
-    file = data.path / original.FILE
-    rows = original.read(file)["rows"] if file.is_file() else []
     return {
-        (row["scene"], row["n"]): (row["ours_launches_ms"], row["theirs_launches_ms"])
-        for row in rows
-        if row["phase"] == BASE and row.get("ours_launches_ms") and row.get("theirs_launches_ms")
+        (row.scene, row.n): (row.ours_launches_ms, row.theirs_launches_ms)
+        for row in beside.originals(data.path)
+        if row.phase == BASE and row.ours_launches_ms and row.theirs_launches_ms
     }
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
+from study.core import cli, machine, show
 from study.core.run_schema import Context
 from study.core.schema import ABSENT, Absent, File, Record, key
+from study.numbers import stats
 
 
 class Interval(Record, kw_only=True):
@@ -18,6 +21,20 @@ class Interval(Record, kw_only=True):
     high: Annotated[float | None, key("", "upper end; null: not known")]
     launches: Annotated[int, key("launches", "behind it; of a ratio the smaller number")]
     sufficient: Annotated[bool, key("", "whether there were enough for an interval (6)")]
+
+    @classmethod
+    def of(cls, found: stats.Interval) -> Interval:
+        """As files have it: null for what is not finite."""
+        value, low, high = (
+            one if math.isfinite(one) else None for one in (found.value, found.low, found.high)
+        )
+        return cls(value=value, low=low, high=high, launches=found.launches, sufficient=found.sufficient)
+
+    @property
+    def ends(self) -> tuple[float, float, float]:
+        """Value, low and high; NaN for null."""
+        value, low, high = (math.nan if one is None else one for one in (self.value, self.low, self.high))
+        return value, low, high
 
 
 class Range(Record, kw_only=True):
@@ -52,6 +69,11 @@ class Measured(Result, kw_only=True):
         ABSENT
     )
 
+    @property
+    def machine(self) -> str:
+        """The name of its CPU."""
+        return machine.name(cli.plain(self.context) if self.context else None)
+
 
 class PictureErrors(Record, kw_only=True):
     """Errors of a picture to its reference. Of fractals, pictures are averaged over 4×4 samples first."""
@@ -71,6 +93,19 @@ class PictureErrors(Record, kw_only=True):
         float | Absent | None, key("share of pixels", "both miss, or both hit with |Δt| ≤ 1e-3·t")
     ] = ABSENT
     non_finite: Annotated[int | Absent, key("samples", "NaN or infinite where none may be")] = ABSENT
+
+    @property
+    def level(self) -> float:
+        """PSNR in dB: infinite of identical pictures, NaN of one that is not finite."""
+        return math.nan if self.rmse is None else math.inf if self.psnr_db is None else self.psnr_db
+
+    @property
+    def psnr(self) -> str:
+        """The level in a cell: `60.9`, `60.9 (4×4 means)`, `identical` or `not finite`."""
+        if math.isnan(self.level):
+            return "not finite"
+        means = " (4×4 means)" if self.averaged else ""
+        return ("identical" if math.isinf(self.level) else show.number(self.level)) + means
 
 
 class HitErrors(Record, kw_only=True):

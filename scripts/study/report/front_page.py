@@ -12,11 +12,7 @@ import pandas as pd
 
 from study.bounds import roof
 from study.core import provenance, registry, show
-from study.experiments.original import measure as original
-from study.experiments.peers import measure as peers
-from study.experiments.peers.peer import PLAIN
-from study.experiments.peers.schema import Peers
-from study.numbers import ladder, stats
+from study.numbers import beside, ladder, stats
 from study.numbers.analysis import Data
 from study.numbers.columns import truth_height
 from study.report import facts
@@ -59,23 +55,20 @@ def _cells(row: Row | None, ratios: bool = True) -> list[str]:
 
 def originals(folder: Path) -> list[list[str]]:
     """Rows of the paper's own program, from original.json: times, and ratios to our baseline of that run."""
-    file = folder / original.FILE
-    if not file.exists():
-        return []
-    rows = {(row["phase"], row["scene"]): row for row in original.read(file)["rows"]}
+    rows = {(row.phase, row.scene): row for row in beside.originals(folder)}
     made = []
     phases = list(dict.fromkeys(name for name, _ in rows))
     for phase in dict.fromkeys([*phases[:1], *phases[-1:]]):  # its first step and its last
         cells = [f"the paper's {phase}", "Its own program", show.NOTHING]
         for scene in SCENES:
             one, base = rows.get((phase, scene)), rows.get((ladder.BASE, scene))
-            if not one or not base or one["n"] != base["n"]:
+            if not one or not base or one.n != base.n:
                 cells += [show.NOTHING] * 3
                 continue
-            ours, theirs = base["ours_launches_ms"], one["theirs_launches_ms"]
+            ours, theirs = base.ours_launches_ms, one.theirs_launches_ms
             time = stats.median_interval(theirs)
             ratio = stats.ratio_interval(ours, theirs, rounds=phase == ladder.BASE)
-            psnr = one["psnr_display_db"]
+            psnr = one.psnr_display_db
             error = "as ours" if psnr is None else f"{psnr:.1f} to ours"
             cells += [show.spread(time, 4), show.spread(ratio, 3, "×"), error]
         made.append(cells)
@@ -85,26 +78,26 @@ def originals(folder: Path) -> list[list[str]]:
 def strongest(folder: Path, height: int) -> list[list[str]]:
     """Rows of the fastest other programs that draw both scenes without shadows and mirrors, and draw them
     right: from peers.json, on one thread. Instead of a ratio to baseline: to our fastest phase there."""
-    found = Peers.read_if_there(folder / peers.FILE)
-    if not found or found["n"] != height:
+    found = beside.Peers.load_if_there(folder / beside.PEERS)
+    if not found or found.n != height:
         return []
-    least = {one["program"]: one["least_db"] for one in found["programs"]}
-    made: dict[str, dict[str, Row]] = {}
-    for row in found["rows"]:
-        right = row["psnr_db"] is None or row["psnr_db"] >= least.get(row["program"], {}).get(row["scene"], 0)
-        if row["kind"] == "peer" and row["threads"] == 1 and row["scene"] in PLAIN and row["ratio"] and right:
-            made.setdefault(row["program"], {})[row["scene"]] = row
-    whole = {name: of for name, of in made.items() if set(of) == set(PLAIN)}
-    slower = {name: math.prod(of[scene]["ratio"]["value"] for scene in PLAIN) for name, of in whole.items()}
+    least = {one.program: one.least_db for one in found.programs}
+    made: dict[str, dict[str, beside.PeerRow]] = {}
+    for row in found.rows:
+        right = row.psnr_db is None or row.psnr_db >= least.get(row.program, {}).get(row.scene, 0)
+        if row.kind == "peer" and row.threads == 1 and row.scene in beside.PLAIN and row.ratio and right:
+            made.setdefault(row.program, {})[row.scene] = row
+    whole = {name: of for name, of in made.items() if set(of) == set(beside.PLAIN)}
+    slower = {name: math.prod(one.ratio.ends[0] for one in of.values()) for name, of in whole.items()}
     lines = []
     for name in sorted(slower, key=slower.__getitem__)[:STRONGEST]:
         cells = [name, "Another program, without shadows", show.NOTHING]
-        for row in (whole[name][scene] for scene in PLAIN):
+        for row in (whole[name][scene] for scene in beside.PLAIN):
             cells += [
-                show.spread(row["ms"], 4),
-                f"{show.spread(row['ratio'], 3, '×')} as long as {row['beside']}",
+                show.spread(row.ms, 4),
+                f"{show.spread(row.ratio, 3, '×')} as long as {row.beside}",
             ]
-            cells.append("identical" if row["psnr_db"] is None else show.number(row["psnr_db"]))
+            cells.append("identical" if row.psnr_db is None else show.number(row.psnr_db))
         lines.append(cells)
     return lines
 
@@ -116,7 +109,7 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
     The ratio to baseline is shown where baseline was held beside the paper's program.
     """
     found, bound, known = by_phase(rows), limits(data), registry.ladder()
-    ratios = original.held_beside(data.path)
+    ratios = beside.held_beside(data.path)
     size = next(iter(next(iter(found.values())).values()))
     head = ["phase", "idea", "lowest roof"]
     for scene in SCENES:
@@ -161,7 +154,7 @@ def machines_block(runs: Sequence[Data]) -> str:
         found = by_phase(ladder.rows(data, 720))
         if not found:
             continue
-        ratios = original.held_beside(data.path)
+        ratios = beside.held_beside(data.path)
         head = ["phase"]
         for scene in SCENES:
             head += [f"{scene}, ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]

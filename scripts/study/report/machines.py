@@ -18,8 +18,7 @@ import pandas as pd
 
 from study.core import provenance, show
 from study.core.store import RESULTS, Run
-from study.experiments.original import measure as original
-from study.numbers import analysis, columns, history, ladder
+from study.numbers import analysis, beside, columns, history, ladder
 from study.numbers.analysis import Data
 from study.pictures import ladder as figures
 from study.pictures.draw import look, shape
@@ -78,7 +77,7 @@ def _read(path: Path, pictures: Mapping[str, Picture]) -> Found:
     data = analysis.load(path, strict=False)
     cells = [cell for cell in data.cells if cell.picture == pictures.get(cell.scene)]
     data = dataclasses.replace(data, cells=cells, height=None, kept={})
-    return _of(data, ladder.rows(data), original.held_beside(path))
+    return _of(data, ladder.rows(data), beside.held_beside(path))
 
 
 def _others(own: Path, wanted: Sequence[Picture]) -> list[Found]:

@@ -177,7 +177,7 @@ def test_a_quick_study_answers_every_question_of_the_page(options):
     """Chapters that it has not are of what takes minutes or a download."""
     names = {one.name for one in run_study.chosen(options)} | {"sweep"}
     lacking = {one.name for one in experiment.find_all().values() if one.sections and one.name not in names}
-    assert lacking == {"drjit", "peers", "toolchains", "systems", "flight"}
+    assert lacking == {"peers", "toolchains", "systems", "flight"}
 
 
 @pytest.fixture

@@ -16,7 +16,6 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.ablations import negative
 from study.experiments.accuracy import chapter as accuracy_chapter
-from study.experiments.drjit import chapter as drjit_chapter
 from study.experiments.frames import chapter as frames_chapter
 from study.experiments.functions import chapter as functions_chapter
 from study.experiments.pareto import chapter as pareto_chapter
@@ -54,16 +53,6 @@ ERRORS = {"psnr_db": 50.0, "rmse": 0.003, "wrong_ppm": 3.0, "depth_agree_fractio
 OWN = {**ERRORS, "averaged": False, "fraction_over_1_255": 0.01}
 MEASURED = {
     "toolchains": TOOLCHAINS,
-    "drjit": {
-        **{"schema": 1, "n": 720, "launches": 6, "drjit": "1.5.0", "llvm": "libLLVM.so.19.1 (19)"},
-        "rows": [
-            {
-                **{"program": "opt4", "scene": "mandelbulb", "limits": "own limits", "threads": 1},
-                **{"ms": INTERVAL, "ratio": INTERVAL, "goal": 3.0, "verdict": "missed", "published_ms": None},
-                **{"reference": "opt3", **OWN, "to_own": OWN},
-            }
-        ],
-    },
     "frames": {
         **{"schema": 1, "launches": 6, "threads": 2, "left_out": []},
         "rows": [
@@ -91,7 +80,6 @@ MEASURED = {
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "ablations": lambda path: negative.section(path),
     "accuracy": accuracy_chapter.errors,
-    "drjit": drjit_chapter.rival,
     "frames": frames_chapter.rates,
     "functions": functions_chapter.approximations,
     "pareto": pareto_chapter.headline,
@@ -182,10 +170,6 @@ LOST = [  # part of what was measured is gone, or is no measurement
     ("ablations", ("rows", 0, "gain"), "del"),
     ("ablations", ("rows", 0, "gain", "low"), "x"),
     ("ablations", ("skipped",), 5),
-    ("drjit", ("rows",), []),
-    ("drjit", ("rows", 0, "ms"), "del"),
-    ("drjit", ("rows", 0, "psnr_db"), "x"),
-    ("drjit", ("llvm",), "del"),
     ("frames", ("rows",), []),
     ("frames", ("rows", 0, "frames_per_s", "value"), "del"),
     ("frames", ("rows", 0, "p99_ms"), "del"),

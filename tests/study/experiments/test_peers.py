@@ -6,29 +6,23 @@ from __future__ import annotations
 import copy
 import json
 import math
-import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import complete
-import needs
 import numpy as np
 import pytest
-import started
 
-from study.core import cli, registry, run
-from study.core.cli import StudyError
-from study.core.registry import ROOT, Scene, Spec
-from study.experiments.original import measure as original
-from study.experiments.peers import command, measure, paper, peer, shader, tables
+from study.core import cli, commands, registry, run, store
+from study.core.cli import Outcome, StudyError
+from study.core.registry import Scene, Spec
+from study.experiments.peers import measure, peer, shader, tables
 from study.experiments.peers.measure import Measuring, Point
 from study.experiments.peers.peer import Drawn, Job, Peer
-from study.experiments.peers.programs import embree, fidget, mandelbulber, povray
+from study.experiments.peers.programs import drjit, embree, fidget, povray
+from study.numbers.beside import PEERS, PLAIN, Peers, Program
+from study.numbers.schema import Skipped
 from study.truth import truth
 
-SCRIPT = (sys.executable, ROOT / "scripts" / "stepwise", "peers")
 OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")
 ALL = peer.find_all()
 
@@ -56,8 +50,8 @@ class Offline(Wall):
         raise StudyError("there is no network", cli.CANNOT_RUN)
 
 
-WALL = Wall("wall", "Wall", "all", "it is grey", dict.fromkeys(peer.PLAIN, 1.0), cores=False)
-OFFLINE = Offline("offline", "Offline", "all", "", {"scene0_plain": 1.0})
+WALL = Wall("wall", "Wall", "all", "it is grey", dict.fromkeys(PLAIN, 1.0), cores=False)
+OFFLINE = Offline("offline", "Offline", "all", "", {})
 GONE = replace(ALL["povray"], name="gone", title="Gone")
 
 
@@ -169,41 +163,6 @@ def test_fidgets_voxels_lie_along_a_pixels_ray() -> None:
     )
 
 
-def test_mandelbulber_gets_the_mandelbulb_in_its_coordinates(tmp_path: Path) -> None:
-    """The Mandelbulb of mandelbulb.json is 6 ahead, its floor 1.5 below, its bailout 256 of the square."""
-    data = measure.plain("mandelbulb", tmp_path).data
-    lines = mandelbulber.settings(data, 320, 180, 2).splitlines()
-    for line in (
-        "camera -0.0 0.0 -6.0;",
-        "bailout 16.0;",
-        "primitive_plane_1_position -0.0 -1.5 0.0;",
-        "image_width 321;",
-        "limit_CPU_cores 2;",
-    ):
-        assert line in lines
-    (fov,) = (float(line.split()[1].rstrip(";")) for line in lines if line.startswith("fov "))
-    assert fov / 181 == pytest.approx(2 * math.tan(math.radians(12.5)) / 180)  # between two rows
-    other = copy.deepcopy(data)
-    other["shapes"][0]["normal"] = [0, -1, 0]
-    for wrong, said in (
-        (other, "a floor that faces up"),
-        (registry.find_scene("mandelbulb").data, "other soft shadows"),
-        (registry.find_scene("scene0_plain").data, "one Mandelbulb"),
-    ):
-        with pytest.raises(StudyError, match=said):
-            mandelbulber.settings(wrong, 320, 180, 1)
-
-
-def test_mandelbulbers_places_are_found_by_their_fractions() -> None:
-    """Points about the middle, seen from 6 away. Its 16 bits hold x·65535 modulo 65536."""
-    points = np.random.default_rng(1).uniform(-1.15, 1.15, (200, 3))
-    eye = np.array([0.3, 0.2, -6])
-    d = (points - eye) / np.linalg.norm(points - eye, axis=1, keepdims=True)
-    steps = np.trunc(points * 65535).astype(int)
-    found = mandelbulber.places((steps & 65535) / 65535, eye, d)
-    assert np.abs(found - points).max() < 2 / 65535
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "scene"), [(name, scene) for name, one in ALL.items() for scene in one.least_db]
@@ -219,52 +178,46 @@ def test_a_peer_draws_the_scene(name: str, scene: str, tmp_path: Path) -> None:
     assert work.versions[name] and work.once(Point(name, scene, 1), 100) > 0
 
 
-def test_what_is_not_there_is_left_out_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_there_says_what_it_needs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(peer.shutil, "which", lambda name: None)
-    monkeypatch.setattr(peer, "HOME", Path("/nowhere"))
-    others = {"wall": WALL, "gone": GONE, "taichi": ALL["taichi"]}
-    able, out = measure.able(others)
-    assert list(able) == ["wall"] and out == [
-        {"phase": "Gone", "reason": "needs Debian's package povray"},
-        {"phase": "Taichi", "reason": "needs taichi==1.7.4 from PyPI: --install"},
-    ]
+    monkeypatch.setattr(peer, "HOME", tmp_path)
+    assert "povray" in (GONE.lacking() or "") and "pyopencl" in (ALL["pocl"].lacking() or "")
+
+
+def test_the_newest_llvm_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    versions = {"libLLVM-15.so.1": 15, "libLLVM.so.19.1": 19, "libLLVM-17.so": 17, "libLLVM-9.so": None}
+    with pytest.raises(StudyError, match="found: none"):
+        drjit.find_llvm([tmp_path])
+    for name in versions:
+        (tmp_path / name).write_text("no library")
+    assert drjit.llvm_version(tmp_path / "libLLVM-17.so") is None
+    monkeypatch.setattr(drjit, "llvm_version", lambda path: versions[path.name])
+    assert drjit.find_llvm([tmp_path]) == (tmp_path / "libLLVM.so.19.1", 19)
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "libLLVM-17.so"))
+    assert drjit.find_llvm([tmp_path])[1] == 17
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "libLLVM-15.so.1"))
+    with pytest.raises(StudyError, match=r"libLLVM-15\.so\.1"):
+        drjit.find_llvm([tmp_path])
 
 
 def test_a_worker_that_fails_or_says_nothing_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    python = tmp_path / "taichi" / "venv" / "bin" / "python"
+    python = tmp_path / "pocl" / "venv" / "bin" / "python"
     python.parent.mkdir(parents=True)
     monkeypatch.setattr(peer, "HOME", tmp_path)
     scene = registry.find_scene("scene0_plain")
     job = Job(scene, (32, 18), 1, 1, set(run.USABLE), tmp_path)
-    for text, said in (("echo no such module >&2; exit 3", "Taichi: no such module"), ("", "no JSON object")):
+    for text, said in (("echo no such module >&2; exit 3", "PoCL: no such module"), ("", "PoCL: ")):
         python.write_text(f"#!/bin/sh\n{text}\n")
         python.chmod(0o755)
         with pytest.raises(StudyError, match=said) as error:
-            ALL["taichi"].draw(job)
+            ALL["pocl"].draw(job)
         assert error.value.exit_status == cli.CANNOT_RUN
     python.write_text('#!/bin/sh\necho "a remark"\necho \'{"ns": [5, 6], "version": "9"}\'\n')
-    assert ALL["taichi"].draw(job) == Drawn([5, 6], "9", None)
+    assert ALL["pocl"].draw(job) == Drawn([5, 6], "9", None)
     task = json.loads((tmp_path / "task.json").read_text())
     assert task["scene"]["march"]["hit_distance"] == 1e-5 and "torus(" in task["source"]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--peer", "cinema4d"], "invalid choice: 'cinema4d'"),
-        (["--phase", "opt9x"], "no phase 'opt9x'"),
-        (["--scene", "trio"], "no other program draws 'trio'"),
-        (["--threads", "4096"], "--threads 4096: there are"),
-        (["--paper", "/nowhere"], "/nowhere: is no git checkout of the paper's program"),
-    ],
-)
-def test_bad_input_is_one_line(words: Sequence[str], said: str, tmp_path: Path) -> None:
-    some = words if "--peer" in words or "--paper" in words else [*words, "--peer", "embree"]
-    done = started.run([*SCRIPT, *some, "--run", tmp_path])
-    assert done.returncode in (cli.BAD_INPUT, cli.CANNOT_RUN) and "Traceback" not in done.stderr
-    assert said in done.stderr or done.returncode == cli.CANNOT_RUN, done.stderr
 
 
 def test_each_stands_beside_our_phases_on_what_it_draws() -> None:
@@ -276,11 +229,11 @@ def test_each_stands_beside_our_phases_on_what_it_draws() -> None:
 
 
 def test_what_cannot_be_drawn_is_left_out(tmp_path: Path) -> None:
-    scenes = {name: measure.plain(name, tmp_path) for name in peer.PLAIN}
+    scenes = {name: measure.plain(name, tmp_path) for name in PLAIN}
     work = Measuring({"wall": WALL}, scenes, 16, run.FASTEST)
     wanted = [Point(name, scene, 1) for scene in scenes for name in ("opt4", "wall")]
-    told, out = measure.judged(work, wanted, 16)
-    assert out == [{"phase": "Wall", "scene": "mandelbulb_plain", "reason": "Wall: no fractals"}]
+    told, out = work.judged(wanted, 16)
+    assert [(one.phase, one.scene) for one in out] == [("Wall", "mandelbulb_plain")]
     assert list(told) == [(p.program, p.scene) for p in wanted[:3]]
     assert told["opt4", "scene0_plain"]["psnr_db"] > 40 > 10 > told["wall", "scene0_plain"]["psnr_db"]
     assert work.reps == dict.fromkeys(told, measure.FRAMES) and work.versions["wall"] == "1"
@@ -292,7 +245,8 @@ def test_errors_by_arithmetic(tmp_path: Path) -> None:
     scene = measure.plain("spheres40", tmp_path)
     exact = truth.picture(scene, scene.size(16))
     picture = np.stack([exact[name] for name in "RGB"], -1)
-    assert measure.errors(exact, picture, False)["psnr_db"] == math.inf
+    found = measure.errors(exact, picture, False)
+    assert found["psnr_db"] is None and found["rmse"] == 0
     grey = {**exact, **dict.fromkeys("RGB", np.full_like(exact["R"], 0.5))}
     for fractal in (False, True):
         found = measure.errors(grey, np.full_like(picture, 0.4), fractal)
@@ -301,119 +255,75 @@ def test_errors_by_arithmetic(tmp_path: Path) -> None:
     checks = 0.5 + 0.1 * (-1.0) ** np.add.outer(np.arange(height), np.arange(width))
     checked = np.repeat(checks[..., None], 3, axis=-1).astype(np.float32)  # whose means are grey
     assert measure.errors(grey, checked, False)["psnr_db"] == pytest.approx(20, abs=1e-3)
-    assert measure.errors(grey, checked, True)["psnr_db"] > 120
+    assert measure.errors(grey, checked, True)["rmse"] < 1e-6
     found = measure.errors(exact, np.full_like(picture, np.nan), False)
-    assert found["non_finite"] == picture.size and math.isnan(found["psnr_db"])
+    assert found["non_finite"] == picture.size and found["rmse"] is None
 
 
-def result(paper_too: bool = False) -> dict[str, Any]:
-    """Rows of known times: the wall takes 30 ms, opt4 20 and opt5 10; the paper's baseline 400 and opt4 80,
-    ours 300 and 20."""
-    known = {("opt4", "a"): 20, ("opt5_threads", "a"): 10, ("wall", "a"): 30}
-    others: dict[str, Peer] = {"wall": WALL}
-    if paper_too:
-        others |= {
-            "paper_" + name: paper.steps(["paper_b"])["paper_" + name] for name in ("baseline", "opt4")
-        }
-        known |= {("paper_baseline", "paper_b"): 400, ("paper_opt4", "paper_b"): 80}
-        known |= {("baseline", "paper_b"): 300, ("opt4", "paper_b"): 20}
-    times = {Point(*key, 1): [ms * 1e6] * 6 for key, ms in known.items()}
-    error = {"psnr_db": 50.0, "rmse": 0.003, "psnr_display_db": 45.0, "averaged": False, "non_finite": 0}
+def result(psnr_db: float | None = 50.0, rmse: float | None = 0.003) -> Peers:
+    """Rows of known times: the wall takes 30 ms, opt4 20 and opt5 10. The errors are the wall's."""
+    times = {Point(name, "a", 1): [ms * 1e6] * 6 for name, ms in (("opt4", 20), ("opt5_threads", 10))}
+    times[Point("wall", "a", 1)] = [30e6] * 6
+    error = {"psnr_db": 50.0, "rmse": 0.003, "averaged": False, "non_finite": 0}
     told = {(p.program, p.scene): error for p in times}
-    rows = measure.rows(times, told, others, lambda name: getattr(others.get(name), "phase", None))
-    about = {"schema": 1, "launches": 6, "n": 360, "error_n": 180}
-    programs: list[dict[str, Any]] = [
-        {"program": "Wall", "version": "1", "timed": "all", "differs": "it is grey"}
-    ]
-    programs[0]["least_db"] = {"a": 40.0}
-    out = [{"phase": "Gone", "reason": "needs Debian's package povray"}]
-    return cli.plain(about | {"programs": programs, "rows": rows, "left_out": out})
+    told["wall", "a"] = error | {"psnr_db": psnr_db, "rmse": rmse}
+    wall = Program(program="Wall", version="1", timed="all", differs="it is grey", least_db={"a": 40.0})
+    return Peers(
+        **{"schema": 1, "launches": 6, "n": 360, "error_n": 180, "programs": [wall]},
+        rows=Measuring({"wall": WALL}, {}, 360, 0).rows(times, told),
+        left_out=[Skipped(phase="Gone", reason="needs Debian's package povray")],
+    )
 
 
-def test_ratios_are_to_the_fastest_phase_or_the_same_step() -> None:
-    rows = {row["program"]: row for row in result(True)["rows"] if row["kind"] != "phase"}
-    assert rows["Wall"]["ratio"]["value"] == 3 and rows["Wall"]["beside"] == "opt5_threads"
-    assert rows["the paper's opt4"]["ratio"]["value"] == 4 and rows["the paper's opt4"]["beside"] == "opt4"
-    fastest = next(row for row in result()["rows"] if row["program"] == "opt5_threads")
-    assert fastest["ratio"] is None and fastest["kind"] == "phase"
+def test_ratios_are_to_the_fastest_phase() -> None:
+    rows = {row.program: row for row in result().rows}
+    assert rows["Wall"].ratio.value == 3 and rows["Wall"].beside == "opt5_threads"
+    assert rows["opt4"].ratio.value == 2 and rows["opt4"].kind == "phase"
+    assert rows["opt5_threads"].ratio is None
 
 
 def test_a_wrong_picture_is_said() -> None:
-    made = result()
-    assert tables.wrong(made) == []
-    for value, rmse, said in ((39.9, 0.01, "39.9 dB"), (None, None, "not finite")):
-        made["rows"][2] |= {"psnr_db": value, "rmse": rmse}
-        assert tables.wrong(made) == [f"Wall on a: {said} to ground truth, less than 40"]
-    made["rows"][2] |= {"psnr_db": None, "rmse": 0.0}
-    assert tables.wrong(made) == []
-
-
-def test_the_papers_own_speed_ups_stand_beside_ours() -> None:
-    steps = tables.beside_the_paper(result(True)["rows"])
-    assert [row["beside"] for row in steps] == ["baseline", "opt4"]
-    assert [row["gain"].value for row in steps] == [1, 5]
-    assert [row["own_gain"].value for row in steps] == [1, 15]
-
-
-def test_displayed_pictures_can_be_identical() -> None:
-    row = {"rmse": 0.001, "psnr_display_db": None}
-    assert [tables.displayed(row | change) for change in ({}, {"psnr_display_db": 45.0}, {"rmse": None})] == [
-        "identical",
-        "45.0",
-        "–",
-    ]
+    assert tables.wrong(result()) == [] == tables.wrong(result(None, 0.0))
+    for made in (result(39.9, 0.01), result(None, None)):
+        assert [said.split(":")[0] for said in tables.wrong(made)] == ["Wall on a"]
 
 
 def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
     assert tables.section(tmp_path).parts == []
-    complete.write(tmp_path / measure.FILE, result(True))
+    store.write_json(tmp_path / PEERS, result())
     chapter = tables.section(tmp_path)
-    assert [part.name for part in chapter.parts] == ["peers", "peers-paper", "peers-programs"]
+    assert [part.name for part in chapter.parts] == ["peers", "peers-programs"]
     text = chapter.parts[0].markdown
-    assert "| Wall | 30.0 [30.0" in text and "paper" not in text and "Left out: Gone: needs Debian's" in text
-    assert (
-        "Wall takes 3.00× [3.00" in chapter.answer and "of opt5_threads on a (50.0 dB, ours" in chapter.answer
-    )
-    assert "5.00×" in chapter.parts[1].markdown and "15.0×" in chapter.parts[1].markdown
+    assert "| Wall | 30.0 [30.0" in text and "Gone" in text
+    assert "3.00× [3.00" in chapter.answer and "50.0 dB" in chapter.answer
     assert chapter.drawn["peers"].make().axes
 
 
-def test_displayed_bytes_are_undone_to_the_middle_of_their_step() -> None:
-    every = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)
-    assert (paper.images.to_display(paper.linear(every)) == every).all()
+def called(*words: object) -> Outcome:
+    return commands.called("peers", [str(word) for word in words])[0]
 
 
-@pytest.mark.slow
-def test_the_papers_steps_draw_their_scene_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From a checkout: a scene of its own by its baseline and by ours, each 8 bits from ground truth."""
-    kept = needs.papers_program()
-    monkeypatch.setattr(paper, "HELD", tmp_path / "paper")
-    found = paper.fetched(kept)
-    assert {f"paper_{name}" for name in ("scene0", "mandelbulb", "inception", "shape4")} <= found.keys()
-    work = Measuring(paper.steps(list(found)), found, 36, run.FASTEST)
-    told, out = measure.judged(work, [Point(n, "paper_shape1", 1) for n in ("paper_baseline", "opt1")], 36)
-    assert not out and work.versions["paper_baseline"] == f"commit {original.COMMITS['baseline']}"
-    theirs, ours = told["paper_baseline", "paper_shape1"], told["opt1", "paper_shape1"]
-    assert theirs["psnr_display_db"] > 45 and theirs["psnr_db"] > 45 and ours["psnr_db"] > 45
+def test_bad_input_is_said(tmp_path: Path) -> None:
+    for words, said in (
+        (["--phase", "opt9x"], "opt9x"),
+        (["--scene", "trio"], "trio"),
+        (["--threads", "4096"], "4096"),
+    ):
+        with pytest.raises(StudyError, match=said):
+            called(*words, "--peer", "embree", "--run", tmp_path)
 
 
-def test_a_run_beside_a_peer_that_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr(peer, "find_all", lambda: {"wall": WALL, "gone": GONE})
-    monkeypatch.setattr(peer, "from_debian", lambda package, program: f"needs Debian's package {package}")
-    monkeypatch.setattr(povray, "from_debian", peer.from_debian)
+def test_a_run_beside_a_peer_that_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(peer, "find_all", lambda: {"wall": WALL, "gone": GONE, "offline": OFFLINE})
+    monkeypatch.setattr(peer.shutil, "which", lambda name: None)
     words = ["--phase", "opt1", "--launches", "2", "-n", "16", "--error-n", "16", "--threads", "1"]
-    monkeypatch.setattr(sys, "argv", ["stepwise peers", *words, "--run", str(tmp_path)])
-    assert command.main() == cli.OK
-    said = capsys.readouterr()
-    assert "left out: Gone: needs Debian's package povray" in said.err and "| Wall | 7.00" in said.out
-    made = json.loads((tmp_path / measure.FILE).read_text())
-    assert [row["program"] for row in made["rows"]].count("Wall") == 1
-    assert {one["phase"] for one in made["left_out"]} == {"Gone", "Wall"}
-    monkeypatch.setattr(peer, "find_all", lambda: {"wall": WALL, "offline": OFFLINE})
-    sys.argv += ["--install", "--scene", "scene0_plain"]
-    assert command.main() == cli.OK
-    assert "left out: Offline: there is no network" in capsys.readouterr().err
+    outcome = called(*words, "--install", "--run", tmp_path)
+    made = Peers.load(tmp_path / PEERS)
+    assert outcome.ended == cli.OK and cli.plain(outcome.result) == cli.plain(made)
+    assert [row.program for row in made.rows].count("Wall") == 1 and made.rows[-1].ms.value == 7
+    reasons = {one.phase: one.reason for one in made.left_out}
+    assert reasons.keys() == {"Gone", "Offline", "Wall"} and reasons["Offline"] == "there is no network"
     monkeypatch.setattr(peer, "find_all", lambda: {"gone": GONE})
-    with pytest.raises(StudyError, match="none of the other programs is here; --install") as error:
-        command.main()
+    with pytest.raises(StudyError) as error:
+        called(*words, "--run", tmp_path)
     assert error.value.exit_status == cli.CANNOT_RUN

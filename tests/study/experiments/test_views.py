@@ -19,11 +19,12 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import UNSUPPORTED, DriverError
 from study.experiments.views import chapter as views_chapter
-from study.experiments.views import command, views
+from study.experiments.views import command
 from study.experiments.views import figures as views_page
 from study.experiments.views import gains as views_gains
 from study.experiments.views import measure as views_measure
-from study.experiments.views.views import View
+from study.measuring import views
+from study.measuring.views import View
 from study.numbers import stats
 from study.pictures.draw import STYLE
 

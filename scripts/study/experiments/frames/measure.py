@@ -22,7 +22,7 @@ from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments.frames.schema import Frames
-from study.experiments.views import views
+from study.measuring import views
 from study.numbers import stats, verdicts
 from study.numbers.stats import Interval
 from study.pictures import images

@@ -6,26 +6,25 @@ configuration is set: one picture of one size. The program times itself by the T
 
 from __future__ import annotations
 
+import argparse
 import functools
+import math
 import os
 import re
 import shutil
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from study.core import run, temporary
+from study.core import registry, run, show, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import ROOT, Scene, Spec
-from study.numbers import stats
-from study.numbers.original import FILE as FILE
-from study.numbers.original import Original
-from study.numbers.original import held_beside as held_beside
-from study.numbers.original import read as read
+from study.measuring import paper_scenes
+from study.numbers import beside, stats
+from study.numbers.beside import OriginalRow
+from study.numbers.schema import Interval
 from study.pictures import images
 
 REPOSITORY = "https://github.com/devnio/Optimized-CPU-Ray-Marcher.git"
@@ -38,14 +37,6 @@ COMMITS = {
     "opt4": "e049ba6",
 }
 SCENES = ("scene0", "mandelbulb")  # the paper's own two; both projects hold the same numbers
-Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Settings:
-    height: int
-    launches: int
-    seed: int
 
 
 def fetch(repository: str, folder: Path) -> None:
@@ -121,62 +112,78 @@ def launch(program: Path, scene: str, cpu: int, env_bytes: int = 0) -> tuple[int
     return int(numbers[-2]), images.read_png(pictures[0])
 
 
-def difference(theirs: np.ndarray, ours: np.ndarray) -> dict[str, float]:
-    """Of two pictures as displayed: PSNR in dB (peak 255; null: identical), share of pixels more than one
+def difference(theirs: np.ndarray, ours: np.ndarray) -> tuple[float | None, float, int]:
+    """Of two pictures as displayed: PSNR in dB (peak 255; None: identical), share of pixels more than one
     step of 1/255 apart, and the largest step. StudyError where the sizes differ."""
     if theirs.shape != ours.shape:
         raise StudyError(f"pictures of {theirs.shape[:2]} and {ours.shape[:2]} pixels cannot be compared")
     psnr, _, over = images.metrics(theirs, ours, 1, 255)
     largest = int(np.abs(theirs.astype(int) - ours.astype(int)).max())
-    return {"psnr_display_db": psnr if largest else None, "fraction_over_1_255": over, "largest": largest}
+    return (psnr if largest else None), over, largest
 
 
-def measure(programs: Mapping[str, Path], scene: Scene, phase: str, settings: Settings) -> Row:
+def scene_of(name: str, programs: Iterable[Path]) -> Scene:
+    """The scene that both projects hold, or a file of the paper's, converted; each step gets it."""
+    if name in SCENES:
+        return registry.find_scene(name)
+    folders = [program.parents[1] / "scenes" for program in programs]
+    found = {path.stem: path for folder in folders for path in sorted(folder.glob("*.json"))}
+    if name not in found:
+        raise StudyError(f"the paper's program has no scene {name!r}; there are {', '.join(sorted(found))}")
+    data = paper_scenes.converted(paper_scenes.read(found[name]), found[name])
+    path = ROOT / "build" / "original" / f"{name}.json"
+    store.write_json(path, data)
+    text = found[name].read_bytes()
+    for folder in folders:
+        (folder / f"{name}.json").write_bytes(text)
+    return Scene(name, path, data, any(shape["type"] == "mandelbulb" for shape in data["shapes"]))
+
+
+def measure(program: Path, scene: Scene, phase: str, args: argparse.Namespace) -> OriginalRow:
     """One phase and scene, both programs interleaved on one CPU: ms with intervals, and ours over theirs."""
     cpu, spec = run.FASTEST, Spec.parse(phase)
-    wide, high = scene.size(settings.height)
-    seen: dict[str, Any] = {}
+    wide, high = scene.size(args.n)
+    theirs_picture = np.empty(0)
+    tsc_hz = math.nan
 
     def once(who: str, padding: int) -> float:
+        nonlocal theirs_picture, tsc_hz
         if who == "theirs":
-            cycles, seen["picture"] = launch(programs[phase], scene.name, cpu, padding)
+            cycles, theirs_picture = launch(program, scene.name, cpu, padding)
             return float(cycles)
         (frame,) = run.frames(spec, scene.path, high, wide, cpu=cpu, env_bytes=padding, reps=1)
-        seen["tsc_hz"] = frame["tsc_hz"]
+        tsc_hz = frame["tsc_hz"]
         return float(frame["tsc_cycles"])
 
-    cycles = run.interleaved(
-        ("theirs", "ours"), settings.launches, settings.seed, cpu, once, f"{phase} {scene.name}"
-    )
+    cycles = run.interleaved(("theirs", "ours"), args.launches, args.seed, cpu, once, f"{phase} {scene.name}")
     with temporary.folder() as folder:
         out = folder / "ours.ppm"
         run.render(spec, scene.path, high, wide, out=out, timed=False, display=True)
-        apart = difference(seen["picture"], images.read_ppm(out))
-    ms = {who: [1e3 * one / seen["tsc_hz"] for one in values] for who, values in cycles.items()}
-    return {
-        "phase": phase,
-        "scene": scene.name,
-        "commit": COMMITS[phase],
-        "n": high,
-        "width": wide,
-        **{f"{who}_launches_ms": values for who, values in ms.items()},
-        **{f"{who}_ms": stats.median_interval(values) for who, values in ms.items()},
-        "ours_over_theirs": stats.ratio_interval(ms["ours"], ms["theirs"], settings.seed),
-        **apart,
-    }
+        psnr, over, largest = difference(theirs_picture, images.read_ppm(out))
+    theirs, ours = ([1e3 * one / tsc_hz for one in cycles[who]] for who in ("theirs", "ours"))
+    return OriginalRow(
+        phase=phase,
+        scene=scene.name,
+        commit=COMMITS[phase],
+        n=high,
+        width=wide,
+        theirs_launches_ms=theirs,
+        ours_launches_ms=ours,
+        theirs_ms=Interval.of(stats.median_interval(theirs)),
+        ours_ms=Interval.of(stats.median_interval(ours)),
+        ours_over_theirs=Interval.of(stats.ratio_interval(ours, theirs, args.seed)),
+        psnr_display_db=psnr,
+        fraction_over_1_255=over,
+        largest=largest,
+    )
 
 
-def sentence(row: Row) -> str:
-    """A row for people."""
-    ratio, theirs, ours = (row[name] for name in ("ours_over_theirs", "theirs_ms", "ours_ms"))
-    ends = " (too few launches for an interval)"
-    if ratio["sufficient"]:
-        ends = f" [{ratio['low']:.3f}, {ratio['high']:.3f}]"
-    psnr = "identical" if row["psnr_display_db"] is None else f"PSNR {row['psnr_display_db']:.1f} dB"
+def sentence(row: OriginalRow) -> str:
+    psnr = "identical" if row.psnr_display_db is None else f"PSNR {row.psnr_display_db:.1f} dB"
     return (
-        f"{row['phase']} on {row['scene']}, {row['width']}×{row['n']}: {ours['value']:,.0f} ms, the paper's "
-        f"program {theirs['value']:,.0f} ms, ratio {ratio['value']:.3f}{ends}; displayed pictures: "
-        f"{psnr}, {100 * row['fraction_over_1_255']:.3g} % of the pixels off by more than 1/255"
+        f"{row.phase} on {row.scene}, {row.width}×{row.n}: {show.spread(row.ours_ms)} ms, the paper's "
+        f"program {show.spread(row.theirs_ms)} ms, ratio {show.spread(row.ours_over_theirs)}; as displayed: "
+        f"{psnr}, {show.percent(row.fraction_over_1_255)} of the pixels off by more than 1/255"
     )
 
 
@@ -190,13 +197,8 @@ def called(repository: str) -> str:
     return repository if "://" in repository else f"a local copy of {REPOSITORY}"
 
 
-def others(path: Path, height: int, phases: Sequence[str], scenes: Sequence[str]) -> list[dict[str, Any]]:
-    """The rows of an earlier original.json of that height that these phases and scenes do not make anew.
-
-    None without that file. Raises StudyError for another thing's JSON.
-    """
-    if not path.exists():
-        return []
-    rows = Original.read(path)["rows"]
+def others(path: Path, height: int, phases: Sequence[str], scenes: Sequence[str]) -> list[OriginalRow]:
+    """The rows of an earlier original.json of that height that these phases and scenes do not make anew."""
     again = {(phase, scene) for phase in phases for scene in scenes}
-    return [row for row in rows if row["n"] == height and (row["phase"], row["scene"]) not in again]
+    earlier = beside.originals(path.parent)
+    return [row for row in earlier if row.n == height and (row.phase, row.scene) not in again]

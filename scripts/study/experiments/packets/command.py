@@ -12,8 +12,8 @@ from study.experiments.packets import figures as packets_figures
 from study.experiments.packets import measure as packets
 from study.experiments.packets import moving_tables as packets_moving
 from study.experiments.packets import pictures as packets_pictures
-from study.experiments.packets import rays as packets_rays
 from study.experiments.packets import tables as packets_page
+from study.measuring import rays as packets_rays
 
 DESCRIPTION = """\
 Rays a second of phase packets: of the camera, to the light, mirrored, in any direction; by tree, number of

@@ -17,10 +17,10 @@ from study.core import registry, run, store
 from study.core.registry import Scene, find_phase, find_scene
 from study.experiments.functions import measure as functions
 from study.experiments.moving import measure as moving
-from study.experiments.packets import rays as packets_rays
-from study.experiments.packets.rays import KINDS, Rays
 from study.experiments.packets.schema import Packets
 from study.experiments.rods import measure as rods
+from study.measuring import rays as packets_rays
+from study.measuring.rays import KINDS, Rays
 from study.numbers import stats
 from study.truth import truth
 

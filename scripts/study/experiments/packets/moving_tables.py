@@ -10,8 +10,8 @@ from study.core.show import Column
 from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import tables as fixed_page
 from study.experiments.moving import measure as moving
-from study.experiments.packets import rays as packets_rays
 from study.experiments.section import Part, part
+from study.measuring import rays as packets_rays
 
 Row = dict[str, Any]
 TREES = {"BVH": "tree=bvh", "kd-tree": "tree=kd"}

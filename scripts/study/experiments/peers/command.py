@@ -3,129 +3,111 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from study.core import cli, registry, run
+from study.core import cli, registry, run, store
 from study.core.build import build
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.experiments import running
-from study.experiments.original.measure import COMMITS
 from study.experiments.peers import measure as peers
-from study.experiments.peers import paper, peer, tables
+from study.experiments.peers import peer, tables
 from study.experiments.peers.peer import Peer
+from study.numbers.beside import PEERS, Peers, Program
+from study.numbers.schema import Skipped
 
 DESCRIPTION = """\
-Draws scenes without shadows and mirrors by our phases and by other programs: POV-Ray, Mandelbulber, llvmpipe,
-PoCL, Taichi, Dr.Jit, Embree and others. A program that is not there is left out by name. --install puts those
-from PyPI and crates.io into build/peers; Debian's packages are named. --paper DIR times the paper's own
-program from a checkout as well: all of its steps, on its own scene files, each beside our phase of that
-step."""
+Draws scenes without shadows and mirrors by our phases and by other programs: POV-Ray, llvmpipe, PoCL, Dr.Jit,
+Embree and others. A program that is not there is left out by name. --install puts those from PyPI and
+crates.io into build/peers; Debian's packages are named."""
+STATUSES = {cli.FAILED: "a picture is wrong", cli.CANNOT_RUN: "none of the other programs can run here"}
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(
-        DESCRIPTION,
-        {cli.FAILED: "a picture is wrong", cli.CANNOT_RUN: "none of the other programs can run here"},
-    )
+def scene_names() -> list[str]:
+    return sorted({scene for one in peer.find_all().values() for scene in one.least_db})
+
+
+def options(parser: argparse.ArgumentParser) -> None:
     add, every = parser.add_argument, list(peer.find_all())
-    scenes = sorted({scene for one in peer.find_all().values() for scene in one.least_db})
     add("--peer", nargs="+", choices=every, metavar="PEER", help=f"default: all, {', '.join(every)}")
     add("--phase", nargs="+", metavar="PHASE", help=f"of ours; default: {', '.join(peers.PHASES)}")
-    add("--scene", nargs="+", metavar="SCENE", help=f"default: {', '.join(scenes)}, and all of the paper's")
+    add("--scene", nargs="+", metavar="SCENE", help=f"default: {', '.join(scene_names())}")
     running.height(parser, 360)
     running.height(parser, 180, "height of the pictures that are judged", "--error-n")
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
     add("--cpu", type=int, default=run.FASTEST, help="first CPU to pin to; default: of a fast core")
-    add(
-        "--install", action="store_true", help="put what comes from PyPI and crates.io into build/peers first"
-    )
-    add("--paper", type=Path, metavar="DIR", help="a git checkout of the paper's program")
-    running.options(parser, peers.FILE, "peers")
-    args = parser.parse_args()
-    args.threads = args.threads or [1, len(run.USABLE)]
-    return args
+    add("--install", action="store_true", help="put what comes from PyPI and crates.io into build/peers")
+    running.options(parser, PEERS, "peers")
 
 
-def others(args: argparse.Namespace) -> tuple[dict[str, Peer], list[dict]]:
+def others(args: argparse.Namespace) -> tuple[dict[str, Peer], list[Skipped]]:
     """The peers that can run here, and those that cannot, with the reason."""
-    wanted = {name: one for name, one in peer.find_all().items() if name in (args.peer or peer.find_all())}
-    failed = {}
-    for one in wanted.values() if args.install else ():
+    able, out = {}, []
+    for name, one in peer.find_all().items():
+        if name not in (args.peer or peer.find_all()):
+            continue
+        failed = None
         try:
-            one.install()
+            if args.install:
+                one.install()
         except StudyError as error:
-            failed[one.title] = str(error)
-    able, out = peers.able(wanted)
-    return able, [row | {"reason": failed.get(row["phase"], row["reason"])} for row in out]
+            failed = str(error)
+        needed = one.lacking()
+        if needed is None:
+            able[name] = one
+        else:
+            out.append(Skipped(phase=one.title, reason=failed or needed))
+    return able, out
 
 
-def scenes_of(args: argparse.Namespace, able: dict[str, Peer]) -> dict[str, Scene]:
+def scenes_of(args: argparse.Namespace) -> dict[str, Scene]:
     """What is drawn, by name. Raises StudyError for a scene that no program draws."""
-    folder = peer.HOME / "scenes"
-    found = paper.fetched(args.paper) if args.paper else {}
-    able |= paper.steps(list(found)) if found else {}
-    for name in sorted({scene for one in peer.find_all().values() for scene in one.least_db}):
-        found[name] = peers.plain(name, folder)
-    if args.scene:
-        for name in args.scene:
-            if name not in found:
-                raise StudyError(f"no other program draws {name!r}; there are {', '.join(found)}")
-        found = {name: found[name] for name in dict.fromkeys(args.scene)}
-    return found
+    known = scene_names()
+    wanted = list(dict.fromkeys(args.scene or known))
+    for name in wanted:
+        if name not in known:
+            raise StudyError(f"no other program draws {name!r}; there are {', '.join(known)}")
+    return {name: peers.plain(name, peer.HOME / "scenes") for name in wanted}
 
 
-def specs_of(args: argparse.Namespace, scene: str) -> list[Spec]:
-    """Our phases on that scene: those asked for, or the default, that this CPU can run."""
-    names = args.phase or (COMMITS if scene.startswith(paper.PREFIX) else peers.PHASES)
-    return [spec for spec in map(Spec.parse, dict.fromkeys(names)) if registry.cpu_supports(spec)]
-
-
-def measured(args: argparse.Namespace, able: dict[str, Peer], scenes: dict[str, Scene]) -> dict:
-    work = peers.Measuring(able, scenes, args.n, args.cpu)
-    points = [
-        point
-        for scene in scenes
-        for point in peers.points(specs_of(args, scene), able, [scene], args.threads)
-    ]
-    if not points:
-        raise StudyError("no other program draws these scenes here", cli.CANNOT_RUN)
-    for program in dict.fromkeys(point.program for point in points if point.program not in able):
-        build(program)
-    told, out = peers.judged(work, points, args.error_n)
-    points = [point for point in points if (point.program, point.scene) in told]
-    times = run.interleaved(points, args.launches, args.seed, args.cpu, work.once)
-    drew = {point.program for point in points}
-    return {
-        "programs": [
-            {
-                **{"program": one.title, "version": work.versions[name], "timed": one.timed},
-                **{"differs": one.differs, "least_db": one.least_db},
-            }
-            for name, one in able.items()
-            if name in drew
-        ],
-        "rows": peers.rows(times, told, able, lambda name: getattr(able.get(name), "phase", None)),
-        "left_out": out,
-    }
-
-
-def main() -> int:
-    args = arguments()
+def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     run.cpu_set(args.cpu, 1)
-    if max(args.threads) > len(run.USABLE):
-        raise StudyError(f"--threads {max(args.threads)}: there are {len(run.USABLE)} CPUs")
+    threads = args.threads or [1, len(run.USABLE)]
+    if max(threads) > len(run.USABLE):
+        raise StudyError(f"--threads {max(threads)}: there are {len(run.USABLE)} CPUs")
+    scenes = scenes_of(args)
+    specs = [Spec.parse(name) for name in dict.fromkeys(args.phase or peers.PHASES)]
     able, out = others(args)
-    for row in out:
-        cli.say(f"left out: {row['phase']}: {row['reason']}")
-    if not able and not args.paper:
-        raise StudyError("none of the other programs is here; --install gets what it can", cli.CANNOT_RUN)
-    found = measured(args, able, scenes_of(args, able))
-    found["left_out"] = out + found["left_out"]
-    settings = {key: getattr(args, key) for key in ("n", "error_n", "launches", "seed", "cpu")}
-    result = running.write(folder / peers.FILE, settings, found)
-    lines = []
-    for one in tables.parts(result):
-        lines += [one.markdown]
-    return running.end(args, result, lines, tables.wrong(result))
+    for one in out:
+        cli.say(f"left out: {one.phase}: {one.reason}")
+    points = peers.points(filter(registry.cpu_supports, specs), able, scenes, threads)
+    if not points:
+        what = "draws these scenes" if able else "is here; --install gets what it can"
+        raise StudyError(f"none of the other programs {what}", cli.CANNOT_RUN)
+    for program in dict.fromkeys(point.program for point in points if point.program not in able):
+        build(program)
+    work = peers.Measuring(able, scenes, args.n, args.cpu)
+    told, failed = work.judged(points, args.error_n)
+    points = [point for point in points if (point.program, point.scene) in told]
+    times = run.interleaved(points, args.launches, args.seed, args.cpu, work.once)
+    drew = [name for name in able if any(name == point.program for point in points)]
+    result = Peers(
+        **running.about(args),
+        n=args.n,
+        error_n=args.error_n,
+        programs=[
+            Program(
+                program=able[name].title,
+                version=work.versions[name],
+                timed=able[name].timed,
+                differs=able[name].differs,
+                least_db=able[name].least_db,
+            )
+            for name in drew
+        ],
+        rows=work.rows(times, told),
+        left_out=out + failed,
+    )
+    store.write_json(folder / PEERS, result)
+    lines = [one.markdown for one in tables.parts(result)]
+    return Outcome(result, lines, folder, failed=tables.wrong(result))

@@ -1,17 +1,21 @@
-"""Our phases beside what one would use instead: POV-Ray, Mandelbulber, OpenGL on the CPU and others."""
+"""Our phases beside what one would use instead: POV-Ray, Dr.Jit, OpenGL on the CPU and others."""
 
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
-from study.experiments.peers import tables
-from study.experiments.peers.schema import SCHEMAS
+from study.experiments.peers import command, drjit, tables
+from study.numbers.beside import PEERS, Peers
 
 EXPERIMENT = Experiment(
     name="peers",
     what="our phases beside other programs",
     turn=145,
-    schemas=SCHEMAS,
+    schemas={PEERS: Peers, drjit.FILE: drjit.DrJit},
     depth=None,  # it draws with what the user has installed for it, so no two studies would have the same
-    sections=[(165, lambda data: tables.section(data.path))],
+    sections=[
+        (160, lambda data: drjit.section(data.path)),
+        (165, lambda data: tables.section(data.path)),
+    ],
     cut="The other programs are not among what `make study` installs.",
+    command=command,
 )

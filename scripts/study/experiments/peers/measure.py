@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from study.core import registry, run, store, temporary
+from study.core import cli, registry, run, store, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.experiments.peers.peer import Drawn, Job, Peer
 from study.numbers import stats
+from study.numbers.beside import PeerRow
+from study.numbers.schema import Interval, Skipped
 from study.pictures import images
 from study.truth import truth
 
-FILE = "peers.json"
 FRAMES = 4  # timed ones of a launch; one where a frame takes a second
 FACTOR = 4  # of the averaged pictures of fractals, each way
 PHASES = ("opt4", "opt9_convex", "opt10_scene")
-Row = dict[str, Any]
+Errors = dict[str, Any]  # the keys of PictureErrors
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def plain(name: str, folder: Path) -> Scene:
     return Scene(path.stem, path, data, scene.fractal)
 
 
-def errors(exact: images.Picture, rgb: np.ndarray, fractal: bool) -> Row:
+def errors(exact: images.Picture, rgb: np.ndarray, fractal: bool) -> Errors:
     """Of linear colours to ground truth, where it knows them; of a fractal's 4×4 means."""
     known = (exact["status.all"] >= truth.CONVERGED) & np.isfinite(images.rgb(exact)).all(axis=-1)
     pair = [np.where(known[..., None], one, 0).astype(np.float32) for one in (images.rgb(exact), rgb)]
@@ -56,7 +57,7 @@ def errors(exact: images.Picture, rgb: np.ndarray, fractal: bool) -> Row:
         pair = [images.box_average(one, FACTOR) for one in pair]
     found = images.colour_errors(*pair, False, known)
     names = ("psnr_db", "rmse", "fraction_over_1_255", "psnr_display_db")
-    return {name: found[name] for name in names} | {"averaged": fractal, "non_finite": bad}
+    return cli.plain({name: found[name] for name in names} | {"averaged": fractal, "non_finite": bad})
 
 
 class Measuring:
@@ -68,6 +69,9 @@ class Measuring:
         self.others, self.scenes, self.height, self.cpu = others, scenes, height, cpu
         self.versions: dict[str, str] = {}
         self.reps: dict[tuple[str, str], int] = {}
+
+    def title(self, program: str) -> str:
+        return self.others[program].title if program in self.others else program
 
     def draw(self, point: Point, height: int, frames: int, padding: int = 0, picture: bool = False) -> Drawn:
         """One launch. Raises StudyError."""
@@ -85,7 +89,7 @@ class Measuring:
                 ns = [frame["ns"] for frame in made if not frame["warmup"]]
             return Drawn(ns, "", images.rgb(images.read(out)) if out else None)
 
-    def judge(self, point: Point, height: int) -> Row:
+    def judge(self, point: Point, height: int) -> Errors:
         """Errors of its picture `height` rows high; keeps its version and how many frames a launch has."""
         scene = self.scenes[point.scene]
         made = self.draw(point, height, 1, picture=True)
@@ -95,21 +99,51 @@ class Measuring:
         self.reps[point.program, point.scene] = 1 if second else FRAMES
         return errors(truth.picture(scene, scene.size(height)), made.rgb, scene.fractal)
 
+    def judged(
+        self, points: Sequence[Point], height: int
+    ) -> tuple[dict[tuple[str, str], Errors], list[Skipped]]:
+        """Errors by program and scene, and what could not be drawn."""
+        found, out = {}, []
+        for program, scene in dict.fromkeys((point.program, point.scene) for point in points):
+            try:
+                found[program, scene] = self.judge(Point(program, scene, 1), height)
+            except StudyError as error:
+                out.append(Skipped(phase=self.title(program), scene=scene, reason=str(error)))
+        return found, out
+
     def once(self, point: Point, padding: int) -> float:
         """Median ns of a launch's frames."""
         frames = self.reps[point.program, point.scene]
         return float(np.median(self.draw(point, self.height, frames, padding).ns))
 
-
-def able(others: Mapping[str, Peer]) -> tuple[dict[str, Peer], list[Row]]:
-    """Those that can run here, and the others, each with what it needs."""
-    needs = {name: peer.lacking() for name, peer in others.items()}
-    out = [{"phase": others[name].title, "reason": needed} for name, needed in needs.items() if needed]
-    return {name: peer for name, peer in others.items() if not needs[name]}, out
+    def rows(
+        self, times: Mapping[Point, Sequence[float]], told: Mapping[tuple[str, str], Errors]
+    ) -> list[PeerRow]:
+        """One per point, held against the fastest phase on as many threads."""
+        made = []
+        for point, ns in times.items():
+            same = [p for p in times if (p.scene, p.threads) == (point.scene, point.threads)]
+            ours = [p for p in same if p.program not in self.others]
+            best = min(ours, key=lambda p: np.median(times[p]), default=None)
+            ratio = None if best in (None, point) else Interval.of(stats.ratio_interval(ns, times[best]))
+            made.append(
+                PeerRow(
+                    program=self.title(point.program),
+                    kind="peer" if point.program in self.others else "phase",
+                    scene=point.scene,
+                    threads=point.threads,
+                    ns=list(ns),
+                    ms=Interval.of(stats.median_interval(np.array(ns) * 1e-6)),
+                    beside=best.program if best else None,
+                    ratio=ratio,
+                    **told[point.program, point.scene],
+                )
+            )
+        return made
 
 
 def points(
-    specs: Sequence[Spec], others: Mapping[str, Peer], scenes: Sequence[str], threads: Sequence[int]
+    specs: Iterable[Spec], others: Mapping[str, Peer], scenes: Iterable[str], threads: Iterable[int]
 ) -> list[Point]:
     """On each scene that another program draws, that and our phases."""
     made = []
@@ -120,52 +154,4 @@ def points(
                 continue
             ours = [s for s in specs if count == 1 or registry.find_phase(s.phase).threads]
             made += [Point(str(name), scene, count) for name in (*ours, *theirs)]
-    return made
-
-
-def judged(
-    work: Measuring, wanted: Sequence[Point], height: int
-) -> tuple[dict[tuple[str, str], Row], list[Row]]:
-    """Errors by program and scene, and what could not be drawn."""
-    found: dict[tuple[str, str], Row] = {}
-    out = []
-    for program, scene in dict.fromkeys((p.program, p.scene) for p in wanted):
-        try:
-            found[program, scene] = work.judge(Point(program, scene, 1), height)
-        except StudyError as error:
-            title = work.others[program].title if program in work.others else program
-            out.append({"phase": title, "scene": scene, "reason": str(error)})
-    return found, out
-
-
-def rows(
-    times: Mapping[Point, list[float]],
-    told: Mapping[tuple[str, str], Row],
-    others: Mapping[str, Peer],
-    beside: Callable[[str], str | None] = lambda program: None,
-) -> list[Row]:
-    """One per point. It is held against `beside(program)`, else the fastest phase on as many threads."""
-    made = []
-    for point, ns in times.items():
-        ours = {
-            p.program: np.median(values)
-            for p, values in times.items()
-            if p.program not in others and (p.scene, p.threads) == (point.scene, point.threads)
-        }
-        other = beside(point.program) or min(ours, key=lambda name: ours[name], default=None)
-        other = other if other in ours else None
-        base = times[Point(other, point.scene, point.threads)] if other else None
-        itself = other == point.program or base is None
-        peer = others.get(point.program)
-        made.append(
-            {
-                "program": peer.title if peer else point.program,
-                "kind": "phase" if not peer else "paper" if beside(point.program) else "peer",
-                **{"scene": point.scene, "threads": point.threads, "ns": ns},
-                "ms": stats.median_interval(np.array(ns) * 1e-6),
-                "beside": other,
-                "ratio": None if itself else stats.ratio_interval(ns, base),
-                **told[point.program, point.scene],
-            }
-        )
     return made

@@ -27,7 +27,6 @@ from study.experiments.peers import shader
 
 HOME = ROOT / "build" / "peers"
 WORKERS = Path(__file__).with_name("workers")
-PLAIN = "scene0_plain", "mandelbulb_plain"
 # Of float programs: a place 20 units away is known to 2e-6, and a march to less than that does not end.
 FLOAT = {"hit_distance": 1e-5}
 IN_FLOAT = f"float, hit distance {FLOAT['hit_distance']:g}"

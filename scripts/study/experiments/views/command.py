@@ -17,8 +17,8 @@ from study.experiments.views import figures as views_page
 from study.experiments.views import gains as views_gains
 from study.experiments.views import measure as views_measure
 from study.experiments.views import tables as views_tables
-from study.experiments.views import views
-from study.experiments.views.views import View
+from study.measuring import views
+from study.measuring.views import View
 from study.pictures import images
 from study.pictures.draw import STYLE, save
 

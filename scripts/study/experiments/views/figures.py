@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from study.core import machine, show
 from study.experiments.views.gains import ends
 from study.experiments.views.measure import BASE, Row
-from study.experiments.views.views import CLEAR
+from study.measuring.views import CLEAR
 from study.numbers.stats import Interval
 from study.pictures.draw import Drawing, thumbnails
 from study.pictures.hover import tell

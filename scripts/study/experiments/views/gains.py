@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from study.experiments.views.measure import BASE, Row
-from study.experiments.views.views import OWN
+from study.measuring.views import OWN
 from study.numbers import stats
 from study.numbers.stats import Interval
 

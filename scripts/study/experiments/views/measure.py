@@ -24,7 +24,7 @@ from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments.views.schema import Views
-from study.experiments.views.views import View
+from study.measuring.views import View
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
 from study.pictures import images

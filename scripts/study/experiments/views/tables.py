@@ -10,7 +10,7 @@ from study.core import show
 from study.core.show import Column
 from study.experiments.views.gains import ALONE, EVERYWHERE, MEDIAN, SCENE_ALONE, by_scene, level
 from study.experiments.views.measure import BASE, Row
-from study.experiments.views.views import OWN
+from study.measuring.views import OWN
 
 
 def _text(found: Any) -> str:

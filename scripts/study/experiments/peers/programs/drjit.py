@@ -1,52 +1,61 @@
-"""Dr.Jit: the program of stepwise drjit, with the limits that the other float programs have."""
+"""Dr.Jit: the march as one fused kernel, compiled by LLVM."""
 
 from __future__ import annotations
 
-import json
+import ctypes
 import os
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
 
-import numpy as np
-
-from study.core import store
 from study.core.cli import CANNOT_RUN, StudyError
-from study.experiments import venvs
-from study.experiments.drjit import measure as drjit
-from study.experiments.peers.peer import FLOAT, FLOAT_DB, IN_FLOAT, Drawn, Job, Peer, run
+from study.experiments.peers.peer import FLOAT_DB, IN_FLOAT, Drawn, Job, Python
+
+OLDEST = 17  # LLVM that can compile Dr.Jit's minimum for x86
+FOLDERS = (Path("/usr/lib/x86_64-linux-gnu"), *Path("/usr/lib").glob("llvm-*/lib"))
 
 
-@cache
-def rival() -> drjit.Rival:
-    """Its Python and its LLVM. Raises StudyError."""
-    llvm = drjit.find_llvm(os.environ.get("DRJIT_LIBLLVM_PATH"))
-    return drjit.Rival(venvs.python_of(drjit.HOME), llvm)
+def llvm_version(path: Path) -> int | None:
+    """Major version of a libLLVM; None where it cannot be loaded or is older than its own question, 16."""
+    try:
+        ask = ctypes.CDLL(str(path)).LLVMGetVersion
+    except (OSError, AttributeError):
+        return None
+    parts = [ctypes.c_uint() for _ in range(3)]
+    ask(*map(ctypes.byref, parts))
+    return parts[0].value
+
+
+def find_llvm(folders: Iterable[Path] = FOLDERS) -> tuple[Path, int]:
+    """The LLVM that DRJIT_LIBLLVM_PATH names, or the newest in the folders, and its version. Raises
+    StudyError: none is new enough."""
+    given = os.environ.get("DRJIT_LIBLLVM_PATH")
+    found = [Path(given)] if given else [path for folder in folders for path in folder.glob("libLLVM*.so*")]
+    versions = {path.resolve(): llvm_version(path) or 0 for path in found}
+    able = [path for path, version in versions.items() if version >= OLDEST]
+    if not able:
+        seen = ", ".join(sorted(path.name for path in versions)) or "none"
+        raise StudyError(
+            f"needs LLVM {OLDEST} or newer (found: {seen}): libllvm19, or DRJIT_LIBLLVM_PATH", CANNOT_RUN
+        )
+    best = max(able, key=lambda path: (versions[path], str(path)))
+    return best, versions[best]
 
 
 @dataclass(frozen=True)
-class DrJit(Peer):
+class DrJit(Python):
     def lacking(self) -> str | None:
         try:
-            python = rival().python
+            find_llvm()
         except StudyError as error:
-            return f"needs LLVM {drjit.OLDEST} or newer: {str(error).partition(';')[0]}"
-        return None if venvs.has(python, drjit.NEEDED) else "needs drjit from PyPI: --install"
-
-    def install(self) -> None:
-        drjit.find_python(None)
+            return str(error)
+        return super().lacking()
 
     def draw(self, job: Job) -> Drawn:
-        path, out = job.folder / "scene.json", job.folder / "picture.npz" if job.picture else None
-        data = job.scene.data
-        store.write_json(path, {**data, "march": data["march"] | FLOAT})
-        command = rival().command(path, *job.size, job.threads, out)
-        said, _ = run(command, job, self.title, DRJIT_LIBLLVM_PATH=str(rival().llvm))
-        try:
-            found = json.loads(said)
-        except json.JSONDecodeError:
-            raise StudyError(f"{self.title}: printed no JSON object", CANNOT_RUN) from None
-        version = f"{found['drjit']} on {drjit.say_versions(rival().llvm)}"
-        return Drawn(found["ns"], version, np.load(out)["rgb"] if out else None)
+        path, version = find_llvm()
+        with_llvm = replace(self, environment={"DRJIT_LIBLLVM_PATH": str(path)})
+        made = super(DrJit, with_llvm).draw(job)
+        return replace(made, version=f"{made.version} on {path.name} ({version})")
 
 
 PEER = DrJit(
@@ -55,4 +64,6 @@ PEER = DrJit(
     timed="the frozen kernel and its end, without compiling",
     differs=IN_FLOAT,
     least_db=FLOAT_DB,
+    packages=("drjit==1.5.0",),
+    modules="drjit, numpy",
 )

@@ -8,9 +8,9 @@ import numpy as np
 
 from study.core.cli import StudyError
 from study.core.registry import Scene, find_scene
-from study.experiments.packets import rays as packets
 from study.experiments.peers import shade
 from study.experiments.peers.peer import Drawn, Job, Peer
+from study.measuring import rays as packets
 
 KEY = "embree16_ns"  # packets of 16 rays, its fastest for camera rays
 

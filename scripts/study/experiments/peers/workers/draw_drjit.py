@@ -1,9 +1,7 @@
-"""Dr.Jit's side of stepwise drjit: a scene's shapes sphere traced in one fused kernel, float, on LLVM.
+"""Dr.Jit's side of stepwise peers: the scene's shapes sphere traced in one fused kernel, float, on LLVM.
 
-Runs in the Python that has drjit (not the study's): SCENE.json WIDTH HEIGHT THREADS FRAMES [OUT.npz]. One
-JSON object: ns of each frame after the first, which compiles; with OUT the picture of the exact camera.
-Distances, light and fog are the phases' formulas (phases/baseline); no shadows, no mirrors. What the scene
-says of the march is taken from it; the normal is by central differences, six evaluations.
+Runs in the Python that has drjit: TASK.json. One JSON object on standard output: ns of each frame after the
+first two, which compile and freeze. Formulas as in march.h.
 
 W. Jakob, S. Speierer, N. Roussel, D. Vicini, "Dr.Jit: a just-in-time compiler for differentiable rendering",
 ACM Transactions on Graphics 41 (2022); drjit.readthedocs.io.
@@ -25,16 +23,6 @@ def triple(v):
 
 def norm2(x, y):
     return dr.sqrt(dr.fma(x, x, y * y))
-
-
-def turned(p, degrees):
-    """About x, then y, then z, each as (u, v) -> (c u - s v, s u + c v)."""
-    x, y, z = p.x, p.y, p.z
-    (cx, sx), (cy, sy), (cz, sz) = ((math.cos(math.radians(a)), math.sin(math.radians(a))) for a in degrees)
-    y, z = cx * y - sx * z, sx * y + cx * z
-    x, z = cy * x - sy * z, sy * x + cy * z
-    x, y = cz * x - sz * y, sz * x + cz * y
-    return Array3f(x, y, z)
 
 
 def sphere(p, s):
@@ -106,12 +94,9 @@ FORMULAS = {f.__name__: f for f in (sphere, plane, box, torus, cone, octahedron,
 
 def to_shape(p, s):
     if any(s.get("position", (0, 0, 0))):
-        p = p - Array3f(*s["position"])
+        p = p - triple(s["position"])
     if any(s.get("rotation_degrees", (0, 0, 0))):
-        p = turned(p, s["rotation_degrees"])
-    if any(s.get("repeat", (0, 0, 0))):
-        cell = s["repeat"]
-        p = Array3f(*[q - c * dr.floor(q / c + 0.5) if c else q for q, c in zip(p, cell, strict=True)])
+        p = Array3f(*[dr.dot(p, triple(row)) for row in s["turn"]])
     return FORMULAS[s["type"]](p, s)
 
 
@@ -155,7 +140,7 @@ def march(origin, direction, scene):
 
 
 def shaded(origin, direction, scene):
-    """(colour, t, shape's number) of each ray; t infinite where nothing is hit."""
+    """The colour of each ray."""
     t, hit = march(origin, direction, scene)
     p = dr.fma(direction, t, origin)
     which = nearest(p, scene["shapes"])
@@ -185,34 +170,28 @@ def shaded(origin, direction, scene):
     if scene["fog"]:
         far = dr.norm(p)
         seen *= dr.exp(-scene["fog"] * far * far * far)
-    seen = dr.select(hit, seen, Array3f(*scene["background"]))
-    return seen, dr.select(hit, t, math.inf), dr.select(hit, Float(which), -1)
+    return dr.select(hit, seen, Array3f(*scene["background"]))
 
 
-def renderer(scene, width, height):
-    """A function of the camera's position (float32 values) that returns evaluated arrays, pixel by pixel."""
-    camera = scene["camera"]
-    forward = np.subtract(camera["look_at"], camera["position"], dtype=float)
-    forward /= np.linalg.norm(forward)
-    right = np.cross(camera["up"], forward)
-    right /= np.linalg.norm(right)
-    up = np.cross(forward, right)
-    half = math.tan(math.radians(camera["vertical_fov_degrees"]) / 2)
+def renderer(task):
+    """A function of the frame's number that returns its evaluated colours, pixel by pixel."""
+    scene, width, height = task["scene"], task["width"], task["height"]
+    shapes = [shape | {"turn": turn} for shape, turn in zip(scene["shapes"], task["turns"], strict=True)]
+    scene |= {"shapes": shapes}
+    ahead, right, up = (triple(task[name]) for name in ("ahead", "right", "up"))
 
     @dr.freeze
     def frame(origin, pixel):
         column, row = pixel % width, pixel // width
-        x = (2 * (Float(column) + 0.5) / width - 1) * (width / height * half)
-        y = (1 - 2 * (Float(row) + 0.5) / height) * half
-        direction = dr.normalize(triple(forward) + x * triple(right) + y * triple(up))
-        return shaded(origin, direction, scene)
+        x = 2 * (Float(column) + 0.5) / width - 1
+        y = 1 - 2 * (Float(row) + 0.5) / height
+        return shaded(origin, dr.normalize(ahead + x * right + y * up), scene)
 
     pixel = dr.arange(UInt32, width * height)
     dr.eval(pixel)
-    sideways = right + up
 
-    def render(hairs):
-        origin = triple(np.array(camera["position"], float) + 1e-6 * hairs * sideways)
+    def render(number):
+        origin = triple([p + 1e-6 * number for p in task["position"]])
         dr.make_opaque(origin)
         made = frame(origin, pixel)
         dr.eval(made)
@@ -223,25 +202,20 @@ def renderer(scene, width, height):
 
 
 def main():
-    path, width, height, threads, frames = sys.argv[1], *map(int, sys.argv[2:6])
-    dr.set_thread_count(threads)
-    with open(path, encoding="utf-8") as file:
-        scene = json.load(file)
-    render = renderer(scene, width, height)
-    begun = time.perf_counter_ns()
-    color, t, which = render(0)
-    first = time.perf_counter_ns() - begun
-    if len(sys.argv) > 6:
-        planes = {"rgb": np.array(color).T, "t": np.array(t), "id": np.array(which)}
-        size = {"rgb": (height, width, 3)}
-        np.savez(sys.argv[6], **{k: v.reshape(size.get(k, (height, width))) for k, v in planes.items()})
+    with open(sys.argv[1], encoding="utf-8") as file:
+        task = json.load(file)
+    dr.set_thread_count(task["threads"])
+    render = renderer(task)
+    colour = render(0)
+    if task["out"]:
+        np.save(task["out"], np.array(colour).T.reshape(task["height"], task["width"], 3))
     render(-1)  # frozen at the second call
     ns = []
-    for number in range(frames):
+    for number in range(task["frames"]):
         begun = time.perf_counter_ns()
         render(number + 1)
         ns.append(time.perf_counter_ns() - begun)
-    print(json.dumps({"ns": ns, "first_ns": first, "drjit": dr.__version__}))
+    print(json.dumps({"ns": ns, "version": dr.__version__}))
 
 
 if __name__ == "__main__":

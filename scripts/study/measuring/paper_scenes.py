@@ -164,12 +164,11 @@ def shape_of(shape: Shape, number: int, theirs: Theirs, path: Path) -> dict[str,
     return {"type": shape.name, **made, **where, "material": f"material{shape.material_idx}"}
 
 
-def converted(path: Path) -> dict[str, Any]:
-    """The scene of that file in our format. Its program casts no shadow in a scene of one shape.
+def converted(theirs: Theirs, path: Path) -> dict[str, Any]:
+    """The scene in our format, `path` its file. Its program casts no shadow in a scene of one shape.
 
-    Raises StudyError in one line: the file, the line or key, and what our format lacks.
+    Raises StudyError in one line: the file, the key, and what our format lacks.
     """
-    theirs = read(path)
     shapes = [shape_of(one, i, theirs, path) for i, one in enumerate(theirs.geometric_objects)]
     materials = {
         f"material{i}": {
