@@ -1,4 +1,4 @@
-// The interface between a phase and the rest of Stepwise. A phase is a folder phases/NAME whose C
+// The interface between a phase and the rest of Stepwise. A phase is a folder whose C
 // files define the functions below. common/driver/driver.c has the only main.
 //
 // Code inside the timed region belongs to the phase. Code outside it, and code that must be the
@@ -31,7 +31,7 @@ const char *phase_unsupported(const struct scene *scene);
 
 // Optional. Returns NULL if the phase renders this scene at width × height pixels, else the reason
 // in one sentence. Called only if phase_unsupported returned NULL. For phases whose number range
-// limits the picture's size (see phases/fixed).
+// limits the picture's size (see systems/fixed).
 const char *phase_picture_unsupported(const struct scene *scene, int width, int height)
     __attribute__((weak));
 

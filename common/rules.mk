@@ -1,10 +1,10 @@
-# How phases are built. All phases use the same rules; phases/NAME/phase.json has the flags.
+# How phases are built. All phases use the same rules; NAME's phase.json has the flags.
 #
 #   build/NAME/render         the timing build           build/NAME@FROM/render   NAME's sources, FROM's flags
-#   build/NAME+PATCH/render   NAME with phases/NAME/ablations/PATCH.patch
+#   build/NAME+PATCH/render   NAME with its ablations/PATCH.patch
 #   build/NAME/source         the whole tree of a derived phase or of an ablation (make tree-NAME)
 #   build/NAME/render-lines   the timing build with line tables;  render-calls: without inlining (for profiles)
-#   build/NAME/render-count   counts calls and multiplies them by phases/NAME/costs.def (counting/flops.h)
+#   build/NAME/render-count   counts calls and multiplies them by NAME's costs.def (counting/flops.h)
 #   build/NAME/render-blocks  counts executions of each basic block (counting/blocks.c); render-blocks-calls: not inlined
 #   build/NAME/render-ftz     the timing build, which starts with denormals flushed to zero (hard case 19)
 #   build/NAME/probe          prints distances at given points, for tests (tools/probe.c)
@@ -53,12 +53,14 @@ endif
 
 # Where a phase's sources are: in its folder, or, for a derived phase and an ablation, in the tree that patches.py
 # makes in build/NAME/source. The sources of NAME@FROM and NAME+PATCH are those of NAME.
-PHASES := $(sort $(patsubst phases/%/phase.json,%,$(wildcard phases/*/phase.json)))
-DERIVED := $(patsubst phases/%/phase.json,%,$(shell grep -l '"derives"' phases/*/phase.json))
+FOLDERS := $(patsubst %/phase.json,%,$(wildcard phases/*/phase.json systems/*/phase.json truth/phase.json))
+PHASES := $(sort $(notdir $(FOLDERS)))
+DERIVED := $(notdir $(patsubst %/phase.json,%,$(shell grep -l '"derives"' $(FOLDERS:%=%/phase.json))))
+folder_of = $(filter phases/$(1) systems/$(1) $(filter truth,$(1)),$(FOLDERS))
 source_of = $(firstword $(subst @, ,$(1)))
 flags_of = $(lastword $(subst @, ,$(1)))
 has_made_tree = $(and $(or $(findstring +,$(1)),$(filter $(DERIVED),$(call source_of,$(1)))),$(if $(findstring /,$(1)),,yes))
-tree_of = $(if $(call has_made_tree,$(1)),$(call make_tree,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
+tree_of = $(if $(call has_made_tree,$(1)),$(call make_tree,$(call source_of,$(1)),$(BUILD)/$(1)/source),$(call folder_of,$(call source_of,$(1))))
 # Each run of make makes a tree once.
 make_tree = $(or $(made-tree-$(2)),$(eval made-tree-$(2) := $(shell $(PYTHON_ALONE) scripts/study/core/patches.py $(1) $(2)))$(made-tree-$(2)),$(error $(1) cannot be made))
 sources_of = $(foreach f,$(call tree_of,$(1)),$(wildcard $(f)/*.[ch] $(f)/*.def $(f)/*/*.[ch]))
@@ -102,7 +104,7 @@ compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* -
 NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
 
 # An ablation takes over what its phase's build made, wherever its patch changes nothing: so the phase is built first.
-$(foreach a,$(subst /ablations/,+,$(patsubst phases/%.patch,%,$(wildcard phases/*/ablations/*.patch))),$(foreach o,phase.o count/phase.o,\
+$(foreach a,$(foreach f,$(FOLDERS),$(patsubst $f/ablations/%.patch,$(notdir $f)+%,$(wildcard $f/ablations/*.patch))),$(foreach o,phase.o count/phase.o,\
     $(eval $(BUILD)/$a/$o: | $(BUILD)/$(firstword $(subst +, ,$a))/$o)))
 $(BUILD)/%/phase.o: $(phase_prerequisites)
 	$(call compile,$(if $(SANITIZED),objects,assembly))

@@ -58,8 +58,7 @@ def run(command: Sequence[str | Path], **environment: str) -> bool:
 @functools.cache
 def phases(file: str = "phase.json") -> list[str]:
     """Names of the phases whose tree has that file, the longest first: no core waits for the last of them."""
-    names = [path.parent.name for path in (ROOT / "phases").glob("*/phase.json")]
-    trees = {name: patches.files(name) for name in names}
+    trees = {name: patches.files(name) for name in patches.folders()}
     sizes = {
         name: sum(path.stat().st_size for path in tree.values())
         for name, tree in trees.items()
@@ -70,7 +69,7 @@ def phases(file: str = "phase.json") -> list[str]:
 
 @functools.cache
 def of_family(family: str) -> set[str]:
-    return {name for name in phases() if patches.about(name).get("family", "ladder") == family}
+    return {name for name in phases() if patches.about(name)["family"] == family}
 
 
 @functools.cache
@@ -140,8 +139,9 @@ def rest_needs() -> Wanted:
     # What test_ablations runs of them: no counting program of one whose head says why no costs are declared
     # (the compilers read those sources there).
     steps = {
-        f"{path.parts[-3]}+{path.stem}": re.search("^costs:", path.read_text(), re.MULTILINE) is None
-        for path in sorted((ROOT / "phases").glob("*/ablations/*.patch"))
+        f"{name}+{path.stem}": re.search("^costs:", path.read_text(), re.MULTILINE) is None
+        for name, folder in patches.folders().items()
+        for path in sorted(folder.glob("ablations/*.patch"))
     }
     blocks, profiled = ("render-blocks", "render-blocks-calls"), ("baseline", "opt2", "opt3", "opt4")
     by_parent = [name for name in ladder if not embeds(name)]

@@ -114,7 +114,8 @@ def take_over(made: Path, command: list[str], tree: Path, build: Path) -> bool:
     """
     name, plus, _ = build.name.partition("+")
     of = build.parent / name
-    from_tree = of / "source" if (of / "source").is_dir() else Path("phases", name)
+    places = (of / "source", Path("phases", name), Path("systems", name), Path(name))
+    from_tree = next(place for place in places if place.is_dir())
     if not plus or "@" in build.name:
         return False
 

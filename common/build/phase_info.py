@@ -18,8 +18,8 @@ import re
 import sys
 from pathlib import Path
 
-PHASES = Path(__file__).resolve().parents[2] / "phases"
-sys.path.insert(0, str(PHASES.parent / "scripts"))
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
 
 from study.core import patches  # noqa: E402  (standard library only)
 
@@ -38,13 +38,10 @@ COPY_FLAGS = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-str
 
 def load(name: str) -> dict:
     """Returns the checked phase.json of a phase or of NAME+PATCH, with the keys of its parent."""
-    path = PHASES / name.partition("+")[0] / "phase.json"
-    if not path.is_file():
-        known = ", ".join(sorted(p.parent.name for p in PHASES.glob("*/phase.json")))
-        sys.exit(f"phase_info: there is no phase {name!r}; there are {known}")
     try:
-        info = patches.described(name, PHASES.parent)
-        files = set(patches.files(name.partition("+")[0], PHASES.parent))
+        path = patches.folder(name.partition("+")[0], ROOT) / "phase.json"
+        info = patches.described(name, ROOT)
+        files = set(patches.files(name.partition("+")[0], ROOT))
     except patches.PatchError as error:
         sys.exit(f"phase_info: {error}")
     for key, kind in KEYS.items():
@@ -143,7 +140,7 @@ def embed(files: list[str], folder: Path, output: Path) -> None:
     for name in files:
         if not (folder / name).is_file():
             sys.exit(f"phase_info: $.embedded: there is no {name!r} in the phase's tree")
-        lines += flattened(name, [folder, PHASES.parent / "common"], seen)
+        lines += flattened(name, [folder, ROOT / "common"], seen)
     text = [f'    {json.dumps(line, ensure_ascii=False)[:-1]}\\n",' for line in lines]
     replace(
         output / "embedded.h", "\n".join(["static const char *const embedded_lines[] = {", *text, "};", ""])
@@ -197,7 +194,7 @@ def main() -> None:
         f"#define PHASE_VARIANTS(variant, need) {' '.join(choice)}",
         f"#define PHASE_EMULATED {int(any(emulated))}",
         f"// On this CPU: {run_here}",  # so that another CPU rebuilds everything (rules.mk)
-        f"// Sources: {' '.join(sorted(patches.files(name.partition('+')[0], PHASES.parent)))}",
+        f"// Sources: {' '.join(sorted(patches.files(name.partition('+')[0], ROOT)))}",
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
         f"#define PHASE_LANES {phase['lanes']}",
         f"#define PHASE_THREADS {int(phase['threads'])}",

@@ -1,4 +1,4 @@
-// --list: prints the phases found in phases/*/phase.json, by ladder order.
+// --list: prints the ladder, phases/*/phase.json, then systems/.
 #include <glob.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -25,10 +25,12 @@ int driver_list_phases(void) {
     while (length > 0 && count == 0) {
         while (length > 0 && path[--length] != '/')
             continue;
-        strcpy(path + length, "/phases/*/phase.json");
         glob_t found;
+        strcpy(path + length, "/phases/*/phase.json");
         if (glob(path, 0, NULL, &found) != 0)
             continue;
+        strcpy(path + length, "/systems/*/phase.json");
+        glob(path, GLOB_APPEND, NULL, &found);
         for (size_t i = 0; i < found.gl_pathc && count < MAX_PHASES; i++)
             if ((phases[count] = json_load_file(found.gl_pathv[i], 0, NULL)))
                 count++;

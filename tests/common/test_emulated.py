@@ -256,7 +256,7 @@ def test_every_intrinsic_of_512_bits_that_the_phases_use_is_held() -> None:
     """Else only a machine without AVX-512 finds out, where the build fails."""
     used = {
         name
-        for folder in ("phases", "common/simd")
+        for folder in ("phases", "systems", "common/simd")
         for path in (ROOT / folder).rglob("*.[ch]")
         for name in WIDE.findall(path.read_text())
         if not PLAIN.match(name)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import viewer
 
+from study.core import patches
 from study.pictures import images
 
 ROOT = viewer.ROOT
@@ -167,4 +168,4 @@ def test_without_a_display_it_is_one_line() -> None:
 def test_the_list_has_every_phase_that_runs_here() -> None:
     listed = viewer.run(["--list"]).stdout.split()
     assert listed[:4] == ["baseline", "opt1", "opt2", "opt3"]
-    assert set(listed) <= {path.parent.name for path in (ROOT / "phases").glob("*/phase.json")} - {"truth"}
+    assert set(listed) <= set(patches.folders()) - {"truth"}

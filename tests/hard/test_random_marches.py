@@ -1,5 +1,5 @@
 """Random scenes of solids, planes and Mandelbulbs under soft and hard shadows, of each phase that is built
-for several lane widths, against phases/truth: what their rules for what need not be marched may not change.
+for several lane widths, against truth: what their rules for what need not be marched may not change.
 
 test_random_scenes.py has scenes of 64 pixels and round numbers, which hypothesis can shrink; these have 960
 pixels, of which a few may be wrong, and numbers that are not round. Every scene is told by its seed, and

@@ -167,7 +167,7 @@ def looks(position: list[float], at: list[float]) -> dict:
     return {"position": position, "look_at": at, "vertical_fov_degrees": 60}
 
 
-# Repeated shapes, held against phases/truth, which walks through the cells by proofs of its own.
+# Repeated shapes, held against truth, which walks through the cells by proofs of its own.
 REPEATED = {
     "every shape, turned": scene(
         [

@@ -1,6 +1,6 @@
 """opt7_tiles: no cone starts past a true hit, no list lacks what matters, the Mandelbulb stays in its ball.
 
-A start is the phase's own plane `start` (−1: the whole cone misses); the true hit is phases/truth's. What the
+A start is the phase's own plane `start` (−1: the whole cone misses); the true hit is truth's. What the
 lists must not change is the parent's picture.
 """
 

@@ -15,7 +15,7 @@ from study.core.registry import ROOT
 
 FILES = sorted(
     path
-    for folder in ("common", "phases")
+    for folder in ("common", "phases", "systems", "truth")
     for path in (ROOT / folder).rglob("*.[ch]")
     if "/." not in str(path.relative_to(ROOT))
 )

@@ -15,7 +15,16 @@ from study.core.registry import ROOT
 
 ODD = 'a "b" it\'s käfig × %s $x'
 SETUP = "scripts/setup.sh study"
-PARTS = ("common", "phases", "scripts", "Makefile", "requirements.lock", "requirements.in")
+PARTS = [
+    "common",
+    "phases",
+    "systems",
+    "truth",
+    "scripts",
+    "Makefile",
+    "requirements.lock",
+    "requirements.in",
+]
 
 
 def allowed(*command: str) -> Sequence[str]:

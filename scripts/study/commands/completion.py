@@ -15,7 +15,7 @@ from study.core.registry import ROOT
 
 SHELLS = ("bash", "zsh")
 NAMED = {  # placeholder -> the command that lists its names when Tab is pressed
-    "PHASE": f"basename -a {shlex.quote(str(ROOT / 'phases'))}/*/",
+    "PHASE": f"basename -a {shlex.quote(str(ROOT))}/{{phases,systems}}/*/",
     "SCENE": f"basename -s .json {shlex.quote(str(ROOT / 'common' / 'scenes'))}/*.json",
 }
 FOLDERS, FILES = ("DIR", "RUN", "RUN_A", "RUN_B", "FOLDER"), ("PATH", "FILE")

@@ -63,7 +63,7 @@ Papers, with authors, title and year.
 
 
 def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = False) -> Path:
-    """Make phases/NAME, visible only when it is complete. Returns the new folder.
+    """Make phases/NAME, beside its parent, visible only when it is complete. Returns the new folder.
 
     Derived from `parent`, or `whole`: with a copy of each of the parent's sources but residues.def. Of an
     ablation PHASE+TITLE it has the patched files, and PHASE is its parent.
@@ -75,13 +75,15 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
     if name in BUILD_FOLDERS:
         raise StudyError(f"'{name}' is no phase name: build/{name} is taken; choose another")
     phases = registry.phases(root)
-    target = root / "phases" / name
-    if name in phases or target.exists():
-        raise StudyError(f"phases/{name} exists already; choose another name")
     source, parent = parent, parent.partition("+")[0]
     base = registry.find_phase(parent, root)
+    room = base.path.parent if base.family != registry.TRUTH else root / "phases"
+    target, said = room / name, f"{room.name}/{name}"
+    if name in phases or target.exists():
+        raise StudyError(f"{said} exists already; choose another name")
     inherited = {k: v for k, v in patches.about(parent, root).items() if k not in ("derives", "without")}
-    described = inherited if whole else {"family": base.family}
+    inherited.pop("family")
+    described = dict(inherited) if whole else {}
     described |= {
         "name": name,
         "title": f"FILL IN: what {name} is called in tables, in a few words",
@@ -94,7 +96,7 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
     if "truth" not in (held := inherited.get("tolerance") or {}):
         described["tolerance"] = {**(held if whole else {}), "truth": rounding(root)}
     try:
-        with temporary.folder(root / "phases", f".{name}.") as made:
+        with temporary.folder(room, f".{name}.") as made:
             for file, content in sources(source, root, whole).items():
                 (made / file).parent.mkdir(parents=True, exist_ok=True)
                 (made / file).write_text(content, encoding="utf-8")
@@ -104,7 +106,7 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
             os.chmod(made, base.path.stat().st_mode)
             made.rename(target)
     except OSError as error:
-        raise StudyError(f"phases/{name}: {error.strerror or error}") from None
+        raise StudyError(f"{said}: {error.strerror or error}") from None
     registry.phases.cache_clear()
     return target
 
@@ -131,8 +133,9 @@ def rounding(root: Path) -> dict[str, object]:
 
 def following(name: str, parent: str, whole: bool) -> list[str]:
     """What is said of the new phase: what it is, and the commands of docs/tutorial.md in their order."""
-    folder = f"phases/{name}"
-    lines = [f"{folder} {'is a copy of' if whole else 'derives from'} phases/{parent}. Next:"]
+    beside = patches.folder(parent).relative_to(registry.ROOT)
+    folder = str(beside.parent / name) if len(beside.parts) > 1 else f"phases/{name}"
+    lines = [f"{folder} {'is a copy of' if whole else 'derives from'} {beside}. Next:"]
     if not whole:
         tree = patches.files(parent)
         file = next((one for one in ("march.c", "march/march.c") if one in tree), next(iter(tree)))

@@ -3,7 +3,10 @@
 A phase whose phase.json says `"derives": "PARENT"` holds only the files that differ from its parent's; files
 of the parent named in `"without"` are left out. Its tree is its folder laid over its parent's.
 
-phases/NAME/ablations/TITLE.patch is written NAME+TITLE wherever the name of a phase may stand. Its head,
+A phase stands in phases/NAME, systems/NAME, or truth: the folder is its family. A derived phase may have its
+parent in another family.
+
+NAME/ablations/TITLE.patch is written NAME+TITLE wherever the name of a phase may stand. Its head,
 lines `key: value` (a line that begins with blanks goes on with the one before), says
 
     what        what is different, in one sentence
@@ -37,6 +40,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
+FAMILIES = {"phases": "ladder", "systems": "systems", "truth": "truth"}  # by the first folder of the path
 REQUIRED = ("what", "paper", "direction", "against")
 OPTIONAL = ("after", "beside", "flags", "tolerance", "error", "scenes", "costs", "idea", "code")
 SOURCES = ("*.[ch]", "*.def")
@@ -58,7 +62,7 @@ class PatchError(Exception):
 
 @dataclass(frozen=True)
 class Patch:
-    """One phases/NAME/ablations/TITLE.patch. `diff`: its lines from `--- ` on, `first` the first's."""
+    """One NAME/ablations/TITLE.patch. `diff`: its lines from `--- ` on, `first` the first's."""
 
     path: Path
     head: dict[str, str]
@@ -108,9 +112,23 @@ def read(path: Path) -> Patch:
     return Patch(path, head, tuple(lines[begin:]), begin + 1)
 
 
+def folders(root: Path = ROOT) -> dict[str, Path]:
+    """Every phase's folder by its name. A folder whose name begins with a dot is in the making."""
+    found = [path for family in FAMILIES for path in root.glob(f"{family}/[!.]*/phase.json")]
+    return {path.parent.name: path.parent for path in sorted([*found, *root.glob("truth/phase.json")])}
+
+
+def folder(phase: str, root: Path = ROOT) -> Path:
+    """The phase's folder. Raises PatchError if there is no such phase."""
+    for place in ("phases/" + phase, "systems/" + phase, *(["truth"] if phase == "truth" else [])):
+        if (root / place / "phase.json").is_file():
+            return root / place
+    raise PatchError(f"no phase '{phase}'; there are {', '.join(sorted(folders(root)))}")
+
+
 def titles(phase: str, root: Path = ROOT) -> list[str]:
     """Of the phase's ablations, sorted."""
-    return sorted(path.stem for path in (root / "phases" / phase / "ablations").glob("[!.]*.patch"))
+    return sorted(path.stem for path in (folder(phase, root) / "ablations").glob("[!.]*.patch"))
 
 
 def chain(name: str, root: Path = ROOT) -> list[Patch]:
@@ -118,7 +136,7 @@ def chain(name: str, root: Path = ROOT) -> list[Patch]:
     phase, _, title = name.partition("+")
     found: list[Patch] = []
     while title:
-        path = root / "phases" / phase / "ablations" / f"{title}.patch"
+        path = folder(phase, root) / "ablations" / f"{title}.patch"
         if not path.is_file():
             known = ", ".join(titles(phase, root)) or "none"
             wanted = f", which {found[0].path} comes after" if found else ""
@@ -187,10 +205,7 @@ def apply(files: dict[str, str], patch: Patch) -> dict[str, str]:
 
 
 def _own_json(phase: str, root: Path) -> dict:
-    path = root / "phases" / phase / "phase.json"
-    if not path.is_file():
-        known = ", ".join(sorted(p.parent.name for p in root.glob("phases/[!.]*/phase.json")))
-        raise PatchError(f"no phase '{phase}'; there are {known}")
+    path = folder(phase, root) / "phase.json"
     try:
         data = json.loads(_text(path))
     except json.JSONDecodeError as error:
@@ -204,10 +219,10 @@ def lineage(phase: str, root: Path = ROOT) -> list[str]:
     """The phase, what it derives from, what that derives from, and so on. Raises PatchError."""
     found = [phase]
     while parent := _own_json(found[-1], root).get("derives"):
-        path = root / "phases" / found[-1] / "phase.json"
+        path = folder(found[-1], root) / "phase.json"
         if parent in found:
             raise PatchError(f"{path}: derives: {parent} derives from {phase} itself")
-        if not (root / "phases" / str(parent) / "phase.json").is_file():
+        if parent not in folders(root):
             raise PatchError(f"{path}: derives: there is no phase '{parent}'")
         found.append(parent)
     return found
@@ -227,7 +242,7 @@ def about(phase: str, root: Path = ROOT) -> dict:
         if parents and isinstance(own.get("tolerance"), dict):
             both = parents | own["tolerance"]
             data["tolerance"] = {key: value for key, value in both.items() if value is not None}
-    return data
+    return data | {"family": FAMILIES[folder(phase, root).relative_to(root).parts[0]]}
 
 
 def described(name: str, root: Path = ROOT) -> dict:
@@ -249,20 +264,20 @@ def files(phase: str, root: Path = ROOT) -> dict[str, Path]:
     """Every source file of a phase by its path in the tree: its own, else the nearest ancestor's."""
     found: dict[str, Path] = {}
     for name in reversed(lineage(phase, root)):
-        folder = root / "phases" / name
+        place = folder(name, root)
         for left_out in _own_json(name, root).get("without", []):
             if found.pop(left_out, None) is None:
-                raise PatchError(f"{folder / 'phase.json'}: without: the parent has no '{left_out}'")
+                raise PatchError(f"{place / 'phase.json'}: without: the parent has no '{left_out}'")
         for pattern in SOURCES:
-            for path in sorted(folder.rglob(pattern)):
-                found[str(path.relative_to(folder))] = path
+            for path in sorted(place.rglob(pattern)):
+                found[str(path.relative_to(place))] = path
     return found
 
 
 def tree(name: str, root: Path = ROOT) -> dict[str, str]:
     """Every source file of NAME or NAME+TITLE (path in the tree -> text), and its phase.json.
 
-    A C file that no patch changed begins with #line: the compiler and debuggers name the file in phases/.
+    A C file that no patch changed begins with #line: the compiler names the file that is edited.
     Raises PatchError.
     """
     paths = files(name.partition("+")[0], root)
@@ -276,14 +291,14 @@ def tree(name: str, root: Path = ROOT) -> dict[str, str]:
     return made | {"phase.json": json.dumps(described(name, root), indent=4, ensure_ascii=False) + "\n"}
 
 
-def write(name: str, folder: Path, root: Path = ROOT) -> None:
+def write(name: str, target: Path, root: Path = ROOT) -> None:
     """The tree into a folder: only what changed, so that make rebuilds only what must be."""
     texts = tree(name, root)
-    for path in [path for path in folder.rglob("*") if path.is_file()]:
-        if str(path.relative_to(folder)) not in texts and not path.name.endswith(".tmp"):
+    for path in [path for path in target.rglob("*") if path.is_file()]:
+        if str(path.relative_to(target)) not in texts and not path.name.endswith(".tmp"):
             path.unlink(missing_ok=True)
     for file, text in texts.items():
-        path = folder / file
+        path = target / file
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             path.parent.mkdir(parents=True, exist_ok=True)
             temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")

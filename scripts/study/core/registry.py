@@ -40,7 +40,7 @@ FRACTALS = frozenset({"mandelbulb", "mandelbox"})  # shapes whose distance is an
 
 @dataclass(frozen=True)
 class Phase:
-    """One phases/NAME/phase.json. `isa` are flag names of /proc/cpuinfo; `path` is the folder."""
+    """One phase.json (see core.patches). `isa` are flag names of /proc/cpuinfo; `path` is the folder."""
 
     name: str
     title: str
@@ -89,7 +89,7 @@ class Phase:
         own = self.path / name
         if own.exists() or not self.derives or "+" in self.name:
             return own
-        root = self.path.parents[1]
+        root = self.path.parent if self.family == TRUTH else self.path.parents[1]
         try:
             return patches.files(self.name, root).get(name, self.path / name)
         except patches.PatchError as error:
@@ -100,7 +100,7 @@ class Phase:
         path = self.file(name)
         if not path.exists() or path.is_relative_to(self.path):
             return None
-        return path.relative_to(self.path.parent).parts[0]
+        return next(one.name for one in path.parents if (one / "phase.json").exists())
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,8 @@ def _unknown(kind: str, name: str, known: Iterable[str]) -> StudyError:
 def phases(root: Path = ROOT) -> dict[str, Phase]:
     """All phases by name, sorted by family and order. Raises StudyError with the file and the key."""
     found = []
-    for path in sorted(root.glob("phases/[!.]*/phase.json")):
+    for folder in patches.folders(root).values():
+        path = folder / "phase.json"
         _read_json(path)
         try:
             data = patches.about(path.parent.name, root)
@@ -177,7 +178,7 @@ def phases(root: Path = ROOT) -> dict[str, Phase]:
     try:
         found.sort(key=lambda phase: (phase.family, phase.order, phase.name))
     except TypeError:
-        raise StudyError("phases/*/phase.json: family must be a string and order a number") from None
+        raise StudyError("phase.json: order must be a number") from None
     return {phase.name: phase for phase in found}
 
 
@@ -221,7 +222,7 @@ def is_exact(spec: str) -> bool:
 def find_phase(name: str, root: Path = ROOT) -> Phase:
     """The phase of that name, or a StudyError that names the nearest ones.
 
-    NAME+TITLE is the ablation phases/NAME/ablations/TITLE.patch; its `path` is there once it is built.
+    NAME+TITLE is the ablation NAME/ablations/TITLE.patch; its `path` is there once it is built.
     """
     if "+" in name:
         return _ablation(name, root)

@@ -16,7 +16,7 @@ from study.counting.elf import Program
 WRAPPER = 32  # bytes: a leaf of one or two instructions, such as a name for an intrinsic
 # As addr2line writes it: a phase's own source, a derived phase's or an ablation's (build/NAME/source), and
 # common/simd's, whose functions are compiled into the phase.
-_PHASE_FILE = re.compile(r"(^|/)(phases/[^/]+|source|common/simd)/([^/]+/)?[^/]+\.[ch]:")
+_PHASE_FILE = re.compile(r"(^|/)((?:phases|systems)/[^/]+|truth|source|common/simd)/([^/]+/)?[^/]+\.[ch]:")
 
 
 def canonical(name: str, library: bool = False) -> str:

@@ -23,8 +23,8 @@ from study.core.host import child
 from study.core.registry import Scene, find_scene
 
 KINDS = ("primary", "shadow", "mirror", "scattered")
-SETTINGS = "STEPWISE_PACKETS"  # phases/packets/settings.h
-TILE, BLOCK = 16, 4  # pixels on a side: phases/packets/trace.h
+SETTINGS = "STEPWISE_PACKETS"  # systems/packets/settings.h
+TILE, BLOCK = 16, 4  # pixels on a side: systems/packets/trace.h
 MANY = 4096
 Rays = np.ndarray  # float32, (count, 7): origin, unit direction, far
 

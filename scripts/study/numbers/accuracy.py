@@ -39,7 +39,7 @@ class Colours(Record, kw_only=True):
 
 
 class Row(Colours, kw_only=True):
-    """One phase and scene against ground truth (phases/truth). Colours are of the pixels that truth knows."""
+    """One phase and scene against ground truth (truth). Colours are of the pixels that truth knows."""
 
     phase: Annotated[str, key("", "its name")]
     scene: Annotated[str, key("", "its name")]

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from study.claims import claims
-from study.core import html, registry
+from study.core import html, patches, registry
 from study.experiments.section import Section, part
 from study.numbers import analysis, columns, paper, verdicts
 from study.numbers.analysis import Data
@@ -129,7 +129,7 @@ def described(data: Data) -> list[dict[str, Any]]:
                 "isa": own["isa"].split("+"),
                 "cflags": own["flags"],
             }
-        file = registry.ROOT / "phases" / name / "NOTES.md"
+        file = patches.folders().get(name, registry.ROOT) / "NOTES.md"
         notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
         figure = file.with_name(lessons.NAME)
         lesson = embed.data_uri(figure.read_bytes(), "svg") if notes and figure.is_file() else None

@@ -1,4 +1,4 @@
-"""The exact picture of a scene, as near as it can be had: rendered once by phases/truth, then kept.
+"""The exact picture of a scene, as near as it can be had: rendered once by truth, then kept.
 
 Undecided primary rays are decided by truth.exact and written back (id, Z, width, status); the pixel's chain
 (status.all) stays undecided. Colour, normal and shadow stay the phase's where it had guessed that shape, and

@@ -1,5 +1,5 @@
-// flags: -O2 -iquote phases/truth
-// Double-doubles of phases/truth (shadow estimator, Mandelbulb) against __float128, which has nine bits
+// flags: -O2 -iquote truth
+// Double-doubles of truth (shadow estimator, Mandelbulb) against __float128, which has nine bits
 // more: sums, products and quotients directly, roots by their squares, logarithms by Taylor's series.
 #include <setjmp.h>
 #include <stdarg.h>
@@ -8,7 +8,7 @@
 // Before cmocka.h, as it asks for.
 #include <cmocka.h>
 
-#include "phases/truth/number/dd.h"
+#include "truth/number/dd.h"
 
 enum { ROUNDS = 200000 };
 

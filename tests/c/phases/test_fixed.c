@@ -1,4 +1,4 @@
-// flags: -O1 -iquote phases/fixed
+// flags: -O1 -iquote systems/fixed
 // The fixed-point arithmetic of phase fixed over its stated ranges: products against 128-bit integers, roots against
 // long doubles, whose own error is 2^-64.
 #include <setjmp.h>
@@ -10,7 +10,7 @@
 
 #include <math.h>
 
-#include "phases/fixed/number/number.h"
+#include "systems/fixed/number/number.h"
 
 __extension__ typedef __int128 wide; // no product is too large for it
 

@@ -1,5 +1,5 @@
-// flags: -O2 -iquote phases/truth
-// Intervals of phases/truth against exact results: of double intervals in __float128, where sums and
+// flags: -O2 -iquote truth
+// Intervals of truth against exact results: of double intervals in __float128, where sums and
 // products of doubles fit, of quad intervals as sums of doubles without error; random and nasty numbers.
 #include <setjmp.h>
 #include <stdarg.h>
@@ -8,8 +8,8 @@
 // Before cmocka.h, as it asks for.
 #include <cmocka.h>
 
-#include "phases/truth/number/angles.c"
-#include "phases/truth/number/dd.h"
+#include "truth/number/angles.c"
+#include "truth/number/dd.h"
 
 enum { ROUNDS = 200000 };
 

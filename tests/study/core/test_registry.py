@@ -36,8 +36,9 @@ def test_a_scene_whose_shapes_are_no_list_is_left_to_the_driver(tmp_path):
 
 def test_every_folder_is_a_phase_in_order_of_the_ladder():
     found = registry.phases()
-    folders = {path.parent.name for path in registry.ROOT.glob("phases/*/phase.json")}
-    assert set(found) == folders
+    ladder = {path.parent.name for path in registry.ROOT.glob("phases/*/phase.json")}
+    systems = {path.parent.name for path in registry.ROOT.glob("systems/*/phase.json")}
+    assert set(found) == ladder | systems | {"truth"} and ladder == set(registry.ladder())
     ladder = ["baseline", "opt1", "opt2", "opt3", "opt4"]
     assert [name for name in found if name in ladder] == ladder
     assert found["baseline"].parent is None
@@ -46,8 +47,11 @@ def test_every_folder_is_a_phase_in_order_of_the_ladder():
 
 
 def test_order_is_family_then_number_then_name(tmp_path):
-    tree(tmp_path, z={"order": 0}, b={"order": 1}, a={"order": 1}, c={"family": "alone", "order": 9})
-    assert list(registry.phases(tmp_path)) == ["c", "z", "a", "b"]
+    tree(tmp_path, z={"order": 0}, b={"order": 1}, a={"order": 1}, c={"order": -1})
+    (tmp_path / "systems").mkdir()
+    (tmp_path / "phases" / "c").rename(tmp_path / "systems" / "c")
+    assert list(registry.phases(tmp_path)) == ["z", "a", "b", "c"]
+    assert registry.phases(tmp_path)["c"].family == "systems"
 
 
 def test_a_phase_in_the_making_is_not_seen(tmp_path):
@@ -62,7 +66,7 @@ def test_a_phase_in_the_making_is_not_seen(tmp_path):
         ({"isa": "remove"}, "key 'isa' is missing"),
         ({"colour": "red"}, "key 'colour' is unknown"),
         ({"name": "b"}, "name is 'b', must be the folder's 'a'"),
-        ({"order": "first"}, "order a number"),
+        ({"order": "first"}, "order must be a number"),
     ],
 )
 def test_a_wrong_phase_json_is_named(tmp_path, changes, words):

@@ -1,4 +1,4 @@
-"""The planes of phases/truth against closed forms and a second program in mpmath (50 digits)."""
+"""The planes of truth against closed forms and a second program in mpmath (50 digits)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shadow planes of phases/truth where h/t has several minima (a torus, repeated spheres) or its least at an
+"""Shadow planes of truth where h/t has several minima (a torus, repeated spheres) or its least at an
 end of the way: against the estimator in 50 digits and against sampling."""
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from study.pictures import images
 
 WIDTH, HEIGHT = 24, 14
 FLOOR, START, STRENGTH, BOUNDS = -1.0, 0.001, 3, 100
-PROVED_TO = 1e-4  # of the ideal where h/t is not convex (phases/truth/shadow.c)
+PROVED_TO = 1e-4  # of the ideal where h/t is not convex (truth/shadow.c)
 CELL, RADIUS = 2.5, 0.4
 
 

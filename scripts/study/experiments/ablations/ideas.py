@@ -80,7 +80,7 @@ def code_lines(name: str, root: Path = ROOT) -> int:
 
 def of(phase: str, root: Path = ROOT) -> list[patches.Patch]:
     """The phase's patches that take out an idea, by title."""
-    folder = root / "phases" / phase / "ablations"
+    folder = patches.folder(phase, root) / "ablations"
     found = [patches.read(folder / f"{title}.patch") for title in patches.titles(phase, root)]
     return [patch for patch in found if "idea" in patch.head]
 

@@ -2,7 +2,7 @@
 
 All three march to the same hit distance, so what they differ in is arithmetic alone; beside it, how far each
 is from the finest march there is (double-double at the least hit distance): what the hit distance costs.
-"quad" in the JSON is truth's double-double, 104 bits or about 31 digits (phases/truth/number/dd.h).
+"quad" in the JSON is truth's double-double, 104 bits or about 31 digits (truth/number/dd.h).
 """
 
 from __future__ import annotations

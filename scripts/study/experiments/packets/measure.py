@@ -30,7 +30,7 @@ ARTICLE = {"scalar_ms": 3156, "sse_ms": 172, "speed_up": 18.35, "cpu": "Core 2 D
 GOALS = {"primary": 1.0, "shadow": None, "mirror": 0.5, "scattered": 0.5}  # of Embree's rays a second
 # Embree's ways to be asked: packets of 16, one ray, 256 rays a call (its version 3 alone).
 EMBREE = ("embree16", "embree1", "embree_stream")
-# Name → settings (phases/packets/settings.h), what the CPU may have.
+# Name → settings (systems/packets/settings.h), what the CPU may have.
 VARIANTS = {
     "own": ("", ""),
     "kd-tree": ("tree=kd", ""),

@@ -16,7 +16,7 @@ from typing import Any
 
 from study.core import cli, progress, run
 from study.core.build import build
-from study.core.registry import Spec, cpu_supports, find_phase, find_scene, missing_isa, phases
+from study.core.registry import ROOT, Spec, cpu_supports, find_phase, find_scene, missing_isa, phases
 from study.core.run import DriverError
 from study.numbers import summary
 from study.numbers.analysis import GENERATED, SECOND_BASE
@@ -127,7 +127,9 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
             plan["binaries"][str(spec)] = sha256(build(spec))
             specs.append(spec)
             for name in (spec.phase, spec.flags_from):  # as they were: analysis reads the run alone
-                plan["phases"][name] = dataclasses.asdict(find_phase(name)) | {"path": f"phases/{name}"}
+                phase = find_phase(name)
+                place = phase.path.relative_to(ROOT)
+                plan["phases"][name] = dataclasses.asdict(phase) | {"path": str(place)}
         else:
             skip(plan, {"spec": str(spec)}, f"this CPU lacks {', '.join(missing_isa(spec))}")
     scenes = [find_scene(name) for name in dict.fromkeys(options.scene)]
