@@ -14,20 +14,17 @@ INLINE vfloat root_rise(vfloat rise, vfloat square, vfloat root) {
 
 // Returns |p + step| − |p|.
 INLINE vfloat abs_rise(vfloat p, vfloat step) {
-    COUNT(abs_rise, call);
     vfloat same = v_negate_where(v_signbit(p), step), to = p + step;
     return v_select(v_cmp_ge(v_abs(p), v_abs(step)), same, v_abs(to) - v_abs(p));
 }
 
 INLINE vfloat own_box(struct vec p, struct vec step, const struct primitive *s) {
-    COUNT(own_box, call);
     vfloat zero = v_splat(0.0f), core = v_splat(core_radius(s));
     vfloat x = v_abs(p.x) - v_splat(s->size[0]), y = v_abs(p.y) - v_splat(s->size[1]);
     vfloat z = v_abs(p.z) - v_splat(s->size[2]);
     struct vec rise = {abs_rise(p.x, step.x), abs_rise(p.y, step.y), abs_rise(p.z, step.z)};
     vfloat fx = x + rise.x, fy = y + rise.y, fz = z + rise.z;
     if (!(core_radius(s) > 0.0f)) { // the face: the largest of the three is 0
-        COUNT(own_box, sharp);
         vfloat most = v_max(x, v_max(y, z));
         fx = v_select(v_cmp_ge(x, most), rise.x, fx);
         fy = v_select(v_cmp_ge(y, most), rise.y, fy);
@@ -35,7 +32,6 @@ INLINE vfloat own_box(struct vec p, struct vec step, const struct primitive *s) 
         struct vec out = {v_max(fx, zero), v_max(fy, zero), v_max(fz, zero)};
         return vec_norm(out);
     }
-    COUNT(own_box, rounded);
     struct vec from = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
     rise.x = v_select(v_cmp_ge(v_min(x, fx), zero), rise.x, v_max(fx, zero) - from.x);
     rise.y = v_select(v_cmp_ge(v_min(y, fy), zero), rise.y, v_max(fy, zero) - from.y);
@@ -47,7 +43,6 @@ INLINE vfloat own_box(struct vec p, struct vec step, const struct primitive *s) 
 }
 
 INLINE vfloat own_octahedron(struct vec p, struct vec step) {
-    COUNT(own_octahedron, call);
     struct vec rise = {abs_rise(p.x, step.x), abs_rise(p.y, step.y), abs_rise(p.z, step.z)};
     vfloat x = v_abs(p.x + step.x), y = v_abs(p.y + step.y), z = v_abs(p.z + step.z);
     vfloat m = rise.x + rise.y + rise.z, low = v_min(x, v_min(y, z)), high = v_max(x, v_max(y, z));
@@ -65,8 +60,6 @@ INLINE vfloat ring_rise(struct vec p, struct vec step, vfloat square, vfloat rad
 }
 
 INLINE vfloat own_cone(struct vec p, struct vec step, const struct primitive *s) {
-    COUNT(own_cone, call);
-    COUNT(own_cone, scalar);
     vfloat zero = v_splat(0.0f);
     float per_length = sqrtf(s->per_slope_sq);
     float length = sqrtf(s->slope[0] * s->slope[0] + s->slope[1] * s->slope[1]);
@@ -92,7 +85,6 @@ INLINE vfloat own_cone(struct vec p, struct vec step, const struct primitive *s)
 }
 
 INLINE vfloat own_torus(struct vec p, struct vec step, const struct primitive *s) {
-    COUNT(own_torus, call);
     vfloat tube = v_splat(s->b), square = v_madd(p.x, p.x, p.z * p.z), radius = v_sqrt(square);
     vfloat wider = ring_rise(p, step, square, radius), inward = radius - v_splat(s->a);
     vfloat grown = v_madd(wider, wider + inward + inward, step.y * (step.y + p.y + p.y));
@@ -101,13 +93,11 @@ INLINE vfloat own_torus(struct vec p, struct vec step, const struct primitive *s
 
 // Returns h(t)/t of the solid s for rays that start on it, at p in its frame, 0 if they lead into it.
 INLINE vfloat own_ratio(const struct primitive *s, struct vec p, struct vec d, vfloat t) {
-    COUNT(own_ratio, call);
     vfloat zero = v_splat(0.0f);
     struct vec step = vec_scale(d, t);
     vfloat radius = v_splat(s->a), h;
     switch (s->type) {
     case SHAPE_SPHERE: {
-        COUNT(own_ratio, sphere);
         vfloat grown = v_madd(step.x, p.x + p.x + step.x,
                               v_madd(step.y, p.y + p.y + step.y, step.z * (p.z + p.z + step.z)));
         h = root_rise(grown, radius * radius, radius);

@@ -22,12 +22,9 @@ struct light_bundle {
 // the light, or if no hit is lit.
 static bool light_bundle_of(const struct shading_packet *stage, int count, const struct view *view,
                             struct light_bundle *ball) {
-    COUNT(light_bundle_of, call);
-    COUNT(light_bundle_of, scalar);
     struct vec least = {v_splat(INFINITY), v_splat(INFINITY), v_splat(INFINITY)};
     struct vec most = {v_splat(-INFINITY), v_splat(-INFINITY), v_splat(-INFINITY)};
     for (int i = 0; i < count; i++) {
-        COUNT(light_bundle_of, packet);
         vmask lit = stage[i].lit;
         struct vec p = stage[i].point;
         least = (struct vec){v_select(lit, v_min(p.x, least.x), least.x),
@@ -57,7 +54,6 @@ static bool light_bundle_of(const struct shading_packet *stage, int count, const
 
 // Returns whether no cone of slope q about a ray of the bundle meets the shape's bounding sphere.
 static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s, float q) {
-    COUNT(bundle_misses, call);
     float radius = s->bound + ball->radius, along = 0, c = -radius * radius;
     q += ball->spread;
     for (int k = 0; k < 3; k++) {
@@ -68,7 +64,6 @@ static bool bundle_misses(const struct light_bundle *ball, const struct primitiv
     float b = along + q * radius;
     if (!(c > 0 && q < 1) || b <= 0)
         return c > 0 && q < 1;
-    COUNT(bundle_misses, leans);
     return b * b * (1 + 1e-4f) < (1 - q * q) * c;
 }
 

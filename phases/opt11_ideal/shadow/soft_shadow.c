@@ -13,8 +13,6 @@
 
 // The ratio of a plane falls or rises all along.
 INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_scene *scene) {
-    ACTIVE(v_count(w->active));
-    COUNT(darken_by_plane, call);
     const struct primitive *s = &scene->primitives[i];
     vmask self = is_shape(w->shape, i);
     vfloat slope = add_dot(s->normal, w->to_light), zero = v_splat(0.0f);
@@ -25,21 +23,15 @@ INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_sce
 }
 
 INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared *prepared) {
-    ACTIVE(v_count(w->active));
-    COUNT(darken_by_solid, call);
     const struct known_scene *scene = KNOWN(prepared);
     const struct primitive *s = &scene->primitives[i];
     vmask self = v_and(is_shape(w->shape, i), w->active), others = w->active;
     vmask far_side = v_mask_none();
     if (v_any(self)) {
-        ACTIVE(v_count(self));
-        COUNT(darken_by_solid, self);
         vfloat own = own_ratio(s, w->local, turned(s, w->to_light), w->near);
         w->best = v_select(self, v_min(w->best, own), w->best);
         others = v_andnot(self, others);
         if (!s->convex) {
-            COUNT(darken_by_solid, ring);
-            COUNT(darken_by_solid, ring_scalar);
             vfloat square = v_madd(w->local.x, w->local.x, w->local.z * w->local.z);
             far_side = v_and(self, v_cmp_lt(square, v_splat(s->a * s->a)));
         }
@@ -54,9 +46,6 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
     vmask met = v_or(v_andnot(clear, others), far_side);
     if (!v_any(met))
         return;
-    ACTIVE(v_count(met));
-    COUNT(darken_by_solid, met);
-    COUNT(darken_by_solid, met_scalar);
     struct vec zero = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     struct cone_rays r = {turned(s, vec_along(zero, to, v_splat(-1.0f))), turned(s, w->to_light),
                           w->near, w->far};
@@ -66,8 +55,6 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
     } else if (s->convex) {
         w->best = widest_convex(&r, s, best, met, room, &where);
     } else {
-        COUNT(darken_by_solid, torus);
-        COUNT(darken_by_solid, torus_scalar);
         r.o = vec_select(far_side, w->local, r.o);
         r.near = v_select(far_side, v_max(r.near, v_splat(NEAR_TUBE * s->b)), r.near);
         met = v_and(met, v_cmp_lt(r.near, r.far));
@@ -91,9 +78,6 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
 
 // Sets how far the rays go, and the ratio of a lit ray.
 static void begin_soft_packet(struct soft_packet *w, const struct tile_context *work) {
-    ACTIVE(v_count(w->active));
-    COUNT(begin_soft_packet, call);
-    COUNT(begin_soft_packet, scalar);
     const struct known_model *model = &KNOWN(work->scene)->model;
     struct vec l = {v_splat(work->light[0]) - w->point.x, v_splat(work->light[1]) - w->point.y,
                     v_splat(work->light[2]) - w->point.z};
@@ -104,7 +88,6 @@ static void begin_soft_packet(struct soft_packet *w, const struct tile_context *
 }
 
 static inline vfloat lit_share(vfloat ratio, const struct tile_context *work) {
-    COUNT(lit_share, call);
     vfloat strength = v_splat((float)KNOWN(work->scene)->model.shadow_strength);
     return v_min(strength * ratio, v_splat(1.0f));
 }
@@ -118,9 +101,6 @@ static inline vfloat lit_share(vfloat ratio, const struct tile_context *work) {
 // cone about them all. Returns false if the rays are too far apart for that.
 static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
                             const struct tile_context *work) {
-    ACTIVE(v_count(rays));
-    COUNT(list_for_packet, call);
-    COUNT(list_for_packet, scalar);
     vfloat infinite = v_splat(INFINITY);
     const vfloat at[3] = {w->point.x, w->point.y, w->point.z};
     float centre[3], to_light[3], square = 0, distance = 0;
@@ -136,7 +116,6 @@ static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
     float radius = sqrtf(square) * (1 + 1e-4f);
     if (!(radius < 0.25f * distance))
         return false;
-    COUNT(list_for_packet, near);
     for (int k = 0; k < 3; k++)
         to_light[k] /= distance;
     bvh_list_towards_light(centre, radius, to_light, q + radius / (distance - radius), work);
@@ -169,7 +148,6 @@ static void darken_by_listed(struct soft_packet *w, const struct tile_context *w
         vmask rays = v_and(w->active, v_cmp_gt(w->best, zero));
         if (!v_any(rays))
             return;
-        COUNT(darken_by_listed, round);
         float widest = v_reduce_max(v_select_or_zero(rays, w->best));
         if (widest <= asked)
             return;
@@ -185,7 +163,6 @@ static struct vec gather_vec(float field[][QUEUE_ROOM], vindex at) {
 
 // With a BVH. The queue is sorted, so that the rays of a packet are near to each other: by solid, in the BVH's order.
 static void cast_sorted(const struct tile_context *work) {
-    COUNT(cast_sorted, call);
     struct worker_scratch *scratch = work->scratch;
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     sort_shadow_rays(scratch, work->scene);
@@ -197,7 +174,6 @@ static void cast_sorted(const struct tile_context *work) {
                                 .to_light = gather_vec(field + S_TO_LIGHT, at),
                                 .shape = v_gather(field[S_SHAPE], at),
                                 .active = rays};
-        COUNT(cast_sorted, packet);
         begin_soft_packet(&w, work);
         darken_by_listed(&w, work);
         add_light(rays, vec_scale(gather_vec(field + S_LIGHT, at), lit_share(w.best, work)),
@@ -208,8 +184,6 @@ static void cast_sorted(const struct tile_context *work) {
 // Adds the light of the queued rays that begin at `first`, by their ratios.
 static inline void add_queued_light(int first, vmask rays, vfloat ratio,
                                     const struct tile_context *work) {
-    ACTIVE(v_count(rays));
-    COUNT(add_queued_light, call);
     float (*field)[QUEUE_ROOM] = work->scratch->shadow;
     add_light(rays, vec_scale(load_vec(field + S_LIGHT, first), lit_share(ratio, work)),
               v_load(&field[S_PIXEL][first]), work->scratch);
@@ -226,7 +200,6 @@ static inline void cast_to_bulb(const struct tile_context *work) {
 
 // All shapes in turn, for the queue's packets as they are.
 static inline void cast_in_order(const struct tile_context *work) {
-    COUNT(cast_in_order, call);
     struct worker_scratch *scratch = work->scratch;
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     for (int first = 0; first < scratch->shadows; first += LANES) {

@@ -32,8 +32,6 @@ INLINE void load_search(int first, int i, const struct tile_context *work,
     const struct primitive *s = &KNOWN(work->scene)->primitives[i];
     float (*field)[QUEUE_ROOM] = work->scratch->shadow;
     vmask rays = v_mask_first(int_min(LANES, work->scratch->shadows - first));
-    ACTIVE(v_count(rays));
-    COUNT(load_search, call);
     struct vec point = load_vec(field + S_POINT, first), light = vec_set(work->light);
     vmask self = is_shape(v_load(&field[S_SHAPE][first]), i);
     struct vec o = vec_select(self, load_vec(field + S_LOCAL, first), to_local(s, point));
@@ -68,7 +66,6 @@ static inline unsigned lowest_bits(unsigned bits, int count) {
 // whenever it is empty. Returns the next queue index.
 INLINE int refill_search(struct search_packet *to, struct search_packet *ready, int next, int i,
                          const struct tile_context *work) {
-    COUNT(refill_search, call);
     struct worker_scratch *scratch = work->scratch;
     unsigned ended = ~v_mask_bits(to->going) & ((1u << LANES) - 1);
     float best[LANES], ray[LANES];
@@ -96,7 +93,6 @@ INLINE int refill_search(struct search_packet *to, struct search_packet *ready, 
 
 // One step of each packet. Returns the number of rays that go on.
 INLINE int step_search(struct search_packet *all, const struct primitive *s, vfloat room) {
-    COUNT(step_search, call);
     vfloat h[INTERLEAVED], zero = v_splat(0.0f), one = v_splat(1.0f);
     struct vec p[INTERLEAVED];
     vmask done[INTERLEAVED];
@@ -108,8 +104,6 @@ INLINE int step_search(struct search_packet *all, const struct primitive *s, vfl
     bulbs(s, p, done, false, false, h);
     for (int k = 0; k < INTERLEAVED; k++) {
         struct bulb_search *at = &all[k].at;
-        ACTIVE(v_count(all[k].going));
-        COUNT(step_search, packet);
         vfloat t = at->t, ratio = v_max(h[k] * quick_inverse(t), zero);
         vmask going = all[k].going;
         at->best = v_select(going, v_min(at->best, ratio), at->best);
@@ -125,8 +119,6 @@ INLINE int step_search(struct search_packet *all, const struct primitive *s, vfl
 
 // Lowers the ratios of the queued rays by shape i.
 INLINE void search_shape(int i, const struct tile_context *work) {
-    COUNT(search_shape, call);
-    COUNT(search_shape, scalar);
     float strength = (float)KNOWN(work->scene)->model.shadow_strength;
     vfloat room = v_splat(BULB_ROOM_SHARE / (strength > 1.0f ? strength : 1.0f));
     struct search_packet all[INTERLEAVED + 1]; // the last is ready

@@ -12,8 +12,6 @@ struct cell_line {
 };
 
 INLINE struct cell_line cell_line_of(vfloat o, vfloat d, float cell) {
-    COUNT(cell_line_of, call);
-    COUNT(cell_line_of, scalar);
     vfloat per = v_splat(1.0f) / v_copysign(v_max(v_abs(d), v_splat(1e-20f)), d);
     vfloat half = v_copysign(v_splat(0.5f * cell), d);
     vfloat wall = cell > 0.0f ? v_max((half - o) * per, v_splat(0.0f)) : v_splat(INFINITY);
@@ -21,7 +19,6 @@ INLINE struct cell_line cell_line_of(vfloat o, vfloat d, float cell) {
 }
 
 INLINE void pass_wall(struct cell_line *a, vmask going, vfloat t) {
-    COUNT(pass_wall, call);
     vmask through = v_and(going, v_cmp_ge(t, a->wall));
     a->passed = a->passed + v_select_or_zero(through, a->cell);
     vfloat half = v_splat(0.5f) * a->cell;
@@ -31,8 +28,6 @@ INLINE void pass_wall(struct cell_line *a, vmask going, vfloat t) {
 // Returns the lesser of `best` and the least ratio of the copy in one cell.
 INLINE vfloat widest_of_copy(const struct cone_rays *r, const struct primitive *s, vfloat best,
                              vmask active, float room) {
-    ACTIVE(v_count(active));
-    COUNT(widest_of_copy, call);
     // The cone of slope `best` may miss the copy's bounding sphere.
     vfloat zero = v_splat(0.0f), along = zero - vec_dot(r->o, r->d), where;
     vfloat c = vec_dot(r->o, r->o) - v_splat(s->bound_sq);
@@ -50,8 +45,6 @@ INLINE vfloat widest_of_copy(const struct cone_rays *r, const struct primitive *
 
 vfloat widest_in_cells(int i, const struct soft_packet *w, float room,
                        const struct prepared *scene) {
-    ACTIVE(v_count(w->active));
-    COUNT(widest_in_cells, call);
     const struct primitive *s = &KNOWN(scene)->primitives[i];
     vmask self = v_and(is_shape(w->shape, i), w->active);
     struct vec o = vec_select(self, w->local, to_local(s, w->point)), d = turned(s, w->to_light);
@@ -59,13 +52,9 @@ vfloat widest_in_cells(int i, const struct soft_packet *w, float room,
     o = vec_wrapped(s, o);
     vmask here = w->active; // rays whose first cell is still to be asked
     if (v_any(self)) {
-        ACTIVE(v_count(self));
-        COUNT(widest_in_cells, self);
         best = v_select(self, v_min(best, own_ratio(s, o, d, near)), best);
         here = v_andnot(self, here);
         if (!s->convex) {
-            COUNT(widest_in_cells, ring);
-            COUNT(widest_in_cells, ring_scalar);
             vfloat square = v_madd(o.x, o.x, o.z * o.z);
             here = v_or(here, v_and(self, v_cmp_lt(square, v_splat(s->a * s->a))));
         }
@@ -75,16 +64,11 @@ vfloat widest_in_cells(int i, const struct soft_packet *w, float room,
     struct cell_line z = cell_line_of(o.z, d.z, s->cell[2]);
     vfloat from = near;
     for (vmask going = w->active; v_any(going); here = going) {
-        ACTIVE(v_count(going));
-        COUNT(widest_in_cells, cell);
         vfloat to = v_min(x.wall, v_min(y.wall, z.wall));
         struct cone_rays r = {
             {o.x - x.passed, o.y - y.passed, o.z - z.passed}, d, from, v_min(to, far)};
-        if (!s->convex) {
-            COUNT(widest_in_cells, near);
-            COUNT(widest_in_cells, near_scalar);
+        if (!s->convex)
             r.near = v_select(self, v_max(from, v_splat(NEAR_TUBE * s->b)), from);
-        }
         vmask asked = v_and(v_and(here, going), v_cmp_lt(r.near, r.far));
         if (v_any(asked))
             best = widest_of_copy(&r, s, best, asked, room);

@@ -52,7 +52,6 @@ INLINE vfloat beyond_slab(vfloat o, vfloat d, vfloat t, float half, vfloat *slop
 }
 
 INLINE struct along_ray along_box(struct vec o, struct vec d, vfloat t, const struct primitive *s) {
-    COUNT(along_box, call);
     vfloat zero = v_splat(0.0f);
     struct vec slope;
     vfloat x = beyond_slab(o.x, d.x, t, s->size[0], &slope.x);
@@ -68,7 +67,6 @@ INLINE struct along_ray along_box(struct vec o, struct vec d, vfloat t, const st
 // Nearest to a point with |x| + |y| + |z| − radius = m is a face if no |coordinate| is below m/3. Else it is the
 // edge between the two larger coordinates, or the vertex on the largest.
 INLINE struct along_ray along_octahedron(struct vec p, struct vec d, const struct primitive *s) {
-    COUNT(along_octahedron, call);
     vfloat zero = v_splat(0.0f), half = v_splat(0.5f), radius = v_splat(s->a);
     vfloat x = v_abs(p.x), y = v_abs(p.y), z = v_abs(p.z);
     vfloat dx = outward(p.x, d.x), dy = outward(p.y, d.y), dz = outward(p.z, d.z);
@@ -99,7 +97,6 @@ struct ring_ray {
 };
 
 INLINE struct ring_ray ring_along(struct vec p, struct vec d) {
-    COUNT(ring_along, call);
     vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
     vfloat per = v_rsqrt_newton(square), slope = v_madd(p.x, d.x, p.z * d.z) * per;
     vfloat across = v_madd(d.x, d.x, d.z * d.z);
@@ -110,8 +107,6 @@ INLINE struct ring_ray ring_along(struct vec p, struct vec d) {
 // Nearest is a cap if the point is over it, else a point of the side with its two rims: `across` from the side,
 // and beyond a rim `past` along it.
 INLINE struct along_ray along_cone(struct vec p, struct vec d, const struct primitive *s) {
-    COUNT(along_cone, call);
-    COUNT(along_cone, scalar);
     vfloat zero = v_splat(0.0f);
     struct ring_ray ring = ring_along(p, d);
     float per_length = sqrtf(s->per_slope_sq);
@@ -144,7 +139,6 @@ INLINE struct along_ray along_cone(struct vec p, struct vec d, const struct prim
 // The hull of a torus: all within the tube's radius of the disc that fills the ring. Where the distance from the
 // axis is the ring's radius or more, its distance is the torus's.
 INLINE struct along_ray along_hull(struct vec p, struct vec d, const struct primitive *s) {
-    COUNT(along_hull, call);
     vfloat zero = v_splat(0.0f);
     struct ring_ray ring = ring_along(p, d);
     vfloat x = ring.radius - v_splat(s->a);
@@ -157,10 +151,8 @@ INLINE struct along_ray along_hull(struct vec p, struct vec d, const struct prim
 
 INLINE struct along_ray along_solid(const struct cone_rays *r, vfloat t,
                                     const struct primitive *s) {
-    COUNT(along_solid, call);
     if (s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX)
         return along_box(r->o, r->d, t, s);
-    COUNT(along_solid, point);
     struct vec p = vec_along(r->o, r->d, t);
     switch (s->type) {
     case SHAPE_OCTAHEDRON: return along_octahedron(p, r->d, s);
@@ -182,22 +174,16 @@ static inline float room_for(float strength) {
 // square of H/t, as a function of 1/t, is t·e/(e − H·p): exact where the nearest part is a point or a line.
 INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s, vfloat best,
                             vmask active, vfloat room, vfloat *where) {
-    ACTIVE(v_count(active));
-    COUNT(widest_convex, call);
     vfloat zero = v_splat(0.0f), half = v_splat(0.5f), core = v_splat(core_radius(s));
     vfloat square = vec_dot(r->o, r->o), towards = zero - vec_dot(r->o, r->d);
     vfloat low = v_min(v_max(r->near, v_sqrt(square) - v_splat(s->bound)), r->far), high = r->far;
     // The first place: the ray's nearest to the centre, or where it sees the centre at the least angle. Which of them saves
     // steps is counted, not derived.
     vfloat t = towards;
-    if (s->type != SHAPE_OCTAHEDRON && s->type != SHAPE_TORUS) {
-        COUNT(widest_convex, sight);
+    if (s->type != SHAPE_OCTAHEDRON && s->type != SHAPE_TORUS)
         t = square * quick_inverse(v_max(towards, v_splat(1e-20f)));
-    }
     t = *where = v_min(v_max(t, low), high);
     for (int step = 0; step < MOST_CONE_STEPS; step++) {
-        ACTIVE(v_count(active));
-        COUNT(widest_convex, step);
         struct along_ray at = along_solid(r, t, s);
         vfloat per = quick_inverse(t), ratio = at.h * per;
         vfloat p = v_nmadd(t, at.slope, at.h); // derivative of u·h(1/u)
@@ -213,18 +199,14 @@ INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s
         active = v_andnot(v_or(close, v_cmp_le(best, room)), active);
         if (!v_any(active))
             break;
-        ACTIVE(v_count(active));
-        COUNT(widest_convex, next);
         vfloat height = at.h + core, e = v_madd(p + core, p, t * t * at.bend);
         vfloat rest = v_nmadd(height, p, e), next = t * e * quick_inverse(rest);
         vmask inside = v_and(v_and(v_cmp_gt(rest, zero), v_cmp_gt(e, zero)),
                              v_and(v_cmp_gt(next, low), v_cmp_lt(next, high)));
         t = v_select(inside, next, end);
         // Newton's steps can go to and fro between two parts of a surface: halving ends that.
-        if (step >= 4 && step % 2 == 0) {
-            COUNT(widest_convex, half);
+        if (step >= 4 && step % 2 == 0)
             t = half * (low + high);
-        }
     }
     return best;
 }
@@ -233,8 +215,6 @@ INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s
 // angle to the direction has this sine and cosine.
 INLINE vfloat widest_sphere(const struct cone_rays *r, const struct primitive *s, vfloat best,
                             vmask active) {
-    ACTIVE(v_count(active));
-    COUNT(widest_sphere, call);
     vfloat zero = v_splat(0.0f), radius = v_splat(s->a);
     vfloat towards = zero - vec_dot(r->o, r->d), square = vec_dot(r->o, r->o);
     struct vec away = vec_along(r->o, r->d, towards);
@@ -246,8 +226,6 @@ INLINE vfloat widest_sphere(const struct cone_rays *r, const struct primitive *s
     vfloat t = v_min(v_max(touch, r->near), r->far);
     vmask ends = v_and(active, v_or(v_cmp_lt(touch, t), v_cmp_gt(touch, t)));
     if (v_any(ends)) {
-        ACTIVE(v_count(ends));
-        COUNT(widest_sphere, ends);
         vfloat rise = v_madd(t, t - towards - towards, power);
         vfloat root = v_sqrt(v_max(v_madd(radius, radius, rise), zero));
         sine = v_select(ends, rise / ((root + radius) * t), sine);

@@ -24,7 +24,6 @@ INLINE vfloat ring_radius(const struct cone_rays *r, vfloat u) {
 // the ring, inward and up, both bounds are linear: |P + w·Q| − (from + w)·tube, whose minimum is closed.
 INLINE vfloat ring_bound(const struct cone_rays *r, const struct ring_part *part,
                          const struct primitive *s, vfloat *u) {
-    COUNT(ring_bound, call);
     vfloat zero = v_splat(0.0f), tube = v_splat(s->b), tiny = v_splat(1e-30f);
     vfloat width = part->to - part->from, first = ring_radius(r, part->from);
     vfloat steep = (ring_radius(r, part->to) - first) / v_max(width, tiny);
@@ -43,8 +42,6 @@ INLINE vfloat ring_bound(const struct cone_rays *r, const struct ring_part *part
 // Returns the lesser of `best` and the least ratio inside the cylinder, to within `room`.
 static vfloat widest_in_ring(const struct cone_rays *r, vfloat from, vfloat to,
                              const struct primitive *s, vfloat best, vmask active, vfloat room) {
-    ACTIVE(v_count(active));
-    COUNT(widest_in_ring, call);
     struct ring_part stack[RING_STACK];
     vfloat zero = v_splat(0.0f), high = v_splat(1.0f) / from, low = v_splat(1.0f) / to;
     vfloat wide = (high - low) * v_splat(1.0f / RING_PARTS), least = wide * v_splat(1e-5f);
@@ -55,14 +52,10 @@ static vfloat widest_in_ring(const struct cone_rays *r, vfloat from, vfloat to,
     }
     for (int parts = 0; count > 0 && parts < MOST_RING_PARTS; parts++) {
         struct ring_part part = stack[--count];
-        ACTIVE(v_count(part.active));
-        COUNT(widest_in_ring, part);
         vfloat u, bound = ring_bound(r, &part, s, &u);
         part.active = v_and(part.active, v_cmp_lt(bound, best - room));
         if (!v_any(part.active))
             continue;
-        ACTIVE(v_count(part.active));
-        COUNT(widest_in_ring, ratio);
         vfloat inward = v_msub(u, v_splat(s->a), ring_radius(r, u)), up = v_madd(u, r->o.y, r->d.y);
         vfloat ratio = v_nmadd(u, v_splat(s->b), v_sqrt(v_madd(inward, inward, up * up)));
         best = v_select(part.active, v_min(best, v_max(ratio, zero)), best);
@@ -71,8 +64,6 @@ static vfloat widest_in_ring(const struct cone_rays *r, vfloat from, vfloat to,
                             v_and(v_cmp_gt(best, zero), v_cmp_gt(width, least)));
         if (!v_any(part.active) || count + 2 > RING_STACK)
             continue;
-        ACTIVE(v_count(part.active));
-        COUNT(widest_in_ring, cut);
         vfloat edge = v_splat(0.1f) * width;
         vfloat cut = v_min(v_max(u, part.from + edge), part.to - edge);
         stack[count++] = (struct ring_part){part.from, cut, part.active};
@@ -85,8 +76,6 @@ static vfloat widest_in_ring(const struct cone_rays *r, vfloat from, vfloat to,
 // the torus's. Else the ray has a part inside, and one before and one behind.
 INLINE vfloat widest_torus(const struct cone_rays *r, const struct primitive *s, vfloat best,
                            vmask active, vfloat room) {
-    COUNT(widest_torus, call);
-    COUNT(widest_torus, scalar);
     vfloat where, hull = widest_convex(r, s, best, active, room, &where);
     struct vec p = vec_along(r->o, r->d, where);
     vmask inside = v_cmp_lt(v_madd(p.x, p.x, p.z * p.z), v_splat(s->a * s->a));
@@ -94,8 +83,6 @@ INLINE vfloat widest_torus(const struct cone_rays *r, const struct primitive *s,
     best = v_select(inside, best, hull);
     if (!v_any(inside))
         return best;
-    ACTIVE(v_count(inside));
-    COUNT(widest_torus, inside);
     vfloat zero = v_splat(0.0f);
     vfloat a = v_max(v_madd(r->d.x, r->d.x, r->d.z * r->d.z), v_splat(1e-12f));
     vfloat b = v_madd(r->o.x, r->d.x, r->o.z * r->d.z);

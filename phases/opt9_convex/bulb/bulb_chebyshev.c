@@ -14,7 +14,6 @@ enum { REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes that make a refill worth i
 // taken.
 KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
                                struct worker_scratch *scratch) {
-    COUNT(queue_close, call);
     if (scratch->close_count + 2 * LANES >
         CLOSE_ROOM) { // whole registers are read behind the last ray
         int left = scratch->close_count - scratch->close_first;
@@ -34,7 +33,6 @@ KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloa
 // Fills ended lanes with the next rays, if there are any. steps: the count of all steps so far.
 static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from, float steps,
                              struct worker_scratch *scratch) {
-    COUNT(refill_chebyshev, call);
     for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended;) {
         if (from->next == from->count) {
             if (scratch->close_first == scratch->close_count)
@@ -45,8 +43,6 @@ static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from
         int more = __builtin_popcount(ended) - (from->count - from->next);
         for (; more > 0; more--)
             now &= now - 1;
-        ACTIVE(__builtin_popcount(now));
-        COUNT(refill_chebyshev, taken);
         v_expand_rows(to->field, N_FIELDS, now, &from->field[0][from->next], 2 * LANES);
         to->field[N_BORN] =
             v_select(v_mask_of_bits(now), v_splat(steps) - to->field[N_BORN], to->field[N_BORN]);
@@ -64,8 +60,6 @@ struct chebyshev_packet {
 // Returns the orbit after the first iteration, from the polynomials.
 static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t,
                                                   vmask done) {
-    ACTIVE(LANES);
-    COUNT(chebyshev_orbit, call);
     const vfloat *term = lanes->field + N_TERM + 3 * (CLOSE_TERMS - 1);
     const vfloat *of_slope = lanes->field + N_SLOPE_TERM;
     vfloat x = term[0], y = term[1], z = term[2], slope = of_slope[SLOPE_TERMS - 1];
@@ -87,8 +81,6 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
 // before this count have taken all their steps.
 static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_FIELDS], vfloat h,
                                      vfloat hit_distance, vfloat oldest) {
-    ACTIVE(LANES - v_count(p->done));
-    COUNT(advance_chebyshev, call);
     vfloat born = field[N_BORN];
     born = v_select(p->done, born + v_splat(1.0f), born); // a lane that waits takes no step
     vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
@@ -109,11 +101,8 @@ step_chebyshev(const struct primitive *s, int count, struct chebyshev_lanes *lan
     struct scaled_orbit b[INTERLEAVED];
     struct vec at[INTERLEAVED] = {0};
     vfloat h[INTERLEAVED];
-    COUNT(step_chebyshev, call);
     for (int k = 0; k < count; k++) {
         const vfloat *field = lanes[k].field;
-        ACTIVE(LANES - v_count(p[k].done));
-        COUNT(step_chebyshev, packet);
         at[k] = vec_along(
             (struct vec){field[N_PLACE], field[N_PLACE + 1], field[N_PLACE + 2]},
             (struct vec){field[N_DIRECTION], field[N_DIRECTION + 1], field[N_DIRECTION + 2]},
@@ -136,13 +125,11 @@ static double field_double(const struct worker_scratch *scratch, int field, int 
 
 // Stores the hit of a ray at middle + way, if it is the nearest so far.
 static void store_chebyshev_hit(struct worker_scratch *scratch, int ray, float middle, float way) {
-    COUNT(store_chebyshev_hit, call);
     double t = (double)middle + (double)way;
     int slot = (int)scratch->bulb[B_SLOT][ray];
     float all = (float)((double)scratch->bulb[B_BEFORE][ray] + t);
     if (!(all < scratch->met[slot]))
         return;
-    COUNT(store_chebyshev_hit, met);
     scratch->met[slot] = all;
     scratch->met_shape[slot] = scratch->shape;
     for (int i = 0; i < 3; i++)
@@ -165,14 +152,11 @@ static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, fl
 // leave.
 static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, float steps,
                              float most, struct worker_scratch *scratch) {
-    ACTIVE(v_count(v_mask_of_bits(from->live)));
-    COUNT(retire_chebyshev, call);
     from->field[N_T] = p->t;
     unsigned ended = v_mask_bits(p->done) & from->live;
     from->live &= ~ended;
     if (!ended)
         return;
-    COUNT(retire_chebyshev, ended);
     float way[LANES], middle[LANES], rays[LANES], had[LANES];
     vfloat taken = v_splat(steps) - from->field[N_BORN];
     v_store(p->t, way);
@@ -186,8 +170,6 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
     vmask on = v_andnot(v_or(p->reached, over), v_mask_of_bits(ended));
     if (!v_any(on))
         return;
-    ACTIVE(v_count(on));
-    COUNT(retire_chebyshev, on);
     vfloat far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
     vfloat rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
     vmask open = v_and(on, v_cmp_gt(p->estimate, v_splat(LEAVE_ESTIMATE)));
@@ -203,7 +185,6 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
 
 // Moves all rays to the first packet. Precondition: they are LANES at most.
 static void join_chebyshev(struct chebyshev_lanes lanes[INTERLEAVED]) {
-    COUNT(join_chebyshev, call);
     for (int k = 1; k < INTERLEAVED; k++) {
         unsigned here = lanes[k].live, there = ~lanes[0].live & ((1u << LANES) - 1);
         if (!here)
@@ -221,7 +202,6 @@ static void join_chebyshev(struct chebyshev_lanes lanes[INTERLEAVED]) {
 KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limits *limits,
                                    struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
                                    float *steps, struct worker_scratch *scratch) {
-    COUNT(march_chebyshev, call);
     float hit = (float)limits->hit_distance, most = (float)limits->max_steps;
     vfloat hit_distance = v_splat(hit > 0x1p-24f ? hit : 0x1p-24f);
     for (;;) {
@@ -235,7 +215,6 @@ KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limit
         if (one)
             join_chebyshev(lanes);
         for (int k = 0; k < INTERLEAVED; k++) {
-            COUNT(march_chebyshev, packet);
             p[k] = (struct chebyshev_packet){lanes[k].field[N_T], v_splat(0.0f),
                                              v_mask_of_bits(~lanes[k].live), v_mask_none(),
                                              v_mask_none()};
@@ -249,7 +228,6 @@ KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limit
         if (more || scratch->open_count > 0)
             enough = ended + REFILL_CLOSE;
         while (ended < enough && ended < INTERLEAVED * LANES && *steps < STEPS_COUNTED) {
-            COUNT(march_chebyshev, step);
             *steps += 1.0f;
             vfloat oldest = v_splat(*steps - most);
             if (one)

@@ -32,8 +32,6 @@ static inline void bulb_square(struct scaled_orbit *b, vfloat *m) {
 
 // Returns the orbits of points before the first iteration. Lanes of `done` are not iterated.
 static inline struct scaled_orbit bulb_begin(struct vec p, vmask done) {
-    ACTIVE(LANES - v_count(done));
-    COUNT(bulb_begin, call);
     struct scaled_orbit b = {.x = p.x, .y = p.y, .z = p.z};
     bulb_square(&b, &b.m);
     b.far = v_cmp_gt(b.m, v_splat(1024.0f));
@@ -49,7 +47,6 @@ struct orbit_double {
 // Returns the first iteration to 40 bits (8 lanes: 33). The rounding of the point and of this iteration
 // decides where a march in float ends; each later iteration counts an eighth or less of the one before.
 static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
-    COUNT(bulb_first, call);
     vhalf one = v_half_splat(1.0), two = v_half_splat(2.0);
     vhalf k3 = v_half_madd(x, x, v_half_madd(z, z, v_half_splat(1e-30)));
     vhalf k4 = v_half_nmadd(y, y, k3);
@@ -70,7 +67,6 @@ static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
 
 // Ends an iteration: keeps m of escaped lanes, and finds which lanes escape.
 static inline void bulb_grow(struct scaled_orbit *b, vfloat bailout) {
-    COUNT(bulb_grow, call);
     vfloat grown;
     bulb_square(b, &grown);
     b->m = v_select(b->on, grown, b->m);
@@ -92,18 +88,14 @@ static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int fi
     COUNT(bulb_step, call);
     vfloat x = b->x, y = b->y, z = b->z, m = b->m, square = m * m;
     if (i == 0) {
-        COUNT(bulb_step, first);
         b->product = m;
         b->slope = v_madd(square * v_splat(12.0f), m, derivative_root(m, exact));
     } else {
-        COUNT(bulb_step, later);
         if (i ==
             first) // from bulb/bulb_chebyshev.c: lanes that escaped before are √m too short, which is safe
             b->product = m;
-        else {
-            COUNT(bulb_step, product);
+        else
             b->product = v_madd_where(b->on, b->product, m, v_splat(0.0f));
-        }
         b->slope = v_madd_where(b->on, b->slope, v_ldexp(square, v_splat(3.0f)) * m,
                                 derivative_root(b->product, exact && i <= 1));
     }
@@ -121,7 +113,6 @@ static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int fi
 
 // Returns ⅛·ln a to 3e-7. Its error at a = 1, over the derivative, shifts the surface.
 static inline vfloat rough_log(vfloat a) {
-    COUNT(rough_log, call);
     vfloat e, f = v_mantissa_near_1(a, &e) - v_splat(1.0f);
     vfloat p =
         v_madd(f, v_splat(0.125f * -0.10063060373067856f), v_splat(0.125f * 0.202902689576149f));
@@ -135,19 +126,15 @@ static inline vfloat rough_log(vfloat a) {
 // Returns the estimate ¼·√m/dz·ln m, with √m/√product = m/√(m·product). tiny: keeps differences near the
 // centre, where m·product underflows; else the estimate is 0 there.
 static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool tiny) {
-    COUNT(bulb_end, call);
     vfloat all = b->product, times = b->m;
-    if (tiny) {
-        COUNT(bulb_end, tiny);
+    if (tiny)
         times = times * rough_inverse_root(b->m);
-    } else {
+    else
         all = b->m * all;
-    }
     vfloat distance = twice_over_root(times * rough_log(b->m), all, b->slope);
     distance = v_select_or_zero(v_cmp_gt(all, v_splat(0x1p-124f)),
                                 distance); // 0/0 at the centre, which is inside the set
     if (v_any(b->far)) {
-        COUNT(bulb_end, far);
         vfloat square = vec_dot(p, p), r = v_sqrt(square);
         distance = v_select(b->far, r * v_log(r) * v_splat(1.0f / 3.0f), distance);
     }

@@ -24,15 +24,12 @@ struct bulb_lanes {
 
 static int refill_bulb(struct bulb_lanes *to, int next, int count, float steps,
                        float (*from)[BULB_ROOM]) {
-    COUNT(refill_bulb, call);
     unsigned ended = ~to->live & ((1u << LANES) - 1);
     int more = __builtin_popcount(ended) - (count - next);
     for (; more > 0; more--)
         ended &= ended - 1;
     if (!ended)
         return next;
-    ACTIVE(__builtin_popcount(ended));
-    COUNT(refill_bulb, taken);
     v_expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
     to->field[B_BORN] =
         v_select(v_mask_of_bits(ended), v_splat(steps) - to->field[B_BORN], to->field[B_BORN]);
@@ -69,8 +66,6 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
 // estimate below which a ray goes on in bulb/bulb_chebyshev.c.
 static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_distance, vfloat oldest,
                                 vfloat close) {
-    ACTIVE(LANES - v_count(p->done));
-    COUNT(advance_bulb, call);
     p->born =
         v_select(p->done, p->born + v_splat(1.0f), p->born); // a lane that waits takes no step
     vfloat height = v_madd(p->t, p->slope, p->height), least = v_min(h, height);
@@ -88,8 +83,6 @@ static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_dist
 // Frees the lanes that have ended: hits are stored, close rays are queued.
 static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, float steps,
                         struct worker_scratch *scratch) {
-    ACTIVE(v_count(v_mask_of_bits(from->live)));
-    COUNT(retire_bulb, call);
     struct vec at = vec_along(p->origin, p->direction, p->t);
     float place[3][LANES], way[LANES], slots[LANES];
     v_store(at.x, place[0]);
@@ -112,7 +105,6 @@ static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, fl
     }
     vmask close = v_and(p->close, v_mask_of_bits(ended));
     if (v_any(close)) {
-        COUNT(retire_bulb, close);
         queue_close(close, from->field[B_RAY], p->t, p->rest, v_splat(steps) - from->field[B_BORN],
                     scratch);
     }
@@ -127,10 +119,7 @@ __attribute__((always_inline)) static inline int step_bulbs(const struct primiti
     struct vec at[INTERLEAVED];
     vmask done[INTERLEAVED];
     vfloat h[INTERLEAVED];
-    COUNT(step_bulbs, call);
     for (int k = 0; k < INTERLEAVED; k++) {
-        ACTIVE(LANES - v_count(p[k].done));
-        COUNT(step_bulbs, packet);
         at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
         done[k] = p[k].done;
     }
@@ -147,7 +136,6 @@ __attribute__((always_inline)) static inline int step_bulbs(const struct primiti
 // alike and need few iterations.
 static void step_first_together(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
                                 const struct limits *limits, vfloat hit_distance, float close) {
-    COUNT(step_first_together, call);
     for (int first = 0; first < count; first += INTERLEAVED * LANES) {
         struct bulb_packet p[INTERLEAVED];
         vfloat t[INTERLEAVED], rest[INTERLEAVED]; // before the last step
@@ -184,7 +172,6 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
 
 static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
                          const struct limits *limits, float close, struct worker_scratch *scratch) {
-    COUNT(march_floats, call);
     struct bulb_lanes lanes[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
         lanes[k].live = 0;
@@ -201,14 +188,11 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], in
         int ended = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
             next = refill_bulb(&lanes[k], next, count, steps, rays);
-            ACTIVE(v_count(v_mask_of_bits(lanes[k].live)));
-            COUNT(march_floats, packet);
             p[k] = bulb_packet_of(&lanes[k]);
             ended += v_count(p[k].done);
         }
         int enough = next < count ? ended + REFILL : INTERLEAVED * LANES;
         while (ended < enough && steps < STEPS_COUNTED) {
-            COUNT(march_floats, step);
             steps += 1.0f;
             ended = step_bulbs(s, p, false, hit_distance, v_splat(steps - most), v_splat(close));
         }
@@ -227,7 +211,6 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], in
 
 void march_bulb(const struct primitive *s, int count, const struct limits *limits,
                 struct worker_scratch *scratch) {
-    COUNT(march_bulb, call);
     scratch->shape = s->index;
     bool coarse = !((float)limits->hit_distance < COARSE_HIT_DISTANCE);
     float close = coarse ? 0.0f : CLOSE_ESTIMATE;
@@ -271,11 +254,8 @@ static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int at) {
 int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, struct vec_double d,
                     const struct packet_ray *ray, vfloat end, int slot,
                     const struct prepared *scene, struct worker_scratch *scratch) {
-    ACTIVE(v_count(ray->active));
-    COUNT(queue_bulb_rays, call);
     vfloat height = v_splat(INFINITY), slope = v_splat(0.0f);
     if (KNOWN(scene)->plane >= 0) {
-        COUNT(queue_bulb_rays, plane);
         const struct primitive *plane = &KNOWN(scene)->primitives[KNOWN(scene)->plane];
         height = height_over(plane, ray->origin);
         slope = add_dot(plane->normal, ray->direction);
@@ -293,8 +273,6 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
                        v_and(v_cmp_lt(before - half, to), v_cmp_gt(to, zero)));
     if (!v_any(near))
         return count;
-    ACTIVE(v_count(near));
-    COUNT(queue_bulb_rays, near);
     float (*field)[BULB_ROOM] = scratch->bulb;
     const vdouble values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
     for (int i = 0; i < 6; i++)
@@ -315,8 +293,6 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
 }
 
 void take_bulb_hits(struct shading_packet *at, int slot, const struct worker_scratch *scratch) {
-    ACTIVE(v_count(at->ray.active));
-    COUNT(take_bulb_hits, call);
     vfloat t = v_load(scratch->met + slot), shape = v_load(scratch->met_shape + slot);
     vmask met = v_and(at->ray.active, v_cmp_lt(t, at->hit.t));
     if (!v_any(met))

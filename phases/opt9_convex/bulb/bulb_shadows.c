@@ -7,7 +7,6 @@
 #include "shadow/soft_shadow.h"
 
 static void add_light_to_lane(int i, float lit, struct worker_scratch *scratch) {
-    COUNT(add_light_to_lane, call);
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     int pixel = (int)field[S_PIXEL][i];
     for (int k = 0; k < 3; k++)
@@ -18,10 +17,8 @@ static void add_light_to_lane(int i, float lit, struct worker_scratch *scratch) 
 INLINE void near_bulbs(int i, const struct shadow_march *m, const vmask *done, bool leaving,
                        const struct known_scene *scene, vfloat *h) {
     const struct primitive *s = &scene->primitives[i];
-    COUNT(nearest_bulbs, shape);
     vfloat distance[INTERLEAVED];
     if (s->type == SHAPE_MANDELBULB) {
-        COUNT(nearest_bulbs, bulb);
         struct vec p[INTERLEAVED];
         for (int k = 0; k < INTERLEAVED; k++)
             p[k] = vec_along(m[k].candidates[i].origin, m[k].candidates[i].direction, m[k].t);
@@ -36,7 +33,6 @@ INLINE void near_bulbs(int i, const struct shadow_march *m, const vmask *done, b
 // Sets h to the distance to the nearest shape for INTERLEAVED packets in turns.
 __attribute__((always_inline)) static inline void
 nearest_bulbs(const struct shadow_march *m, const struct prepared *scene, bool leaving, vfloat *h) {
-    COUNT(nearest_bulbs, call);
     vmask done[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
         h[k] = v_splat(INFINITY);
@@ -55,11 +51,9 @@ INLINE void keep_behind(int i, const struct shadow_march *m, vfloat q,
     if (!v_any(*behind))
         return;
     if (s->eval == EVAL_LINEAR) {
-        COUNT(is_behind_all, plane);
         *behind = v_and(*behind, v_cmp_ge(candidate->direction.x, q));
         return;
     }
-    COUNT(is_behind_all, solid);
     vfloat share = v_splat(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
     struct vec p = vec_along(candidate->origin, candidate->direction, m->t);
     vfloat square = vec_dot(p, p), per = inverse_root(v_max(square, v_splat(1e-30f)));
@@ -72,9 +66,6 @@ INLINE void keep_behind(int i, const struct shadow_march *m, vfloat q,
 // for the q at which no term is below 0.866·strength·q.
 static inline vmask is_behind_all(const struct shadow_march *m, float per_strength,
                                   const struct prepared *scene) {
-    ACTIVE(LANES - v_count(m->done));
-    COUNT(is_behind_all, call);
-    COUNT(is_behind_all, scalar);
     vfloat q = v_sqrt(m->square / m->divisor) * v_splat(per_strength / 0.866f);
     vmask behind = v_not(m->done);
     UNROLL_SHAPES
@@ -108,7 +99,6 @@ static inline unsigned lowest_bits(unsigned bits, int count) {
 static unsigned move_rays_to_lanes(struct refilled_packet *to, unsigned there,
                                    const struct refilled_packet *from, unsigned here,
                                    const struct prepared *scene) {
-    COUNT(move_rays_to_lanes, call);
     int a = __builtin_popcount(there), b = __builtin_popcount(here);
     there = lowest_bits(there, a < b ? a : b);
     here = lowest_bits(here, a < b ? a : b);
@@ -139,14 +129,10 @@ enum { BEHIND_CHECK_INTERVAL = 6 };
 
 static void store_bulb_light(const struct refilled_packet *from, unsigned which,
                              const struct tile_context *work) {
-    COUNT(store_bulb_light, call);
     if (!which)
         return;
-    ACTIVE(__builtin_popcount(which));
-    COUNT(store_bulb_light, some);
     float lit[LANES];
     vmask dark = v_cmp_lt(from->march.square, from->march.divisor * v_splat(DARK_TERM * DARK_TERM));
-    COUNT(store_bulb_light, scalar);
     float last = LAST_TERM_SHARE * (float)KNOWN(work->scene)->model.shadow_strength *
                  (float)work->scene->model.march.hit_distance;
     vfloat all = v_sqrt(from->march.square / from->march.divisor);
@@ -160,7 +146,6 @@ static void store_bulb_light(const struct refilled_packet *from, unsigned which,
 // queue index.
 static int refill_shadow_rays(struct refilled_packet *to, struct refilled_packet *ready, int next,
                               int steps, const struct tile_context *work) {
-    COUNT(refill_shadow_rays, call);
     struct worker_scratch *scratch = work->scratch;
     unsigned ended = ~to->live & ((1u << LANES) - 1), all = ended;
     while (ended) {
@@ -171,8 +156,6 @@ static int refill_shadow_rays(struct refilled_packet *to, struct refilled_packet
             ready->live = v_mask_bits(r.active) & ~v_mask_bits(ready->march.done);
             for (int lane = 0; lane < LANES; lane++)
                 ready->ray[lane] = (float)(next + lane);
-            ACTIVE(v_count(r.active));
-            COUNT(refill_shadow_rays, packet);
             // Rays that have left the bounds already; rays that are dark by proof add nothing.
             vmask left = v_and(ready->march.done, v_cmp_gt(ready->march.square, v_splat(0.0f)));
             store_bulb_light(ready, v_mask_bits(r.active) & v_mask_bits(left), work);
@@ -209,7 +192,6 @@ INLINE void over_bulb(int i, const struct shadow_march *m, const struct known_sc
         *over = v_mask_none();
         return;
     }
-    COUNT(plane_is_nearest_for_good, plane);
     const struct shadow_candidate *plane = &m->candidates[scene->plane];
     struct vec p = vec_along(candidate->origin, candidate->direction, m->step_began);
     vfloat square = vec_dot(p, p), r = v_sqrt(square), grown = v_log(r);
@@ -224,7 +206,6 @@ INLINE void over_bulb(int i, const struct shadow_march *m, const struct known_sc
 
 static inline vmask plane_is_nearest_for_good(const struct shadow_march *m,
                                               const struct prepared *scene) {
-    COUNT(plane_is_nearest_for_good, call);
     vmask over = v_mask_all();
     UNROLL_SHAPES
     for (int i = 0; i < KNOWN(scene)->model.shape_count; i++)
@@ -233,7 +214,6 @@ static inline vmask plane_is_nearest_for_good(const struct shadow_march *m,
 }
 
 static void march_leaving_rays(struct refilled_packets *pools, const struct tile_context *work) {
-    COUNT(march_leaving_rays, call);
     const struct known_model *model = &KNOWN(work->scene)->model;
     vfloat strength = v_splat((float)model->shadow_strength),
            hit = v_splat((float)work->scene->model.march.hit_distance);
@@ -244,7 +224,6 @@ static void march_leaving_rays(struct refilled_packets *pools, const struct tile
         m[k] = pools->out[k].march;
     }
     for (int i = 1; ended < INTERLEAVED * LANES; i++) {
-        COUNT(march_leaving_rays, step);
         vfloat oldest = v_splat((float)i - (float)work->scene->model.march.max_steps);
         vfloat h[INTERLEAVED];
         nearest_bulbs(m, work->scene, true, h);
@@ -252,7 +231,6 @@ static void march_leaving_rays(struct refilled_packets *pools, const struct tile
         for (int k = 0; k < INTERLEAVED; k++) {
             shadow_step(&m[k], h[k], strength, hit, 0.0f);
             m[k].done = v_or(m[k].done, plane_is_nearest_for_good(&m[k], work->scene));
-            COUNT(march_leaving_rays, packet);
             m[k].done = v_or(m[k].done, v_cmp_ge(oldest, v_load(pools->out[k].born)));
             ended += v_count(m[k].done);
         }
@@ -293,7 +271,6 @@ static inline int step_refilled(struct shadow_march *m, struct refilled_packet *
     const struct known_model *model = &KNOWN(work->scene)->model;
     vfloat strength = v_splat((float)model->shadow_strength),
            hit = v_splat((float)work->scene->model.march.hit_distance);
-    COUNT(step_refilled, call);
     // Rays older than this have taken all their steps.
     vfloat oldest = v_splat((float)steps - (float)work->scene->model.march.max_steps);
     vfloat h[INTERLEAVED];
@@ -304,11 +281,9 @@ static inline int step_refilled(struct shadow_march *m, struct refilled_packet *
         if (steps % BEHIND_CHECK_INTERVAL == 0)
             behind = is_behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
         shadow_step(&m[k], h[k], strength, hit, DARK_TERM * DARK_TERM);
-        COUNT(step_refilled, packet);
         m[k].done = v_or(m[k].done, v_cmp_ge(oldest, v_load(pool[k].born)));
         behind = v_andnot(m[k].done, behind);
         if (v_any(behind)) {
-            COUNT(step_refilled, behind);
             vfloat born = v_load(pool[k].born);
             v_store(v_select(behind, born - v_splat((float)steps), born), pool[k].born);
             v_store(v_select(behind, m[k].previous, v_load(pool[k].previous)), pool[k].previous);

@@ -17,7 +17,6 @@
 #define CLOSE_PIECE_SHARE 0.03125f // of ρ
 
 static inline struct vec_double points_along(struct vec_double o, struct vec_double d, vdouble t) {
-    COUNT(points_along, call);
     return (struct vec_double){v_double_along(o.x, d.x, t), v_double_along(o.y, d.y, t),
                                v_double_along(o.z, d.z, t)};
 }
@@ -31,7 +30,6 @@ static inline vdouble v_double_minus(vdouble a, vdouble b) {
 }
 
 static inline void lane0_double(struct vec_double place, vdouble to[CLOSE_VALUES]) {
-    COUNT(bulb_first, both);
     struct orbit_double low = bulb_first(place.x.low, place.y.low, place.z.low);
     struct orbit_double high = bulb_first(place.x.high, place.y.high, place.z.high);
     to[0] = (vdouble){low.x, high.x};
@@ -51,7 +49,6 @@ static inline void store_terms(const vdouble sum[3], const vdouble difference[3]
     static const double odd[3][3] = {{0.046233569414009822, -0.23570226039551659, 2.40325617336917},
                                      {-0.7826512591014092, 3.7712361663282561, -7.3823145501758569},
                                      {1.3803682405467781, -3.7712361663282552, 5.151604406875034}};
-    COUNT(store_terms, call);
     for (int k = 0; k < CLOSE_TERMS; k++) {
         const double *row = k % 2 ? odd[k / 2] : even[k / 2];
         const vdouble *value = k % 2 ? difference : sum;
@@ -73,7 +70,6 @@ static inline void store_slope(const vdouble sum[3], const vdouble difference[3]
         {-0.38513150575685806, 0.94280904158206325, 0.79337979622072108},
         {0.57735026918962584, 0.0, -0.57735026918962584},
         {0.94280904158206325, -0.94280904158206325, -0.94280904158206325}};
-    COUNT(store_slope, call);
     for (int k = 0; k < SLOPE_TERMS; k++) {
         const vdouble *value = k % 2 ? difference : sum;
         vdouble term = v_double_madd(
@@ -90,7 +86,6 @@ static inline void store_slope(const vdouble sum[3], const vdouble difference[3]
 static void store_pieces(struct vec_double o, struct vec_double d, vdouble middle, vfloat end,
                          vfloat per_end, struct ray_pieces *to) {
     static const double nodes[3] = {0.96592582628906831, 0.70710678118654757, 0.25881904510252074};
-    COUNT(store_pieces, call);
     vdouble sum[CLOSE_VALUES][3], difference[CLOSE_VALUES][3],
         reach = v_double_sum(end, v_splat(0.0f));
     for (int i = 0; i < 3; i++) {
@@ -114,8 +109,6 @@ static void store_pieces(struct vec_double o, struct vec_double d, vdouble middl
 KERNEL_SHARED void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to) {
     int first = scratch->close_first, count = scratch->close_count - first;
     count = count < LANES ? count : LANES;
-    ACTIVE(count);
-    COUNT(prepare_pieces, call);
     float of[B_FIELDS][LANES];
     int rays[LANES];
     for (int lane = 0; lane < LANES; lane++)

@@ -6,20 +6,17 @@
 // Returns the t up to which the face at o is the nearest of solid s. o, d: the rays in its frame, o on its
 // surface.
 static vfloat flat_distance(const struct primitive *s, struct vec o, struct vec d) {
-    COUNT(flat_distance, call);
     vfloat zero = v_splat(0.0f), tiny = v_splat(1e-20f), never = v_splat(INFINITY);
     vfloat x = v_abs(o.x), y = v_abs(o.y), z = v_abs(o.z);
     vfloat dx = v_negate_where(v_signbit(o.x), d.x), dy = v_negate_where(v_signbit(o.y), d.y),
            dz = v_negate_where(v_signbit(o.z), d.z);
     if (s->type == SHAPE_OCTAHEDRON) {
-        COUNT(flat_distance, octahedron);
         vfloat third = (x + y + z - v_splat(s->a)) * v_splat(1.0f / 3),
                fall = (dx + dy + dz) * v_splat(1.0f / 3);
         vfloat a = (x - third) / v_max(fall - dx, tiny), b = (y - third) / v_max(fall - dy, tiny),
                c = (z - third) / v_max(fall - dz, tiny);
         return v_min(a, v_min(b, c));
     }
-    COUNT(flat_distance, box);
     vfloat off_x = x - v_splat(s->size[0]), off_y = y - v_splat(s->size[1]),
            off_z = z - v_splat(s->size[2]);
     vfloat most = v_max(off_x, v_max(off_y, off_z));
@@ -39,7 +36,6 @@ static vfloat flat_distance(const struct primitive *s, struct vec o, struct vec 
 // Returns the rays that start on a flat face of a box or octahedron. There h is facing·t, as over a plane,
 // while that face is nearest. Sets their leap limit.
 static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scene) {
-    COUNT(leaves_flat_face, call);
     float shapes[LANES];
     v_store(r->shape, shapes);
     vmask flat = v_mask_none();
@@ -48,12 +44,8 @@ static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scen
         vmask self = v_and(v_mask_of_bits(rest), is_shape(r->shape, i));
         const struct primitive *s = &scene->primitives[i];
         rest &= ~v_mask_bits(self);
-        ACTIVE(v_count(self));
-        COUNT(leaves_flat_face, shape);
         if (s->type != SHAPE_BOX && s->type != SHAPE_OCTAHEDRON)
             continue;
-        COUNT(leaves_flat_face, solid);
-        COUNT(leaves_flat_face, scalar);
         vfloat until = flat_distance(s, r->local, turned(s, r->to_light));
         // Until then |p − position| + h ≤ |o| + t + facing·t.
         float clearance = scene->extras[i].clearance * (1 - 1e-5f) -
@@ -68,8 +60,6 @@ static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scen
 
 // Ends the rays behind the sphere that holds all solids: no later term is below 1.
 static void end_behind_bvh(struct shadow_rays *r, const struct prepared *scene) {
-    COUNT(end_behind_bvh, call);
-    COUNT(end_behind_bvh, scalar);
     const struct bvh *tree = &scene->bvh;
     float q = scene->known.lit_slope;
     vfloat a = v_splat(float_max(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
@@ -97,8 +87,6 @@ struct leap_query {
 
 static inline vfloat earliest_approach(const float centre[3], float radius,
                                        const struct shadow_rays *r) {
-    COUNT(earliest_approach, call);
-    COUNT(earliest_approach, scalar);
     struct vec v = {v_splat(centre[0]) - r->point.x, v_splat(centre[1]) - r->point.y,
                     v_splat(centre[2]) - r->point.z};
     vfloat zero = v_splat(0.0f), square = vec_dot(v, v), facing = r->facing;
@@ -113,14 +101,12 @@ static inline vfloat earliest_approach(const float centre[3], float radius,
 }
 
 static inline bool sphere_limits_leap(const float centre[3], float radius, void *with) {
-    COUNT(sphere_limits_leap, call);
     struct leap_query *l = with;
     return v_any(
         v_and(l->able, v_cmp_lt(earliest_approach(centre, radius, l->rays), l->rays->leap_limit)));
 }
 
 static inline void limit_leap(int shape, void *with) {
-    COUNT(limit_leap, call);
     struct leap_query *l = with;
     const struct primitive *s = &l->scene->primitives[shape];
     struct shadow_rays *r = l->rays;
@@ -131,8 +117,6 @@ static inline void limit_leap(int shape, void *with) {
 // are left out.
 static inline vmask may_enter_sphere(const struct primitive *s, int i,
                                      const struct shadow_rays *r) {
-    COUNT(may_enter_sphere, call);
-    COUNT(may_enter_sphere, scalar);
     struct vec v = {v_splat(s->position[0]) - r->point.x, v_splat(s->position[1]) - r->point.y,
                     v_splat(s->position[2]) - r->point.z};
     vfloat along = vec_dot(v, r->to_light), square = vec_dot(v, v);
@@ -146,32 +130,24 @@ static inline vmask may_enter_sphere(const struct primitive *s, int i,
 
 void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
                      const struct tile_context *work) {
-    ACTIVE(v_count(r->active));
-    COUNT(bvh_first_entry, call);
     const struct prepared *scene = work->scene;
-    for (int k = 0; k < scene->plane_count; k++) {
-        COUNT(bvh_first_entry, plane);
+    for (int k = 0; k < scene->plane_count; k++)
         r->on_plane = v_or(r->on_plane, is_shape(r->shape, scene->planes[k]));
-    }
     for (int k = 0; k < scene->plane_count; k++)
         candidate_plane(&scene->primitives[scene->planes[k]], scene->planes[k], r, work,
                         &candidates[scene->planes[k]]);
     end_behind_bvh(r, scene);
     for (int k = 0; k < work->scratch->entries; k++) {
         int i = work->scratch->entry_list[k];
-        ACTIVE(v_count(r->active));
         vmask may = may_enter_sphere(&scene->primitives[i], i, r);
         if (!v_any(may))
             continue;
-        ACTIVE(v_count(may));
         first_entry(&scene->primitives[i], i, r, may);
     }
-    ACTIVE(v_count(r->active));
     // earliest_approach() needs a slope below 1.
     struct leap_query l = {
         r, v_and(v_and(r->on_plane, r->active), v_cmp_lt(r->facing, v_splat(0.99f))), scene};
     vmask flat = leaves_flat_face(r, scene);
-    ACTIVE(v_count(r->active)); // the callee has set another value
     r->leap_limit = v_select(v_or(l.able, flat), r->leap_limit, v_splat(0.0f));
     r->on_plane = v_or(r->on_plane, flat); // they leap as rays from a plane do
     if (v_any(l.able))

@@ -28,7 +28,6 @@ struct frustum_query {
 };
 
 static inline vmask sphere_in_frustum(struct vec centre, vfloat radius, const void *with) {
-    COUNT(sphere_in_frustum, call);
     const struct frustum_query *w = with;
     struct vec v = {centre.x - w->eye.x, centre.y - w->eye.y, centre.z - w->eye.z};
     vfloat x = vec_dot(v, w->right), y = vec_dot(v, w->up), z = vec_dot(v, w->ahead);
@@ -49,7 +48,6 @@ static float manhattan_length(const double a[3]) {
 
 void bvh_list_in_frustum(const struct tile_frustum *w, const struct job *job,
                          struct worker_scratch *scratch) {
-    COUNT(bvh_list_in_frustum, call);
     const struct prepared *scene = job->prepared;
     const struct view *view = job->view;
     struct frustum_query seen = {
@@ -79,9 +77,6 @@ void bvh_list_in_frustum(const struct tile_frustum *w, const struct job *job,
 void bvh_list_in_row(const struct tile_frustum *row, float across, const struct job *job,
                      struct worker_scratch *scratch) {
     _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
-    ACTIVE(GROUP);
-    COUNT(bvh_list_in_row, call);
-    COUNT(bvh_list_in_row, scalar);
     vfloat left = v_madd(v_iota(), v_splat(across), v_splat(row->left)),
            right = left + v_splat(across);
     vfloat left_side = v_sqrt(v_madd(left, left, v_splat(1.0f))),
@@ -97,12 +92,10 @@ void bvh_list_in_row(const struct tile_frustum *row, float across, const struct 
         const float *c = job->cameras[i].centre;
         unsigned which = (1u << GROUP) - 1;
         if (s->eval != EVAL_LINEAR) {
-            COUNT(bvh_list_in_row, solid);
             float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
             // `|` asks for both comparisons without a branch; gcc 12 still branches.
             if ((row->bottom * c[2] - c[1] > r * bottom) | (c[1] - row->top * c[2] > r * top))
                 continue;
-            COUNT(bvh_list_in_row, blocks);
             vfloat x = v_splat(c[0]), z = v_splat(c[2]);
             which &= v_mask_bits(v_and(v_cmp_lt(v_msub(left, z, x), v_splat(r) * left_side),
                                        v_cmp_lt(v_nmadd(right, z, x), v_splat(r) * right_side)));
@@ -133,7 +126,6 @@ static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to
 }
 
 static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, const void *with) {
-    COUNT(sphere_in_bundle_cone, call);
     const struct bundle_cone *cone = with;
     struct vec v = {centre.x - cone->centre.x, centre.y - cone->centre.y,
                     centre.z - cone->centre.z};
@@ -147,14 +139,12 @@ static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, cons
 
 static struct bundle_cone bundle_cone_from(const float centre[3], float radius,
                                            const float to_light[3], float q) {
-    COUNT(bundle_cone_from, call);
     float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
     return bundle_cone_of(vec_set(centre), vec_set(to_light), radius, v_splat(size), q);
 }
 
 void bvh_list_towards_light(const float centre[3], float radius, const float to_light[3], float q,
                             const struct tile_context *work) {
-    COUNT(bvh_list_towards_light, call);
     struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
     struct shape_set *shading = &work->scratch->occluders;
     int count = bvh_list(&work->scene->bvh, sphere_in_bundle_cone, &shaft, shading->index);
@@ -163,7 +153,6 @@ void bvh_list_towards_light(const float centre[3], float radius, const float to_
 
 void bvh_list_for_batch(const float centre[3], float radius, const float to_light[3], float q,
                         const struct tile_context *work) {
-    COUNT(bvh_list_for_batch, call);
     const struct prepared *scene = work->scene;
     struct worker_scratch *scratch = work->scratch;
     scratch->batch_count = -1;
@@ -185,7 +174,6 @@ void bvh_list_for_batch(const float centre[3], float radius, const float to_ligh
 
 void bvh_list_for_packet(const float centre[3], float radius, const float to_light[3], float q,
                          const struct tile_context *work) {
-    COUNT(bvh_list_for_packet, call);
     struct worker_scratch *scratch = work->scratch;
     struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
     scratch->entries = 0;
@@ -195,8 +183,6 @@ void bvh_list_for_packet(const float centre[3], float radius, const float to_lig
         return;
     }
     for (int first = 0; first < scratch->batch_count; first += LANES) {
-        ACTIVE(int_min(LANES, scratch->batch_count - first));
-        COUNT(bvh_list_for_packet, spheres);
         struct vec at = {v_load(&scratch->batch_sphere[0][first]),
                          v_load(&scratch->batch_sphere[1][first]),
                          v_load(&scratch->batch_sphere[2][first])};
@@ -216,8 +202,6 @@ struct packet_query {
 };
 
 static inline bool sphere_met_by_ray(const float centre[3], float radius, void *with) {
-    COUNT(sphere_met_by_ray, call);
-    COUNT(sphere_met_by_ray, scalar);
     const struct packet_query *rays = with;
     struct vec v = {v_splat(centre[0]) - rays->origin.x, v_splat(centre[1]) - rays->origin.y,
                     v_splat(centre[2]) - rays->origin.z};

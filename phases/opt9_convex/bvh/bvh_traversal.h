@@ -54,7 +54,6 @@ _Static_assert(BVH_LEVELS == 3, "room for the nodes of a level");
 // the last are overwritten. Level by level and branch-free, so that no node's test waits for another's.
 __attribute__((always_inline)) static inline int bvh_list(const struct bvh *tree, sphere_test *test,
                                                           const void *with, int *list) {
-    COUNT(bvh_list, call);
     int nodes[2][NODES + LANES]; // not zeroed
     int listed = 1;
     nodes[~tree->levels & 1][0] = 0;
@@ -66,8 +65,6 @@ __attribute__((always_inline)) static inline int bvh_list(const struct bvh *tree
         for (int i = 0; i < count; i++) {
             int end = int_min(s->count, (from[i] + 1) * BVH_WIDTH);
             for (int first = from[i] * BVH_WIDTH; first < end; first += LANES) {
-                ACTIVE(int_min(LANES, end - first));
-                COUNT(bvh_list, spheres);
                 struct vec centre = {v_load(s->x + first), v_load(s->y + first),
                                      v_load(s->z + first)};
                 vmask matter =

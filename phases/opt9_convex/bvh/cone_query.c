@@ -16,7 +16,6 @@ struct ray_cone {
 // grazes may be missed; its term would be next to 1.
 static inline vmask cone_meets_sphere(const struct ray_cone *cone, struct vec centre, vfloat radius,
                                       vfloat *b, vfloat *discriminant) {
-    COUNT(cone_meets_sphere, call);
     vfloat zero = v_splat(0.0f);
     struct vec v = {centre.x - cone->point.x, centre.y - cone->point.y, centre.z - cone->point.z};
     vfloat square = vec_dot(v, v);
@@ -50,9 +49,6 @@ static struct query_bundle query_bundle_of(struct packet_cones *cones, int count
     int chosen = 0;
     while (!v_any(cones[chosen].open))
         chosen++;
-    ACTIVE(v_count(cones[chosen].open));
-    COUNT(query_bundle_of, call);
-    COUNT(query_bundle_of, scalar);
     const struct ray_cone *first = &cones[chosen].rays;
     int one = __builtin_ctz(v_mask_bits(cones[chosen].open));
     struct vec centre = vec_of_lane(&first->point, one), to = vec_of_lane(&first->to_light, one);
@@ -63,8 +59,6 @@ static struct query_bundle query_bundle_of(struct packet_cones *cones, int count
         c->now = v_mask_none(); // of the previous bundle
         if (!v_any(c->open))
             continue;
-        ACTIVE(v_count(c->open));
-        COUNT(query_bundle_of, packet);
         struct vec v = {c->rays.point.x - centre.x, c->rays.point.y - centre.y,
                         c->rays.point.z - centre.z};
         struct vec l = {c->rays.to_light.x - to.x, c->rays.to_light.y - to.y,
@@ -90,7 +84,6 @@ static struct query_bundle query_bundle_of(struct packet_cones *cones, int count
 // any; *left: whether any ray `now` remains.
 static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cones *cones, int count,
                             bool *left) {
-    COUNT(cones_meet_leaf, call);
     const struct sphere_array *s = &tree->level[0];
     bool met = false;
     *left = false;
@@ -98,8 +91,6 @@ static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cone
         struct packet_cones *c = &cones[i];
         if (!v_any(c->now))
             continue;
-        ACTIVE(v_count(c->now));
-        COUNT(cones_meet_leaf, packet);
         vfloat b, discriminant;
         vmask meets = v_and(v_andnot(is_shape(c->excluded, tree->shape[leaf]), c->now),
                             cone_meets_sphere(&c->rays,
@@ -107,8 +98,6 @@ static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cone
                                                            v_splat(s->z[leaf])},
                                               v_splat(s->radius[leaf]), &b, &discriminant));
         if (v_any(meets)) {
-            ACTIVE(v_count(meets));
-            COUNT(cones_meet_leaf, met);
             vfloat leaves = (b + v_sqrt(v_max(discriminant, v_splat(0.0f)))) / c->rays.a;
             c->until = v_select(meets, leaves, c->until);
             c->now = v_andnot(meets, c->now);
@@ -123,7 +112,6 @@ static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cone
 // Ends when each ray has a blocker. The furthest child is visited first: its blocker is passed last.
 static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *about, vfloat wider,
                               struct packet_cones *cones, int packets, int *leaf) {
-    COUNT(cone_query_bundle, call);
     int waiting[STACK_ROOM]; // not zeroed
     waiting[0] = pack_node(tree->levels - 1, 0);
     for (int count = 1; count > 0;) {
@@ -131,8 +119,6 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
         const struct sphere_array *s = &tree->level[level];
         int end = int_min(s->count, (node + 1) * BVH_WIDTH);
         for (int first = node * BVH_WIDTH; first < end; first += LANES) {
-            ACTIVE(int_min(LANES, end - first));
-            COUNT(cone_query_bundle, spheres);
             struct vec centre = {v_load(s->x + first), v_load(s->y + first), v_load(s->z + first)};
             vfloat b, discriminant;
             vmask meets = v_and(cone_meets_sphere(about, centre, v_load(s->radius + first) + wider,
@@ -142,7 +128,6 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
             if (!which)
                 continue;
             if (level > 0) {
-                COUNT(cone_query_bundle, nodes);
                 vfloat order = v_select(meets, v_splat(0.0f) - b, v_splat(INFINITY));
                 unsigned last = v_mask_bits(v_cmp_ge(v_splat(least_lane(order)), order)) & which;
                 last &= 0u - last;
@@ -166,7 +151,6 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
 // blocked the last query, then takes bundles of neighbouring rays.
 static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, int count,
                             int *leaf) {
-    COUNT(cone_query_rays, call);
     bool left = false;
     for (int i = 0; i < count; i++) {
         cones[i].now = cones[i].open;
@@ -183,13 +167,11 @@ static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, 
         struct query_bundle bundle = query_bundle_of(cones, count, tree->spacing);
         float q = bundle.q + bundle.spread;
         if (!(q < 0.995f)) { // too wide for a test: the bundle shrinks to one ray
-            COUNT(cone_query_rays, again);
             for (int i = 0; i < count; i++)
                 cones[i].open = v_or(cones[i].open, cones[i].now);
             bundle = query_bundle_of(cones, count, 0.0f);
             q = bundle.q + bundle.spread;
         }
-        COUNT(cone_query_rays, query);
         float a = 1 - q * q;
         struct ray_cone about = {bundle.centre, bundle.to_light, v_splat(q), v_splat(a),
                                  v_splat(a * bundle.least_t)};
@@ -201,18 +183,14 @@ static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, 
 }
 
 void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_context *work) {
-    COUNT(bvh_query_ahead, call);
     const struct prepared *scene = work->scene;
     struct packet_cones cones[BATCH_PACKETS];
     for (int i = 0; i < count; i++) {
         struct cone_request *request = &asking[i];
-        ACTIVE(v_count(request->queried));
-        COUNT(bvh_query_ahead, packet);
         vfloat q = v_min(request->q, v_splat(0.99f));
         vmask blocked = v_mask_none();
         for (int k = 0; k < scene->plane_count; k++) {
             const struct primitive *s = &scene->primitives[scene->planes[k]];
-            COUNT(bvh_query_ahead, plane);
             vfloat slope = vec_dot(vec_set(s->normal), request->rays->to_light);
             blocked = v_or(blocked, v_cmp_lt(slope, q));
         }
@@ -232,14 +210,11 @@ void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_c
 
 vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light, vfloat facing,
                         vfloat shape, vmask active, const struct tile_context *work) {
-    ACTIVE(v_count(active));
-    COUNT(bvh_trivially_lit, call);
     const struct prepared *scene = work->scene;
     float q = scene->known.lit_slope;
     vmask clear = active;
     for (int k = 0; k < scene->plane_count; k++) {
         int i = scene->planes[k];
-        COUNT(bvh_trivially_lit, plane);
         vmask here =
             plane_clears(height_over(&scene->primitives[i], point),
                          vec_dot(vec_set(scene->primitives[i].normal), to_light), q, &scene->known);
@@ -250,7 +225,6 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
     for (unsigned rest = v_mask_bits(clear); rest;) { // once for each shape that rays start on
         int i = (int)id[__builtin_ctz(rest)];
         vmask same = v_and(v_mask_of_bits(rest), is_shape(shape, i));
-        COUNT(bvh_trivially_lit, shape);
         rest &= ~v_mask_bits(same);
         if (scene->primitives[i].eval != EVAL_LINEAR)
             clear = v_andnot(
@@ -259,7 +233,6 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
     }
     if (!v_any(clear) || q >= 0.99f)
         return v_mask_none();
-    COUNT(bvh_trivially_lit, query);
     vfloat zero = v_splat(0.0f);
     struct packet_cones cones = {{point, to_light, v_splat(q), v_splat(1 - q * q), zero},
                                  zero,

@@ -15,17 +15,13 @@
 // hits that solid at once, at its negative distance.
 INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive *s, vmask active,
                               vmask self, vfloat *t, struct vec *local) {
-    COUNT(hit_from_surface, call);
     if (s->convex)
         active = v_andnot(self, active); // a ray cannot hit the convex solid that it leaves
     vmask within, met = enter(o, d, s, active, t, local, &within);
-    if (!s->convex) {
-        COUNT(hit_from_surface, torus);
+    if (!s->convex)
         within = v_and(v_andnot(self, active), v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
-    }
     if (!v_any(within))
         return met;
-    COUNT(hit_from_surface, within);
     vfloat h = distance_at(o, s, v_mask_none());
     vmask inside = v_and(within, v_cmp_lt(h, v_splat(0.0f)));
     *t = v_select(inside, h, *t);
@@ -37,26 +33,21 @@ INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive
 INLINE void mirror_hit(int i, const struct packet_ray *ray, const struct prepared *scene,
                        struct surface_hit *hit) {
     const struct primitive *s = &KNOWN(scene)->primitives[i];
-    ACTIVE(v_count(ray->active));
     vmask self = is_shape(ray->leaves, i), met;
     vfloat t;
     struct vec local = hit->local;
     if (s->type == SHAPE_MANDELBULB) // left to hit_bulbs()
         return;
-    COUNT(closest_mirror_hit, shape);
     if (s->eval == EVAL_LINEAR) {
-        COUNT(closest_mirror_hit, plane);
         vfloat slope = add_dot(s->normal, ray->direction), height = height_over(s, ray->origin);
         vmask under = v_cmp_lt(height, v_splat(0.0f));
         t = v_select(under, height, height / (v_splat(0.0f) - slope));
         met = v_and(v_andnot(self, ray->active), v_or(under, v_cmp_lt(slope, v_splat(0.0f))));
     } else if (REPEATED(s)) {
-        COUNT(closest_mirror_hit, repeated);
         vfloat end =
             v_min(bounds_distance(ray->origin, ray->direction, &scene->model.march), hit->t);
         met = hit_cells(ray, s, self, end, (float)scene->model.march.surface_offset, &t, &local);
     } else {
-        COUNT(closest_mirror_hit, solid);
         met = hit_from_surface(to_local(s, ray->origin), turned(s, ray->direction), s, ray->active,
                                self, &t, &local);
     }
@@ -66,7 +57,6 @@ INLINE void mirror_hit(int i, const struct packet_ray *ray, const struct prepare
 // Returns the nearest hits of a packet of mirror rays, except on Mandelbulbs.
 static struct surface_hit closest_mirror_hit(const struct packet_ray *ray,
                                              const struct tile_context *work) {
-    COUNT(closest_mirror_hit, call);
     struct surface_hit hit;
     no_hit(&hit);
     if (HAS_BVH(work->scene)) {
@@ -121,7 +111,6 @@ INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *
     const struct primitive *s = &KNOWN(job->prepared)->primitives[i];
     const float *c = job->cameras[i].centre;
     if (s->eval == EVAL_LINEAR) { // c: its normal
-        COUNT(shapes_in, plane);
         if (plane_in_frustum(w, c))
             add_to_set(list, i);
         return;
@@ -130,7 +119,6 @@ INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *
         add_to_set(list, i);
         return;
     }
-    COUNT(shapes_in, solid);
     float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
     if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
         c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
@@ -139,7 +127,6 @@ INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *
 }
 
 static void shapes_in(const struct tile_frustum *w, const struct job *job, struct shape_set *list) {
-    COUNT(shapes_in, call);
     float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
                       sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
     clear_set(list);
@@ -151,7 +138,6 @@ static void shapes_in(const struct tile_frustum *w, const struct job *job, struc
 // Shades and stores a row of packets in a scene without secondary rays.
 static void shade_primary_row(const struct tile *tile, int row, const struct primary_hit *hits,
                               int pixel, struct frame *frame, const struct tile_context *work) {
-    COUNT(shade_primary_row, call);
     hits += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
     bool all = frame->depth != NULL;
     for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, pixel += LANES) {
@@ -162,8 +148,6 @@ static void shade_primary_row(const struct tile *tile, int row, const struct pri
             struct surface_hit hit = at.hit; // a copy, so that `at` stays in registers
             struct vec n = hits[i].hit.local;
             vmask away = v_cmp_gt(vec_dot(n, hits[i].direction), v_splat(0.0f));
-            ACTIVE(v_count(hits[i].active));
-            COUNT(shade_primary_row, normal);
             store_hit(frame, block_at(tile, row, i), &hit,
                       (struct vec){v_negate_where(away, n.x), v_negate_where(away, n.y),
                                    v_negate_where(away, n.z)});
@@ -253,10 +237,6 @@ static inline void store_tile(const struct tile *tile, struct frame *frame,
 }
 
 void draw_analytic_tile(const struct job *job, int number, struct worker_scratch *scratch) {
-    ACTIVE(LANES); // the previous tile may have left another value
-    COUNT(draw_analytic_tile, call);
-    COUNT(draw_analytic_tile, scalar);
-    COUNT(draw_analytic_tile, eye);
     struct frame *frame = job->frame;
     struct tile_context work;
     set_tile_context(job, scratch, &work);
@@ -268,9 +248,8 @@ void draw_analytic_tile(const struct job *job, int number, struct worker_scratch
                         &KNOWN(job->prepared)->model);
         return;
     }
-    if (KNOWN(job->prepared)->bulbs) {
+    if (KNOWN(job->prepared)->bulbs)
         march_tile_bulbs(&tile, job, scratch);
-    }
     bool plain = REPEATS(job->prepared) && needs_no_secondary(&KNOWN(job->prepared)->model);
     struct primary_hit hits[BLOCKS];
     if (REPEATS(job->prepared))

@@ -23,13 +23,10 @@ static inline vfloat phong_power(vfloat a, vfloat shininess) {
 // the ray's weight over the distance to the light.
 INLINE void add_phong(struct shading_packet *at, const struct surface *surface, vfloat shine,
                       vfloat reach, const struct tile_context *work) {
-    COUNT(add_phong, call);
     vfloat specular = v_splat(0.0f);
     const float *e = work->emission;
     vmask shines = v_and(at->lit, v_cmp_gt(shine, surface->shine_from));
     if (v_any(shines)) {
-        ACTIVE(v_count(shines));
-        COUNT(add_phong, shines);
         specular = v_select_or_zero(
             shines, v_splat(0.2f) * phong_power(v_max(shine, v_splat(1e-30f)), surface->shininess));
     }
@@ -45,12 +42,9 @@ INLINE void light_surfaces(struct shading_packet *at, const struct surface *surf
                            const float *axis, const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
     const struct packet_ray *ray = &at->ray;
-    ACTIVE(v_count(at->hit.found));
-    COUNT(light_surfaces, call);
     struct vec p = at->point, n = surface->normal, base = surface->color;
     vfloat weight = ray->weight, zero = v_splat(0.0f);
     if (model->features.fog) {
-        COUNT(light_surfaces, fog);
         vfloat far_sq = vec_dot(p, p);
         weight = weight * v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
     }
@@ -74,12 +68,9 @@ INLINE void light_surfaces(struct shading_packet *at, const struct surface *surf
 INLINE void primary_light(struct shading_packet *at, const struct surface *surface,
                           const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
-    ACTIVE(v_count(at->hit.found));
-    COUNT(primary_light, call);
     struct vec d = at->ray.direction, n = surface->normal;
     vfloat weight = v_splat(1.0f), zero = v_splat(0.0f), t = at->hit.t;
     if (model->features.fog) {
-        COUNT(primary_light, fog);
         vfloat far_sq = vec_dot(at->point, at->point);
         weight = v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
     }

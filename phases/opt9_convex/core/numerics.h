@@ -6,30 +6,24 @@
 
 // Returns the minimum of all lanes.
 static inline float least_lane(vfloat a) {
-    COUNT(least_lane, call);
     return v_reduce_min(a);
 }
 
 // Returns 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
 static inline vfloat root_guess(vfloat a) {
-    COUNT(root_guess, call);
     return v_rsqrt_approx(a);
 }
 
 // Returns 1/√a to more than 14 bits, for normal a > 0: the approximation and one Newton step.
 static inline vfloat rough_inverse_root(vfloat a) {
-    COUNT(rough_inverse_root, call);
     return v_rsqrt_newton(a);
 }
 
 // Returns 1/√a for normal a > 0, to an ulp or two.
 static inline vfloat inverse_root(vfloat a) {
-    COUNT(inverse_root, call);
 #if LANES == 16
-    COUNT(inverse_root, rough);
     return v_rsqrt_newton(a);
 #else
-    COUNT(inverse_root, exact);
     return v_splat(1.0f) / v_sqrt(a);
 #endif
 }
@@ -38,8 +32,6 @@ static inline vfloat inverse_root(vfloat a) {
 // Returns 2·times/(√a·b) for normal a > 0 and b. One Newton step corrects both approximations. Multiplied by
 // `times` first, because 1/(√a·b) alone may be denormal.
 static inline vfloat twice_over_root(vfloat times, vfloat a, vfloat b) {
-    COUNT(twice_over_root, call);
-    COUNT(twice_over_root, sixteen);
     vfloat r = v_rsqrt_approx(a), per = v_rcp_approx(b), part = times * r * per;
     vfloat off = v_nmadd(a * r, r, v_splat(1.0f)), off_b = v_nmadd(b, per, v_splat(1.0f));
     return v_madd(part, off + (off_b + off_b), part + part);
@@ -51,32 +43,24 @@ struct rooted {
 };
 
 static inline struct rooted rooted(vfloat a) {
-    COUNT(rooted, call);
-    COUNT(rooted, sixteen);
     vfloat r = v_rsqrt_approx(a), h = a * r;
     return (struct rooted){r, h, v_nmadd(h, r, v_splat(1.0f))};
 }
 
 // Returns 2·b·√a to an ulp or two. Sums replace products where both would do: Zen has separate units for them.
 static inline vfloat twice_root_times(const struct rooted *a, vfloat b) {
-    COUNT(twice_root_times, call);
-    COUNT(twice_root_times, sixteen);
     vfloat part = b * a->root;
     return v_madd(part, a->off, part + part);
 }
 
 // Returns b/a to an ulp or two. 1/a itself may be denormal.
 static inline vfloat divided_by(vfloat b, const struct rooted *a) {
-    COUNT(divided_by, call);
-    COUNT(divided_by, sixteen);
     vfloat part = b * a->inverse * a->inverse;
     return v_madd(part, a->off, part);
 }
 #else
 // Returns 2·times/(√a·b) for normal a > 0 and b: one Newton step each.
 static inline vfloat twice_over_root(vfloat times, vfloat a, vfloat b) {
-    COUNT(twice_over_root, call);
-    COUNT(twice_over_root, eight);
     vfloat per = v_rcp_approx(b);
     per = per * v_nmadd(b, per, v_splat(2.0f));
     return (times + times) * rough_inverse_root(a) * per;
@@ -88,23 +72,17 @@ struct rooted {
 };
 
 static inline struct rooted rooted(vfloat a) {
-    COUNT(rooted, call);
-    COUNT(rooted, eight);
     vfloat r = rough_inverse_root(a);
     return (struct rooted){r, a * r};
 }
 
 // Returns 2·b·√a.
 static inline vfloat twice_root_times(const struct rooted *a, vfloat b) {
-    COUNT(twice_root_times, call);
-    COUNT(twice_root_times, eight);
     return (b + b) * a->root;
 }
 
 // Returns b/a. 1/a itself may be denormal.
 static inline vfloat divided_by(vfloat b, const struct rooted *a) {
-    COUNT(divided_by, call);
-    COUNT(divided_by, eight);
     return b * a->inverse * a->inverse;
 }
 #endif

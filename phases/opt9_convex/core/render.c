@@ -70,7 +70,6 @@ static void render_tile(const void *data, int tile, void *memory) {
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
-    COUNT(phase_render, call);
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
     struct frame_job job = {
         {prepared, view, frame, prepared->cameras, tile_height(prepared, frame->height),

@@ -37,20 +37,16 @@ INLINE struct vec reflected_at(const float a[3], struct vec v) {
 
 // Returns v turned into the shape's frame.
 INLINE struct vec turned(const struct primitive *s, struct vec v) {
-    COUNT(turned, call);
     if (!s->turned)
         return v;
-    COUNT(turned, rotation);
     return (struct vec){vec_dot(vec_set(s->turn[0]), v), vec_dot(vec_set(s->turn[1]), v),
                         vec_dot(vec_set(s->turn[2]), v)};
 }
 
 // Returns v turned back to world axes, by the transpose.
 INLINE struct vec turned_back(const struct primitive *s, struct vec v) {
-    COUNT(turned_back, call);
     if (!s->turned)
         return v;
-    COUNT(turned_back, rotation);
     struct vec out = vec_scale(vec_set(s->turn[0]), v.x);
     out = vec_along(out, vec_set(s->turn[1]), v.y);
     return vec_along(out, vec_set(s->turn[2]), v.z);
@@ -72,7 +68,6 @@ static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: 
 }
 
 static inline struct vec vec_wrapped(const struct primitive *s, struct vec p) {
-    COUNT(vec_wrapped, call);
     return (struct vec){wrapped(p.x, s->cell[0], s->per_cell[0]),
                         wrapped(p.y, s->cell[1], s->per_cell[1]),
                         wrapped(p.z, s->cell[2], s->per_cell[2])};
@@ -86,18 +81,14 @@ static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) 
 // Returns one coordinate of a point in the shape's frame, computed in double. In float it would cancel: 5
 // units from a turned box it errs by 5e-7, and in the 10,000th cell by 4e-3.
 static inline vfloat coordinate(const struct primitive *s, struct vec_double from, int axis) {
-    COUNT(coordinate, call);
     vdouble x = v_double_sub(v_double_dot(from, s->row[axis]), s->offset);
-    if (s->repeated) {
-        COUNT(coordinate, wrap);
+    if (s->repeated)
         x = v_double_wrapped(x, s->wide_cell[axis], s->wide_per_cell[axis]);
-    }
     return v_double_to_float(x);
 }
 
 // Returns |from|² − square, computed in double.
 static inline vfloat power_at(struct vec_double from, double square) {
-    COUNT(power_at, call);
     struct vec_double p = from;
     vhalf each = v_half_splat(square);
     return v_double_to_float(
@@ -108,7 +99,6 @@ static inline vfloat power_at(struct vec_double from, double square) {
 // Fills one local_rays per shape: where the rays are, and then where they go.
 static inline void set_local_origins(struct point origin, const struct prepared *scene,
                                      struct local_ray *local_rays) {
-    COUNT(set_local_origins, call);
     struct vec_double at = vec_double_of(origin);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct primitive *s = &scene->primitives[i];
@@ -129,17 +119,14 @@ static inline void set_local_origins(struct point origin, const struct prepared 
 
 static inline void set_local_directions(struct vec direction, const struct prepared *scene,
                                         struct local_ray *local_rays) {
-    COUNT(set_local_directions, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct primitive *s = &scene->primitives[i];
         if (s->eval == EVAL_LINEAR) {
-            COUNT(set_local_directions, linear);
             local_rays[i].direction.x = vec_dot(vec_set(s->normal), direction);
             continue;
         }
         local_rays[i].direction = turned(s, direction);
         if (s->eval == EVAL_POWER) {
-            COUNT(set_local_directions, power);
             local_rays[i].slope =
                 v_splat(2.0f) * vec_dot(local_rays[i].origin, local_rays[i].direction);
         }
@@ -149,41 +136,32 @@ static inline void set_local_directions(struct vec direction, const struct prepa
 // Moves the origins along the rays by a short distance.
 static inline void move_local_rays(vfloat by, const struct prepared *scene,
                                    struct local_ray *local_rays) {
-    COUNT(move_local_rays, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
         struct local_ray *a = &local_rays[i];
-        COUNT(move_local_rays, first);
         a->origin.x = v_madd(a->direction.x, by, a->origin.x);
         if (scene->primitives[i].eval == EVAL_LINEAR)
             continue;
-        COUNT(move_local_rays, others);
         a->origin.y = v_madd(a->direction.y, by, a->origin.y);
         a->origin.z = v_madd(a->direction.z, by, a->origin.z);
-        if (scene->primitives[i].eval == EVAL_POWER) {
-            COUNT(move_local_rays, power);
+        if (scene->primitives[i].eval == EVAL_POWER)
             a->power = v_madd(by, by + a->slope, a->power);
-        }
     }
 }
 
 static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {
-    COUNT(sdf_sphere, call);
     return vec_norm(p) - v_splat(s->a);
 }
 
 // Returns |p| − a from the power |p|² − a². For a large sphere the difference itself would cancel.
 static inline vfloat sdf_power(vfloat power, const struct primitive *s) {
-    COUNT(sdf_power, call);
     return power / (v_sqrt(v_max(power + v_splat(s->b), v_splat(0.0f))) + v_splat(s->a));
 }
 
 static inline vfloat sdf_plane(struct vec p, const struct primitive *s) {
-    COUNT(sdf_plane, call);
     return vec_dot(p, vec_set(s->size)) - v_splat(s->a);
 }
 
 static inline vfloat sdf_box(struct vec p, const struct primitive *s) {
-    COUNT(sdf_box, call);
     vfloat zero = v_splat(0.0f);
     vfloat x = v_abs(p.x) - v_splat(s->size[0]);
     vfloat y = v_abs(p.y) - v_splat(s->size[1]);
@@ -193,18 +171,15 @@ static inline vfloat sdf_box(struct vec p, const struct primitive *s) {
 }
 
 static inline vfloat sdf_rounded_box(struct vec p, const struct primitive *s) {
-    COUNT(sdf_rounded_box, call);
     return sdf_box(p, s) - v_splat(s->a);
 }
 
 static inline vfloat sdf_torus(struct vec p, const struct primitive *s) {
-    COUNT(sdf_torus, call);
     vfloat ring = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(s->a);
     return v_sqrt(v_madd(ring, ring, p.y * p.y)) - v_splat(s->b);
 }
 
 static inline vfloat sdf_cone(struct vec p, const struct primitive *s) {
-    COUNT(sdf_cone, call);
     vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
     vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
     vfloat x = radius - v_splat(s->b), y = p.y - v_splat(s->c); // from the top rim
@@ -221,7 +196,6 @@ static inline vfloat sdf_cone(struct vec p, const struct primitive *s) {
 }
 
 static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s) {
-    COUNT(sdf_octahedron, call);
     vfloat x = v_abs(point.x), y = v_abs(point.y), z = v_abs(point.z);
     vfloat zero = v_splat(0.0f), radius = v_splat(s->a);
     vfloat m = x + y + z - radius, third = m * v_splat(1.0f / 3.0f);
@@ -230,7 +204,6 @@ static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s)
     vmask edges = v_or(over_yz, v_or(over_zx, over_xy));
     if (!v_any(edges))
         return face;
-    COUNT(sdf_octahedron, edges);
     vfloat a = v_select(over_yz, x, v_select(over_zx, y, z));
     vfloat b = v_select(over_yz, y, v_select(over_zx, z, x));
     vfloat c = v_select(over_yz, z, v_select(over_zx, x, y));
@@ -243,13 +216,10 @@ static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s)
 // The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep their values (the
 // paper's Fig. 5).
 static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask done) {
-    COUNT(sdf_mandelbulb, call);
     vfloat x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = v_splat(1.5f);
     // |p|^16 overflows from |p| = 256 on. From 32 on, the estimate equals r·ln(r)/3 to a float's precision.
     vmask far = v_cmp_gt(m, v_splat(1024.0f)), escaped = v_or(done, far);
     for (int i = 0; i < s->iterations; i++) {
-        ACTIVE(LANES - v_count(escaped));
-        COUNT(sdf_mandelbulb, iteration);
         vfloat x2 = x * x, y2 = y * y, z2 = z * z;
         vfloat k3 = x2 + z2, k4 = k3 - y2;
         vfloat per_k3 =
@@ -270,17 +240,12 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
         if (v_all(escaped))
             break;
     }
-    ACTIVE(LANES - v_count(v_or(done, far)));
-    COUNT(sdf_mandelbulb, estimate);
     vfloat distance =
         v_splat(0.25f) * v_sqrt(m) / dz * v_log(m); // the division beside the logarithm
     if (v_any(far)) {
-        ACTIVE(v_count(v_andnot(done, far)));
-        COUNT(sdf_mandelbulb, far);
         vfloat r = v_sqrt(vec_dot(p, p));
         distance = v_select(far, r * v_log(r) * v_splat(1.0f / 3.0f), distance);
     }
-    ACTIVE(LANES - v_count(done));
     return v_select_or_zero(v_cmp_gt(m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
@@ -292,12 +257,10 @@ static inline vfloat folded(vfloat x, vfloat limit) {
 // The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of
 // fixed_radius, scales it and adds p. dr is the most by which the iterations stretch a distance.
 static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
-    COUNT(sdf_mandelbox, call);
     vfloat limit = v_splat(s->c), outer_sq = v_splat(s->size[1]);
     vfloat one = v_splat(1.0f), dr = one;
     struct vec w = p;
     for (int i = 0; i < s->iterations; i++) {
-        COUNT(sdf_mandelbox, iteration);
         w = (struct vec){folded(w.x, limit), folded(w.y, limit), folded(w.z, limit)};
         vfloat norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->size[0])), outer_sq);
         vfloat inversion = outer_sq / norm_sq;
@@ -326,16 +289,11 @@ distance_at(struct vec p, const struct primitive *s, vmask done) {
 // Returns the distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline vfloat
 distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *s, vmask done) {
-    COUNT(distance_to_shape, call);
     if (s->eval != EVAL_POINT) {
-        if (s->eval == EVAL_POWER) {
-            COUNT(distance_to_shape, power);
+        if (s->eval == EVAL_POWER)
             return sdf_power(v_madd(t, t + a->slope, a->power), s);
-        }
-        COUNT(distance_to_shape, linear);
         return v_madd(t, a->direction.x, a->origin.x);
     }
-    COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
     if (s->repeated)
         p = vec_wrapped(s, p);
@@ -347,13 +305,10 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *s
 __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *local_rays,
                                                         vfloat t, const struct prepared *scene,
                                                         vmask done, vfloat *nearest) {
-    COUNT(sdf, call);
     vfloat least = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        COUNT(sdf, shape);
         vfloat distance = distance_to_shape(&local_rays[i], t, &scene->primitives[i], done);
         if (nearest) { // known where it is inlined
-            COUNT(sdf, which);
             *nearest =
                 v_select(v_cmp_lt(distance, least), v_splat(scene->primitives[i].index), *nearest);
         }

@@ -10,9 +10,6 @@
 
 // Returns the normals of a Mandelbulb: forward differences of its estimate.
 static struct vec bulb_normal(struct vec p, vmask found, const struct primitive *s, float step) {
-    ACTIVE(v_count(found));
-    COUNT(bulb_normal, call);
-    COUNT(bulb_normal, scalar);
     vmask done = v_not(found);
     // Differences along the world's axes, as in every phase: columns of the shape's matrix.
     struct vec at[4] = {p};
@@ -42,8 +39,6 @@ INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepar
     vmask same = v_and(hit->found, is_shape(hit->shape, i));
     if (!v_any(same))
         return;
-    ACTIVE(v_count(hit->found));
-    COUNT(surface_at, shape);
     struct vec normal = vec_set(s->normal);
     if (s->type == SHAPE_MANDELBULB)
         normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
@@ -59,7 +54,6 @@ INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepar
 // Sets the surfaces of a packet's hits. Normals point towards the rays' origins.
 static void surface_at(const struct surface_hit *restrict hit, const struct vec *restrict direction,
                        const struct prepared *scene, struct surface *restrict all) {
-    COUNT(surface_at, call);
     struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     all->normal = all->color = none;
     all->share = all->shininess = all->shine_from = v_splat(0.0f);
@@ -96,8 +90,6 @@ static void queue_shadow(vmask m, struct vec p, const struct surface_hit *hit, s
 static void queue_mirror(vmask m, const struct packet_ray *ray, struct vec p, struct vec n,
                          vfloat weight, const struct surface_hit *hit,
                          const struct tile_context *work) {
-    ACTIVE(v_count(m));
-    COUNT(queue_mirror, call);
     struct worker_scratch *scratch = work->scratch;
     int at = scratch->mirrors;
     float (*field)[QUEUE_ROOM] = scratch->mirror;
@@ -119,9 +111,6 @@ INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec
     vmask same = v_and(grazes, is_shape(hit->shape, i));
     if (!v_any(same))
         return;
-    ACTIVE(v_count(grazes));
-    COUNT(graze, call);
-    COUNT(queue_or_add, grazes);
     vfloat lit = self_shadow(&KNOWN(scene)->primitives[i], hit->local, to_light, facing, scene);
     *light = vec_select(same, vec_scale(*light, lit), *light);
 }
@@ -129,17 +118,14 @@ INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec
 // Returns whether all hits of the packet are on the scene's first plane, from above. This is the most
 // frequent case.
 INLINE bool all_on_plane(const struct shading_packet *at, const struct known_scene *scene) {
-    COUNT(all_on_plane, call);
     if (scene->plane < 0)
         return false;
-    COUNT(all_on_plane, plane);
     vfloat slope = add_dot(scene->primitives[scene->plane].normal, at->ray.direction);
     vmask on = v_andnot(v_cmp_gt(slope, v_splat(0.0f)), is_shape(at->hit.shape, scene->plane));
     return !v_any(v_andnot(on, at->hit.found));
 }
 
 INLINE struct surface surface_of_plane(const struct known_scene *scene) {
-    COUNT(surface_of_plane, call);
     const struct primitive *s = &scene->primitives[scene->plane];
     return (struct surface){vec_set(s->normal), vec_set(s->color), v_splat(s->share),
                             v_splat(s->shininess), v_splat(s->shine_from)};
@@ -147,9 +133,6 @@ INLINE struct surface surface_of_plane(const struct known_scene *scene) {
 
 static inline void find_surfaces(struct shading_packet *at, const struct prepared *scene) {
     struct packet_ray *ray = &at->ray;
-    ACTIVE(v_count(at->hit.found));
-    COUNT(find_surfaces, call);
-    COUNT(find_surfaces, scalar);
     at->point = vec_along(ray->origin, ray->direction, at->hit.t);
     at->hit.found = v_and(at->hit.found, in_bounds(at, KNOWN(scene)));
     at->lit = v_mask_none();
@@ -165,7 +148,6 @@ static inline void find_surfaces(struct shading_packet *at, const struct prepare
 
 // Lights the packet. Two calls, so that a kernel knows the plane's material in the first.
 static inline void light_stage(struct shading_packet *at, const struct tile_context *work) {
-    COUNT(light_stage, call);
     const struct known_scene *scene = KNOWN(work->scene);
     if (at->flat) {
         struct surface plane = surface_of_plane(scene);
@@ -183,7 +165,6 @@ static inline bool queries_rays_singly(const struct prepared *scene) {
 
 // Sets at->open: which rays reach the light without a march.
 static inline void cull_shadows(struct shading_packet *at, const struct tile_context *work) {
-    COUNT(cull_shadows, call);
     const struct known_model *model = &KNOWN(work->scene)->model;
     at->open = at->lit;
     if (!v_any(at->lit))
@@ -196,8 +177,6 @@ static inline void cull_shadows(struct shading_packet *at, const struct tile_con
         at->open = trivially_lit(&at->point, &at->hit.local, &at->to_light, at->facing,
                                  at->hit.shape, at->lit, work);
     else if (model->shadows == SHADOWS_HARD) {
-        ACTIVE(v_count(at->lit));
-        COUNT(cull_shadows, hard);
         struct vec to = {v_splat((float)work->view->light_position[0]) - at->point.x,
                          v_splat((float)work->view->light_position[1]) - at->point.y,
                          v_splat((float)work->view->light_position[2]) - at->point.z};
@@ -211,10 +190,7 @@ static inline void queue_or_add(struct shading_packet *at, const struct tile_con
     const struct known_model *model = &KNOWN(work->scene)->model;
     vfloat zero = v_splat(0.0f);
     vmask open = at->open;
-    ACTIVE(v_count(at->hit.found));
-    COUNT(queue_or_add, call);
     if (model->shadows == SHADOWS_SOFT) {
-        COUNT(queue_or_add, soft);
         vmask doubtful = v_andnot(open, at->lit);
         vmask grazes = v_and(open, v_cmp_lt(at->facing, v_splat(KNOWN(work->scene)->lit_slope)));
         if (v_any(doubtful))
@@ -232,11 +208,9 @@ static inline void queue_or_add(struct shading_packet *at, const struct tile_con
     at->color.y = at->color.y + v_select_or_zero(open, at->light.y);
     at->color.z = at->color.z + v_select_or_zero(open, at->light.z);
     if (model->features.mirrors && model->march.max_bounces > 0) {
-        COUNT(queue_or_add, mirrors);
         vmask mirror = v_and(v_and(at->hit.found, v_cmp_gt(at->surface.share, zero)),
                              v_cmp_lt(at->ray.bounce, v_splat((float)model->march.max_bounces)));
         if (v_any(mirror)) {
-            COUNT(queue_or_add, mirror);
             queue_mirror(mirror, &at->ray, at->point, at->surface.normal,
                          at->weight * at->surface.share, &at->hit, work);
         }
@@ -244,7 +218,6 @@ static inline void queue_or_add(struct shading_packet *at, const struct tile_con
 }
 
 void shade_packets(struct shading_packet *stage, int count, const struct tile_context *work) {
-    COUNT(shade_packets, call);
     const struct known_model *model = &KNOWN(work->scene)->model;
     for (int i = 0; i < count; i++)
         find_surfaces(&stage[i], work->scene);
@@ -257,12 +230,10 @@ void shade_packets(struct shading_packet *stage, int count, const struct tile_co
         if (v_any(stage[i].hit.found))
             cull_shadows(&stage[i], work);
     for (int i = 0; i < count; i++)
-        if (v_any(stage[i].hit.found)) {
+        if (v_any(stage[i].hit.found))
             queue_or_add(&stage[i], work);
-        } else {
-            COUNT(shade_packets, sky);
+        else
             stage[i].color = background(stage[i].ray.weight, model);
-        }
 }
 
 KERNEL_SHARED void primary_normals(struct primary_hit *seen, const struct prepared *scene) {

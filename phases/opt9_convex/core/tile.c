@@ -15,8 +15,6 @@ static struct point point_from_double(const double a[3]) {
 }
 
 static vmask in_picture(struct pixel_block block) {
-    COUNT(in_picture, call);
-    COUNT(in_picture, cut);
     vfloat below = v_floor(v_iota() * v_splat(1.0f / BLOCK_WIDTH));
     vfloat right = v_iota() - below * v_splat(BLOCK_WIDTH);
     return v_and(v_cmp_lt(right, v_splat((float)block.across)),
@@ -25,13 +23,9 @@ static vmask in_picture(struct pixel_block block) {
 
 static struct vec get_direction(struct pixel_block block, const struct frame *frame,
                                 const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, packet);
-    COUNT(get_direction, divide);
     double per_height = view->tan_half_fov / frame->height;
     float columns[LANES], rows[LANES];
     for (int lane = 0; lane < LANES; lane++) {
-        COUNT(get_direction, scalar);
         int row = block.row + lane / BLOCK_WIDTH;
         columns[lane] =
             (float)(2 * (block.column + lane % BLOCK_WIDTH) + 1 - frame->width); // exact
@@ -45,7 +39,6 @@ static struct vec get_direction(struct pixel_block block, const struct frame *fr
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
                                const struct shaded *seen) {
-    COUNT(store_block_result, call);
     if (frame->shown) {
         display_block(frame, block, seen->color);
         return;
@@ -69,8 +62,6 @@ static int tiles_across(const struct frame *frame) {
 }
 
 static void draw_tile(const struct job *job, int tile, struct local_ray *local_rays) {
-    COUNT(draw_tile, call);
-    COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     struct trace_context world = {job->prepared, job->view, local_rays};
     struct point origin = point_from_double(job->view->position);
@@ -82,12 +73,9 @@ static void draw_tile(const struct job *job, int tile, struct local_ray *local_r
         for (int column = left; column < right; column += BLOCK_WIDTH) {
             struct pixel_block block = {column, row, int_min(BLOCK_WIDTH, right - column),
                                         int_min(BLOCK_HEIGHT, bottom - row)};
-            ACTIVE(block.across * block.down);
-            COUNT(draw_tile, packet);
             struct shaded seen;
             trace(origin, get_direction(block, frame, job->view), in_picture(block), 0, &world,
                   &seen);
-            ACTIVE(block.across * block.down);
             store_block_result(frame, block, &seen);
         }
     }

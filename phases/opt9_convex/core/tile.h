@@ -29,7 +29,6 @@ static inline struct pixel_block block_at(const struct tile *tile, int row, int 
 // Sets a packet of camera rays. slot: of its first lane in worker_scratch.color.
 static inline void set_camera_ray(const struct tile *tile, struct vec direction, vmask active,
                                   int slot, struct packet_ray *ray) {
-    COUNT(set_camera_ray, call);
     vfloat zero = v_splat(0.0f);
     ray->origin = tile->eye;
     ray->direction = direction;

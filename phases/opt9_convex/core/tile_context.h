@@ -160,11 +160,9 @@ static inline void pack_vec(vmask m, struct vec v, float field[][QUEUE_ROOM], in
 // `pixel` may hold an older ray's pixels or zeros, which are still valid addresses.
 static inline void add_light(vmask m, struct vec light, vfloat pixel,
                              struct worker_scratch *scratch) {
-    COUNT(add_light, call);
     float *first = &scratch->color[(int)v_lane0(pixel)];
     vmask apart = v_cmp_gt(v_abs(pixel - v_splat(v_lane0(pixel)) - v_iota()), v_splat(0.5f));
     if (!v_any(v_and(m, apart))) { // neighbours, as most are
-        COUNT(add_light, row);
         v_store(v_load(first) + v_select_or_zero(m, light.x), first);
         v_store(v_load(first + COLOR_ROOM) + v_select_or_zero(m, light.y), first + COLOR_ROOM);
         v_store(v_load(first + 2 * COLOR_ROOM) + v_select_or_zero(m, light.z),
@@ -177,7 +175,6 @@ static inline void add_light(vmask m, struct vec light, vfloat pixel,
     v_store(light.z, blue);
     v_store(pixel, at);
     for (unsigned rest = v_mask_bits(m); rest; rest &= rest - 1) {
-        COUNT(add_light, lane);
         int lane = __builtin_ctz(rest), i = (int)at[lane];
         scratch->color[i] += red[lane];
         scratch->color[COLOR_ROOM + i] += green[lane];

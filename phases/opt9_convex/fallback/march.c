@@ -14,8 +14,6 @@ struct bounds_exit {
 
 static struct bounds_exit bounds_exit_of(struct point origin, struct vec direction,
                                          const struct model *model) {
-    COUNT(bounds_exit_of, call);
-    COUNT(bounds_exit_of, scalar);
     float radius = (float)model->march.bounds_radius;
     struct vec o = origin.hi;
     return (struct bounds_exit){v_splat(2.0f) * vec_dot(o, direction),
@@ -24,8 +22,6 @@ static struct bounds_exit bounds_exit_of(struct point origin, struct vec directi
 
 // Returns which points are within the bounds, in doubles.
 static vmask within(struct point place, const struct model *model) {
-    COUNT(within, call);
-    COUNT(within, scalar);
     double radius = model->march.bounds_radius;
     return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
 }
@@ -44,7 +40,6 @@ static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
 // scene0's plane at the horizon. Only for an h that rounding may leave: what a larger hit_distance leaves is
 // the scene's choice.
 static inline vfloat newton(vfloat h, vfloat slope, vfloat marched) {
-    COUNT(newton, call);
     vmask rounding = v_cmp_lt(v_abs(h), marched * v_splat(0x1p-21f));
     return v_select_or_zero(rounding, h / v_max(slope, v_splat(0x1p-9f)));
 }
@@ -61,7 +56,6 @@ struct march_state {
 // Marches until every ray has ended. The hit test is that of a march in float, whose error grows with t.
 static inline void march(struct march_state *at, struct vec direction,
                          const struct trace_context *world) {
-    COUNT(march, call);
     const struct prepared *scene = world->scene;
     struct bounds_exit exit = bounds_exit_of(at->origin, direction, &scene->model);
     vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
@@ -90,8 +84,6 @@ static inline void march(struct march_state *at, struct vec direction,
 // another shape.
 __attribute__((noinline)) static void
 shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *shape) {
-    ACTIVE(v_count(deep));
-    COUNT(shape_inside, call);
     vfloat inside = v_splat(-1.0f);
     sdf(world->local_rays, t, world->scene, v_not(deep), &inside);
     *shape = v_select(deep, inside, *shape);
@@ -120,15 +112,12 @@ finish_hits(const struct march_state *at, struct vec direction, vmask deep, vflo
     vmask unmoved = v_cmp_ge(v_splat(0.0f), marched); // rays that hit where they start
     hit->found = v_and(hit->found, v_or(within(at->origin, &scene->model), unmoved));
     if (v_any(deep)) {
-        COUNT(ray_march, deep);
         near.contact =
             v_or(near.contact, v_and(deep, v_cmp_ge(v_abs(near.shape - inside), v_splat(0.5f))));
         near.shape = v_select(deep, inside, near.shape);
     }
     vfloat slope;
     hit->normal = normal_at(direction, hit->found, &near, world, &slope);
-    ACTIVE(v_count(hit->found));
-    COUNT(ray_march, end);
     hit->shape = v_select(hit->found, near.shape, hit->shape);
     vfloat more = v_zero_where(deep, newton(near.distance, slope, marched));
     hit->t = at->before + (at->t + (at->last + more));
@@ -142,8 +131,6 @@ finish_hits(const struct march_state *at, struct vec direction, vmask deep, vflo
 // marches on from there: the march erred, or its test was wider than the scene's.
 void ray_march(struct point origin, struct vec direction, vmask active,
                const struct trace_context *world, struct hit *hit) {
-    COUNT(ray_march, call);
-    COUNT(ray_march, scalar);
     const struct prepared *scene = world->scene;
     float twice = 2.0f * (float)scene->model.march.hit_distance;
     vfloat zero = v_splat(0.0f), off_from = v_splat(twice), sunk_from = v_splat(-twice);
@@ -161,8 +148,6 @@ void ray_march(struct point origin, struct vec direction, vmask active,
         march(&at, direction, world);
         if (!v_any(at.found))
             break;
-        ACTIVE(v_count(at.found));
-        COUNT(ray_march, landed);
         // march() counts from the ray with the fewest steps: others may have taken more than the cap.
         at.found = v_andnot(v_cmp_gt(at.evals, most), at.found);
         vmask sunk = v_and(at.found, v_cmp_lt(at.last, sunk_from));
@@ -176,8 +161,6 @@ void ray_march(struct point origin, struct vec direction, vmask active,
             v_and(at.found, v_andnot(v_or(deep, settled), v_cmp_gt(near.distance, off_from)));
         if (!v_any(off))
             break;
-        ACTIVE(v_count(off));
-        COUNT(ray_march, on);
         // The ray starts far enough back to be in front of the surface, even of a shape as thin as an ulp of t.
         vfloat back = v_select_or_zero(off, at.t * v_splat(-0x1p-22f));
         at.origin.lo = vec_along(at.origin.lo, direction, back);
@@ -200,7 +183,6 @@ void ray_march(struct point origin, struct vec direction, vmask active,
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
 static vfloat soft_shadow(vmask active, struct bounds_exit exit,
                           const struct trace_context *world) {
-    COUNT(soft_shadow, call);
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
     vmask done = v_not(active);
@@ -209,14 +191,10 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
     vfloat least = v_splat(1.0f), previous = v_splat(1e20f),
            t = v_splat((float)model->march.surface_offset);
     for (int step = 0; step < model->march.max_steps; step++) {
-        ACTIVE(LANES - v_count(done));
-        COUNT(soft_shadow, eval);
         vfloat h = sdf(world->local_rays, t, scene, done, NULL);
         done = v_or(done, reaches(h, t, hit_distance));
         if (v_all(done))
             break;
-        ACTIVE(LANES - v_count(done));
-        COUNT(soft_shadow, step);
         vfloat square = h * h, y = square / (v_splat(2.0f) * previous);
         vfloat inside = v_nmadd(y, y, square), beyond = t - y;
         // The term is 0/0 on a ray straight away from a surface (h = 2·previous), and is left out.
@@ -226,11 +204,8 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
         vfloat scaled = least * beyond;
         vmask darker =
             v_andnot(done, v_and(sound, v_cmp_lt(strength * strength * inside, scaled * scaled)));
-        if (v_any(darker)) {
-            ACTIVE(v_count(darker));
-            COUNT(soft_shadow, darker);
+        if (v_any(darker))
             least = v_select(darker, strength * v_sqrt(inside) / beyond, least);
-        }
         previous = h;
         t = t + v_zero_where(done, h);
         done = v_or(done, outside(exit, t));
@@ -246,8 +221,6 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
 #define ROOM (1.0f / 64)
 #define LEAST_STEP 0x1p-16f // of t, for strengths that ask for less
 static vfloat ideal_shadow(vfloat distance, vmask active, const struct trace_context *world) {
-    COUNT(ideal_shadow, call);
-    COUNT(ideal_shadow, scalar);
     const struct prepared *scene = world->scene;
     float strength = (float)scene->model.shadow_strength, lit = 1.0f / strength;
     vfloat zero = v_splat(0.0f), one = v_splat(1.0f), least = v_splat(lit);
@@ -255,8 +228,6 @@ static vfloat ideal_shadow(vfloat distance, vmask active, const struct trace_con
     vfloat t = v_splat((float)scene->model.march.surface_offset);
     vmask done = v_or(v_not(active), v_not(v_cmp_lt(t, distance)));
     while (!v_all(done)) {
-        ACTIVE(LANES - v_count(done));
-        COUNT(ideal_shadow, step);
         vfloat h = sdf(world->local_rays, t, scene, done, NULL);
         least = v_select(done, least, v_min(least, v_max(h / t, zero)));
         vmask going = v_and(v_cmp_gt(least, zero), v_cmp_lt(t, distance));
@@ -270,19 +241,14 @@ static vfloat ideal_shadow(vfloat distance, vmask active, const struct trace_con
 
 static vfloat hard_shadow(vfloat distance, vmask active, struct bounds_exit exit,
                           const struct trace_context *world) {
-    COUNT(hard_shadow, call);
     const struct prepared *scene = world->scene;
     vmask done = v_not(active);
     vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
     vfloat lit = v_splat(1.0f), t = v_splat((float)scene->model.march.surface_offset);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - v_count(done));
-        COUNT(hard_shadow, test);
         done = v_or(done, v_not(v_cmp_lt(t, distance)));
         if (v_all(done))
             break;
-        ACTIVE(LANES - v_count(done));
-        COUNT(hard_shadow, step);
         vfloat h = sdf(world->local_rays, t, scene, done, NULL);
         vmask blocked = v_andnot(done, reaches(h, t, hit_distance));
         lit = v_zero_where(blocked, lit);
@@ -297,7 +263,6 @@ static vfloat hard_shadow(vfloat distance, vmask active, struct bounds_exit exit
 // soft shadow.
 vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
               const struct trace_context *world) {
-    COUNT(shadow, call);
     const struct prepared *scene = world->scene;
     if (scene->model.shadows == SHADOWS_NONE)
         return v_splat(1.0f);

@@ -7,7 +7,6 @@
 // whole scene. The Mandelbulb has only differences. Gradients are in world axes and need not be of unit
 // length.
 static struct vec box_gradient(struct vec p, const struct primitive *s) {
-    COUNT(box_gradient, call);
     vfloat zero = v_splat(0.0f);
     vfloat x = v_abs(p.x) - v_splat(s->size[0]);
     vfloat y = v_abs(p.y) - v_splat(s->size[1]);
@@ -24,14 +23,12 @@ static struct vec box_gradient(struct vec p, const struct primitive *s) {
 }
 
 static struct vec torus_gradient(struct vec p, const struct primitive *s) {
-    COUNT(torus_gradient, call);
     vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
     vfloat outward = v_splat(1.0f) - v_splat(s->a) / v_max(radius, v_splat(1e-30f));
     return (struct vec){p.x * outward, p.y, p.z * outward};
 }
 
 static struct vec cone_gradient(struct vec p, const struct primitive *s) {
-    COUNT(cone_gradient, call);
     vfloat zero = v_splat(0.0f);
     vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
     vfloat x = radius - v_splat(s->b), y = p.y - v_splat(s->c);
@@ -57,7 +54,6 @@ static struct vec cone_gradient(struct vec p, const struct primitive *s) {
 }
 
 static struct vec octahedron_gradient(struct vec p) {
-    COUNT(octahedron_gradient, call);
     vfloat one = v_splat(1.0f);
     return (struct vec){v_copysign(one, p.x), v_copysign(one, p.y), v_copysign(one, p.z)};
 }
@@ -65,12 +61,9 @@ static struct vec octahedron_gradient(struct vec p) {
 // Returns the hit in the shape's frame, moved by `step` along a world axis; axis −1: not moved.
 static struct vec moved_in(const struct primitive *s, const struct local_ray *ray, float step,
                            int axis) {
-    COUNT(moved_in, call);
     struct vec p = ray->origin;
     if (axis < 0)
         return p;
-    COUNT(moved_in, moved);
-    COUNT(moved_in, scalar);
     p = (struct vec){p.x + v_splat(step * s->turn[0][axis]), p.y + v_splat(step * s->turn[1][axis]),
                      p.z + v_splat(step * s->turn[2][axis])};
     return s->repeated ? vec_wrapped(s, p) : p;
@@ -80,7 +73,6 @@ static vfloat moved_power(const struct primitive *s, const struct local_ray *ray
                           int axis) {
     if (axis < 0)
         return ray->power;
-    COUNT(moved_power, moved);
     struct vec column = {v_splat(s->turn[0][axis]), v_splat(s->turn[1][axis]),
                          v_splat(s->turn[2][axis])};
     return v_madd(v_splat(step), v_madd(v_splat(2.0f), vec_dot(ray->origin, column), v_splat(step)),
@@ -89,13 +81,11 @@ static vfloat moved_power(const struct primitive *s, const struct local_ray *ray
 
 static vfloat moved_distance(const struct primitive *s, const struct local_ray *ray, vmask done,
                              float step, int axis) {
-    COUNT(moved_distance, call);
     if (s->eval == EVAL_POWER)
         return sdf_power(moved_power(s, ray, step, axis), s);
     if (s->eval == EVAL_LINEAR) {
         if (axis < 0)
             return ray->origin.x;
-        COUNT(moved_distance, moved);
         return v_madd(v_splat(s->normal[axis]), v_splat(step), ray->origin.x);
     }
     return distance_at(moved_in(s, ray, step, axis), s, done);
@@ -103,7 +93,6 @@ static vfloat moved_distance(const struct primitive *s, const struct local_ray *
 
 static struct vec difference(const struct primitive *s, const struct local_ray *ray, vmask done,
                              float step) {
-    COUNT(difference, call);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++)
         f[axis + 1] = moved_distance(s, ray, done, step, axis);
@@ -112,13 +101,10 @@ static struct vec difference(const struct primitive *s, const struct local_ray *
 
 // Returns the differences of the whole scene's distance, as in the other phases.
 static struct vec scene_difference(vmask done, float step, const struct trace_context *world) {
-    ACTIVE(LANES - v_count(done));
-    COUNT(scene_difference, call);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++) {
         f[axis + 1] = v_splat(INFINITY);
         for (int i = 0; i < world->scene->model.shape_count; i++) {
-            COUNT(scene_difference, shape);
             f[axis + 1] = v_min(moved_distance(&world->scene->primitives[i], &world->local_rays[i],
                                                done, step, axis),
                                 f[axis + 1]);
@@ -128,12 +114,9 @@ static struct vec scene_difference(vmask done, float step, const struct trace_co
 }
 
 struct hit_surroundings near_hit(vmask found, const struct trace_context *world) {
-    COUNT(near_hit, call);
-    COUNT(near_hit, scalar);
     const struct prepared *scene = world->scene;
     vfloat least = v_splat(INFINITY), second = least, shape = v_splat(-1.0f);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        COUNT(near_hit, shape);
         const struct primitive *s = &scene->primitives[i];
         vfloat distance = moved_distance(s, &world->local_rays[i], v_not(found), 0, -1);
         shape = v_select(v_cmp_lt(distance, least), v_splat(s->index),
@@ -150,8 +133,6 @@ struct hit_surroundings near_hit(vmask found, const struct trace_context *world)
 // difference.
 static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
                               const struct trace_context *world) {
-    ACTIVE(v_count(found));
-    COUNT(gradient_of, call);
     const struct primitive *s = &world->scene->primitives[shape];
     const struct local_ray *ray = &world->local_rays[shape];
     vmask near = v_and(found, contact);
@@ -163,7 +144,6 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         rounded = difference(s, ray, v_not(found), step);
     if (v_any(near))
         rounded = vec_select(near, scene_difference(v_not(near), step, world), rounded);
-    ACTIVE(v_count(found)); // the callee has set another value
     switch (s->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX:
@@ -174,8 +154,6 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     case SHAPE_PLANE: exact = vec_set(s->size); break;
     default: return rounded;
     }
-    COUNT(gradient_of, closed);
-    COUNT(gradient_of, scalar);
     exact = turned_back(s, exact);
     exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
     rounded = vec_scale(rounded, v_splat(1.0f / step));
@@ -195,19 +173,15 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
 // divide by at an edge.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct trace_context *world, vfloat *slope) {
-    COUNT(normal_at, call);
     float id[LANES], step = (float)world->scene->model.march.normal_step;
     v_store(near->shape, id);
     struct vec gradient = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (unsigned rest = v_mask_bits(found); rest;) {
-        ACTIVE(v_count(found));
-        COUNT(normal_at, shape);
         int i = (int)id[__builtin_ctz(rest)];
         vmask same = v_and(found, v_cmp_ge(v_splat(0.5f), v_abs(near->shape - v_splat((float)i))));
         gradient = vec_select(same, gradient_of(i, same, near->contact, step, world), gradient);
         rest &= ~v_mask_bits(same);
     }
-    ACTIVE(v_count(found));
     vfloat length = vec_norm(gradient);
     vfloat along = vec_dot(direction, gradient);
     *slope = v_select(v_cmp_lt(v_abs(length - v_splat(1.0f)), v_splat(1e-4f)), v_abs(along),

@@ -33,8 +33,6 @@ static struct vec from_to(struct point from, const double to[3]) {
 
 static struct vec light_at(struct point p, struct vec n, struct vec direction, vmask found,
                            const struct surfaces *surface, const struct trace_context *world) {
-    COUNT(light_at, call);
-    COUNT(light_at, scalar);
     vfloat zero = v_splat(0.0f);
     struct vec base = surface->color;
     struct vec to_light = from_to(p, world->view->light_position);
@@ -47,10 +45,7 @@ static struct vec light_at(struct point p, struct vec n, struct vec direction, v
     struct vec color = vec_scale(base, v_splat(0.01f)); // ambient
     if (!v_any(lit))
         return color;
-    ACTIVE(v_count(lit));
-    COUNT(light_at, lit);
     vfloat reach = shadow(p, to_light, distance, lit, world) / distance;
-    ACTIVE(v_count(lit));
     // Reflects the light's direction, where the paper has R = −that.
     vfloat shine = vec_dot(vec_reflect(to_light, n), direction);
     vfloat specular = v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
@@ -65,8 +60,6 @@ static struct vec light_at(struct point p, struct vec n, struct vec direction, v
 
 void trace(struct point origin, struct vec direction, vmask active, int bounce,
            const struct trace_context *world, struct shaded *result) {
-    ACTIVE(v_count(active));
-    COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
@@ -75,19 +68,14 @@ void trace(struct point origin, struct vec direction, vmask active, int bounce,
     vmask found = result->hit.found;
     if (!v_any(found))
         return;
-    ACTIVE(v_count(found));
     struct point p = result->hit.point;
     struct vec n = result->hit.normal;
     struct surfaces surface = gather(result->hit.shape, found, model);
     struct vec color = light_at(p, n, direction, found, &surface, world);
-    ACTIVE(v_count(found));
     if (model->features.mirrors && bounce < model->march.max_bounces) {
-        COUNT(trace, mirrors);
         // One reflective ray makes the call; the others are masked out of it and of its colour.
         vmask mirror = v_and(found, v_cmp_gt(surface.reflectivity, v_splat(0.0f)));
         if (v_any(mirror)) {
-            ACTIVE(v_count(mirror));
-            COUNT(trace, mirrored);
             struct point start =
                 point_at(p, n, v_splat((float)model->march.surface_offset), v_splat(0.0f));
             struct shaded seen;
@@ -96,9 +84,7 @@ void trace(struct point origin, struct vec direction, vmask active, int bounce,
             color = vec_along(color, vec_select(mirror, seen.color, color), share);
         }
     }
-    ACTIVE(v_count(found));
     if (model->features.fog) {
-        COUNT(trace, fog);
         vfloat far_sq = vec_dot(p.hi, p.hi);
         color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
     }

@@ -10,10 +10,8 @@
 #include "simd/simd.h"
 
 static inline vmask in_picture(struct pixel_block block) {
-    COUNT(in_picture, call);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
         return v_mask_all();
-    COUNT(in_picture, cut);
     vfloat below = v_floor(v_iota() * v_splat(1.0f / BLOCK_WIDTH));
     return v_and(v_cmp_lt(v_iota() - below * v_splat(BLOCK_WIDTH), v_splat((float)block.across)),
                  v_cmp_lt(below, v_splat((float)block.down)));
@@ -21,7 +19,6 @@ static inline vmask in_picture(struct pixel_block block) {
 
 // Returns the part of a block's directions that depends on the column only; not of unit length.
 static inline struct vec column_of(const struct tile *tile, int column, const struct frame *frame) {
-    COUNT(column_of, call);
     vfloat x =
         v_madd(v_splat(2.0f), tile->beside, v_splat((float)(2 * column + 1 - frame->width))) *
         v_splat(tile->per_height);
@@ -29,20 +26,17 @@ static inline struct vec column_of(const struct tile *tile, int column, const st
 }
 
 static inline vfloat row_of_picture(const struct tile *tile, int row, const struct frame *frame) {
-    COUNT(row_of_picture, call);
     return v_nmadd(v_splat(2.0f), tile->below, v_splat((float)(frame->height - 1 - 2 * row))) *
            v_splat(tile->per_height);
 }
 
 static inline struct vec direction_in(const struct tile *tile, struct vec column, vfloat row) {
-    COUNT(direction_in, call);
     struct vec d = vec_along(column, tile->up, row);
     return vec_scale(d, v_splat(1.0f) / vec_norm(d));
 }
 
 static inline struct vec get_direction(const struct tile *tile, struct pixel_block block,
                                        const struct frame *frame) {
-    COUNT(get_direction, call);
     return direction_in(tile, column_of(tile, block.column, frame),
                         row_of_picture(tile, block.row, frame));
 }
@@ -54,7 +48,6 @@ struct camera_double {
 };
 
 static struct camera_double exact_eye_of(const struct primitive *s, const struct view *view) {
-    COUNT(exact_eye_of, call);
     struct camera_double eye = {{0}, {0}, {0}, {0}};
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) {
@@ -73,8 +66,6 @@ static inline vdouble v_double_add(vdouble a, double b) {
 
 static struct vec_double exact_look(const struct tile *tile, struct pixel_block block,
                                     const struct camera_double *eye, const struct job *job) {
-    COUNT(exact_look, call);
-    COUNT(exact_look, scalar);
     double per_height = job->view->tan_half_fov / job->frame->height;
     vfloat zero = v_splat(0.0f), two = v_splat(2.0f);
     vfloat x =
@@ -106,22 +97,18 @@ static inline vdouble v_double_splat(double a) {
 INLINE void camera_hit(int i, struct vec direction, vmask active,
                        const struct local_camera *cameras, const struct prepared *scene,
                        struct surface_hit *hit) {
-    COUNT(camera_hit, call);
     const struct primitive *s = &KNOWN(scene)->primitives[i];
     vfloat t;
     vmask met;
     struct vec local;
     if (s->type == SHAPE_MANDELBULB || REPEATED(s)) // left to hit_bulbs() and hit_repeated()
         return;
-    ACTIVE(v_count(active));
     if (s->eval == EVAL_LINEAR) {
-        COUNT(camera_hit, plane);
         vfloat slope = add_dot(s->normal, direction);
         t = v_splat(cameras[i].height) / (v_splat(0.0f) - slope);
         met = v_and(active, v_cmp_lt(slope, v_splat(0.0f))); // the camera is above the plane
         local = hit->local;
     } else {
-        COUNT(camera_hit, solid);
         vmask behind;
         met = enter(vec_set(cameras[i].at), turned(s, direction), s, active, &t, &local, &behind);
     }
@@ -132,8 +119,6 @@ INLINE void camera_hit(int i, struct vec direction, vmask active,
 static inline void camera_packet(const struct tile *tile, struct pixel_block block, int slot,
                                  const struct job *job, const struct worker_scratch *scratch,
                                  struct shading_packet *at) {
-    ACTIVE(block.across * block.down);
-    COUNT(camera_packet, call);
     struct vec d = get_direction(tile, block, job->frame);
     vmask active = in_picture(block);
     set_camera_ray(tile, d, active, slot, &at->ray);
@@ -179,8 +164,6 @@ KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
     blocks.left = (float)(2 * tile->left - job->frame->width) * per_height;
     blocks.top = (float)(job->frame->height - 2 * tile->top) * per_height;
     blocks.pixel = 2 * per_height;
-    COUNT(repeated_tile, call);
-    COUNT(repeated_tile, scalar);
     bool others = false; // shapes that are not repeated, in a scene without secondary rays
     if (needs_no_secondary(&KNOWN(job->prepared)->model)) {
         UNROLL_SHAPES
@@ -188,17 +171,13 @@ KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
             is_single(i, job->prepared, &others);
     }
     struct vec columns[BLOCKS_ACROSS];
-    ACTIVE(LANES);
     for (int i = 0; i < blocks.across; i++)
         columns[i] = column_of(tile, tile->left + i * BLOCK_WIDTH, job->frame);
     for (int row = 0; row < blocks.down; row++) {
-        ACTIVE(LANES);
         vfloat up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
         for (int i = 0; i < blocks.across; i++) {
             struct primary_hit *at = &hits[row * BLOCKS_ACROSS + i];
             struct pixel_block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
-            ACTIVE(block.across * block.down);
-            COUNT(repeated_tile, packet);
             at->direction = direction_in(tile, columns[i], up);
             at->active = in_picture(block);
             at->only = -1;

@@ -7,8 +7,6 @@ INLINE void material_of(int i, const struct primary_hit *seen, const struct prep
                         struct surface *all) {
     const struct primitive *s = &KNOWN(scene)->primitives[i];
     vmask same = is_shape(seen->hit.shape, i);
-    ACTIVE(v_count(seen->hit.found));
-    COUNT(primary_material, shape);
     all->color = vec_select(same, vec_set(s->color), all->color);
     all->shininess = v_select(same, v_splat(s->shininess), all->shininess);
     all->shine_from = v_select(same, v_splat(s->shine_from), all->shine_from);
@@ -27,7 +25,6 @@ INLINE void sole_material(int i, const struct primary_hit *seen, const struct pr
 
 static inline void primary_material(const struct primary_hit *seen, const struct prepared *scene,
                                     struct surface *all) {
-    COUNT(primary_material, call);
     if (ONE_MATERIAL) {
         sole_material(0, seen, scene, all);
         return;
@@ -49,27 +46,19 @@ static inline void primary_material(const struct primary_hit *seen, const struct
 
 KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at,
                                      const struct tile_context *work) {
-    ACTIVE(v_count(seen->active));
-    COUNT(shade_primary_hit, call);
     const struct known_scene *scene = KNOWN(work->scene);
     at->hit.found = seen->hit.found;
     at->hit.t = seen->hit.t;
     at->hit.shape = seen->hit.shape;
     vmask far = v_and(at->hit.found, v_cmp_gt(at->hit.t, v_splat(work->inside)));
     if (scene->model.features.fog || v_any(far)) {
-        COUNT(shade_primary_hit, point);
         at->point = vec_along(at->ray.origin, at->ray.direction, at->hit.t);
-        if (v_any(far)) {
-            COUNT(shade_primary_hit, far);
-            COUNT(shade_primary_hit, far_scalar);
+        if (v_any(far))
             at->hit.found = v_and(at->hit.found, in_bounds(at, scene));
-        }
     }
     at->color = background(v_splat(1.0f), &scene->model);
     if (!v_any(at->hit.found))
         return;
-    ACTIVE(v_count(at->hit.found));
-    COUNT(shade_primary_hit, hit);
     at->surface.normal = seen->hit.local;
     primary_material(seen, work->scene, &at->surface);
     primary_light(at, &at->surface, work);

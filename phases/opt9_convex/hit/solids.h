@@ -16,7 +16,6 @@ static inline vfloat inverse_of(vfloat d) { // of a component of a direction; 0 
 
 // Returns all three inverses by one quotient. Components below 1e-12 count as 1e-12.
 static inline struct vec inverses_of(struct vec d) {
-    COUNT(inverses_of, call);
     vfloat least = v_splat(1e-12f);
     vfloat x = v_copysign(v_max(v_abs(d.x), least), d.x);
     vfloat y = v_copysign(v_max(v_abs(d.y), least), d.y);
@@ -35,7 +34,6 @@ INLINE void slab(vfloat c, vfloat per, float half, vfloat *in, vfloat *out) {
 }
 
 INLINE vmask enter_box(struct vec c, struct vec per, const struct primitive *s, vfloat *t) {
-    COUNT(enter_box, call);
     vfloat out = v_splat(INFINITY);
     *t = v_splat(-INFINITY);
     slab(c.x, per.x, s->size[0], t, &out);
@@ -50,8 +48,6 @@ INLINE vmask enter_box(struct vec c, struct vec per, const struct primitive *s, 
 // the entry point.
 INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
                                const struct primitive *s, vmask near, vfloat *t, struct vec *away) {
-    COUNT(enter_rounded_box, call);
-    COUNT(enter_rounded_box, scalar);
     vfloat zero = v_splat(0.0f), out = v_splat(INFINITY), at = v_splat(-INFINITY);
     float close = 0x1p-22f * s->bound, within = (s->a + close) * (s->a + close);
     slab(c.x, per.x, s->size[0] + s->a, &at, &out);
@@ -61,8 +57,6 @@ INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
     struct vec p = c;
     vfloat x = zero, y = zero, z = zero;
     for (int step = 0; step < 64 && v_any(going); step++) {
-        ACTIVE(v_count(going));
-        COUNT(enter_rounded_box, step);
         p = vec_along(c, d, at);
         x = v_max(v_abs(p.x) - v_splat(s->size[0]), zero);
         y = v_max(v_abs(p.y) - v_splat(s->size[1]), zero);
@@ -73,8 +67,6 @@ INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
         going = v_andnot(reached, going);
         if (!v_any(going))
             break;
-        ACTIVE(v_count(going));
-        COUNT(enter_rounded_box, on);
         vfloat rate =
             v_madd(x, v_negate_where(v_signbit(p.x), d.x), // derivative of half the square
                    v_madd(y, v_negate_where(v_signbit(p.y), d.y),
@@ -85,17 +77,13 @@ INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
                                v_min(rate, v_splat(-1e-30f)),
                       at);
     }
-    if (away) {
-        ACTIVE(v_count(near));
-        COUNT(enter_rounded_box, away);
+    if (away)
         *away = (struct vec){v_copysign(x, p.x), v_copysign(y, p.y), v_copysign(z, p.z)};
-    }
     *t = at;
     return found;
 }
 
 INLINE vmask enter_octahedron(struct vec c, struct vec d, const struct primitive *s, vfloat *t) {
-    COUNT(enter_octahedron, call);
     vfloat out = v_splat(INFINITY), sum = c.x + c.y, apart = c.x - c.y, d_sum = d.x + d.y,
            d_apart = d.x - d.y;
     *t = v_splat(-INFINITY);
@@ -111,13 +99,9 @@ INLINE vmask enter_octahedron(struct vec c, struct vec d, const struct primitive
 // Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0. Along a ray that is A·t² + 2·B·t + C ≤ 0. The
 // cone is convex there, so a ray enters it once: through a cap, or at the root at which the quadratic falls.
 INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, vfloat *t) {
-    COUNT(enter_cone, call);
-    COUNT(enter_cone, scalar);
     vfloat in = v_splat(-INFINITY), out = v_splat(INFINITY), zero = v_splat(0.0f), ahead = zero;
     bool oblate = fabsf(s->slope[0]) > CONE_OBLATE * s->slope[1];
     if (oblate) {
-        COUNT(enter_cone, oblate);
-        COUNT(enter_cone, margin);
         // A·t² and C are slope² times as large as their sum. They are small if t counts from a point between
         // the caps.
         ahead = v_min(v_max((zero - c.y) * inverse_of(d.y), v_splat(-s->bound)), v_splat(s->bound));
@@ -153,10 +137,8 @@ KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primiti
                                 vfloat *t);
 
 static inline struct vec shared_inverses(struct vec d, const struct vec *known) {
-    COUNT(shared_inverses, call);
     if (known)
         return *known;
-    COUNT(shared_inverses, unknown);
     return (struct vec){inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
 }
 
@@ -167,19 +149,14 @@ static inline struct vec shared_inverses(struct vec d, const struct vec *known) 
 INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half,
                           const struct vec *per, const struct primitive *s, vmask near,
                           vfloat *in) {
-    COUNT(enter_nearby, call);
     switch (s->type) {
-    case SHAPE_SPHERE:
-        COUNT(enter_nearby, sphere);
-        *in = v_splat(0.0f) - half;
-        return near;
+    case SHAPE_SPHERE: *in = v_splat(0.0f) - half; return near;
     case SHAPE_BOX: return v_and(near, enter_box(c, shared_inverses(d, per), s, in));
     case SHAPE_ROUNDED_BOX:
         return v_and(near, enter_rounded_box(c, d, shared_inverses(d, per), s, near, in, NULL));
     case SHAPE_CONE: return v_and(near, enter_cone(c, d, s, in));
     case SHAPE_OCTAHEDRON: return v_and(near, enter_octahedron(c, d, s, in));
     default:
-        COUNT(enter_nearby, torus);
         *in = v_max(v_splat(0.0f) - half, v_splat(0.0f) - before);
         return v_and(near, enter_torus(c, d, s, near, in));
     }
@@ -190,8 +167,6 @@ INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half
 // that entered a convex solid behind their origin, which may be inside. Not for planes.
 INLINE vmask enter(struct vec o, struct vec d, const struct primitive *s, vmask active, vfloat *t,
                    struct vec *point, vmask *behind) {
-    ACTIVE(v_count(active));
-    COUNT(enter, call);
     vfloat before = v_splat(0.0f) - vec_dot(o, d);
     struct vec c = vec_along(o, d, before);
     vfloat square = vec_dot(c, c);
@@ -201,8 +176,6 @@ INLINE vmask enter(struct vec o, struct vec d, const struct primitive *s, vmask 
     *behind = v_mask_none();
     if (!v_any(near))
         return near;
-    ACTIVE(v_count(near));
-    COUNT(enter, near);
     vfloat in, half = v_sqrt(v_max(v_splat(s->bound_sq) - square, v_splat(0.0f)));
     near = v_and(near, v_cmp_gt(before + half, v_splat(0.0f)));
     near = enter_nearby(c, d, before, half, NULL, s, near, &in);
@@ -225,7 +198,6 @@ static inline vfloat per_length(vfloat square, float per) {
 
 INLINE struct vec normal_on_rounded_box(struct vec p, const struct primitive *s) {
     vfloat one = v_splat(1.0f);
-    COUNT(normal_on, rounded);
     vfloat x = v_abs(p.x) - v_splat(s->size[0]), y = v_abs(p.y) - v_splat(s->size[1]);
     vfloat z = v_abs(p.z) - v_splat(s->size[2]), most = v_max(x, v_max(y, z));
     // Where the rounding is lost in float, the shape is a box.
@@ -234,22 +206,16 @@ INLINE struct vec normal_on_rounded_box(struct vec p, const struct primitive *s)
     struct vec face = {v_select_or_zero(on_x, one), v_select_or_zero(v_andnot(on_x, on_y), one),
                        v_zero_where(v_or(on_x, on_y), one)};
     vfloat per;
-    if (s->a > ROUNDING_SHARE * s->bound) {
-        COUNT(normal_on, round);
-        COUNT(normal_on, round_scalar);
+    if (s->a > ROUNDING_SHARE * s->bound)
         per = per_length(vec_dot(away, away), 1.0f / s->a);
-    } else {
-        COUNT(normal_on, square);
+    else
         per = one / vec_norm(away);
-    }
     away = vec_select(sharp, face, vec_scale(away, per));
     return (struct vec){v_copysign(away.x, p.x), v_copysign(away.y, p.y), v_copysign(away.z, p.z)};
 }
 
 INLINE struct vec normal_on_cone(struct vec p, const struct primitive *s) {
     vfloat one = v_splat(1.0f);
-    COUNT(normal_on, cone);
-    COUNT(normal_on, cone_scalar);
     vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z)), k = v_splat(s->slope[0] / s->slope[1]);
     vfloat side = radius - v_madd(k, p.y, v_splat(0.5f * (s->a + s->b)));
     float per = 1.0f / sqrtf(1.0f + s->slope[0] * s->slope[0] / (s->slope[1] * s->slope[1]));
@@ -262,15 +228,10 @@ INLINE struct vec normal_on_cone(struct vec p, const struct primitive *s) {
 
 // Returns the outward unit normals at points on the shape's surface, in its frame. Not for planes.
 INLINE struct vec normal_on(struct vec p, const struct primitive *s) {
-    COUNT(normal_on, call);
     vfloat one = v_splat(1.0f);
     switch (s->type) {
-    case SHAPE_SPHERE:
-        COUNT(normal_on, sphere);
-        COUNT(normal_on, sphere_scalar);
-        return vec_scale(p, per_length(vec_dot(p, p), 1.0f / s->a));
+    case SHAPE_SPHERE: return vec_scale(p, per_length(vec_dot(p, p), 1.0f / s->a));
     case SHAPE_BOX: {
-        COUNT(normal_on, box);
         vfloat x = v_abs(p.x) - v_splat(s->size[0]), y = v_abs(p.y) - v_splat(s->size[1]);
         vfloat z = v_abs(p.z) - v_splat(s->size[2]);
         vmask on_x = v_and(v_cmp_ge(x, y), v_cmp_ge(x, z)), on_y = v_andnot(on_x, v_cmp_ge(y, z));
@@ -285,7 +246,6 @@ INLINE struct vec normal_on(struct vec p, const struct primitive *s) {
         return (struct vec){v_copysign(part, p.x), v_copysign(part, p.y), v_copysign(part, p.z)};
     }
     default: {
-        COUNT(normal_on, torus);
         vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
         vfloat outward = one - v_splat(s->a) / v_max(radius, v_splat(1e-30f));
         struct vec n = {p.x * outward, p.y, p.z * outward};

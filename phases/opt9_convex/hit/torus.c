@@ -9,9 +9,6 @@
 // steps.
 KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
                                 vfloat *t) {
-    COUNT(enter_torus, call);
-    COUNT(enter_torus, exact);
-    COUNT(enter_torus, scalar);
     vfloat zero = v_splat(0.0f), bound = v_splat(s->bound), tiny = v_splat(1e-30f);
     // The ray enters between two planes and in the cylinder about the ring. Both are 2^-10 wider for
     // rounding.
@@ -29,8 +26,6 @@ KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primiti
     if (!v_any(going))
         return going;
     for (int step = 0; step < 256; step++) {
-        ACTIVE(v_count(going));
-        COUNT(enter_torus, step);
         struct vec p = vec_along(c, d, at);
         vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z)), ring = radius - v_splat(s->a);
         vfloat tube = v_sqrt(v_madd(ring, ring, p.y * p.y));

@@ -7,8 +7,6 @@
 INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk *b,
                             const struct cell_grid *grid, const struct bundle_bounds *p, vfloat *lo,
                             vfloat *hi, vfloat *axis) {
-    COUNT(bound_shape_entry, box);
-    COUNT(bound_shape_entry, box_scalar);
     const struct cell_walk *w = &b->walk;
     struct vec a = b->along;
     vfloat x = v_nmadd(v_splat(s->size[0] + s->a), a.x, w->x.middle),
@@ -42,13 +40,11 @@ INLINE void bound_shape_entry(int i, int first, const struct cell_grid *grid,
     const struct primitive *s = &KNOWN(grid->scene)->primitives[i];
     if (s->leader != first)
         return;
-    COUNT(bound_shape_entry, call);
     vfloat none = v_splat(INFINITY), zero = v_splat(0.0f), bound = v_splat(s->bound);
     vfloat over = bound + p->wide, reach = v_msub(over, over, p->square);
     vmask near = v_cmp_gt(reach, zero);
     vfloat lo = p->before - p->wide - v_sqrt(v_max(reach, zero)), hi = none, axis = v_splat(-1.0f);
     if (s->type == SHAPE_SPHERE) {
-        COUNT(bound_shape_entry, sphere);
         vfloat under = bound - p->wide, inside = v_msub(under, under, p->square);
         vmask all = v_and(v_cmp_gt(under, zero), v_cmp_gt(inside, zero));
         vfloat last = p->before + p->wide - v_sqrt(v_max(inside, zero));
@@ -67,8 +63,6 @@ INLINE void bound_shape_entry(int i, int first, const struct cell_grid *grid,
 
 static inline struct bundle_bounds empty_bundle_bounds(struct vec o, struct vec d, float bound,
                                                        const struct cell_grid *grid) {
-    COUNT(empty_bundle_bounds, call);
-    COUNT(empty_bundle_bounds, scalar);
     vfloat none = v_splat(INFINITY);
     struct bundle_bounds p = {
         .o = o, .before = v_splat(0.0f) - vec_dot(o, d), .lo = none, .hi = none};
@@ -87,7 +81,6 @@ static inline struct bundle_bounds empty_bundle_bounds(struct vec o, struct vec 
 }
 
 INLINE void max_bound(int i, int first, const struct prepared *scene, float *most) {
-    COUNT(max_bound, call);
     const struct primitive *s = &KNOWN(scene)->primitives[i];
     if (s->leader == first && s->bound > *most)
         *most = s->bound;

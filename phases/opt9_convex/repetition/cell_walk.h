@@ -16,8 +16,6 @@ struct cell_axis {
 };
 
 static inline struct cell_axis cell_axis_of(vfloat o, vfloat d, float cell, float half) {
-    COUNT(cell_axis_of, call);
-    COUNT(cell_axis_of, scalar);
     vfloat zero = v_splat(0.0f), per = inverse_of(d), size = v_abs(per), base = zero - o * per;
     vfloat wall = v_splat(0.5f * cell) * size;
     if (!(cell > 0.0f))
@@ -45,8 +43,6 @@ struct cell_walk {
 
 // Moves the rays `going` into their next cells. Returns those that have not reached their end.
 static inline vmask next_cells(struct cell_walk *w, vmask going) {
-    ACTIVE(v_count(going));
-    COUNT(next_cells, call);
     vfloat leaves = cell_exit(&w->x, &w->y, &w->z);
     going = v_and(going, v_cmp_lt(leaves, w->end));
     next_on_axis(&w->x, going, leaves);
@@ -62,11 +58,8 @@ static inline vfloat box_entry(const struct cell_walk *w) {
 // Walks the rays `going` to the next box that they meet. Returns those that meet one. Rays of `skip` pass
 // over the box of their first cell.
 static inline vmask next_box(struct cell_walk *w, vmask going, vmask skip) {
-    COUNT(next_box, call);
     vmask met = v_mask_none();
     while (v_any(going)) {
-        ACTIVE(v_count(going));
-        COUNT(next_box, cell);
         vfloat in = box_entry(w);
         vfloat out =
             v_min(w->x.middle + w->x.half, v_min(w->y.middle + w->y.half, w->z.middle + w->z.half));

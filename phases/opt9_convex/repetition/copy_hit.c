@@ -20,41 +20,31 @@ INLINE void hit_shape_of_copy(int i, int first, const struct prepared *scene, un
     const struct primitive *s = &KNOWN(scene)->primitives[i];
     if (s->leader != first || (away & shape_bit(i, first)))
         return;
-    ACTIVE(v_count(b->active));
-    COUNT(hit_copy, shape);
     vmask near = v_and(b->active, v_cmp_lt(b->square, v_splat(s->bound_sq)));
     if (!v_any(near))
         return;
     vfloat in, half = v_splat(0.0f);
-    if (s->type == SHAPE_SPHERE || s->type == SHAPE_TORUS) {
-        COUNT(hit_copy, half);
+    if (s->type == SHAPE_SPHERE || s->type == SHAPE_TORUS)
         half = v_sqrt(v_max(v_splat(s->bound_sq) - b->square, v_splat(0.0f)));
-    }
     bool plain = needs_no_secondary(&KNOWN(scene)->model), round = plain && is_mostly_round(s);
     struct vec from_within;
     if (round)
         near = v_and(near, enter_rounded_box(b->c, b->d, b->per, s, near, &in, &from_within));
     else
         near = enter_nearby(b->c, b->d, b->before, half, &b->per, s, near, &in);
-    ACTIVE(v_count(b->active));
-    COUNT(hit_copy, near);
     vfloat t = b->before + in;
     near = v_and(near, v_cmp_gt(t, v_splat(0.0f)));
     b->met = v_or(b->met, near);
     near = v_and(near, v_cmp_lt(t, hit->t));
     if (!v_any(near))
         return;
-    COUNT(hit_copy, met);
     hit->found = v_or(hit->found, near);
     hit->t = v_select(near, t, hit->t);
     hit->shape = v_select(near, v_splat(s->index), hit->shape);
     struct vec at;
     if (round) {
-        COUNT(hit_copy, round);
-        COUNT(hit_copy, round_scalar);
         at = vec_scale(from_within, per_length(vec_dot(from_within, from_within), 1.0f / s->a));
     } else {
-        COUNT(hit_copy, point);
         at = vec_along(b->c, b->d, in);
         if (plain)
             at = normal_on(at, s);
@@ -70,7 +60,6 @@ INLINE void mark_slabs(int i, int first, const struct prepared *scene, bool *sla
 
 KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o,
                              struct vec rest, unsigned away, vmask active) {
-    COUNT(hit_copy, call);
     struct copy_packet b;
     b.d = local_direction(first, grid, block);
     b.before = v_splat(0.0f) - vec_dot(o, b.d);
@@ -96,7 +85,6 @@ KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block,
 // sphere.
 INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct cell_grid *grid,
                              int block, struct vec o, struct vec rest) {
-    COUNT(hit_whole_packet, call);
     const struct primitive *s = &KNOWN(grid->scene)->primitives[i];
     if (i != shape || s->leader != first)
         return;
@@ -106,7 +94,6 @@ INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct
     at->hit.shape = v_splat(s->index);
     at->only = i;
     if (s->type == SHAPE_SPHERE) {
-        COUNT(hit_whole_packet, sphere);
         vfloat before = v_splat(0.0f) - vec_dot(o, d);
         struct vec c = vec_along(o, d, before);
         c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
@@ -115,8 +102,6 @@ INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct
         at->hit.local = turned_back(s, normal_on(vec_along(c, d, v_splat(0.0f) - half), s));
         return;
     }
-    COUNT(hit_whole_packet, face);
-    COUNT(hit_whole_packet, face_scalar);
     vfloat from = axis == 0 ? o.x : axis == 1 ? o.y : o.z;
     vfloat more = axis == 0 ? rest.x : axis == 1 ? rest.y : rest.z;
     vfloat down = axis == 0 ? d.x : axis == 1 ? d.y : d.z;

@@ -13,7 +13,6 @@
 // Returns one coordinate of the camera relative to the middle of each lane's cell; *rest gets its low part.
 static inline vfloat lane_coordinate(const struct cell_grid *grid, int axis, vfloat d, vfloat count,
                                      vfloat *rest) {
-    COUNT(lane_coordinate, call);
     vhalf size = v_half_splat(grid->size[axis]), eye = v_half_splat(grid->eye[axis]);
     vfloat number = v_copysign(count, d);
     vhalf low = v_half_nmadd(v_half_low(number), size, eye);
@@ -40,9 +39,6 @@ static inline struct cell_walk cell_walk_from(const struct cell_grid *grid, stru
 
 // Walks each ray of a block by itself, from the camera on.
 INLINE void walk_single_rays(int first, const struct cell_grid *grid, int block) {
-    ACTIVE(v_count(grid->left[block]));
-    COUNT(walk_single_rays, call);
-    COUNT(walk_single_rays, scalar);
     const struct primitive *s = &KNOWN(grid->scene)->primitives[first];
     const struct primary_hit *at = &grid->hits[block];
     struct vec d = local_direction(first, grid, block);
@@ -51,8 +47,6 @@ INLINE void walk_single_rays(int first, const struct cell_grid *grid, int block)
         vmask met = next_box(&w, going, v_mask_none());
         if (!v_any(met))
             return;
-        ACTIVE(v_count(met));
-        COUNT(walk_single_rays, met);
         struct vec rest, o = lane_points(grid, d, &w, &rest);
         going = next_cells(&w, v_andnot(hit_copy(first, grid, block, o, rest, 0, met), met));
     }
@@ -60,12 +54,9 @@ INLINE void walk_single_rays(int first, const struct cell_grid *grid, int block)
 
 // As next_box() for bundles: walks to the next box that some ray of the bundle may meet.
 static inline vmask bundles_next(struct bundle_walk *b, float spread, vmask going) {
-    COUNT(bundles_next, call);
     struct cell_walk *w = &b->walk;
     vmask met = v_mask_none();
     while (v_any(going)) {
-        ACTIVE(v_count(going));
-        COUNT(bundles_next, cell);
         vfloat wide = v_splat(spread) * v_min(cell_exit(&w->x, &w->y, &w->z), w->end);
         vfloat x = v_madd(wide, b->along.x, w->x.half), y = v_madd(wide, b->along.y, w->y.half),
                z = v_madd(wide, b->along.z, w->z.half);
@@ -93,7 +84,6 @@ INLINE bool hit_bundle(int first, struct cell_grid *grid, int bundle, struct vec
         vmask left = grid->left[block];
         if (!v_any(left))
             continue;
-        ACTIVE(v_count(left));
         if (whole) {
             hit_copy_by_all(first, shape, axis, grid, block, o, rest);
             grid->left[block] = v_mask_none();
@@ -109,8 +99,6 @@ INLINE bool hit_bundle(int first, struct cell_grid *grid, int bundle, struct vec
 // Intersects the bundles `met` with the copies in their cells. Returns the bundles that go on.
 INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struct bundle_walk *b,
                                   int from, vmask met) {
-    ACTIVE(v_count(met));
-    COUNT(hit_cells_of_bundles, call);
     struct vec d = b->direction, rest, o = lane_points(grid, d, &b->walk, &rest);
     float places[9][LANES];
     struct bundle_bounds p;
@@ -149,8 +137,6 @@ INLINE unsigned begin_cell_grid(int first, struct cell_grid *grid, const struct 
     const struct primitive *s = &KNOWN(job->prepared)->primitives[first];
     const struct local_camera *camera = &job->cameras[first];
     float bounds = (float)KNOWN(job->prepared)->model.march.bounds_radius * (1 + 1e-4f);
-    COUNT(begin_cell_grid, call);
-    COUNT(begin_cell_grid, scalar);
     grid->bounds = bounds;
     grid->only_grid = true;
     UNROLL_SHAPES
@@ -185,8 +171,6 @@ INLINE unsigned begin_cell_grid(int first, struct cell_grid *grid, const struct 
 // Returns how far each bundle has to walk: to the furthest hit so far if all its rays have one, else to the
 // bounds.
 INLINE vfloat bundle_ends(const struct cell_grid *grid, int from, unsigned open) {
-    COUNT(bundle_ends, call);
-    COUNT(bundle_ends, scalar);
     if (grid->first)
         return v_splat(2.0f * grid->bounds);
     float ends[LANES];
@@ -205,8 +189,6 @@ INLINE vfloat bundle_ends(const struct cell_grid *grid, int from, unsigned open)
         }
         if (!all)
             continue;
-        ACTIVE(LANES);
-        COUNT(bundle_ends, met);
         float far = -least_lane(v_splat(0.0f) - furthest);
         ends[lane] = far < ends[lane] ? far : ends[lane];
     }
@@ -215,11 +197,9 @@ INLINE vfloat bundle_ends(const struct cell_grid *grid, int from, unsigned open)
 
 // Returns the t up to which no ray leaves the cells that its bundle's axis passes.
 static inline float bundle_holds_until(const struct cell_grid *grid, const struct primitive *s) {
-    COUNT(bundle_holds_until, call);
     float gap = INFINITY;
     for (int k = 0; k < 3; k++)
         if (s->cell[k] > 0) {
-            COUNT(bundle_holds_until, axis);
             float room = 0.5f * s->cell[k] - s->box_of_grid[k] - grid->slack;
             gap = room < gap ? room : gap;
         }
@@ -229,9 +209,6 @@ static inline float bundle_holds_until(const struct cell_grid *grid, const struc
 // Walks the bundles `open`, bits from bundle `from` on.
 INLINE void hit_bundles(int first, struct cell_grid *grid, const struct block_grid *blocks,
                         const struct job *job, int from, unsigned open) {
-    ACTIVE(__builtin_popcount(open));
-    COUNT(hit_bundles, call);
-    COUNT(hit_bundles, scalar);
     const struct primitive *s = &KNOWN(job->prepared)->primitives[first];
     const struct local_camera *camera = &job->cameras[first];
     vfloat number = v_iota() + v_splat((float)from);
@@ -245,7 +222,6 @@ INLINE void hit_bundles(int first, struct cell_grid *grid, const struct block_gr
     d = vec_scale(d, v_splat(1.0f) / vec_norm(d));
     struct bundle_walk b = {.direction = d};
     vfloat end = bundle_ends(grid, from, open);
-    ACTIVE(__builtin_popcount(open));
     vfloat together = v_splat(bundle_holds_until(grid, s));
     b.walk = cell_walk_from(grid, d, s, v_min(end, together));
     b.along = (struct vec){b.walk.x.size, b.walk.y.size, b.walk.z.size};

@@ -18,7 +18,6 @@ static inline vhalf half_cell_size(vhalf o, vhalf t, vhalf d, vhalf count, doubl
 static inline vfloat start_beside_copy(vfloat o, vfloat rest, vfloat d, vfloat from,
                                        const struct cell_axis *axis, struct vec_double direction,
                                        const double row[3], double cell) {
-    COUNT(start_beside_copy, call);
     vdouble start = v_double_sum(o, rest), along = v_double_dot(direction, row);
     vfloat count = v_copysign(axis->count, d);
     return v_from_halves(
@@ -28,7 +27,6 @@ static inline vfloat start_beside_copy(vfloat o, vfloat rest, vfloat d, vfloat f
 
 static inline struct vec in_copy_frame(const struct primitive *s, const struct repeated_query *a,
                                        struct vec d, const struct cell_walk *w, vfloat from) {
-    COUNT(in_copy_frame, call);
     vfloat zero = v_splat(0.0f);
     struct vec_double to = {v_double_sum(a->direction.x, zero), v_double_sum(a->direction.y, zero),
                             v_double_sum(a->direction.z, zero)};
@@ -41,8 +39,6 @@ static inline struct vec in_copy_frame(const struct primitive *s, const struct r
 
 KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated_query *among,
                                 vfloat *t, struct vec *local) {
-    ACTIVE(v_count(among->active));
-    COUNT(enter_cells, call);
     struct vec o = among->origin, d = turned(s, among->direction);
     struct cell_walk w = {cell_axis_of(o.x, d.x, s->cell[0], s->box[0]),
                           cell_axis_of(o.y, d.y, s->cell[1], s->box[1]),
@@ -54,8 +50,6 @@ KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated
         vmask met = next_box(&w, going, skip), behind;
         if (!v_any(met))
             break;
-        ACTIVE(v_count(met));
-        COUNT(enter_cells, met);
         vfloat from = v_max(box_entry(&w), v_splat(0.0f)), in;
         struct vec at;
         vmask entered = enter(in_copy_frame(s, among, d, &w, from), d, s, met, &in, &at, &behind);
@@ -70,14 +64,12 @@ KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated
 }
 
 static inline vmask in_box(const struct primitive *s, struct vec p) {
-    COUNT(in_box, call);
     return v_and(
         v_cmp_lt(v_abs(p.x), v_splat(s->box[0])),
         v_and(v_cmp_lt(v_abs(p.y), v_splat(s->box[1])), v_cmp_lt(v_abs(p.z), v_splat(s->box[2]))));
 }
 
 static inline vmask is_same_point(struct vec a, struct vec b) {
-    COUNT(is_same_point, call);
     vfloat apart = v_abs(a.x - b.x) + v_abs(a.y - b.y) + v_abs(a.z - b.z);
     return v_cmp_ge(v_splat(0.0f), apart);
 }
@@ -94,11 +86,8 @@ static struct repeated_query repeated_query_of(const struct primitive *s, struct
 
 KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask self,
                               vfloat end, float offset, vfloat *t, struct vec *local) {
-    ACTIVE(v_count(ray->active));
-    COUNT(hit_cells, call);
     struct vec o = to_local(s, ray->origin), d = turned(s, ray->direction);
     if (v_any(self)) {
-        COUNT(hit_cells, self);
         struct vec n = normal_on(ray->local, s);
         vmask back = v_cmp_lt(vec_dot(n, d), v_splat(0.0f));
         o = vec_select(self, vec_along(ray->local, n, v_negate_where(back, v_splat(offset))), o);
@@ -111,8 +100,6 @@ KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primiti
     vmask met = enter_cells(s, &among, t, local);
     if (!v_any(within))
         return met;
-    ACTIVE(v_count(within));
-    COUNT(hit_cells, within);
     vfloat h = distance_at(o, s, v_mask_none());
     vmask inside = v_and(within, v_cmp_lt(h, v_splat(0.0f)));
     *t = v_select(inside, h, *t);
@@ -122,8 +109,6 @@ KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primiti
 
 KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct shadow_rays *r,
                                         const struct limits *limits) {
-    ACTIVE(v_count(r->active));
-    COUNT(first_entry_in_cells, call);
     vmask self = is_shape(r->shape, i);
     struct vec at, o = vec_select(self, r->local, to_local(s, r->point));
     vfloat t, end = v_min(r->first, bounds_distance(r->point, r->to_light, limits));
@@ -131,7 +116,6 @@ KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct
     vmask in = enter_cells(s, &among, &t, &at);
     in = v_and(in, v_cmp_lt(t, r->first));
     if (v_any(in)) {
-        COUNT(first_entry_in_cells, in);
         r->first = v_select(in, t, r->first);
         r->cosine = v_select(in, entry_cosine(at, turned(s, r->to_light), s, r), r->cosine);
     }
@@ -139,8 +123,6 @@ KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct
 
 KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
                                   struct vec direction, vmask self, vmask active, vfloat reach) {
-    ACTIVE(v_count(active));
-    COUNT(cells_occlude, call);
     struct vec o = origin, at;
     vfloat t;
     struct repeated_query among = repeated_query_of(s, &o, direction, self, active, reach);
@@ -151,7 +133,5 @@ KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
     blocked = v_and(blocked, v_cmp_lt(t, reach));
     if (!v_any(within))
         return blocked;
-    ACTIVE(v_count(within));
-    COUNT(cells_occlude, within);
     return v_or(blocked, v_and(within, v_cmp_lt(distance_at(o, s, v_mask_none()), v_splat(0.0f))));
 }

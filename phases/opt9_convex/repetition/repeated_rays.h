@@ -46,8 +46,6 @@ struct repeated_query {
 // Returns the distance to the bounds, a little more than exact: in_bounds() decides exactly.
 static inline vfloat bounds_distance(struct vec origin, struct vec direction,
                                      const struct limits *limits) {
-    COUNT(bounds_distance, call);
-    COUNT(bounds_distance, scalar);
     float radius = (float)limits->bounds_radius * (1.0f + 1e-4f);
     vfloat along = vec_dot(origin, direction),
            inside = v_splat(radius * radius) - vec_dot(origin, origin);

@@ -16,7 +16,6 @@
 
 // Tests which spheres come within `within` of the segment.
 static inline vmask near_segment(struct vec centre, vfloat radius, const void *with) {
-    COUNT(near_segment, call);
     const struct active_set *v = with;
     struct vec off = offset_from_segment(v, centre);
     vfloat r = v_splat(v->within) + radius;
@@ -24,8 +23,6 @@ static inline vmask near_segment(struct vec centre, vfloat radius, const void *w
 }
 
 static void list_active(struct shadow_batch *batch, float slack, const struct prepared *scene) {
-    COUNT(list_active, call);
-    COUNT(list_active, scalar);
     struct active_set *v = &batch->set;
     const float *origin = batch->origin;
     struct active_set around = *v;
@@ -35,7 +32,6 @@ static void list_active(struct shadow_batch *batch, float slack, const struct pr
     v->solids = bvh_list(&scene->bvh, near_segment, &around, v->list);
     v->count = append_planes(scene, v->list, v->solids);
     for (int k = 0; k < v->count; k++) {
-        COUNT(list_active, shape);
         const struct primitive *s = &scene->primitives[v->list[k]];
         v->shapes[k].shape = s;
         v->shapes[k].bound = s->eval == EVAL_LINEAR ? INFINITY : s->bound;
@@ -46,9 +42,6 @@ static void list_active(struct shadow_batch *batch, float slack, const struct pr
 
 void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vfloat h, vmask last,
                     const struct tile_context *work) {
-    ACTIVE(v_count(last));
-    COUNT(set_active_set, call);
-    COUNT(set_active_set, scalar);
     const struct prepared *scene = work->scene;
     struct active_set *v = &batch->set;
     struct vec p = vec_along(w->start, w->rays.to_light, w->march.t), l = w->rays.to_light;
@@ -67,8 +60,6 @@ void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vf
     list_active(batch, slack, scene);
     for (int i = 0; i < batch->count; i++) {
         struct batch_packet *each = &batch->packet[i];
-        ACTIVE(LANES - v_count(each->march.done));
-        COUNT(set_active_set, packet);
         struct vec at = vec_along(each->start, each->rays.to_light, each->march.t);
         each->waits = v_cmp_ge(distance_from_segment(v, at), v_splat(v->room));
     }
@@ -84,7 +75,6 @@ static inline struct vec offset_from_candidate(const struct candidate *c, struct
 // above its tangent.
 static inline vfloat sphere_bound(const struct candidate *c, const struct batch_packet *w,
                                   struct vec from, vfloat square, struct falling_bound *below) {
-    COUNT(sphere_bound, call);
     square = v_max(square, v_splat(1e-30f));
     vfloat guess = root_guess(square);
     vfloat far = square * guess * v_splat(1 - 0x1p-10f) - v_splat(c->bound);
@@ -98,19 +88,15 @@ static inline vfloat idle_or_infinite(const struct batch_packet *w) {
 }
 
 void set_falling_bounds(struct shadow_batch *batch) {
-    COUNT(set_falling_bounds, call);
     struct active_set *v = &batch->set;
     for (int i = 0; i < batch->moving; i++) {
         struct batch_packet *w = &batch->packet[i];
-        ACTIVE(LANES - v_count(is_idle(w)));
-        COUNT(set_falling_bounds, packet);
         w->at = vec_along(w->start, w->rays.to_light, w->march.t);
         vfloat nearest = idle_or_infinite(w);
         struct falling_bound *below = v->below + i;
         int recent = 0, solids = v->solids;
         const struct candidate *shapes = v->shapes;
         for (int k = 0; k < solids; k++, below += BATCH_PACKETS) {
-            COUNT(set_falling_bounds, shape);
             struct vec from = offset_from_candidate(&shapes[k], w->at);
             vfloat far = sphere_bound(&shapes[k], w, from, vec_dot(from, from), below);
             recent = v_any(v_cmp_lt(far, nearest)) ? k : recent;
@@ -125,27 +111,19 @@ void set_falling_bounds(struct shadow_batch *batch) {
 // Returns the distance to the rays' own solid, in its own frame. Near it a sphere's distance in float errs in
 // the third digit; its power does not.
 static vfloat distance_to_own_solid(const struct batch_packet *w, const struct primitive *s) {
-    COUNT(distance_to_own_solid, call);
     vfloat t = w->march.t;
-    if (s->type != SHAPE_SPHERE) {
-        COUNT(distance_to_own_solid, other);
+    if (s->type != SHAPE_SPHERE)
         return distance_at(vec_along(w->rays.local, w->local_to, t), s, v_mask_none());
-    }
-    COUNT(distance_to_own_solid, sphere);
     vfloat slope = v_splat(2.0f) * vec_dot(w->rays.local, w->local_to), power = t * (t + slope);
     return power / (v_sqrt(v_max(power + v_splat(s->bound_sq), v_splat(0.0f))) + v_splat(s->a));
 }
 
 static inline vfloat distance_to(const struct candidate *c, const struct batch_packet *w) {
-    COUNT(distance_to, call);
     const struct primitive *s = c->shape;
-    if (s->eval == EVAL_LINEAR) {
-        COUNT(distance_to, plane);
+    if (s->eval == EVAL_LINEAR)
         return plane_height(s, v_and(w->rays.active, is_shape(w->rays.shape, (int)s->index)), w);
-    }
     if ((int)s->index == w->solid)
         return distance_to_own_solid(w, s);
-    COUNT(distance_to, solid);
     struct vec p = turned(s, offset_from_candidate(c, w->at));
     // Spheres (size 0) and boxes (radius 0) by one formula: a branch on the type would be unpredictable.
     if (s->type == SHAPE_SPHERE || s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX)
@@ -156,6 +134,7 @@ static inline vfloat distance_to(const struct candidate *c, const struct batch_p
 // Evaluates shape k of the active set. Its falling bound has slope −1; the factor 1 − 2^-18 covers rounding.
 static inline void evaluate_candidate(const struct candidate *c, int k, struct batch_packet *w,
                                       struct falling_bound *below) {
+    ACTIVE(LANES - v_count(is_idle(w)));
     COUNT(evaluate_candidate, call);
     vfloat h = distance_to(c, w);
     *below = (struct falling_bound){(h + w->march.t) * v_splat(1.0f - 0x1p-18f), v_splat(-1.0f)};
@@ -168,7 +147,6 @@ static inline void evaluate_candidate(const struct candidate *c, int k, struct b
 // root. Sets the falling bound.
 static inline bool sphere_too_far(const struct candidate *c, const struct batch_packet *w,
                                   struct falling_bound *below) {
-    COUNT(sphere_too_far, call);
     struct vec from = offset_from_candidate(c, w->at);
     vfloat square = vec_dot(from, from);
     vfloat reach = v_madd(w->march.t, v_splat(0x1p-18f), w->least + v_splat(c->bound));
@@ -188,12 +166,10 @@ static inline vfloat falling_bound_at(const struct falling_bound *below, vfloat 
 // most.
 static inline unsigned long long awake_candidates(const struct falling_bound *below, int count,
                                                   const struct batch_packet *w) {
-    COUNT(awake_candidates, call);
     vfloat least = w->least, t = w->march.t;
     unsigned long long awake = 0;
     for (int k = 0; k < count;
          k += 4, below += 4 * BATCH_PACKETS) { // entries past the last shape are masked out below
-        COUNT(awake_candidates, four);
         unsigned long long which =
             v_any_of_four(v_cmp_ge(least, falling_bound_at(&below[0], t)),
                           v_cmp_ge(least, falling_bound_at(&below[BATCH_PACKETS], t)),
@@ -208,7 +184,6 @@ static inline unsigned long long awake_candidates(const struct falling_bound *be
 // which of those survive the bounding sphere test, and their distances. Passes avoid branches on single
 // distances, which wait for their roots and are unpredictable.
 void active_nearest(struct shadow_batch *batch) {
-    COUNT(active_nearest, call);
     const struct active_set *v = &batch->set;
     const struct candidate *shapes = v->shapes; // a copy: stores to packets may not alias it
     unsigned long long which[BATCH_PACKETS];    // WAKE_BITS shapes each
@@ -218,8 +193,6 @@ void active_nearest(struct shadow_batch *batch) {
         struct batch_packet *w = &batch->packet[i];
         if (v_all(is_idle(w)))
             continue;
-        ACTIVE(LANES - v_count(is_idle(w)));
-        COUNT(active_nearest, packet);
         walking |= 1u << i;
         w->at = vec_along(w->start, w->rays.to_light, w->march.t);
         w->least = idle_or_infinite(w);
@@ -234,7 +207,6 @@ void active_nearest(struct shadow_batch *batch) {
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
             const struct batch_packet *w = &batch->packet[i];
-            ACTIVE(LANES - v_count(is_idle(w)));
             unsigned once =
                 (unsigned)(tested[i] - first); // beyond WAKE_BITS if it is in another word
             which[i] = awake_candidates(&below[i], int_min(v->count - first, WAKE_BITS), w);
@@ -243,7 +215,6 @@ void active_nearest(struct shadow_batch *batch) {
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
             const struct batch_packet *w = &batch->packet[i];
-            ACTIVE(LANES - v_count(is_idle(w)));
             unsigned long long near = 0;
             for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
                 int k = __builtin_ctzll(rest);
@@ -256,7 +227,6 @@ void active_nearest(struct shadow_batch *batch) {
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
             struct batch_packet *w = &batch->packet[i];
-            ACTIVE(LANES - v_count(is_idle(w)));
             for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
                 int k = __builtin_ctzll(rest);
                 evaluate_candidate(&these[k], first + k, w, &below[k * BATCH_PACKETS + i]);

@@ -10,9 +10,6 @@
 static bool needs_cone_query(const struct batch_packet *w, struct cone_request *asking,
                              const struct tile_context *work) {
     const struct shadow_march *m = &w->march;
-    ACTIVE(LANES - v_count(m->done));
-    COUNT(needs_cone_query, call);
-    COUNT(needs_cone_query, scalar);
     vfloat q = v_sqrt(m->square / m->divisor) *
                v_splat(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // q bounds the term of the step to here only if that step began at q·t or further from all shapes.
@@ -33,7 +30,6 @@ static bool needs_cone_query(const struct batch_packet *w, struct cone_request *
 // The rays of a batch start close together, on one solid or on planes. Mostly the same shapes block them, so
 // one query serves all packets.
 void query_ahead(struct shadow_batch *batch, int packets, const struct tile_context *work) {
-    COUNT(query_ahead, call);
     struct cone_request asking[BATCH_PACKETS];
     struct batch_packet *of[BATCH_PACKETS];
     int count = 0;
@@ -50,8 +46,6 @@ void query_ahead(struct shadow_batch *batch, int packets, const struct tile_cont
     for (int i = 0; i < count; i++) {
         struct batch_packet *w = of[i];
         const struct cone_request *a = &asking[i];
-        ACTIVE(v_count(a->queried));
-        COUNT(query_ahead, packet);
         w->march.done = v_or(w->march.done, v_and(a->queried, v_cmp_lt(a->until, v_splat(0.0f))));
         w->until = v_select(a->queried, a->until, w->until);
         w->query_slope = v_select(a->queried, a->q, w->query_slope);
@@ -59,8 +53,6 @@ void query_ahead(struct shadow_batch *batch, int packets, const struct tile_cont
 }
 
 void store_lit(const struct batch_packet *w, vmask done, struct worker_scratch *scratch) {
-    ACTIVE(v_count(done));
-    COUNT(store_lit, call);
     float ray[LANES], lit[LANES];
     v_store(w->ray, ray);
     v_store(v_sqrt(w->march.square / w->march.divisor), lit);

@@ -12,7 +12,6 @@ static struct vec load_vec_from(float field[][QUEUE_ROOM], vindex places) {
 // Loads the next `count` rays of the sorted queue. Lanes past them get the packet's first ray.
 static struct shadow_rays load_sorted_packet(float field[][QUEUE_ROOM], const unsigned short *order,
                                              int count) {
-    COUNT(load_sorted_packet, call);
     vmask active = v_mask_first(count);
     vindex at = v_index_u16(active, order);
     return (struct shadow_rays){.active = active,
@@ -32,7 +31,6 @@ static struct shadow_rays load_sorted_packet(float field[][QUEUE_ROOM], const un
 
 // Makes a new active set, ahead of the ray that is furthest behind. Returns whether any ray is left.
 static bool renew_active_set(struct shadow_batch *batch, const struct tile_context *work) {
-    COUNT(renew_active_set, call);
     const struct batch_packet *last = NULL;
     float rear = INFINITY;
     query_ahead(batch, batch->count, work);
@@ -40,8 +38,6 @@ static bool renew_active_set(struct shadow_batch *batch, const struct tile_conte
         struct batch_packet *w = &batch->packet[i];
         if (v_all(w->march.done))
             continue;
-        ACTIVE(LANES - v_count(w->march.done));
-        COUNT(renew_active_set, packet);
         float t = least_lane(v_select(w->march.done, v_splat(INFINITY), w->march.t));
         if (!last || t < rear) {
             last = w;
@@ -51,8 +47,6 @@ static bool renew_active_set(struct shadow_batch *batch, const struct tile_conte
     if (!last)
         return false;
     const struct shadow_march *m = &last->march;
-    ACTIVE(LANES - v_count(m->done));
-    COUNT(renew_active_set, last);
     // Bounds the nearest distance: the ray's own shape is at t or nearer, and a distance grows no faster than
     // t.
     vfloat h = v_min(m->t, m->previous + m->previous);
@@ -71,7 +65,6 @@ static void end_and_compact(struct shadow_batch *batch, const struct tile_contex
 
 // One step of all rays within the active set. Returns whether there was any.
 static bool active_step(struct shadow_batch *batch, vfloat strength, vfloat hit) {
-    COUNT(active_step, call);
     bool moves = false;
     active_nearest(batch);
     for (int i = 0; i < batch->moving; i++) {
@@ -79,8 +72,6 @@ static bool active_step(struct shadow_batch *batch, vfloat strength, vfloat hit)
         struct shadow_march *m = &w->march;
         if (v_all(is_idle(w)))
             continue;
-        ACTIVE(LANES - v_count(is_idle(w)));
-        COUNT(active_step, step);
         moves = true;
         // A ray waits if a shape outside the active set could be nearer.
         struct vec off = offset_from_segment(&batch->set, w->at);
@@ -98,8 +89,6 @@ static void load_batch_packet(struct batch_packet *w, int first, int end,
     struct worker_scratch *scratch = work->scratch;
     const float *origin = batch->origin;
     int left = end - first;
-    ACTIVE(left < LANES ? left : LANES);
-    COUNT(load_batch_packet, call);
     // Fields not set here are set before they are read.
     w->rays =
         load_sorted_packet(scratch->shadow, scratch->order[0] + first, left < LANES ? left : LANES);
@@ -126,12 +115,9 @@ static void begin_batch_packet(struct batch_packet *w, const struct tile_context
 
 // Adds the light in the order of the sorted queue: the sum does not depend on how rays moved between packets.
 static void add_batch_light(int first, int end, struct worker_scratch *scratch) {
-    COUNT(add_batch_light, call);
     for (int at = first; at < end; at += LANES) {
         const unsigned short *order = scratch->order[0] + at;
         int left = end - at, count = left < LANES ? left : LANES;
-        ACTIVE(count);
-        COUNT(add_batch_light, packet);
         vmask active = v_mask_first(count);
         vindex in = v_index_u16(active, order);
         vfloat lit = v_gather(scratch->shadow[S_LIT], in);
@@ -147,13 +133,8 @@ struct batch_bundle {
 };
 
 static struct batch_bundle bundle_of_packets(const struct batch_packet *packet, int packets) {
-    ACTIVE(v_count(packet->rays.active));
-    COUNT(bundle_of_packets, call);
-    COUNT(bundle_of_packets, scalar);
     struct vec low = packet->rays.point, high = low;
     for (int i = 1; i < packets; i++) {
-        ACTIVE(v_count(packet[i].rays.active));
-        COUNT(bundle_of_packets, box);
         struct vec p = packet[i].rays.point;
         low = (struct vec){v_min(low.x, p.x), v_min(low.y, p.y), v_min(low.z, p.z)};
         high = (struct vec){v_max(high.x, p.x), v_max(high.y, p.y), v_max(high.z, p.z)};
@@ -168,8 +149,6 @@ static struct batch_bundle bundle_of_packets(const struct batch_packet *packet, 
     struct vec c = vec_set(bundle.centre), t = vec_set(bundle.to_light);
     vfloat away = v_splat(0.0f), turned = away;
     for (int i = 0; i < packets; i++) {
-        ACTIVE(v_count(packet[i].rays.active));
-        COUNT(bundle_of_packets, packet);
         struct vec p = packet[i].rays.point, l = packet[i].rays.to_light;
         struct vec v = {p.x - c.x, p.y - c.y, p.z - c.z}, d = {l.x - t.x, l.y - t.y, l.z - t.z};
         away = v_max(away, vec_dot(v, v));
@@ -182,7 +161,6 @@ static struct batch_bundle bundle_of_packets(const struct batch_packet *packet, 
 
 // Marches the rays from `first` to `end` of the sorted queue and adds their light.
 static void cast_batch(int first, int end, const struct tile_context *work) {
-    COUNT(cast_batch, call);
     struct worker_scratch *scratch = work->scratch;
     const struct model *model = &work->scene->model;
     vfloat strength = v_splat((float)model->shadow_strength),

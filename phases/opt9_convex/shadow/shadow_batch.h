@@ -74,7 +74,6 @@ static inline struct vec offset_from_segment(const struct active_set *v, struct 
 }
 
 static inline vfloat distance_from_segment(const struct active_set *v, struct vec at) {
-    COUNT(distance_from_segment, call);
     return vec_norm(offset_from_segment(v, at));
 }
 
@@ -92,7 +91,6 @@ void active_nearest(struct shadow_batch *batch);
 // Returns the heights of the rays over a plane at t. self: rays that start on it.
 static inline vfloat plane_height(const struct primitive *s, vmask self,
                                   const struct batch_packet *w) {
-    COUNT(plane_height, call);
     return v_madd(w->march.t, vec_dot(vec_set(s->normal), w->rays.to_light),
                   v_zero_where(self, height_over(s, w->rays.point)));
 }

@@ -22,12 +22,9 @@ struct light_bundle {
 // the light, or if no hit is lit.
 static bool light_bundle_of(const struct shading_packet *stage, int count, const struct view *view,
                             struct light_bundle *ball) {
-    COUNT(light_bundle_of, call);
-    COUNT(light_bundle_of, scalar);
     struct vec least = {v_splat(INFINITY), v_splat(INFINITY), v_splat(INFINITY)};
     struct vec most = {v_splat(-INFINITY), v_splat(-INFINITY), v_splat(-INFINITY)};
     for (int i = 0; i < count; i++) {
-        COUNT(light_bundle_of, packet);
         vmask lit = stage[i].lit;
         struct vec p = stage[i].point;
         least = (struct vec){v_select(lit, v_min(p.x, least.x), least.x),
@@ -57,7 +54,6 @@ static bool light_bundle_of(const struct shading_packet *stage, int count, const
 
 // Returns whether no cone of slope q about a ray of the bundle meets the shape's bounding sphere.
 static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s, float q) {
-    COUNT(bundle_misses, call);
     float radius = s->bound + ball->radius, along = 0, c = -radius * radius;
     q += ball->spread;
     for (int k = 0; k < 3; k++) {
@@ -68,7 +64,6 @@ static bool bundle_misses(const struct light_bundle *ball, const struct primitiv
     float b = along + q * radius;
     if (!(c > 0 && q < 1) || b <= 0)
         return c > 0 && q < 1;
-    COUNT(bundle_misses, leans);
     return b * b * (1 + 1e-4f) < (1 - q * q) * c;
 }
 
@@ -102,8 +97,6 @@ KERNEL_SHARED void list_occluders(const struct shading_packet *stage, int count,
 KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shadow_rays *r,
                                    const struct tile_context *work,
                                    struct shadow_candidate *candidate) {
-    COUNT(candidate_plane, call);
-    COUNT(candidate_plane, scalar);
     float q = KNOWN(work->scene)->lit_slope;
     vmask self = is_shape(r->shape, i);
     vfloat height = v_zero_where(self, height_over(s, r->point)),
@@ -116,7 +109,6 @@ KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shad
     r->leap_limit = v_select(self, r->leap_limit, v_min(r->leap_limit, candidate->from));
     r->meets_many = v_or(r->meets_many, v_not(clear));
     if (v_any(v_andnot(clear, r->active))) {
-        COUNT(candidate_plane, met);
         vfloat t = height / (v_splat(0.0f) - slope);
         vmask met = v_and(v_andnot(self, r->active),
                           v_and(v_cmp_lt(slope, v_splat(0.0f)), v_cmp_lt(t, r->first)));
@@ -126,7 +118,6 @@ KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shad
 }
 
 KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_rays *r, vmask met) {
-    COUNT(first_entry, call);
     vmask self = is_shape(r->shape, i);
     struct vec at, o = vec_select(self, r->local, to_local(s, r->point)),
                    d = turned(s, r->to_light);
@@ -134,7 +125,6 @@ KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_r
     vmask behind, in = enter(o, d, s, v_andnot(self, met), &t, &at, &behind);
     in = v_and(in, v_cmp_lt(t, r->first));
     if (v_any(in)) {
-        COUNT(first_entry, in);
         r->first = v_select(in, t, r->first);
         r->cosine = v_select(in, entry_cosine(at, d, s, r), r->cosine);
     }
@@ -143,8 +133,6 @@ KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_r
 // Sets candidate->from of solid i, and updates end, leap limit and first entry of the rays.
 INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays *r,
                             const struct tile_context *work, struct shadow_candidate *candidate) {
-    COUNT(candidate_solid, call);
-    COUNT(candidate_solid, scalar);
     float q = lit_slope_for(s, KNOWN(work->scene)->lit_slope);
     bool bulb = s->type == SHAPE_MANDELBULB;
     vfloat zero = v_splat(0.0f);
@@ -158,7 +146,6 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
     vfloat from = v_select(v_cmp_gt(towards, zero),
                            cone.c / v_max(towards + towards, v_splat(1e-20f)), v_splat(INFINITY));
     if (bulb) {
-        COUNT(candidate_solid, bulb);
         from = v_splat(BULB_SHARE / (1 + BULB_SHARE)) *
                (v_sqrt(cone.c + v_splat(s->bound_sq)) - v_splat(s->bound));
     }
@@ -192,27 +179,23 @@ INLINE void candidate_cells(const struct primitive *s, int i, struct shadow_rays
 KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
                                      struct shadow_candidate *candidate,
                                      const struct tile_context *work) {
-    COUNT(set_candidate_ray, call);
     const struct known_scene *scene = KNOWN(work->scene);
     const struct primitive *s = &scene->primitives[i];
     candidate->wake_bound = v_splat(-INFINITY);
     if (s->eval == EVAL_LINEAR)
         return;
     if (r->from_planes) {
-        COUNT(set_candidate_ray, floor);
         candidate->origin = to_local(s, r->point);
         candidate->direction = turned(s, r->to_light);
         candidate->power = false;
         return;
     }
-    COUNT(set_candidate_ray, solid);
     vmask self = is_shape(r->shape, i);
     candidate->origin = vec_select(self, r->local, to_local(s, r->point));
     candidate->direction = turned(s, r->to_light);
     candidate->power =
         s->type == SHAPE_SPHERE && v_any(v_and(self, r->active)) && !REPEATED(s) && !scene->bulbs;
     if (candidate->power) {
-        COUNT(set_candidate_ray, power);
         candidate->constant = v_zero_where(self, vec_dot(candidate->origin, candidate->origin) -
                                                      v_splat(s->bound_sq));
         candidate->slope = v_splat(2.0f) * vec_dot(candidate->origin, candidate->direction);
@@ -223,8 +206,6 @@ KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
 INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_rays *r,
                                        const struct known_scene *scene,
                                        struct shadow_candidate *candidate) {
-    COUNT(candidate_solid_from_plane, call);
-    COUNT(candidate_solid_from_plane, scalar);
     float q = scene->lit_slope;
     vfloat zero = v_splat(0.0f);
     struct shadow_cone cone = shadow_cone_to(to_centre(s, r->point), r->to_light, s, q);
@@ -240,7 +221,6 @@ INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_
     r->leap_limit = v_min(r->leap_limit, candidate->from);
     if (!v_any(met))
         return;
-    COUNT(candidate_solid_from_plane, met);
     r->meets_many = v_or(r->meets_many, s->convex ? v_and(r->meets_one, met) : met);
     r->meets_one = v_or(r->meets_one, met);
     r->end = v_select(met, v_max(cone_exit(cone, q), r->end), r->end);
@@ -249,17 +229,14 @@ INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_
     vmask behind, in = enter(to_local(s, r->point), d, s, met, &t, &at, &behind);
     in = v_and(in, v_cmp_lt(t, r->first));
     if (v_any(in)) {
-        COUNT(candidate_solid_from_plane, in);
         r->first = v_select(in, t, r->first);
         r->cosine = v_select(in, entry_cosine(at, d, s, r), r->cosine);
     }
 }
 
 INLINE void mark_rays_from_planes(int i, struct shadow_rays *r, const struct known_scene *scene) {
-    if (scene->primitives[i].eval == EVAL_LINEAR) {
-        COUNT(list_candidates, plane);
+    if (scene->primitives[i].eval == EVAL_LINEAR)
         r->on_plane = v_or(r->on_plane, is_shape(r->shape, i));
-    }
 }
 
 INLINE void set_candidate(int i, struct shadow_rays *r, const struct tile_context *work,
@@ -280,7 +257,6 @@ INLINE void keep_candidate(int i, struct shadow_rays *r, const struct tile_conte
                            struct shadow_candidate *candidates, struct shape_set *listed) {
     const struct known_scene *scene = KNOWN(work->scene);
     struct shadow_candidate *candidate = &candidates[i];
-    COUNT(list_candidates, shape);
     if (!scene->bulbs && !v_any(v_and(r->active, v_cmp_lt(candidate->from, r->end))))
         return;
     add_to_set(listed, i);
@@ -290,7 +266,6 @@ INLINE void keep_candidate(int i, struct shadow_rays *r, const struct tile_conte
 void list_candidates(struct shadow_rays *restrict r, struct shadow_candidate *restrict candidates,
                      struct shape_set *restrict listed, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
-    COUNT(list_candidates, call);
     UNROLL_SHAPES
     for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
         mark_rays_from_planes(i, r, scene);

@@ -30,11 +30,8 @@ INLINE vmask cone_misses(struct shadow_cone cone, float q) {
 // Returns where the cone leaves the sphere. Precondition: it meets the sphere. A cone of slope 1 or more
 // never leaves it (strength 1 or less: a term may be below 1 anywhere).
 INLINE vfloat cone_exit(struct shadow_cone cone, float q) {
-    COUNT(cone_exit, call);
     if (!(q < 1.0f))
         return v_splat(INFINITY);
-    COUNT(cone_exit, narrow);
-    COUNT(cone_exit, scalar);
     vfloat a = v_splat(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
     vfloat discriminant = v_msub(cone.b, cone.b, a * cone.c);
     return (cone.b + v_sqrt(v_max(discriminant, v_splat(0.0f)))) / a;
@@ -49,27 +46,20 @@ INLINE struct vec to_centre(const struct primitive *s, struct vec p) {
 // Returns the support of a solid in direction n of its frame: the maximum of p·n over its points p. length:
 // |n|. Torus: of its convex hull.
 INLINE vfloat support_of(struct vec n, vfloat length, const struct primitive *s) {
-    COUNT(support_of, call);
     switch (s->type) {
     case SHAPE_BOX:
-        COUNT(support_of, box);
         return v_madd(v_splat(s->size[0]), v_abs(n.x),
                       v_madd(v_splat(s->size[1]), v_abs(n.y), v_splat(s->size[2]) * v_abs(n.z)));
     case SHAPE_ROUNDED_BOX:
-        COUNT(support_of, rounded);
         return v_madd(v_splat(s->size[0]), v_abs(n.x),
                       v_madd(v_splat(s->size[1]), v_abs(n.y),
                              v_madd(v_splat(s->size[2]), v_abs(n.z), v_splat(s->a) * length)));
-    case SHAPE_OCTAHEDRON:
-        COUNT(support_of, octahedron);
-        return v_splat(s->a) * v_max(v_abs(n.x), v_max(v_abs(n.y), v_abs(n.z)));
+    case SHAPE_OCTAHEDRON: return v_splat(s->a) * v_max(v_abs(n.x), v_max(v_abs(n.y), v_abs(n.z)));
     case SHAPE_CONE: {
-        COUNT(support_of, cone);
         vfloat round = v_sqrt(v_madd(n.x, n.x, n.z * n.z)), up = v_splat(s->c) * n.y;
         return v_max(v_msub(v_splat(s->a), round, up), v_madd(v_splat(s->b), round, up));
     }
     default:
-        COUNT(support_of, torus);
         return v_madd(v_splat(s->a), v_sqrt(v_madd(n.x, n.x, n.z * n.z)), v_splat(s->b) * length);
     }
 }
@@ -79,8 +69,6 @@ INLINE vfloat support_of(struct vec n, vfloat length, const struct primitive *s)
 // from the solid's position, by a slope 2^-12 larger than q for rounding. If the ray passes through the
 // position, `away` is rounding error; its length makes `height` too small then, so the test fails safely.
 INLINE vmask plane_between(struct vec to, struct vec l, const struct primitive *s, float q) {
-    COUNT(plane_between, call);
-    COUNT(plane_between, scalar);
     float slope = q * (1 + 0x1p-12f);
     if (!(slope < 1))
         return v_mask_none();
@@ -111,11 +99,9 @@ INLINE float lit_slope_for(const struct primitive *s, float q) {
 // Returns the lesser of the radius of curvature and EDGE_FACTOR times the distance to the nearest edge, at a
 // point on the surface.
 INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
-    COUNT(flat_radius, call);
     switch (s->type) {
     case SHAPE_SPHERE: return v_splat(s->a);
     case SHAPE_BOX: { // the least of the three is 0 here, the second is the distance to an edge
-        COUNT(flat_radius, box);
         vfloat x = v_abs(v_abs(p.x) - v_splat(s->size[0]));
         vfloat y = v_abs(v_abs(p.y) - v_splat(s->size[1]));
         vfloat z = v_abs(v_abs(p.z) - v_splat(s->size[2]));
@@ -123,11 +109,8 @@ INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
     }
     case SHAPE_ROUNDED_BOX: return v_splat(0.0f); // partly flat, partly round: always marched
     case SHAPE_OCTAHEDRON:                        // an edge is where a coordinate is 0
-        COUNT(flat_radius, octahedron);
         return v_splat(EDGE_FACTOR) * v_min(v_abs(p.x), v_min(v_abs(p.y), v_abs(p.z)));
     case SHAPE_CONE: {
-        COUNT(flat_radius, cone);
-        COUNT(flat_radius, cone_scalar);
         vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
         vfloat below = v_max(v_abs(radius - v_splat(s->a)), v_abs(p.y + v_splat(s->c)));
         vfloat above = v_max(v_abs(radius - v_splat(s->b)), v_abs(p.y - v_splat(s->c)));
@@ -144,22 +127,16 @@ INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
 // on its hull. Rays that graze (facing below lit_slope) also need a surface that is flat over two steps.
 INLINE vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                          const struct known_scene *scene) {
-    COUNT(convex_from, call);
     if (s->type == SHAPE_MANDELBULB)
         return v_mask_none();
-    COUNT(convex_from, solid);
     vmask may = v_mask_all();
     if (!s->convex) {
-        COUNT(convex_from, torus);
-        COUNT(convex_from, torus_scalar);
         vfloat square = v_madd(local.x, local.x, local.z * local.z);
         may = v_cmp_ge(square, v_splat(s->a * s->a));
     }
     vmask grazes = v_cmp_lt(facing, v_splat(scene->lit_slope));
     if (!v_any(grazes))
         return may;
-    COUNT(convex_from, grazes);
-    COUNT(convex_from, grazes_scalar);
     float short_of = FLAT_OFFSETS * (float)scene->model.march.surface_offset;
     return v_and(may, v_or(v_not(grazes), v_cmp_ge(flat_radius(local, s), v_splat(short_of))));
 }
@@ -178,7 +155,6 @@ INLINE vmask plane_clears(vfloat height, vfloat slope, float q, const struct kno
 // has that bound.
 INLINE vfloat entry_cosine(struct vec at, struct vec d, const struct primitive *s,
                            const struct shadow_rays *r) {
-    COUNT(entry_cosine, call);
     vfloat cosine = v_splat(0.0f) - vec_dot(normal_on(at, s), d), fall = v_splat(1.0f) - cosine;
     vmask flat = v_cmp_ge(flat_radius(at, s) * cosine * (fall * fall), r->sharp);
     return v_select_or_zero(flat, cosine);

@@ -16,30 +16,24 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
     float q = scene->lit_slope;
     vmask here;
     if (s->eval == EVAL_LINEAR) {
-        COUNT(trivially_lit, plane);
-        COUNT(trivially_lit, plane_scalar);
         here = v_or(is_shape(shape, i),
                     plane_clears(height_over(s, point), add_dot(s->normal, to_light), q, scene));
     } else {
+        ACTIVE(v_count(*clear));
         COUNT(trivially_lit, solid);
-        COUNT(trivially_lit, solid_scalar);
         float slope = lit_slope_for(s, q);
         struct vec to = to_centre(s, point);
         here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);
         if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && v_any(v_andnot(here, *clear)))
             here = v_or(here, plane_between(to, to_light, s, q));
-        if (v_any(v_andnot(here, *clear))) {
-            COUNT(trivially_lit, self);
+        if (v_any(v_andnot(here, *clear)))
             here = v_or(here, v_and(is_shape(shape, i), convex_from(s, local, facing, scene)));
-        }
     }
     *clear = v_and(*clear, here);
 }
 
 vmask trivially_lit(const struct vec *point, const struct vec *local, const struct vec *to_light,
                     vfloat facing, vfloat shape, vmask active, const struct tile_context *work) {
-    ACTIVE(v_count(active));
-    COUNT(trivially_lit, call);
     vmask clear = REPEATS(work->scene) ? v_mask_none() : active; // a copy may be anywhere
     UNROLL_SHAPES
     for (int k = 0; k < set_end(&work->scratch->occluders); k++)
@@ -53,36 +47,27 @@ vmask trivially_lit(const struct vec *point, const struct vec *local, const stru
 // grows.
 INLINE vfloat curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
                         const struct primitive *s) {
-    COUNT(curvature, call);
     vfloat zero = v_splat(0.0f), tangent = v_nmadd(facing, facing, v_splat(1.0f));
-    if (s->type == SHAPE_SPHERE) {
-        COUNT(curvature, sphere);
-        COUNT(curvature, sphere_scalar);
+    if (s->type == SHAPE_SPHERE)
         return tangent * v_splat(1.0f / s->a);
-    }
     if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
         return zero;
-    COUNT(curvature, ring);
     vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
     vfloat round = v_msub(p.x, l.z, p.z * l.x); // radius times the component along the ring
     vfloat ring = round * round * v_madd(n.x, p.x, n.z * p.z) / (square * square);
     if (s->type == SHAPE_CONE)
         return ring;
-    COUNT(curvature, torus);
-    COUNT(curvature, torus_scalar);
     return ring + v_max(tangent - round * round / square, zero) * v_splat(1.0f / s->b);
 }
 
 vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light, vfloat facing,
                    const struct prepared *scene) {
-    COUNT(self_shadow, call);
     const struct limits *march = &scene->model.march;
     vfloat one = v_splat(1.0f), strength = v_splat((float)KNOWN(scene)->model.shadow_strength);
     vfloat t = v_splat((float)KNOWN(scene)->model.march.surface_offset);
     vfloat hit = v_splat((float)march->hit_distance);
     vfloat half = v_splat(0.0f);
     if (s->eval != EVAL_LINEAR) {
-        COUNT(self_shadow, curved);
         half =
             v_splat(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
     }
@@ -112,21 +97,17 @@ INLINE void block_light(int i, const struct light_segment *w, const struct tile_
         return;
     const struct known_scene *scene = KNOWN(work->scene);
     const struct primitive *s = &scene->primitives[i];
-    COUNT(reaches_light, shape);
     vfloat zero = v_splat(0.0f), offset = v_splat((float)scene->model.march.surface_offset);
     vmask self = is_shape(w->shape, i), blocked;
     if (s->eval == EVAL_LINEAR) {
-        COUNT(reaches_light, plane);
         vfloat slope = add_dot(s->normal, w->to_light), height = height_over(s, w->start);
         blocked = v_andnot(self, v_cmp_lt(v_madd(w->path_length, slope, height), zero));
         blocked = v_or(blocked, v_andnot(self, v_cmp_lt(height, zero)));
     } else if (REPEATED(s)) {
-        COUNT(reaches_light, repeated);
         struct vec from = vec_along(w->local, turned(s, w->to_light), offset);
         from = vec_select(self, from, to_local(s, w->start));
         blocked = cells_occlude(s, from, w->to_light, self, *open, w->reach);
     } else {
-        COUNT(reaches_light, solid);
         struct vec at, d = turned(s, w->to_light),
                        o = vec_select(self, vec_along(w->local, d, offset), to_local(s, w->start));
         vmask tested = s->convex ? v_andnot(self, *open) : *open;
@@ -134,12 +115,9 @@ INLINE void block_light(int i, const struct light_segment *w, const struct tile_
         vmask within;
         blocked = enter(o, d, s, tested, &t, &at, &within);
         blocked = v_and(blocked, v_cmp_lt(t, w->reach));
-        if (!s->convex) {
-            COUNT(reaches_light, torus);
+        if (!s->convex)
             within = v_and(tested, v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
-        }
         if (v_any(within)) {
-            COUNT(reaches_light, within);
             blocked =
                 v_or(blocked, v_and(within, v_cmp_lt(distance_at(o, s, v_mask_none()), zero)));
         }
@@ -149,9 +127,6 @@ INLINE void block_light(int i, const struct light_segment *w, const struct tile_
 
 vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfloat shape,
                     vfloat distance, vmask active, const struct tile_context *work) {
-    ACTIVE(v_count(active));
-    COUNT(reaches_light, call);
-    COUNT(reaches_light, scalar);
     const struct known_model *model = &KNOWN(work->scene)->model;
     vfloat zero = v_splat(0.0f), offset = v_splat((float)model->march.surface_offset),
            hit = v_splat((float)work->scene->model.march.hit_distance);

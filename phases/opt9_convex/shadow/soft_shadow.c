@@ -15,10 +15,10 @@ candidate_distance(int i, struct shadow_candidate *candidates, vfloat t, vmask d
                    const struct known_scene *scene, vfloat *least) {
     struct shadow_candidate *candidate = &candidates[i];
     if (scene->primitives[i].eval == EVAL_LINEAR) { // cheaper than the test for sleep
-        COUNT(nearest_candidate, plane);
         *least = v_min(*least, v_madd(t, candidate->direction.x, candidate->origin.x));
         return;
     }
+    ACTIVE(LANES - v_count(done));
     COUNT(nearest_candidate, shape);
     vmask awake = v_cmp_ge_in(v_not(done), *least + t, candidate->wake_bound);
     if (!v_any(v_cmp_ge_in(awake, t, candidate->from)))
@@ -32,8 +32,6 @@ candidate_distance(int i, struct shadow_candidate *candidates, vfloat t, vmask d
 __attribute__((always_inline)) static inline vfloat
 nearest_candidate(struct shadow_candidate *candidates, const struct shape_set *listed, vfloat t,
                   vmask done, const struct prepared *scene) {
-    ACTIVE(LANES - v_count(done));
-    COUNT(nearest_candidate, call);
     vfloat least = v_splat(INFINITY);
     UNROLL_SHAPES
     for (int k = 0; k < set_end(listed); k++)
@@ -49,7 +47,6 @@ nearest_candidate(struct shadow_candidate *candidates, const struct shape_set *l
 static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_march *m,
                                      const struct known_scene *scene, vfloat start, vfloat strength,
                                      vfloat hit_distance) {
-    COUNT(leap_to_candidate, call);
     vfloat one = v_splat(1.0f), zero = v_splat(0.0f),
            until = v_min(r->leap_limit, r->end) * v_splat(1.0f - 1e-5f);
     vmask can = v_and(v_and(r->on_plane, r->active), v_cmp_ge(until, start));
@@ -57,9 +54,6 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
     can = v_and(can, v_cmp_ge(start * r->facing, hit_distance));
     if (!v_any(can))
         return;
-    ACTIVE(v_count(can));
-    COUNT(leap_to_candidate, able);
-    COUNT(leap_to_candidate, scalar);
     // Leap no further than to the bounds: `until` may be infinite.
     vfloat half = m->linear * v_splat(-0.5f);
     until = v_min(until, half + v_sqrt(v_max(v_msub(half, half, m->constant), zero)));
@@ -69,16 +63,13 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
             v_and(can, v_cmp_lt(c, v_splat(STEEP_FACING > scene->lit_slope ? STEEP_FACING
                                                                            : scene->lit_slope))))) {
         // A high light: no term of these steps is below 1, and the steps are few.
-        COUNT(leap_to_candidate, steep);
         vfloat before = start, grown = one + c;
         for (vmask on = can; v_any(on); on = v_and(on, v_cmp_ge(until, t))) {
-            COUNT(leap_to_candidate, step);
             before = v_select(on, t, before);
             t = v_select(on, t * grown, t);
         }
         m->previous = v_select(can, before * c, m->previous);
     } else {
-        COUNT(leap_to_candidate, can);
         vfloat grow = v_log(one + c);
         vfloat steps = v_floor(v_log(v_max(until, start) / start) / grow) + one;
         vfloat first = strength * c, ratio = v_splat(0.5f) * (one + c);
@@ -99,10 +90,8 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
 INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_scene *scene,
                         vmask *dark) {
     const struct primitive *s = &scene->primitives[i];
-    COUNT(misses_bulb, call);
     if (s->type != SHAPE_MANDELBULB)
         return;
-    COUNT(misses_bulb, bulb);
     struct vec v = to_centre(s, r->point);
     vfloat along = v_max(vec_dot(v, r->to_light), v_splat(0.0f));
     *dark = v_and(*dark, v_cmp_lt(along * along, vec_dot(v, v) - v_splat(s->bound_sq)));
@@ -145,15 +134,11 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
     m->previous = v_splat(1e9f);
     m->step_began = v_splat(0.0f);
     m->divisor = v_splat(1.0f);
-    ACTIVE(v_count(r->active));
-    COUNT(begin_march, call);
-    COUNT(begin_march, scalar);
     r->sharp = v_splat(8 * EDGE_FACTOR * (float)work->scene->model.march.hit_distance);
     if (HAS_BVH(work->scene))
         bvh_first_entry(r, candidates, work);
     else
         list_candidates(r, candidates, listed, work);
-    ACTIVE(v_count(r->active)); // the callee has set another value
     m->end = KNOWN(work->scene)->bulbs
                  ? v_splat(INFINITY)
                  : r->end; // with a Mandelbulb: is_behind_all(), plane_is_nearest_for_good()
@@ -173,8 +158,6 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
     m->sole_solid = v_mask_none();
     if (r->from_planes && !KNOWN(work->scene)->bulbs &&
         !KNOWN(work->scene)->repeats) { // a copy may come nearer later
-        ACTIVE(v_count(r->active));
-        COUNT(begin_march, floor);
         m->sole_solid = v_andnot(
             v_or(r->meets_many, v_cmp_lt(r->facing, v_splat(KNOWN(work->scene)->lit_slope))),
             r->active);
@@ -212,8 +195,6 @@ static int begin_packet(struct packet_march *c, int slot, int next,
 // strength·√¾·r. Rays with a smaller term end.
 static inline void end_past_minimum(struct shadow_march *m, vfloat from, vfloat before, float q,
                                     vfloat enough) {
-    ACTIVE(LANES - v_count(m->done));
-    COUNT(end_past_minimum, call);
     vfloat h = m->previous, t = m->step_began;
     vmask risen =
         v_cmp_ge_in(v_cmp_lt_in(m->sole_solid, before, v_splat(q) * from), h * from, before * t);
@@ -222,8 +203,6 @@ static inline void end_past_minimum(struct shadow_march *m, vfloat from, vfloat 
 }
 
 static void end_packet(const struct packet_march *c, struct worker_scratch *scratch) {
-    ACTIVE(LANES);
-    COUNT(end_packet, call);
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     vfloat lit = v_sqrt(c->march.square / c->march.divisor);
     add_light(c->active, vec_scale(load_vec(field + S_LIGHT, c->first), lit),
@@ -239,7 +218,6 @@ void cast_packets(const struct tile_context *work) {
     vfloat strength = v_splat((float)KNOWN(scene)->model.shadow_strength),
            hit = v_splat((float)scene->model.march.hit_distance);
     vfloat enough = strength * strength * v_splat(0.7499f); // ¾, with a margin for rounding
-    COUNT(cast_packets, call);
     struct packet_march cast[PACKETS_IN_WORK];
     for (int next = 0; next < scratch->shadows;) {
         int live = PACKETS_IN_WORK;

@@ -11,31 +11,24 @@
 // digit; the power does not.
 __attribute__((always_inline)) static inline vfloat
 distance_along(const struct shadow_candidate *candidate, vfloat t, const struct primitive *s) {
-    COUNT(distance_along, call);
-    if (s->eval == EVAL_LINEAR) {
-        COUNT(distance_along, linear);
+    if (s->eval == EVAL_LINEAR)
         return v_madd(t, candidate->direction.x, candidate->origin.x);
-    }
     if (candidate->power) {
-        COUNT(distance_along, power);
         vfloat power = v_madd(t, t + candidate->slope, candidate->constant);
         return power / (v_sqrt(v_max(power + v_splat(s->bound_sq), v_splat(0.0f))) + v_splat(s->a));
     }
-    COUNT(distance_along, point);
     struct vec p = vec_along(candidate->origin, candidate->direction, t);
     return distance_at(s->repeated ? vec_wrapped(s, p) : p, s, v_mask_none());
 }
 
 // Returns the rays that have not hit a surface, h being the distance to the nearest shape.
 static inline vmask off_surfaces(const struct shadow_march *m, vfloat h, vfloat hit_distance) {
-    COUNT(off_surfaces, call);
     return v_cmp_nlt_in(v_not(m->done), h, v_max(hit_distance, m->t * v_splat(0x1p-24f)));
 }
 
 // Moves the `live` rays on by h. Ends the rays outside the bounds, and those whose last step began beyond
 // their end.
 static inline void advance_by(struct shadow_march *m, vfloat h, vmask live) {
-    COUNT(advance_by, call);
     m->previous = h;
     live = v_cmp_ngt_in(live, m->step_began, m->end); // the step to t began beyond the end
     m->step_began = m->t;
@@ -61,10 +54,8 @@ shadow_step(struct shadow_march *m, vfloat h, vfloat strength, vfloat hit_distan
     vmask darker = v_cmp_lt_in(sound, term * m->divisor, m->square * divisor);
     m->square = v_select(darker, term, m->square);
     m->divisor = v_select(darker, divisor, m->divisor);
-    if (dark > 0.0f) {
-        COUNT(shadow_step, dark);
+    if (dark > 0.0f)
         live = v_cmp_nlt_in(live, m->square, m->divisor * v_splat(dark));
-    }
     advance_by(m, h, live);
 }
 
@@ -74,7 +65,6 @@ static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vf
                                vfloat hit, bool settled) {
     vfloat previous = m->previous, from = m->step_began;
     m->done = still;
-    ACTIVE(LANES - v_count(still));
     if (settled)
         advance_by(m, h, off_surfaces(m, h, hit));
     else
@@ -86,7 +76,6 @@ static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vf
 // Loads the packet at queue index `first`. Member by member: gcc copies a whole struct twice.
 static inline void load_shadow_packet(float field[][QUEUE_ROOM], int first, int count,
                                       struct shadow_rays *r) {
-    COUNT(load_shadow_packet, call);
     int left = count - first;
     r->active = v_mask_first(left < 0 ? 0 : left < LANES ? left : LANES);
     r->point = load_vec(field + S_POINT, first);

@@ -18,12 +18,9 @@ struct solid_exit {
 // CHECK_INTERVAL steps. On a convex solid, the least term is one of the first two (PROOFS.md, 3.).
 static bool begin_solid_exit(struct batch_packet *w, struct solid_exit *l, bool begun,
                              const struct tile_context *work) {
-    COUNT(begin_solid_exit, call);
     const struct prepared *scene = work->scene;
     if (w->solid < 0 || v_all(is_idle(w)))
         return false;
-    ACTIVE(LANES - v_count(is_idle(w)));
-    COUNT(begin_solid_exit, solid);
     const struct primitive *s = &scene->primitives[w->solid];
     w->local_to = turned(s, w->rays.to_light);
     set_candidate_ray(&w->rays, w->solid, &l->candidate, work);
@@ -38,15 +35,12 @@ static bool begin_solid_exit(struct batch_packet *w, struct solid_exit *l, bool 
 
 // Returns the distance to the solid. `square`: the squared distance to its position.
 static inline vfloat distance_of_own_solid(const struct solid_exit *l, vfloat t, vfloat *square) {
-    COUNT(distance_of_own_solid, call);
     const struct shadow_candidate *n = &l->candidate;
     if (n->power) { // a sphere: see distance_along, which takes the root of the same square
-        COUNT(distance_of_own_solid, power);
         vfloat power = v_madd(t, t + n->slope, n->constant);
         *square = v_max(power + v_splat(l->solid->bound_sq), v_splat(0.0f));
         return power / (v_sqrt(*square) + v_splat(l->solid->a));
     }
-    COUNT(distance_of_own_solid, point);
     struct vec p = vec_along(n->origin, n->direction, t);
     *square = vec_dot(p, p);
     return distance_at(p, l->solid, v_mask_none());
@@ -55,18 +49,14 @@ static inline vfloat distance_of_own_solid(const struct solid_exit *l, vfloat t,
 // One step of the rays to which no other shape can be nearer. Returns whether any ray took it.
 static bool solid_exit_step(struct batch_packet *w, struct solid_exit *l, vfloat strength,
                             vfloat hit, const struct prepared *scene) {
-    ACTIVE(LANES - v_count(l->still));
-    COUNT(solid_exit_step, call);
     struct shadow_march *m = &w->march;
     vfloat square, h = distance_of_own_solid(l, m->t, &square), room = l->clearance - h;
     vmask sure = v_and(v_cmp_gt(room, v_splat(0.0f)), v_cmp_lt(square, room * room));
     vmask still = v_or(l->still, v_not(sure));
     if (v_all(still))
         return false;
-    for (int k = 0; k < scene->plane_count; k++) {
-        COUNT(solid_exit_step, plane);
+    for (int k = 0; k < scene->plane_count; k++)
         h = v_min(h, plane_height(&scene->primitives[scene->planes[k]], v_mask_none(), w));
-    }
     step_others(m, still, h, strength, hit, l->settled);
     l->done = v_or(l->done, v_andnot(still, m->done));
     l->still = v_or(still, m->done);
