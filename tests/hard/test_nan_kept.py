@@ -58,18 +58,9 @@ def test_repetition_keeps_a_distance_that_is_nan(number: int) -> None:
     assert math.isnan(c09_repetition.run(Fake("f", number), 10.0).error)
 
 
-def test_repetition_keeps_a_depth_that_is_nan() -> None:
-    assert math.isnan(c09_repetition.run(Fake("Z", 7), 10.0).error)
-
-
 @pytest.mark.parametrize("number", range(2))
 def test_mirrors_keep_a_colour_that_is_nan(number: int) -> None:
     assert math.isnan(c18_mirrors_and_inside.run(Fake("R", number), 1.0).error)
-
-
-@pytest.mark.parametrize("number", [2, 3, 4])
-def test_inside_a_colour_that_is_nan_is_not_bounded(number: int) -> None:
-    assert c18_mirrors_and_inside.run(Fake("R", number), 1.0).error == math.inf
 
 
 def test_edges_keep_a_normal_and_a_depth_that_are_nan(monkeypatch: pytest.MonkeyPatch) -> None:

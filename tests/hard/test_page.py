@@ -1,145 +1,83 @@
-"""The pages of the hard cases come from stability.json alone, and say what is in it."""
+"""The chapter of the hard cases comes from stability.json alone; the command's files and statuses."""
 
 from __future__ import annotations
 
-import dataclasses
-import subprocess
-import sys
 from pathlib import Path
 
-import emitted
+import msgspec
 import pytest
-import started
 
-from study.core import registry, store
+from study.core import cli, commands, store
 from study.core.cli import StudyError
 from study.experiments.stability import cases as hard
-from study.experiments.stability import tables as hard_page
+from study.experiments.stability import chapter, figures, tables
 from study.experiments.stability.cases import measure
+from study.experiments.stability.schema import FILE, Phase, Skipped, Stability
 
-HALO = dataclasses.replace(
-    hard.find_cases(["halo"])[0], why="narrow & <b>wide</b>, *so*", strengths=(1.0, 0.1, 1e-6)
+ABOUT = msgspec.structs.replace(
+    hard.find_cases(["halo"])[0].about, why="narrow & <b>wide</b>, *so*", strengths=(1.0, 0.1, 1e-6)
 )
+HALO = hard.Case(ABOUT, hard.find_cases(["halo"])[0].run)
 
 
-def data(**changes: object) -> dict:
+def data() -> Stability:
     """Two phases on one case: one hangs at last, one is right, with markup in a note."""
     hangs = [measure.Point(1.0, measure.RIGHT, 0.0), measure.Point(0.1, measure.WRONG, 2.5, note="a <i> b")]
-    right = [measure.Point(s, measure.RIGHT, 1e-4) for s in HALO.strengths]
+    right = [measure.Point(s, measure.RIGHT, 1e-4) for s in ABOUT.strengths]
     rows = [
         measure.row("opt3", HALO, [*hangs, measure.Point(1e-6, measure.HUNG, note="not done after 6 s")]),
         measure.row("opt4", HALO, right),
     ]
-    phases = [{"name": name, "precision": "float"} for name in ("opt3", "opt4")]
-    return {
-        "schema": 1,
-        "phases": phases,
-        "cases": [measure.about(HALO)],
-        "results": rows,
-        "skipped": [],
-    } | changes
+    phases = [Phase(name=name, precision="float") for name in ("opt3", "opt4")]
+    return Stability(phases=phases, cases=[ABOUT], results=rows, skipped=[Skipped(phase="opt5", reason="x")])
 
 
-@pytest.fixture
-def written(tmp_path: Path) -> dict:
-    store.write_json(tmp_path / "stability.json", data())
-    return hard_page.read(tmp_path / "stability.json")
+def test_the_chapter_is_of_the_file_alone(tmp_path: Path) -> None:
+    assert chapter.hard(tmp_path).html == ""
+    store.write_json(tmp_path / FILE, cli.plain(data()))
+    found = chapter.hard(tmp_path)
+    assert "narrow &amp; &lt;b&gt;wide&lt;/b&gt;, <em>so</em>" in found.html and "a &lt;i&gt; b" in found.html
+    assert 'href="#hard-03-halo"' in found.html and "data:image/" in found.html
+    assert ">0.1</td>" in found.html and '<td class="good">·</td>' in found.html
+    assert "<td class=bad>hung</td>" in found.html and "opt3" in found.answer
 
 
-def test_page(written: dict) -> None:
-    text = hard_page.page(written, written["cases"][0])
-    assert "<dd>narrow &amp; &lt;b&gt;wide&lt;/b&gt;, <em>so</em></dd>" in text
-    assert (
-        "<strong>opt3:</strong> fails from 0.1: an error of 2.5 scene units" in text
-        and "a &lt;i&gt; b" in text
-    )
-    assert "<strong>opt4:</strong> right throughout; the largest error is 10⁻⁴ scene units" in text
-    assert "<td class=bad>hung</td>" in text and "data:image/" in text
+def test_what_a_phase_does() -> None:
+    wrong, right = data().results
+    assert tables.does(wrong, ABOUT)[0].startswith("fails from 0.1: an error of 2.5")
+    assert tables.does(right, ABOUT)[0].endswith("10⁻⁴ scene units")
+    assert tables.does(msgspec.structs.replace(wrong, first_failure=1e-6), ABOUT)[0].endswith(": hung")
+    assert len(figures.draw(data()).axes[0].patches) == 2
 
 
-def test_table(written: dict) -> None:
-    text = hard_page.table(written)
-    assert text.count("<tr>") == 2 and 'href="#hard-03-halo"' in text
-    assert ">0.1</td>" in text and '<td class="good">·</td>' in text
-    hung = data()["results"][0] | {"first_failure": 1e-6}
-    assert "<strong>hung</strong>" in hard_page.cell(hung)
-    assert "refuses" in hard_page.cell(hung | {"refused": True}) and "not run" in hard_page.cell(None)
+def stability(*words: object) -> cli.Outcome:
+    return commands.called("stability", list(map(str, words)))[0]
 
 
-def test_write(written: dict, tmp_path: Path) -> None:
-    index = hard_page.write(written, tmp_path / "pages")
-    assert 'href="hard-03-halo.html"' in index.read_text()
-    assert "What each phase does" in (tmp_path / "pages" / "hard-03-halo.html").read_text()
-    assert hard_page.page(written, written["cases"][0]) in hard_page.section(written)
-
-
-@pytest.mark.parametrize(
-    "broken",
-    [
-        {"schema": 2},
-        {"results": [{}]},
-        {"cases": [{"number": 1}]},
-        {"phases": [{"name": "other"}]},
-        {"phases": []},
-    ],
-)
-def test_not_a_stability_json(tmp_path: Path, broken: dict) -> None:
-    store.write_json(tmp_path / "stability.json", data(**broken))
-    with pytest.raises(StudyError, match=r"stability.json: not what scripts/stepwise stability writes"):
-        hard_page.read(tmp_path / "stability.json")
-
-
-def stability(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, registry.ROOT / "scripts" / "stepwise", "stability", *map(str, arguments)]
-    return started.run(command)
-
-
-def test_script(tmp_path: Path) -> None:
-    """A wrong answer (the step cap's) is a result: status 0, files beside it."""
-    done = stability(
-        "--phase", "opt2", "--case", "step_cap", "--strengths", "few", "--json", "--run", tmp_path
-    )
-    assert done.returncode == 0, done.stderr
-    (found,) = emitted.result(done.stdout)["results"]
-    assert (
-        found["case"] == "step_cap"
-        and found["phase"] == "opt2"
-        and found["first_failure"] in found["strengths"]
-    )
-    assert found["non_finite"] == 0 and found["hung"] is False and len(found["errors"]) == 3
-    assert found == store.read_json(tmp_path / "stability.json")["results"][0]
+def test_a_wrong_answer_is_a_result(tmp_path: Path) -> None:
+    found = stability("--phase", "opt2", "--case", "step_cap", "--strengths", "few", "--run", tmp_path)
+    assert found.ended == cli.OK
+    (row,) = Stability.load(tmp_path / FILE).results
+    assert (row.case, row.phase, row.non_finite, row.hung) == ("step_cap", "opt2", 0, False)
+    assert row.first_failure in row.strengths and len(row.errors) == 3
     names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    figure = "figures/hard-04-step-cap"
-    assert names == {
-        "stability.json",
-        "pages/index.html",
-        "pages/hard-04-step-cap.html",
-        f"{figure}.svg",
-        f"{figure}.png",
-    }
+    assert names == {FILE, "figures/hard-04-step-cap.svg", "figures/hard-04-step-cap.png"}
 
 
-def test_script_refuses(tmp_path: Path) -> None:
-    for arguments, said in [
-        (["--case", "hello"], "no hard case 'hello'"),
-        (["--phase", "opt9"], "no phase 'opt9'"),
-        (["--time-limit", "nan"], "must be a number of seconds above 0"),
-    ]:
-        done = stability(*arguments, "--run", tmp_path)
-        assert done.returncode == 2 and said in done.stderr and not list(tmp_path.iterdir())
+def test_a_hang_fails(tmp_path: Path) -> None:
+    """No picture is done in a microsecond."""
+    words = ["--phase", "opt2", "--case", "halo", "--strengths", "few", "--time-limit", "1e-6"]
+    found = stability(*words, "--run", tmp_path)
+    assert found.ended == cli.FAILED and len(found.failed) == 3
+    assert Stability.load(tmp_path / FILE).results[0].hung is True
 
 
-def test_script_fails_for_a_hang(tmp_path: Path) -> None:
-    """No picture is done in a microsecond: every point hangs, and the status says so."""
-    done = stability(
-        "--phase", "opt2", "--case", "halo", "--strengths", "few", "--time-limit", "1e-6", "--run", tmp_path
-    )
-    assert (
-        done.returncode == 1 and "FAIL opt2, case 3 halo at 0.1: hung (not done after 1e-06 s)" in done.stderr
-    )
-    assert store.read_json(tmp_path / "stability.json")["results"][0]["hung"] is True
+@pytest.mark.parametrize("words", [["--case", "hello"], ["--phase", "opt99"]])
+def test_a_name_that_there_is_not(tmp_path: Path, words: list[str]) -> None:
+    with pytest.raises(StudyError, match=words[1]):
+        stability(*words, "--run", tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_list() -> None:
-    listed = emitted.result(stability("--list", "--json").stdout)["cases"]
-    assert [case["number"] for case in listed] == [case.number for case in hard.cases()]
+    assert [case.number for case in stability("--list").result["cases"]] == [c.number for c in hard.cases()]

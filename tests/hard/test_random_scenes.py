@@ -283,19 +283,3 @@ def test_unlike_sees() -> None:
         other[name][0, 1] = value
         assert unlike(plane, other).sum() == 1, (name, value)
         assert unlike(other, plane).sum() == 1, (name, value)
-
-
-@pytest.mark.parametrize("kind", [*EVERY])
-def test_every_shape_is_drawn(kind: str) -> None:
-    """The strategy yields every kind, and its scenes load."""
-    seen = []
-
-    @settings(max_examples=8, derandomize=True, deadline=None, database=None)
-    @given(scene=scenes([kind]))
-    def draw(scene: dict) -> None:
-        seen.append(scene)
-
-    draw()
-    path = harness.keep(f"random_{kind}", seen[-1])
-    run = harness.call(REFERENCE, path, "-n", 2, "-w", 2, "--json")
-    assert run.status == 0 and {shape["type"] for scene in seen for shape in scene["shapes"]} == {kind}

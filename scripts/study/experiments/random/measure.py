@@ -15,11 +15,10 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
-from study.core import build, temporary
+from study.core import build, registry, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import ROOT
-from study.experiments.stability.cases.measure import able
 
 TESTS = ROOT / "tests"
 SCENES = {  # kind → its test; the scene that fails is random_KIND.json
@@ -46,8 +45,9 @@ def prepare(kinds: Collection[str]) -> None:
     for harness in harnesses:
         build.build("fuzz", harness)
     if len(harnesses) < len(set(kinds)):
-        for phase in able(None)[0]:
-            build.build(phase)
+        for phase in registry.phases().values():
+            if phase.family == "ladder" and not registry.missing_isa(phase):
+                build.build(phase.name)
 
 
 def scenes(kind: str, seed: int, count: int) -> Row:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study.experiments.section import Section, reading
-from study.experiments.stability import figures
-from study.experiments.stability import tables as hard_page
+from study.experiments.section import Section
+from study.experiments.stability import figures, tables
+from study.experiments.stability.schema import FILE, Stability
 from study.pictures.draw import Drawing
 
 NOTE = (
@@ -17,12 +17,9 @@ NOTE = (
 
 def hard(path: Path) -> Section:
     """How far each phase gets in each case; the table, and each case behind its title."""
-    file = path / "stability.json"
     html, answer, drawn = "", "", {}
-    with reading(file, f"scripts/stepwise stability --run {path}"):
-        if file.exists():
-            data = hard_page.read(file)
-            html, answer = hard_page.section(data), figures.answer(data)
-            drawn = {"hard-cases": Drawing(figures.CAPTION, NOTE, lambda: figures.draw(data))}
-    about = {"file": file, "script": "scripts/stepwise stability", "drawn": drawn}
+    if data := Stability.load_if_there(path / FILE):
+        html, answer = tables.section(data), figures.answer(data)
+        drawn = {"hard-cases": Drawing(figures.CAPTION, NOTE, lambda: figures.draw(data))}
+    about = {"file": path / FILE, "script": "scripts/stepwise stability", "drawn": drawn}
     return Section("stability", "Hard cases", "make stability", [], answer=answer, html=html, **about)

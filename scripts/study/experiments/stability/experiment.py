@@ -6,7 +6,7 @@ from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.shards import Sharded
 from study.experiments.stability import chapter, command
-from study.experiments.stability.schema import SCHEMAS
+from study.experiments.stability.schema import FILE, SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -23,5 +23,6 @@ EXPERIMENT = Experiment(
     depth="quick",
     cut="The first and the last phase, at the first, the middle and the last strength of each case.",
     sections=[(530, lambda data: chapter.hard(data.path))],
-    sharded=Sharded(command.FILE, ("cases", "results"), command.units),
+    sharded=Sharded(FILE, ("cases", "results"), command.units),
+    command=command,
 )

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
+from study.experiments.stability.schema import Case, Row
 from study.pictures.draw import BAD, COLOURS, MARKERS, STYLE, save, thumbnail
 
 MARK = {
@@ -33,14 +34,9 @@ def number(value: float) -> str:
     return f"10{raised}" if digits == "1" else f"{digits}·10{raised}"
 
 
-def _finite(value: float | None) -> bool:
-    return value is not None and math.isfinite(value)
-
-
-def _span(rows: list[dict], limit: float) -> tuple[float, float]:
+def _span(rows: list[Row], limit: float) -> tuple[float, float]:
     """Where the errors of 0 are drawn, and where those that are no number: below and above all others."""
-    seen = [e for r in rows for e in r["errors"] if _finite(e) and e > 0] + [limit] * (limit > 0)
-    seen = seen or [1.0]
+    seen = [e for r in rows for e in r.errors if e] + [limit] * (limit > 0) or [1.0]
     return 10 ** (math.floor(math.log10(min(seen))) - 1), 10 ** (math.ceil(math.log10(max(seen))) + 1)
 
 
@@ -55,9 +51,9 @@ def _apart(places: list[float], values: list[float]) -> list[float]:
     return [values[i] for i in kept]
 
 
-def _strength_axis(axes: Axes, case: dict) -> None:
+def _strength_axis(axes: Axes, case: Case) -> None:
     """From easy (left) to hard, logarithmic where the strengths are positive and span much."""
-    values = case["strengths"]
+    values = list(case.strengths)
     low, high = min(values), max(values)
     by_powers = low > 0 and high / low > 20
     if by_powers:
@@ -69,26 +65,26 @@ def _strength_axis(axes: Axes, case: dict) -> None:
     )
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(lambda value, _: number(value))
-    axes.set_xlabel(f"{case['strength']}: harder to the right →")
+    axes.set_xlabel(f"{case.strength}: harder to the right →")
 
 
-def _figure(case: dict, rows: list[dict], names: list[str]) -> tuple[Figure, str]:
-    """The figure of a case and its note, from its `about` and rows in stability.json; `names`: all phases."""
-    limit = case["fails_above"]
+def _figure(case: Case, rows: list[Row], names: list[str]) -> tuple[Figure, str]:
+    """The figure of a case and its note, from its rows; `names`: all phases."""
+    limit = case.fails_above
     figure = Figure(figsize=(8.2, 4.4), layout="constrained")
     axes = figure.subplots()
     axes.set_yscale("log")
     floor, ceiling = _span(rows, limit)
     for place, r in enumerate(rows):
-        look = names.index(r["phase"])
+        look = names.index(r.phase)
         colour, marker = COLOURS[look % len(COLOURS)], MARKERS[look % len(MARKERS)]
         nested = 12 - 8 * place / max(1, len(rows) - 1)  # phases that agree stay visible, one in another
         points = [
-            (s, max(e, floor) if _finite(e) else ceiling)
-            for s, e, state in zip(r["strengths"], r["errors"], r["states"], strict=True)
+            (s, ceiling if e is None else max(e, floor))
+            for s, e, state in zip(r.strengths, r.errors, r.states, strict=True)
             if state != "refused"
         ]
-        label = r["phase"] + (" (refuses)" if r["refused"] else "")
+        label = r.phase + (" (refuses)" if r.refused else "")
         drawn = {"color": colour, "marker": marker, "label": label, "lw": 0.6 + nested / 8}
         axes.plot(*zip(*points, strict=True) if points else ([], []), ms=nested, mfc="none", mew=1.4, **drawn)
     lost = _lost(axes, rows, ceiling)
@@ -99,38 +95,38 @@ def _figure(case: dict, rows: list[dict], names: list[str]) -> tuple[Figure, str
         axes.axhspan(floor * 1.8, ceiling * 2, color=BAD, alpha=0.05)
     _strength_axis(axes, case)
     _error_axis(axes, floor, ceiling, lost)
-    unit = f", {case['unit']}" if case["unit"] and case["unit"] not in case["metric"] else ""
-    axes.set_ylabel(textwrap.fill(f"{case['metric']}{unit}", 44))
-    figure.suptitle(f"{case['number']}. {case['title']}", x=0.01, ha="left", fontsize=11, fontweight="bold")
+    unit = f", {case.unit}" if case.unit and case.unit not in case.metric else ""
+    axes.set_ylabel(textwrap.fill(f"{case.metric}{unit}", 44))
+    figure.suptitle(f"{case.number}. {case.title}", x=0.01, ha="left", fontsize=11, fontweight="bold")
     handles, _ = axes.get_legend_handles_labels()
     if limit > 0:
-        said = f"limit {number(limit)} {case['unit']}".strip()
+        said = f"limit {number(limit)} {case.unit}".strip()
         handles.append(Line2D([], [], color=BAD, ls="--", label=said))
     figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=9)
     fails = "fails" if limit > 0 else "fails (anything above 0)"
     return figure, f"Shaded: {fails}. Markers one in another: phases that agree."
 
 
-def draw(case: dict, rows: list[dict], names: list[str], stem: Path) -> list[Path]:
+def draw(case: Case, rows: list[Row], names: list[str], stem: Path) -> list[Path]:
     """STEM.svg and STEM.png of a case."""
     with matplotlib.rc_context(STYLE):
         figure, note = _figure(case, rows, names)
         return save(figure, stem, note)
 
 
-def small(case: dict, rows: list[dict], names: list[str]) -> bytes:
+def small(case: Case, rows: list[Row], names: list[str]) -> bytes:
     """The figure of a case as a small PNG."""
     with matplotlib.rc_context(STYLE):
         return thumbnail(*_figure(case, rows, names))
 
 
-def _lost(axes: Axes, rows: list[dict], ceiling: float) -> bool:
+def _lost(axes: Axes, rows: list[Row], ceiling: float) -> bool:
     """Says at the ceiling who gave no number there, and why; whether anybody did not."""
     said: dict[tuple[float, str], list[str]] = {}
     for r in rows:
-        for strength, error, state in zip(r["strengths"], r["errors"], r["states"], strict=True):
-            if state in MARK and not _finite(error):
-                said.setdefault((strength, MARK[state]), []).append(r["phase"])
+        for strength, error, state in zip(r.strengths, r.errors, r.states, strict=True):
+            if state in MARK and error is None:
+                said.setdefault((strength, MARK[state]), []).append(r.phase)
     for line, ((strength, what), phases) in enumerate(said.items()):
         text = f"{what}: {', '.join(phases)}"
         axes.annotate(text, (strength, ceiling), (-9, 4 - 9 * line), textcoords="offset points",

@@ -6,6 +6,7 @@ apart, since a phase may do the last and neither of the others.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import os
@@ -14,7 +15,7 @@ import signal
 import subprocess
 import tempfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -94,13 +95,12 @@ class Phase:
         Overrides: hit_distance and max_steps, the driver's options; everything else is the scene's.
         Samples that are not finite are counted, not refused.
         """
-        with temporary.folder(prefix="stepwise-hard-") as folder:
-            path, out = Path(folder, "scene.json"), Path(folder, "picture.exr")
-            path.write_text(json.dumps(scene), encoding="utf-8")
+        with _written(scene) as path:
+            out = path.with_name("picture.exr")
             command = [self.program(self.renderer), path, "-n", str(size[1]), "-w", str(size[0]), "-o", out]
             for name, value in overrides.items():
                 command += ["--" + name.replace("_", "-"), repr(value)]
-            self._checked(self.execute([*command, "--aov"] if aov else command))
+            _checked(self.execute([*command, "--aov"] if aov else command))
             picture = images.read(out)
         self.renders += 1
         self.non_finite += images.non_finite(picture)
@@ -111,15 +111,11 @@ class Phase:
 
         In the arithmetic of the phase's march. The probe does not ask whether the phase supports the scene.
         """
-        raw = np.ascontiguousarray(points, "<f8").tobytes()
-        with temporary.folder(prefix="stepwise-hard-") as folder:
-            path = Path(folder, "scene.json")
-            path.write_text(json.dumps(scene), encoding="utf-8")
+        with _written(scene) as path:
+            raw = np.ascontiguousarray(points, "<f8").tobytes()
             done = self.execute([self.program("probe"), path], stdin=raw)
-            self._checked(done)
+            _checked(done)
         pairs = np.frombuffer(done.stdout, "<f8").reshape(-1, 2)
-        if len(pairs) != len(points):
-            raise Crashed(f"{len(pairs)} distances for {len(points)} points")
         self.non_finite += int((~np.isfinite(pairs[:, 0])).sum())
         return pairs[:, 0].copy(), pairs[:, 1].astype(int)
 
@@ -127,16 +123,25 @@ class Phase:
         """`probe` without the shapes."""
         return self.probe(scene, points)[0]
 
-    @staticmethod
-    def _checked(done: subprocess.CompletedProcess[Any]) -> None:
-        if done.returncode == 0:
-            return
-        lines = done.stderr.decode(errors="replace").strip().splitlines()
-        said = lines[-1] if lines else f"exit status {done.returncode}, without a word"
-        if done.returncode in (NO_ISA, UNSUPPORTED):
-            raise Refused(said)
-        # Status 2 is the loader's: then the case is wrong, not the phase.
-        raise StudyError(f"the scene of a hard case: {said}") if done.returncode == 2 else Crashed(said)
+
+@contextlib.contextmanager
+def _written(scene: dict) -> Iterator[Path]:
+    """The scene as a file of a folder that lasts as long as the context."""
+    with temporary.folder(prefix="stepwise-hard-") as folder:
+        path = Path(folder, "scene.json")
+        path.write_text(json.dumps(scene), encoding="utf-8")
+        yield path
+
+
+def _checked(done: subprocess.CompletedProcess[Any]) -> None:
+    if done.returncode == 0:
+        return
+    lines = done.stderr.decode(errors="replace").strip().splitlines()
+    said = lines[-1] if lines else f"exit status {done.returncode}, without a word"
+    if done.returncode in (NO_ISA, UNSUPPORTED):
+        raise Refused(said)
+    # Status 2 is the loader's: then the case is wrong, not the phase.
+    raise StudyError(f"the scene of a hard case: {said}") if done.returncode == 2 else Crashed(said)
 
 
 _one_at_a_time = threading.RLock()
@@ -153,10 +158,7 @@ def _copy(name: str, target: str, folder: str, make: tuple[str, ...]) -> Path:
     made = build.build(name, target) if not make and folder == "build" else _made(name, target, folder, make)
     copy = Path(_copies().name, folder, name, target)
     copy.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        shutil.copy2(made, copy)
-    except OSError as error:
-        raise StudyError(f"{made}: {error.strerror}") from None
+    shutil.copy2(made, copy)
     return copy
 
 

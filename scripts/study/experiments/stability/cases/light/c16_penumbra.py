@@ -1,4 +1,4 @@
-"""Hard case 16."""
+"""Bands in a soft shadow."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, exact
+from study.experiments.stability.cases import Outcome, Phase, exact
 from study.experiments.stability.cases.scenes import rays, scene, shape, worst
 
 SIZE, RADIUS, CENTRE, LIGHT = (64, 36), 0.5, [0.0, 2.0, 0.0], [1.0, 8.0, 0.5]
@@ -66,27 +66,3 @@ def run(phase: Phase, strength: float) -> Outcome:
     pairs = seen[:, 1:] & seen[:, :-1]
     jump = np.abs(np.diff(got - known, axis=1))[pairs]
     return Outcome(worst(jump), note=f"largest error {worst(np.abs(got - known)[seen]):.3f}")
-
-
-CASE = Case(
-    number=16,
-    name="penumbra",
-    title="Bands in a soft shadow",
-    what="A small ball hovers over a floor; the soft shadow's hardness grows. The light that reaches the "
-    "floor is the picture with shadows divided by the one without.",
-    why="The penumbra is estimated from the few points at which the shadow ray's march happens to stop. "
-    "Between them the nearest passage is guessed; as the stops move from pixel to pixel the guess jumps, "
-    "and bands appear.",
-    source="I. Quilez, soft shadows in raymarched SDFs (iquilezles.org/articles/rmshadows, 2010), whose "
-    "bands S. Aaltonen reduced (GPU-based clay simulation and ray-tracing tech in Claybook, GDC 2018).",
-    known="For a ball the least of strength·h(t)/t is the root of a quadratic.",
-    strength="shadow_strength",
-    # From where the shadow's own steps are bands by the limit: below, a picture without one would be right.
-    strengths=(0.75, 1, 1.5, 2, 8, 32, 128),
-    metric="largest difference between the errors of neighbouring pixels",
-    unit="of full light",
-    fails_above=0.02,
-    limit="An edge of about 2 % of the brightness is what the eye begins to see (Weber's fraction), so "
-    "larger ones are bands.",
-    run=run,
-)

@@ -1,10 +1,10 @@
-"""Hard case 18."""
+"""Facing mirrors, a light behind a wall, a camera inside a shape."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, exact
+from study.experiments.stability.cases import Outcome, Phase, exact
 from study.experiments.stability.cases.scenes import rays, scene, shape, worst
 from study.pictures.images import rgb
 
@@ -94,28 +94,3 @@ def run(phase: Phase, strength: float) -> Outcome:
     bound = 5 * (0.7 + 0.2) / 1e-6 / 0.9
     note = f"inside a shape at most {brightest:.3g}, |Δt| {dt:.1e}"
     return Outcome(worst([error, dt / HIT]) if brightest <= bound else np.inf, note=note)
-
-
-CASE = Case(
-    number=18,
-    name="mirrors_and_inside",
-    title="Facing mirrors, a light behind a wall, a camera inside a shape",
-    what="Two parallel mirrors with camera and light between them, at more and more bounces; a wall lit "
-    "from behind; a camera inside a mirroring box and ball, and one exactly on a mirror.",
-    why="Recursion without an end: every bounce finds the other mirror, so only the cap stops it, on a "
-    "stack that must hold it. A ray that starts in or on a shape has a distance of zero or less at once.",
-    source="T. Whitted, An improved illumination model for shaded display, CACM 23 (1980), for the "
-    "recursion; a camera inside an object turning black: three-raymarch issue 1 (2023).",
-    known="Between the mirrors the colour is a geometric series of Phong's terms, summed along the "
-    "unfolded path; behind the wall it is the ambient term exactly; inside, it must be finite and bounded. A "
-    "march adds its last step, and from inside the first step is the last: t = −depth, whatever the "
-    "direction (with the nearest surface straight behind the camera that is a point of it). *truth* instead "
-    "calls the way out the hit, t > 0; the format of scenes does not say.",
-    strength="max_bounces",
-    strengths=(0, 1, 3, 8, 32, 256),
-    metric="largest error of a colour (255 is the brightest), or |Δt| inside a shape in hit distances",
-    unit="",
-    fails_above=1.0,
-    limit="One step of an 8-bit display; one hit distance, 1e-6.",
-    run=run,
-)

@@ -1,4 +1,4 @@
-"""Hard case 29."""
+"""A mirror seen at a grazing angle."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, exact
+from study.experiments.stability.cases import Outcome, Phase, exact
 from study.experiments.stability.cases.scenes import rays, scene, shape, worst
 from study.pictures.images import rgb
 
@@ -39,26 +39,3 @@ def run(phase: Phase, strength: float) -> Outcome:
     off = np.abs(rgb(picture).astype(float) / known.astype(float) - 1)
     missed = int((picture["id"] < 0).sum())
     return Outcome(worst(off), note=f"{missed} misses, largest |Δt| {worst(np.abs(picture['Z'] - t)):.1e}")
-
-
-CASE = Case(
-    number=29,
-    name="grazing_mirror",
-    title="A mirror seen at a grazing angle",
-    what="Nine rays meet a mirroring floor twenty units away, at a smaller and smaller angle; the "
-    "reflected rays see the sky. The step cap is a million, so that steps do not run out.",
-    why="The reflected ray leaves almost along the mirror: it starts surface_offset above it and rises by "
-    "a ten-thousandth of its way, so an error of its start or direction takes it back to the mirror, which "
-    "then shows itself. Each step it takes is as short as the floor is near.",
-    source="T. Whitted, CACM 23 (1980), for the reflected ray; self-hits of grazing rays: Wächter and "
-    "Binder, Ray Tracing Gems (2019), chapter 6; Art of Illusion issue 193 (2020: a hang that hangs on "
-    "distance and viewing angle).",
-    known="Phong's terms at the exact hit, plus a tenth of the sky.",
-    strength="angle to the mirror, degrees",
-    strengths=(30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01),
-    metric="largest relative error of a colour",
-    unit="",
-    fails_above=0.01,
-    limit="A hundredth is below what the eye tells apart; a mirror that sees itself errs by a third.",
-    run=run,
-)

@@ -1,10 +1,10 @@
-"""Hard case 30."""
+"""Fog over a great distance."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, exact
+from study.experiments.stability.cases import Outcome, Phase, exact
 from study.experiments.stability.cases.scenes import rays, scene, shape, worst
 from study.pictures.images import rgb
 
@@ -33,25 +33,3 @@ def run(phase: Phase, strength: float) -> Outcome:
     off = np.abs(rgb(phase.render(whole, SIZE)).astype(float) / known.astype(float) - 1)
     thick = worst(rgb(phase.render(foggy(strength, 1e9), SIZE)).astype(float))
     return Outcome(max(worst(off), thick), note=f"in the thickest fog {thick:g}" if thick else "")
-
-
-CASE = Case(
-    number=30,
-    name="deep_fog",
-    title="Fog over a great distance",
-    what="A wall 10^e away behind fog that leaves half of its light, and behind the thickest fog that the "
-    "format allows, which leaves nothing.",
-    why="exp(−k·|p|³) cubes a distance: at 5·10^8 that is 10^26, and k 10^−26; their order of "
-    "multiplication decides whether a float overflows or vanishes. The exponential of −10^35 must be 0, "
-    "not what its bits make of it.",
-    source="Black pixels in fog beyond some distance: Unity VolumetricLighting issue 18 (2017); infinities "
-    "and NaN as fog parameters: ppsspp pull request 11380 (2018), xemu pull request 2298 (2025).",
-    known="Phong's terms times the exponential, in 80-bit floats; zero in the thick fog.",
-    strength="e: the wall is 10^e away",
-    strengths=(1, 2, 4, 6, 8, 8.7),
-    metric="largest relative error of a colour; in the thick fog the largest colour",
-    unit="",
-    fails_above=1 / 255,
-    limit="One step of an 8-bit display.",
-    run=run,
-)

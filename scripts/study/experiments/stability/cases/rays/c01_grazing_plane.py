@@ -1,10 +1,10 @@
-"""A plane at a grazing angle: see CASE. J. C. Hart, The Visual Computer 12 (1996), on linear convergence."""
+"""Plane at a grazing angle."""
 
 from __future__ import annotations
 
 import math
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import found, scene, shape
 
 HEIGHT, HIT_DISTANCE = 1.0, 1e-6
@@ -34,29 +34,3 @@ def run(phase: Phase, degrees: float) -> Outcome:
         return Outcome(math.inf, note=f"missed; {took}")
     bias = HIT_DISTANCE / math.sin(math.radians(degrees))
     return Outcome(abs(float(picture["Z"][0, 0]) - t) / bias, note=took)
-
-
-CASE = Case(
-    number=1,
-    name="grazing_plane",
-    title="Plane at a grazing angle",
-    what="One ray from height 1 above a plane, at an angle θ to it. The step cap is twice what the ray "
-    "needs, so that only the arithmetic is judged (case 4 is about the cap).",
-    why="Every step takes the ray the share sin θ of its height nearer to the plane, so the march "
-    "converges linearly and ever more slowly: ln(ε/h)/ln(1 − sin θ) steps. An error of the height, be it "
-    "ε itself or rounding, is stretched by 1/sin θ along the ray, and rounding adds up over the many "
-    "steps.",
-    source="J. C. Hart, *Sphere tracing: a geometric method for the antialiased ray tracing of implicit "
-    "surfaces*, The Visual Computer 12 (1996), shows linear convergence. Keinert et al., *Enhanced "
-    "sphere tracing*, STAG 2014, shorten such marches by over-relaxation.",
-    known="The ray meets the plane at t = 1/sin θ; heights form the geometric series (1 − sin θ)ⁿ, which "
-    "gives the number of evaluations.",
-    strength="θ, degrees",
-    strengths=(45.0, 20.0, 5.0, 1.0, 0.3, 0.1, 0.03, 0.01),
-    metric="|Δt| as a multiple of ε/sin θ",
-    unit="",
-    fails_above=1.0,
-    limit="A march that stops below ε is off by less than ε/sin θ; what exceeds that is the phase's "
-    "arithmetic.",
-    run=run,
-)

@@ -1,8 +1,8 @@
-"""The halo that ε gives a shape: see CASE."""
+"""ε-halo: near miss before a far background."""
 
 from __future__ import annotations
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import scene, shape
 
 RADIUS, BACKGROUND = 1.0, 2048.0
@@ -32,28 +32,3 @@ def run(phase: Phase, clearance: float) -> Outcome:
                 f"{'the sphere' if shape_id == 0 else 'nothing'} for the wall, sphere at {distance:g}"
             )
     return Outcome(max(errors), note="; ".join(taken))
-
-
-CASE = Case(
-    number=3,
-    name="halo",
-    title="ε-halo: near miss before a far background",
-    what="A ray passes a unit sphere at a clearance δ and then meets a wall at 2048. Once the sphere is "
-    "10 away, once 1000.",
-    why="A march that comes within ε of the sphere stops there, so that every shape has a halo as wide as "
-    "ε, which shows as a wrong outline against a far background. A hit test that grows with t, as float "
-    "needs, makes the halo of far shapes wider still. At a clearance of ε itself nothing at all is "
-    "found: every step past the sphere is ε, and the steps run out.",
-    source="The halo follows from ending the march at a distance: J. C. Hart, D. J. Sandin and L. H. "
-    "Kauffman, SIGGRAPH 1989. Keinert et al., *Enhanced sphere tracing*, STAG 2014, choose the candidate "
-    "with the least error on the screen instead.",
-    known="By construction: the nearest the ray comes to the sphere is δ, so it meets the wall, at t = "
-    "2048 exactly.",
-    strength="clearance δ, scene units",
-    strengths=(1e-1, 1e-2, 1e-3, 1e-4, 5e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7),
-    metric="max |Δt|",
-    unit="scene units",
-    fails_above=1e-3,
-    limit="2048 has a neighbour at 2.4e-4 in float; a wrong shape is off by 1000 and more.",
-    run=run,
-)

@@ -1,8 +1,8 @@
-"""The step cap, in a long gap between two planes: see CASE."""
+"""Step cap in a long thin gap."""
 
 from __future__ import annotations
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import found, scene, shape
 
 LENGTH, MAX_STEPS = 10.0, 3000
@@ -37,26 +37,3 @@ def run(phase: Phase, width: float) -> Outcome:
         evals = max(evals, int(picture["evals"][0, 0]))
     needed = max(steps_needed(width, share) for share in HEIGHTS)
     return Outcome(missed, note=f"up to {evals} evaluations; plain sphere tracing needs {needed:.0f}")
-
-
-CASE = Case(
-    number=4,
-    name="step_cap",
-    title="Step cap in a long thin gap",
-    what="Three rays run along a gap between two parallel planes, 10 long, with a wall at its end: in the "
-    "middle and nearer to either plane. The step cap is scene0's, 3000.",
-    why="A sphere that fits into the gap is no larger than half of it, so the steps are short all the "
-    "way, though nothing is in the ray's way. At the cap the march gives up and a hole shows where the "
-    "wall should be. More precision does not help.",
-    source="J. C. Hart, The Visual Computer 12 (1996), bounds the number of steps by the distance over "
-    "the least step. Over-relaxation: Keinert et al., STAG 2014; enhanced step sizes: C. Bálint and G. "
-    "Valasek, *Accelerating sphere tracing*, Eurographics 2018 (short papers).",
-    known="By construction: the wall is at t = 10, and no ray meets the planes before.",
-    strength="width of the gap, scene units",
-    strengths=(2.0, 0.5, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.002),
-    metric="false misses of 3 rays",
-    unit="rays",
-    fails_above=0.0,
-    limit="A missed wall is a hole; a hit elsewhere than at 10 ± 1e-4 (100 ε) counts as one.",
-    run=run,
-)

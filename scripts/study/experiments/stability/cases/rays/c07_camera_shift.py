@@ -1,10 +1,10 @@
-"""Camera and scene shifted by 2ᵏ: see CASE."""
+"""Camera and scene shifted by 2ᵏ."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import found, scene, shape
 
 SIZE = (32, 24)
@@ -50,25 +50,3 @@ def run(phase: Phase, k: float) -> Outcome:
     return Outcome(
         1e6 * count / (SIZE[0] * SIZE[1]), note=f"{count} of 768 pixels; elsewhere |Δt| ≤ {off:.1e}"
     )
-
-
-CASE = Case(
-    number=7,
-    name="camera_shift",
-    title="Camera and scene shifted by 2ᵏ",
-    what="Five shapes, camera and light are moved together by 2ᵏ along every axis, and the bounds with "
-    "them. The shapes have room in bounds of 32; nothing infinite is in the scene, and there is no fog.",
-    why="World coordinates of 2ᵏ leave 24 − k bits behind the point in float, 53 − k in double: at k = 20 "
-    "a float knows a place to 1/8. Differences of such coordinates, as for a normal, have no digits left.",
-    source="C. Thorne, *Using a floating origin to improve fidelity and performance of large, distributed "
-    "virtual worlds*, International Conference on Cyberworlds 2005.",
-    known="It is the same picture: compared with the same phase's picture at k = none. All positions are "
-    "exact in double after the shift.",
-    strength="k of the shift 2ᵏ",
-    strengths=(2, 5, 8, 11, 14, 17, 20, 23, 26, 28),
-    metric="pixels that differ in shape or by 1e-4 in t",
-    unit="ppm",
-    fails_above=0.0,
-    limit="It is the same picture. 1e-4 in t (100 ε) leaves room for ε at a grazing angle.",
-    run=run,
-)

@@ -1,10 +1,10 @@
-"""The scene scaled by 2ᵏ, parameters too: see CASE."""
+"""Scene scaled by 2ᵏ, parameters too."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import scene, shape
 
 SIZE = (32, 24)
@@ -55,32 +55,3 @@ def run(phase: Phase, k: float) -> Outcome:
             planes = ", ".join(f"{name} {int(d.sum())}" for name, d in sorted(differ.items()) if d.any())
             notes.append(f"2^{sign * int(k)}: of 768 pixels {planes}")
     return Outcome(worst, note="; ".join(notes))
-
-
-CASE = Case(
-    number=8,
-    name="scale",
-    title="Scene scaled by 2ᵏ, parameters too",
-    what="Six shapes with rotation, repetition, a mirror, soft shadows and fog. Every length of the file, "
-    "ε and the other limits among them, is multiplied by 2ᵏ and by 2⁻ᵏ; the light, which falls off with "
-    "1/distance, is multiplied too, and the fog divided by the cube.",
-    why="Powers of two change the exponents of floating-point numbers and nothing else, so not a bit of "
-    "the picture may change, unless a phase has a constant in it that is a length: an epsilon of its "
-    "own, a clamp, a sentinel like 1e20, or an exponent that leaves the range of float.",
-    source="That a power of two changes the exponent and not the significand: D. Goldberg, *What every "
-    "computer scientist should know about floating-point arithmetic*, ACM Computing Surveys 23 (1991), in "
-    "the proof of theorem 7. A constant that is a length, found by scaling: BeamletOptics.jl issue 51 "
-    "(2026), on sphere tracing from a surface. As a test by a relation of two outputs: T. Y. Chen, "
-    "S. C. Cheung and S. M. Yiu, *Metamorphic testing*, HKUST-CS98-01 (1998); on graphics: A. F. Donaldson "
-    "and A. Lascu, *Metamorphic testing for (graphics) compilers*, MET 2016. For this scaling of a renderer "
-    "we know of no first description.",
-    known="The same phase's picture at k = 0; every number is scaled exactly. Depth is compared after "
-    "scaling.",
-    strength="|k| of the factor 2ᵏ",
-    strengths=(1, 2, 4, 7, 10, 13, 16, LARGEST),
-    metric="pixels with any bit changed",
-    unit="ppm",
-    fails_above=0.0,
-    limit="Scaling by a power of two rounds nothing, so anything above 0 is a constant in the phase.",
-    run=run,
-)

@@ -1,4 +1,4 @@
-"""Hard case 19."""
+"""Denormals, flushed denormals, and a compiler told that there are none."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, builds
+from study.experiments.stability.cases import Outcome, Phase, builds
 from study.experiments.stability.cases.exact import share
 from study.experiments.stability.cases.scenes import scene, shape
 from study.pictures.images import clamped, rgb
@@ -66,30 +66,3 @@ def run(phase: Phase, strength: float) -> Outcome:
                 f"{title or 'as built'}: {share(off):.2f} % off, {built.non_finite - before} not finite"
             )
     return Outcome(worst, bad, "; ".join(notes))
-
-
-CASE = Case(
-    number=19,
-    name="tiny_numbers",
-    title="Denormals, flushed denormals, and a compiler told that there are none",
-    what="A room in which directions (view, up, a plane's normal) are 10^e long and additions to places, "
-    "angles, colours, fog and reflectivity are 1e-7 of that, down to denormals; rendered by the phase as "
-    "built, started with denormals flushed to zero, and built with -ffast-math. What the loader refuses is "
-    "not rendered: zero directions, normals and sizes below 1e-9, and anything that is not a finite number.",
-    why="A square of a number below 1e-154 (1e-19 in float) is denormal or zero, and a division by its "
-    "root infinite. -ffast-math lets the compiler drop every check for NaN, and flushing turns small into "
-    "zero.",
-    source="IEEE 754 (1985) for gradual underflow; GCC manual, -ffinite-math-only and -ffast-math; K. "
-    "Walfridsson, Optimizations enabled by -ffast-math (kristerw.github.io, 2021).",
-    known="Lengths of directions do not matter and the additions are too small to be seen: the picture is "
-    "that of unit directions and no additions. Every sample must be finite (a sentinel: frames are preset "
-    "to NaN).",
-    strength="e: powers of ten",
-    strengths=(0, -3, -9, -20, -40, -100, -150, -300, -320),
-    metric="pixels off by more than 1/255 in the worst of the three builds",
-    unit="%",
-    fails_above=1.0,
-    limit="One pixel in a hundred: the Mandelbulb's edge is chaotic, and -ffast-math may reorder there. A "
-    "sample that is not finite fails at once.",
-    run=run,
-)

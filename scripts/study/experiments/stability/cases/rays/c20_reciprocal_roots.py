@@ -1,4 +1,4 @@
-"""Hard case 20."""
+"""1/√0, and reciprocal roots that differ by CPU."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import threading
 import numpy as np
 
 from study.core import registry
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import scene, shape
 
 SHAPES = {
@@ -75,28 +75,3 @@ def run(phase: Phase, strength: float) -> Outcome:
         else f"rsqrtps of this {found['vendor']} CPU: table {found['rsqrtps']['hash']}"
     )
     return Outcome(error, note=f"{worst_of + ', ' if worst_of else ''}{said}")
-
-
-CASE = Case(
-    number=20,
-    name="reciprocal_roots",
-    title="1/√0, and reciprocal roots that differ by CPU",
-    what="Distances at the centres and on the axes of sphere, torus, cone and Mandelbulb, at points 2^−k "
-    "off, down to the point itself. Beside it a program tabulates rsqrtss, rsqrtps and, where the CPU has "
-    "them, rsqrt14: their special values, and a hash over one result for every mantissa and both parities "
-    "of the exponent.",
-    why="There √x is taken of zero or of a square that has underflowed. A phase that writes √x as "
-    "x·rsqrt(x) gets 0·∞ = NaN; below 2^−63 the square is a denormal float, which rsqrt takes for zero. "
-    "The instruction's 12 bits are not the same bits on every maker's CPU, so neither would pictures be.",
-    source="Intel 64 and IA-32 Architectures Software Developer's Manual, RSQRTSS (1999, SSE): relative "
-    "error at most 1.5·2^−12, denormals taken for zero, no value prescribed; IEEE 754 for √.",
-    known="Closed forms in double at these points; for the instructions, the manual's special values and "
-    "bound.",
-    strength="k: points are 2^−k off the centre, from 1075 on they are the centre",
-    strengths=(2, 10, 20, 40, 63, 70, 75, 126, 149, 540, 1074, 1100),
-    metric="largest error of a distance",
-    unit="scene units",
-    fails_above=1e-5,
-    limit="Ten of the usual hit distance, on shapes of size 1.",
-    run=run,
-)

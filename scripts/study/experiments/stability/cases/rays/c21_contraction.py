@@ -1,10 +1,10 @@
-"""Hard case 21."""
+"""Fused multiply-adds, gcc against clang."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, builds
+from study.experiments.stability.cases import Outcome, Phase, builds
 from study.experiments.stability.cases.exact import share
 from study.experiments.stability.cases.scenes import scene, shape
 from study.pictures.images import Picture
@@ -61,27 +61,3 @@ def run(phase: Phase, strength: float) -> Outcome:
             f"{title}: a bit differs in {share(bits):.1f} % of the pixels, the shape in {share(shapes):.2f} %"
         )
     return Outcome(worst, bad, "; ".join(notes))
-
-
-CASE = Case(
-    number=21,
-    name="contraction",
-    title="Fused multiply-adds, gcc against clang",
-    what="A box and an octahedron, each with a twin inside that is turned a quarter further and 2^−k "
-    "smaller, rendered by the phase as shipped, by gcc allowed to fuse multiplications with additions "
-    "(-mfma -ffp-contract=fast), and by clang with the phase's own flags. Which of the twins is seen hangs "
-    "on less and less.",
-    why="a·b + c fused rounds once in place of twice, and what a compiler fuses depends on how it inlines "
-    "and orders; x·y − y·x is then not zero. Two builds of one source are two programs to a test that asks "
-    "for equal bits.",
-    source="W. Kahan, Lecture notes on the status of IEEE 754 (1997), on fused multiply-add making x² − y² "
-    "of x = y negative; K. Walfridsson, -ffp-contract=fast (kristerw.github.io, 2021); gcc bug 106902.",
-    known="The mask of hits and shapes is the same whichever compiler built the phase.",
-    strength="k: the inner twin is 2^−k smaller (from 54 on they are equal)",
-    strengths=(8, 16, 22, 28, 40, 50, 60),
-    metric="pixels whose shape differs, in the worse of the two builds",
-    unit="%",
-    fails_above=0.0,
-    limit="No pixel: a picture must not depend on who compiled it by more than the last bits of its colours.",
-    run=run,
-)

@@ -1,10 +1,10 @@
-"""Hard case 24."""
+"""A field of view of 170 degrees."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, exact
+from study.experiments.stability.cases import Outcome, Phase, exact
 from study.experiments.stability.cases.scenes import rays, scene, shape, worst
 
 SIZE = (48, 27)
@@ -24,25 +24,3 @@ def run(phase: Phase, strength: float) -> Outcome:
     return Outcome(
         worst(np.abs(picture["Z"] / known.astype(float) - 1)), note=f"{missed} misses" * bool(missed)
     )
-
-
-CASE = Case(
-    number=24,
-    name="wide_field",
-    title="A field of view of 170 degrees",
-    what="A wall seen square on, along no axis of the world, by wider and wider lenses, to the widest that "
-    "the format allows; at 16:9 the corners of the last look 87.5 degrees aside, and the wall is 23 times "
-    "as far there as in the middle.",
-    why="The direction of a pixel far aside is the sum of a short forward and a very long sideways vector: "
-    "what is left of forward after rounding decides where the ray meets the wall.",
-    source="Directions spoilt by rounding: three-gpu-pathtracer issue 178 and pull request 190 (2022); "
-    "projections of very wide fields: wwt-windows-client issue 179 (2021).",
-    known="Ray against plane.",
-    strength="vertical field of view, degrees",
-    strengths=(30, 60, 120, 150, 165, 170),
-    metric="largest relative error of the distance along a ray (a miss: infinite)",
-    unit="",
-    fails_above=1e-4,
-    limit="A ten-thousandth of the way: below a pixel of a picture 4000 pixels high.",
-    run=run,
-)

@@ -1,10 +1,10 @@
-"""The silhouette of a sphere: see CASE."""
+"""Silhouette of a sphere."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import found, scene, shape
 
 RADIUS = 1.0
@@ -35,27 +35,3 @@ def run(phase: Phase, delta: float) -> Outcome:
         false_hits += hit and not meets
         false_misses += meets and not hit
     return Outcome(false_hits + false_misses, note=f"{false_hits} false hits, {false_misses} false misses")
-
-
-CASE = Case(
-    number=2,
-    name="silhouette",
-    title="Silhouette of a sphere",
-    what="Eight parallel rays past a unit sphere: from four sides, one a share δ of the radius inside its "
-    "silhouette and one as much outside.",
-    why="Near the silhouette the ray is tangent to the surface: the march crawls, and hit or miss hangs "
-    "on the last digits of the ray's distance from the centre. Below δ = ε a march must call the outer "
-    "ray a hit, whatever its precision: that is the method's own error, not the arithmetic's.",
-    source="J. C. Hart, D. J. Sandin and L. H. Kauffman, *Ray tracing deterministic 3-D fractals*, "
-    "SIGGRAPH 1989, end a march at a distance ε, which thickens every shape by ε. For the quadratic "
-    "formula: E. Haines, J. Günther and T. Akenine-Möller, *Precision improvements for ray/sphere "
-    "intersection*, Ray Tracing Gems (2019).",
-    known="The sign of R² − x² − y², in rational arithmetic, of the numbers the scene file holds.",
-    strength="δ, share of the radius",
-    strengths=tuple(2.0**-k for k in (3, 8, 12, 16, 18, 19, 20, 22, 26, 32, 40)),
-    metric="false hits and misses of 8 rays",
-    unit="rays",
-    fails_above=0.0,
-    limit="Hit or miss is a yes or a no: any wrong ray is a wrong pixel.",
-    run=run,
-)

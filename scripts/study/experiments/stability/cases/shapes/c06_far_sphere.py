@@ -1,10 +1,10 @@
-"""A sphere at a thousand radii and further: see CASE."""
+"""Sphere at 1000 radii and further."""
 
 from __future__ import annotations
 
 import math
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import found, scene, shape
 
 RADIUS = 1.0
@@ -36,26 +36,3 @@ def run(phase: Phase, distance: float) -> Outcome:
             off = abs(float(picture["Z"][0, 0]) - t)
             worst, units = max(worst, off / t), max(units, off)
     return Outcome(worst, note=f"{wrong} false hits or misses, |Δt| up to {units:.1e} R")
-
-
-CASE = Case(
-    number=6,
-    name="far_sphere",
-    title="Sphere at 1000 radii and further",
-    what="Six parallel rays to a sphere of radius 1, at a distance of 100 to 10⁸: four meet it, up to 0.9 "
-    "from its axis, two pass it at 1.1 and 1.5.",
-    why="What is asked for is one part in 10⁸ of the numbers that it is worked out from. The distance |p "
-    "− c| − R cancels nearly all digits, and so does any formula that squares the distance. Float has "
-    "7.2 digits.",
-    source="E. Haines, J. Günther and T. Akenine-Möller, *Precision improvements for ray/sphere "
-    "intersection*, Ray Tracing Gems (2019), chapter 7, for the quadratic formula.",
-    known="t = D − √(R² − b²) in double, good to 2e-16·D.",
-    strength="distance, radii",
-    strengths=(100.0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
-    metric="relative |Δt|",
-    unit="",
-    fails_above=2.0**-22,
-    limit="The picture's own float keeps t to 2⁻²⁴; 2⁻²² leaves room for three more roundings. A false "
-    "hit or miss counts as 1.",
-    run=run,
-)

@@ -1,4 +1,4 @@
-"""Repetition far from the centre cell, and shapes that reach over their cell: see CASE."""
+"""Repetition at cell 10² to 10⁶, and shapes that reach over their cell."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import found, scene, shape, worst
 
 CELL = 4.0  # a power of two: the places in a cell and the cells' own add up exactly
@@ -73,32 +73,3 @@ def run(phase: Phase, cell: float) -> Outcome:
     return Outcome(
         worst([off_f, off_t]), note=note + f"between cones f is up to {over:.2f} too large (overstep)"
     )
-
-
-CASE = Case(
-    number=9,
-    name="repetition",
-    title="Repetition at cell 10² to 10⁶, and shapes that reach over their cell",
-    what="Three layers of shapes, repeated in x and y in cells of 4: spheres that fit their cell, spheres "
-    "that reach over it, and cones. Distances at 2000 places and a small picture, in cell n, n against "
-    "the same in the centre cell.",
-    why="The wrap x − c·⌊x/c + ½⌋ takes a large number from a large number: what is left has the absolute "
-    "error of x. Besides, a wrapped distance sees only its own cell. Between cones, whose wide end is "
-    "near the next one's narrow end, it is larger than the distance to the nearest copy, so that a march "
-    "may step into a shape. That belongs to the scene format, the same in every cell, and is noted, not "
-    "judged.",
-    source="Repetition by a modulo of space: I. Quilez, *domain repetition* "
-    "(iquilezles.org/articles/sdfrepetition; he dates his first such pictures to 2008), which also "
-    "treats copies of the next cell. Users meet the overstep as holes, as in *Domain repetition "
-    "artifact*, pouet.net (2018).",
-    known="By the definition of repetition cell n, n is the centre cell. Cells, places and camera are "
-    "exact in double. The overstep is against the nearest of nine copies.",
-    strength="number n of the cell",
-    strengths=(1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6),
-    metric="max of |Δf| and |Δt|",
-    unit="scene units",
-    fails_above=1e-4,
-    limit="100 ε: a larger error of f lets a march stop short of, or in, a surface by more than its "
-    "grazing rays do.",
-    run=run,
-)

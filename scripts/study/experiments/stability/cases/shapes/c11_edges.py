@@ -1,4 +1,4 @@
-"""Edges, corners, rims, creases and vertices: see CASE."""
+"""Cone rim, box edge and corner, octahedron crease and vertex."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import angle_degrees, found, normals, scene, shape, worst
 
 BOX, CONE, OCTAHEDRON = [1.0, 0.75, 0.5], (1.0, 0.5, 0.75), 1.0
@@ -63,29 +63,3 @@ def run(phase: Phase, delta: float) -> Outcome:
         angles.append(float(angle_degrees(normals(picture)[0, 0], normal)))
     note = f"worst at the {names[int(np.argmax(angles))]}; |Δt| up to {worst(off):.1e}"
     return Outcome(worst(angles), note=note if worst(angles) != 0 else "")
-
-
-CASE = Case(
-    number=11,
-    name="edges",
-    title="Cone rim, box edge and corner, octahedron crease and vertex",
-    what="One ray each, square to a face, to a point δ from the edge of the face: a box's edge and "
-    "corner, both sides of a cone's rim, an octahedron's crease and vertex, each on two opposite sides "
-    "of the shape.",
-    why="At an edge the distance has no gradient but a cone of normals. A normal by forward differences "
-    "looks as far as normal_step (1e-4) to one side; nearer to the edge than that it mixes both faces, "
-    "or gives the other face's, a quarter turn off: light edges, on one side of the shape only.",
-    source="J. C. Hart, The Visual Computer 12 (1996), on creased surfaces; I. Quilez, *normals for an "
-    "SDF* (2015, iquilezles.org/articles/normalsSDF), on forward against central differences and their "
-    "bias.",
-    known="δ from the edge the normal is the face's; t = 4 by construction. For δ below normal_step any "
-    "normal of the edge's cone may be called right: the curve shows by how much it is not the face's.",
-    strength="δ, scene units",
-    strengths=(0.1, 1e-2, 1e-3, 2e-4, 1e-4, 5e-5, 1e-5, 1e-6),
-    metric="largest angle to the face's normal",
-    unit="degrees",
-    fails_above=1.0,
-    limit="One degree of the normal turns a mirrored ray by two, which is 48 lines of scene0's picture "
-    "(30° in 720).",
-    run=run,
-)

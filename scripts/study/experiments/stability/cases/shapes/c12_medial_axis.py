@@ -1,4 +1,4 @@
-"""Hard case 12."""
+"""The crease between two equal spheres."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import angle_degrees, normals, scene, shape, worst
 
 SIZE, DEGREES = 16, 5.0
@@ -31,28 +31,3 @@ def run(phase: Phase, strength: float) -> Outcome:
     return Outcome(
         worst(angle), note=f"{strays} pixels on the wrong sphere, depth uneven by {uneven:.1e}" * bool(strays)
     )
-
-
-CASE = Case(
-    number=12,
-    name="medial_axis",
-    title="The crease between two equal spheres",
-    what="Two unit spheres overlap; the camera looks straight at the crease where they meet, in the plane "
-    "of symmetry, and moves closer. No pixel lies on the crease: the nearest are half a pixel beside it.",
-    why="Points at equal distance from both spheres form the medial axis, where the distance has no "
-    "gradient. A forward difference that starts beside it and ends behind it mixes the two sides, and does "
-    "so on one side only, since it steps towards +x.",
-    source="H. Blum, A transformation for extracting new descriptors of shape (1967) for the medial axis; "
-    "I. Quilez, numerical normals for SDFs (iquilezles.org/articles/normalsSDF), on forward differences "
-    "favouring one side.",
-    known="Symmetry: the picture, mirrored left to right with the first component of the normals negated, "
-    "is itself, and its left half shows the left sphere.",
-    strength="distance of neighbouring pixels on the surface, scene units (normal_step is 1e-4)",
-    strengths=(1e-1, 1e-2, 1e-3, 1e-4, 3e-5, 1e-5),
-    metric="largest angle between a normal and the mirrored one of its mirror pixel",
-    unit="degrees",
-    fails_above=1.0,
-    limit="Forward differences over 1e-4 on a unit sphere err by 0.003 degrees; a degree is far outside "
-    "that and moves a highlight visibly.",
-    run=run,
-)

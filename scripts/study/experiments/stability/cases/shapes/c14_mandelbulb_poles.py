@@ -1,4 +1,4 @@
-"""Hard case 14."""
+"""The Mandelbulb on its axis, at its origin and close up."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import threading
 import mpmath
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import scene, shape
 
 BULB = {"power": 8, "iterations": 4, "bailout": 256}
@@ -92,27 +92,3 @@ def run(phase: Phase, strength: float) -> Outcome:
     return Outcome(
         float(np.max(off)), note=", ".join(f"{k} {np.max(v):.1e}" for k, v in groups.items()) + " relative"
     )
-
-
-CASE = Case(
-    number=14,
-    name="mandelbulb_poles",
-    title="The Mandelbulb on its axis, at its origin and close up",
-    what="Distances to a Mandelbulb of 4 iterations at points 2^−k beside the axis x = z = 0 (inside and "
-    "outside), 2^−k from the origin, and 2^−k above its surface.",
-    why="On the axis the azimuth is undefined and the trigonometry-free form divides by √((x² + z²)⁷), "
-    "which underflows to zero in float from 2^−11 on; at the origin it takes the logarithm of zero; above "
-    "the surface the map has multiplied the point's own rounding many times.",
-    source="D. White and P. Nylander (fractalforums.com, 2009) for the map; I. Quilez, mandelbulb "
-    "(iquilezles.org/articles/mandelbulb, 2009) for the form without trigonometry, whose article guards "
-    "nothing.",
-    known="The map by angles in 60-digit arithmetic (mpmath), at the very doubles that the phase is given.",
-    strength="k: the points are 2^−k off",
-    strengths=(2, 6, 10, 14, 18, 22, 26, 30, 40, 75, 150, 500, 1000),
-    metric="largest error of a distance, relative to it or to 1e-9, whichever is larger",
-    unit="",
-    fails_above=0.5,
-    limit="Half as far again (or half as far) is a step that no longer converges on the surface it heads "
-    "for; 1e-9 is the smallest hit distance there is, so smaller distances are all one to a march.",
-    run=run,
-)

@@ -1,4 +1,4 @@
-"""Hard case 17."""
+"""Rays that graze the rim of a torus's hole."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import functools
 import mpmath
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase
+from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import found, rays, scene, shape, worst
 from study.experiments.stability.cases.shapes import c14_mandelbulb_poles
 
@@ -67,26 +67,3 @@ def run(phase: Phase, strength: float) -> Outcome:
         100 * wrong / (2 * SIZE[0] * SIZE[1]),
         note=f"largest |Δt| of the right hits {worst(np.array(dt)):.1e}",
     )
-
-
-CASE = Case(
-    number=17,
-    name="torus_rim",
-    title="Rays that graze the rim of a torus's hole",
-    what="The camera looks straight down at the narrowest place of the hole, 2^−k beside it on either "
-    "side; nine rays in a row along the rim, half of the pictures passing through, half just touching.",
-    why="The quartic of ray and torus has two nearly equal roots there. A solver of it loses half its "
-    "digits; a marcher slows down, may run out of steps, and takes a passage closer than its hit distance "
-    "for a hit.",
-    source="P. Hanrahan, Ray tracing algebraic surfaces, SIGGRAPH 1983, for the quartic; its double roots "
-    "are a lasting subject of forums (gamedev.net, Help debugging a ray-torus intersection, 2007).",
-    known="The quartic's roots in 60-digit arithmetic.",
-    strength="k: rays are 2^−k beside the rim",
-    strengths=(4, 8, 12, 16, 19, 22, 25, 28),
-    metric="false hits and false misses",
-    unit="% of the rays",
-    fails_above=0.0,
-    limit="There is a right answer for every ray. From k = 20 on the rays pass closer than the hit "
-    "distance of 1e-6, and false hits follow from the method.",
-    run=run,
-)

@@ -1,10 +1,10 @@
-"""Hard case 27."""
+"""Thousands of equal shapes in one place."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from study.experiments.stability.cases import Case, Outcome, Phase, exact
+from study.experiments.stability.cases import Outcome, Phase, exact
 from study.experiments.stability.cases.scenes import scene, shape
 
 SIZE = (16, 9)
@@ -25,25 +25,3 @@ def run(phase: Phase, strength: float) -> Outcome:
     for name in one:
         differs |= one[name].view(np.uint32) != many[name].view(np.uint32)
     return Outcome(exact.share(differs))
-
-
-CASE = Case(
-    number=27,
-    name="many_alike",
-    title="Thousands of equal shapes in one place",
-    what="One torus, and up to 4096 of it in the same place, the most that the format allows.",
-    why="Nothing tells the shapes apart: a hierarchy over them cannot split and becomes a list or recurses "
-    "without end, and every point is at the same distance from all.",
-    source="godot pull request 109514 (2025: equal centres made every operation of the tree linear, its "
-    "construction quadratic); obvhs pull request 5 (2025: overlapping instances overflowed the depth of "
-    "the tree).",
-    known="The union of equal shapes is the shape, and the first of equals is the one that counts: the "
-    "same picture bit for bit, with id 0.",
-    strength="number of shapes",
-    strengths=(1, 8, 64, 512, 4096),
-    metric="pixels in which any bit of any channel differs",
-    unit="%",
-    fails_above=0.0,
-    limit="The same numbers enter the same arithmetic.",
-    run=run,
-)

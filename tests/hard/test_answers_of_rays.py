@@ -1,0 +1,228 @@
+"""Hard cases of rays and cameras: their known answers, computed in another way."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from mpmath import mpf
+
+from conformance import geometry
+from hard.first_hits import first_hit_holds
+from study.core import registry
+from study.experiments.stability.cases import Case, Phase, builds, exact, find_cases
+from study.experiments.stability.cases.rays import c01_grazing_plane as c01
+from study.experiments.stability.cases.rays import c03_halo as c03
+from study.experiments.stability.cases.rays import c04_step_cap as c04
+from study.experiments.stability.cases.rays import c05_far_wall as c05
+from study.experiments.stability.cases.rays import c07_camera_shift as c07
+from study.experiments.stability.cases.rays import c08_scale as c08
+from study.experiments.stability.cases.rays import c19_tiny_numbers as c19
+from study.experiments.stability.cases.rays import c20_reciprocal_roots as c20
+from study.experiments.stability.cases.rays import c22_sizes as c22
+from study.experiments.stability.cases.rays import c24_wide_field as c24
+from study.experiments.stability.cases.scenes import rays
+from study.experiments.stability.cases.shapes import c13_no_lipschitz_bound as c13
+
+mpmath.mp.dps = 60
+
+
+def of(number: int) -> Case:
+    return find_cases([str(number)])[0]
+
+
+def strengths(name: str, number: int) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize(name, of(number).strengths)
+
+
+def to_plane(scene: dict, plane: dict) -> mpf:
+    """Exact t of the ray of a 1×1 picture to a plane; the ray is from the numbers of the file."""
+    camera = scene["camera"]
+    origin, target = ([mpf(x) for x in camera[key]] for key in ("position", "look_at"))
+    way = [b - a for a, b in zip(origin, target, strict=True)]
+    length = mpmath.sqrt(sum(x * x for x in way))
+    normal, offset = [mpf(x) for x in plane["normal"]], mpf(plane["offset"])
+    across = sum(n * x for n, x in zip(normal, way, strict=True)) / length
+    return (offset - sum(n * x for n, x in zip(normal, origin, strict=True))) / across
+
+
+def numbers(value: object) -> list[float]:
+    """All numbers of a JSON value, in order."""
+    if isinstance(value, dict):
+        return [x for key in sorted(value) for x in numbers(value[key])]
+    return [x for item in value for x in numbers(item)] if isinstance(value, list) else [value]
+
+
+@strengths("degrees", 1)
+def test_grazing_plane(degrees: float) -> None:
+    scene = c01.grazing(degrees)
+    t, steps = c01.answer(degrees)
+    assert abs(to_plane(scene, scene["shapes"][0]) / mpf(t) - 1) < 1e-14
+    height, evals = mpf(1), 1
+    step = mpmath.sin(mpf(degrees) * mpmath.pi / 180)
+    while not height < mpf(c01.HIT_DISTANCE):
+        height, evals = height * (1 - step), evals + 1
+    assert evals == steps < scene["march"]["max_steps"]
+
+
+@strengths("clearance", 3)
+@pytest.mark.parametrize("distance", c03.DISTANCES)
+def test_halo(clearance: float, distance: float) -> None:
+    scene = c03.passing(clearance, distance)
+    sphere, wall = scene["shapes"]
+    nearest = Fraction(sphere["position"][0]) - Fraction(sphere["radius"])  # the ray is the z axis
+    assert nearest > 0 and math.isclose(nearest, clearance, rel_tol=1e-8)
+    assert to_plane(scene, wall) == c03.BACKGROUND
+
+
+@pytest.mark.parametrize("share", c04.HEIGHTS)
+@pytest.mark.parametrize("width", [w for w in of(4).strengths if w >= 0.02])
+def test_step_cap(width: float, share: float) -> None:
+    """A march with the geometry's distances: at the wall, after that number of evaluations."""
+    scene = c04.gap(width, share)
+    origin = np.array(scene["camera"]["position"], float)
+    forward = np.array([0, 0, 1.0])
+    t, evals = 0.0, 0
+    while evals < 20000:
+        distance, evals = float(geometry.scene_distance((origin + t * forward)[None], scene)[0]), evals + 1
+        if distance < 1e-6:
+            break
+        t += distance
+    assert abs(t - c04.LENGTH) < 1e-5
+    # Close to the wall the last step is the way to the wall, so one or two fewer or more.
+    assert abs(evals - c04.steps_needed(width, share)) <= 2
+
+
+@strengths("distance", 5)
+def test_far_wall(distance: float) -> None:
+    scene = c05.wall(distance)
+    plane, t = scene["shapes"][0], c05.exact(distance)
+    origin, directions = geometry.rays(scene, *c05.SIZE)
+    normal = [mpf(x) for x in plane["normal"]]
+    for row, column in ((0, 0), (0, 15), (7, 8), (15, 0), (15, 15)):
+        across = sum(n * mpf(x) for n, x in zip(normal, directions[row, column], strict=True))
+        assert abs((mpf(plane["offset"]) - 0) / across / mpf(t[row, column]) - 1) < 1e-13
+    assert not origin.any() and (t > 0).all() and (t < scene["march"]["bounds_radius"]).all()
+
+
+@strengths("k", 7)
+def test_camera_shift(k: int) -> None:
+    """Every place is moved by 2ᵏ without rounding, nothing else is, and all shapes stay inside the bounds."""
+    home, away = c07.shifted(None), c07.shifted(k)
+
+    def places(scene: dict) -> list[list[float]]:
+        camera = [scene["camera"]["position"], scene["camera"]["look_at"], scene["light"]["position"]]
+        return camera + [one["position"] for one in scene["shapes"]]
+
+    for a, b in zip(numbers(places(home)), numbers(places(away)), strict=True):
+        assert Fraction(b) - Fraction(a) == 2**k
+    same = [{key: v for key, v in one.items() if key != "position"} for one in home["shapes"]]
+    assert same == [{key: v for key, v in one.items() if key != "position"} for one in away["shapes"]]
+    corner = math.dist((0, 0, 0), [2.0**k] * 3) + 16
+    assert corner < away["march"]["bounds_radius"] <= 1e9
+    points = np.round(np.random.default_rng(7).uniform(-8, 8, (200, 3)) * 16) / 16
+    there = geometry.scene_distance(points + 2.0**k, away)
+    assert np.allclose(there, geometry.scene_distance(points, home), rtol=0, atol=1e-13)
+
+
+@strengths("k", 8)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_scale(k: int, sign: int) -> None:
+    """Distances, and what fog and light are worked out from, scale exactly; the file keeps its limits."""
+    s = 2.0 ** (sign * k)
+    home, away = c08.scaled(0), c08.scaled(sign * k)
+    points = np.random.default_rng(8).uniform(-40, 100, (300, 3))
+    assert np.array_equal(
+        geometry.scene_distance(points * s, away), s * geometry.scene_distance(points, home)
+    )
+    assert Fraction(away["fog"]) * Fraction(s) ** 3 == Fraction(home["fog"])
+    for a, b in zip(home["light"]["emission"], away["light"]["emission"], strict=True):
+        assert Fraction(b) / Fraction(s) == a
+    for key in ("hit_distance", "bounds_radius", "normal_step", "surface_offset"):
+        assert Fraction(away["march"][key]) == Fraction(home["march"][key]) * Fraction(s)
+    directions = [geometry.rays(scene, *c08.SIZE)[1] for scene in (home, away)]
+    assert np.array_equal(*directions)
+    lengths = [abs(x) for x in numbers(away) if isinstance(x, float) and x]
+    assert max(lengths) <= 1e9 and min(numbers(away["march"])) >= 1e-9
+
+
+def test_first_hits_of_the_cases() -> None:
+    """The closed forms of exact.py against distances from geometry, along the very rays of the cases."""
+    first_hit_holds(c13.truth()[0], c13.SIZE, c13.truth()[3])
+    for k in (0, 1):
+        first_hit_holds(c22.side_by_side(k), c22.SIZE, c22.truth(k)[0], 10.0**-k)
+
+
+def test_sphere_against_rationals() -> None:
+    """t of a giant sphere close by (case 22 at its hardest) in 60 digits."""
+    whole = c22.side_by_side(6)
+    directions = rays(whole, c22.SIZE)[1]
+    t, shapes = c22.truth(6)
+    for row, column in [(0, 0), (7, 20), (16, 16), (31, 3)]:
+        d = [mpf(float(x)) for x in directions[row, column]]
+        found = []
+        for ball in whole["shapes"]:
+            away = [mpf(0) - mpf(float(x)) for x in ball["position"]]
+            a, b = sum(x * x for x in d), sum(x * y for x, y in zip(d, away, strict=True))
+            inside = b * b - a * (sum(x * x for x in away) - mpf(float(ball["radius"])) ** 2)
+            found.append((-b - mpmath.sqrt(inside)) / a if inside >= 0 else mpmath.inf)
+        assert shapes[row, column] == found.index(min(found))
+        assert abs(mpf(float(t[row, column])) / min(found) - 1) < 1e-9
+
+
+def test_tiny_numbers_change_nothing() -> None:
+    """The additions of case 19 move no camera ray and are denormal at the last strength."""
+    plain, tiny = c19.with_tiny(-math.inf), c19.with_tiny(-320)
+    assert 0 <= tiny["fog"] < 2.3e-308 and tiny["shapes"][1]["position"][2] == 5
+    for a, b in zip(rays(plain, (5, 3)), rays(tiny, (5, 3)), strict=True):
+        assert np.abs(a - b).max() < 1e-15
+
+
+def test_reciprocal_roots_of_this_cpu() -> None:
+    """The manual's special values and bounds."""
+    found = c20.table()
+    assert isinstance(found, dict), found
+    for name, bound in {"rsqrtss": 1.5 * 2**-12, "rsqrtps": 1.5 * 2**-12, "rsqrt14": 2**-14}.items():
+        if (table := found[name]) is None:
+            assert name == "rsqrt14" and "avx512f" not in registry.cpu_flags()
+            continue
+        assert (table["0"], table["-0"], table["inf"]) == ("inf", "-inf", 0)
+        assert table["-1"] == table["nan"] == "nan" and table["worst_relative_error"] <= bound
+        assert table["smallest normal"] == pytest.approx(2.0**63, rel=bound)
+    assert found["rsqrtss"]["hash"] == found["rsqrtps"]["hash"]
+
+
+def test_centres_by_geometry() -> None:
+    for kind, sizes in c20.SHAPES.items():
+        for k in (20, 40) if kind == "mandelbulb" else (2, 10, 40):
+            points, known = c20.at_centre(kind, 2.0**-k)
+            assert np.abs(geometry.shape_distance(points, {"type": kind, **sizes}) - known).max() < 1e-15
+    points, known = c20.at_centre("sphere", 2.0**-1100)
+    assert (points == 0).all() and (known == -1).all()
+
+
+def test_builds_differ() -> None:
+    """The other builds of cases 19 and 21 are other builds: their flags are in the programs' records."""
+    phase = Phase("baseline")
+    flags = {}
+    for title, built in {
+        "ftz": builds.flushing(phase),
+        "fast": builds.fast_math(phase),
+        "fma": builds.contracted(phase),
+    }.items():
+        program = built.program(built.renderer)
+        flags[title] = (registry.ROOT / built.folder / built.name / "phase_info.h").read_text()
+        loads = subprocess.run(["nm", program], capture_output=True, text=True, check=True).stdout
+        assert ("set_fast_math" in loads) == (title != "fma"), f"{title}: start-up code"
+    assert "-ffast-math" in flags["fast"] and "-ffp-contract=fast" in flags["fma"]
+    assert "-ffast-math" not in flags["ftz"]
+
+
+def test_first_hits_of_a_wide_field() -> None:
+    """The closed form of exact.py against distances from geometry, along the very rays of the case."""
+    wide = c24.wall(170)
+    first_hit_holds(wide, c24.SIZE, exact.plane(*rays(wide, c24.SIZE), [0.36, 0.48, 0.8], 1))
