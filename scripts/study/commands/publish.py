@@ -117,10 +117,6 @@ def about(folder: Path, commands: list[str], caveat: str) -> str:
     said = {"machine": machine.name(context), "compiler": context.get("compiler") or "unknown"}
     said |= {"time": context.get("time") or "unknown", "commit": ", ".join(provenance.commits(folder))}
     said |= {"commands": commands, "caveat": caveat}
-    said = {
-        key: cli.visible(text) if isinstance(text, str) else [*map(cli.visible, text)]
-        for key, text in said.items()
-    }
     return "".join(f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in said.items())
 
 

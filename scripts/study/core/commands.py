@@ -12,6 +12,7 @@ import ast
 import contextlib
 import difflib
 import importlib
+import io
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -84,33 +85,47 @@ def parser_for(name: str, body: Any) -> argparse.ArgumentParser:
     return made
 
 
-def called(name: str, words: Sequence[str]) -> tuple[Outcome, bool]:
+def called(name: str, words: Sequence[str | Path]) -> tuple[Outcome, bool]:
     """A command in this process, and whether --json was given. SystemExit for bad arguments; StudyError."""
     body: Any = importlib.import_module(find_all()[name].module)
-    args = parser_for(name, body).parse_args(list(words))
+    if not hasattr(body, "options"):
+        return _legacy(find_all()[name], body, list(map(str, words))), False
+    args = parser_for(name, body).parse_args(list(map(str, words)))
     return (body.measure(args) if hasattr(body, "measure") else body.run(args)), args.json
 
 
-class _Parsed(Exception):
-    """Ends a command where it would parse its arguments."""
-
-
 def parser_of(command: Command) -> argparse.ArgumentParser:
-    """The command's own parser: its main is run as far as to where the arguments would be parsed."""
-    body = importlib.import_module(command.module)
-    if hasattr(body, "options"):
-        return parser_for(command.name, body)
+    body: Any = importlib.import_module(command.module)
+    return parser_for(command.name, body) if hasattr(body, "options") else _legacy_parser(command)
+
+
+def _legacy(command: Command, body: Any, words: list[str]) -> Outcome:
+    before = sys.argv[:]
+    sys.argv[:] = [f"stepwise {command.name}", *words]
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            status = body.main() or cli.OK
+    finally:
+        sys.argv[:] = before
+    said = cli._emitted.pop() if cli._emitted else {"result": None, "run": None}
+    return Outcome(said["result"], run=said["run"] and Path(said["run"]), status=status)
+
+
+def _legacy_parser(command: Command) -> argparse.ArgumentParser:
     found: list[argparse.ArgumentParser] = []
+
+    class Parsed(Exception):
+        pass
 
     def parsed(parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
         found.append(parser)
-        raise _Parsed
+        raise Parsed
 
     words, parse = sys.argv[:], argparse.ArgumentParser.parse_args
     argparse.ArgumentParser.parse_args = parsed  # type: ignore[assignment, method-assign]
     sys.argv[:] = [f"stepwise {command.name}"]
     try:
-        with contextlib.suppress(_Parsed):
+        with contextlib.suppress(Parsed):
             importlib.import_module(command.module).main()
     finally:
         argparse.ArgumentParser.parse_args, sys.argv[:] = parse, words  # type: ignore[method-assign]
@@ -145,8 +160,8 @@ def main() -> int:
         return cli.OK
     if name == "list" and rest == ["--json"]:
         sys.argv[:] = ["stepwise list"]
-        cli.emit({c.name: {"what": c.what, "experiment": c.experiment} for c in found.values()})
-        return cli.OK
+        known = {c.name: {"what": c.what, "experiment": c.experiment} for c in found.values()}
+        return Outcome(known).tell(as_json=True)
     if name not in found:
         near = difflib.get_close_matches(name, found, n=1)
         hint = f"did you mean {near[0]}?" if near else "`scripts/stepwise list` names them all"

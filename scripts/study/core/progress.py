@@ -28,19 +28,6 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
 
 
-class _Terminal:
-    """Standard error for a bar, which moves the cursor: past what `cli.speak` makes of its `write`."""
-
-    def __init__(self) -> None:
-        self.stream: Any = sys.stderr
-
-    def write(self, text: str) -> None:
-        type(self.stream).write(self.stream, text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.stream, name)
-
-
 class Progress:
     """Of `about`; `total` steps, None where that is not known. `share`: in percent, and the end is said.
 
@@ -48,14 +35,13 @@ class Progress:
     """
 
     def __init__(self, about: str, total: float | None, share: bool = False) -> None:
-        self.about, self.total, self.share = cli.visible(about), total, share
+        self.about, self.total, self.share = about, total, share
         self.done: float = 0
         self.begun = self.said = time.monotonic()
         form = {"bar_format": BAR} if share else {}
         self.bar: Any = None
         if sys.stderr.isatty():
-            out: Any = _Terminal()
-            self.bar = tqdm(total=total, desc=self.about, leave=share, dynamic_ncols=True, file=out, **form)
+            self.bar = tqdm(total=total, desc=self.about, leave=share, dynamic_ncols=True, **form)
 
     def __enter__(self) -> Progress:
         return self
@@ -85,7 +71,7 @@ class Progress:
         step, self.done = done - self.done, done
         if self.bar is not None:
             if doing:
-                self.bar.set_postfix_str(cli.visible(doing), refresh=False)
+                self.bar.set_postfix_str(doing, refresh=False)
             self.bar.update(step)
         elif time.monotonic() - self.said >= PAUSE:
             self.said = time.monotonic()

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import machine, schema, show, store
+from study.core import machine, show, store
 from study.core.cli import StudyError
 from study.core.host import checkout
 from study.core.run_schema import Context
@@ -21,12 +21,6 @@ from study.core.run_schema import Context
 About = Mapping[str, Any]  # the content of a context.json
 SPREADS = ("launches", "ns")  # keys of a row that hold a time per process launch
 CONTEXT = "context.json"  # is its own context
-
-
-def check(context: Any, file: Path) -> None:
-    """Raises StudyError for a context that is none: a place in it is not what it should be."""
-    if why := schema.fault(context, Context):
-        raise StudyError(f"{file}: {why}")
 
 
 def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, About]:
@@ -40,7 +34,7 @@ def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, About]
             continue
         context = content if file.name == CONTEXT else content.get("context")
         if isinstance(context, Mapping):
-            check(context, file)
+            Context.of(context, str(file))
             found[file.stem] = context
     return dict(sorted(found.items(), key=lambda item: str(item[1].get("time") or "")))
 

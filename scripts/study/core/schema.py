@@ -46,22 +46,14 @@ class File(Record):
         return data
 
     @classmethod
-    def read(cls, path: Path) -> dict[str, Any]:
-        """The content of `path`, or of the packed file in its place, with the defaults of what it lacks.
-
-        Raises StudyError: one line with the file, the place and the command that makes the file again.
-        """
+    def load(cls, path: Path) -> Self:
+        """The content of `path`, or of the packed file in its place. Raises StudyError: a line with the file,
+        the key and the command that makes it again."""
         path = json_files.stored(path)
         try:
-            data = json_files.read_json(path)
+            return cls.of(json_files.read_json(path), str(path))
         except StudyError as error:
             raise StudyError(f"{error}; make it again with scripts/stepwise {cls.made_by}") from None
-        return cls.checked(data, str(path))
-
-    @classmethod
-    def load(cls, path: Path) -> Self:
-        """The content of `path`, or of the packed file, as this type. Raises StudyError as `read`."""
-        return msgspec.convert(cls.read(path), cls)
 
     @classmethod
     def load_if_there(cls, path: Path) -> Self | None:
@@ -69,30 +61,33 @@ class File(Record):
         return cls.load(path) if json_files.stored(path).exists() else None
 
     @classmethod
+    def of(cls, data: Any, where: str) -> Self:
+        """`data`, the content of the file `where`. Raises StudyError."""
+        with contextlib.suppress(LookupError, TypeError, AttributeError):  # no such file: said below
+            data = cls.current(data)
+        try:
+            return msgspec.convert(data, cls)
+        except msgspec.ValidationError as error:
+            raise StudyError(f"{where}: {error}") from None
+
+    # What follows goes with the last reader of dicts.
+    @classmethod
+    def read(cls, path: Path) -> dict[str, Any]:
+        cls.load(path)
+        path = json_files.stored(path)
+        return cls.checked(json_files.read_json(path), str(path))
+
+    @classmethod
     def read_if_there(cls, path: Path) -> dict[str, Any]:
-        """The content of `path`, {} without that file. Raises StudyError."""
         return cls.read(path) if json_files.stored(path).exists() else {}
 
     @classmethod
     def checked(cls, data: Any, where: str) -> dict[str, Any]:
-        """`data`, the content of the file `where`, with the defaults of what it lacks. Raises StudyError."""
-        with contextlib.suppress(BROKEN):  # of what is no such file; what is wrong in it is said below
-            data = cls.current(data)
-        try:
-            return _filled(data, msgspec.to_builtins(msgspec.convert(data, cls)))
-        except msgspec.ValidationError:
-            name, why = cls.made_by.split()[0], " ".join(str(fault(data, cls)).split())
-            raise StudyError(
-                f"{where}: not what scripts/stepwise {name} writes ({why}); "
-                f"make it again with scripts/stepwise {cls.made_by}"
-            ) from None
+        made = cls.of(data, where)
+        return _filled(cls.current(data), msgspec.to_builtins(made))
 
 
 def _filled(data: Any, whole: Any) -> Any:
-    """`data` with the keys that only `whole` has: the same content with its defaults.
-
-    What stands under a key that no type knows is not in `whole`.
-    """
     if isinstance(data, dict) and isinstance(whole, dict):
         return whole | {name: _filled(value, whole.get(name)) for name, value in data.items()}
     if isinstance(data, list):
@@ -122,22 +117,6 @@ def alternatives(kind: Any) -> list[Any]:
 
 def is_record(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, Record)
-
-
-def fault(data: Any, kind: Any, place: str = "$") -> str | None:
-    """Where `data` is not of the type, and how: `$.rows[3].ms: Expected …`. None if it is.
-
-    msgspec leaves the numbers of a list's entries out, so they are looked for here.
-    """
-    try:
-        msgspec.convert(data, kind)
-    except msgspec.ValidationError as error:
-        for part, value, inner in _parts(data, kind):
-            if found := fault(value, inner, place + part):
-                return found
-        said, at, path = str(error).rpartition(" - at `$")
-        return f"{place}{path.rstrip('`')}: {said}" if at else f"{place}: {error}"
-    return None
 
 
 def _parts(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:

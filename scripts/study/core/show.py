@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pandas as pd
-
-from study.core import cli
 
 NOTHING = "–"
 LONG = (
@@ -259,9 +256,8 @@ def _with_choices(column: Column, rows: Sequence[Row], empty: Sequence[str]) -> 
 
 
 def inert(text: str) -> str:
-    """`text` for a place in a Markdown page: one line, no HTML, no end of a cell; code and links stay."""
-    text = cli.one_line(text).replace("\\", "\\\\").replace("|", "\\|")
-    return re.sub("<(?=[A-Za-z/!?])", "&lt;", text)
+    """`text` for a cell of a Markdown table: one line, which ends no cell."""
+    return " ".join(text.splitlines()).replace("|", "\\|")
 
 
 def markdown(made: Table) -> str:

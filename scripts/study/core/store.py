@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 RESULTS = ROOT / "results"
 NOT_MACHINES = ("paper", "reference")
-LARGEST = 1 << 28  # bytes of all frames of a run
 AGAIN = f"make it again with scripts/stepwise {Frame.made_by}"
 
 
@@ -36,15 +35,12 @@ def _problem(path: Path, error: OSError) -> StudyError:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Replace `path` by `text` in one step: a reader or a kill sees the old file or the new one.
-
-    What would steer a terminal or turn a line about is written as it is named (cli.visible).
-    """
+    """Replace `path` by `text` in one step: a reader or a kill sees the old file or the new one."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.file(path.parent, f".{path.name}.") as made:
             with made.open("w", encoding="utf-8") as file:
-                file.write(cli.visible(text))
+                file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
             made.chmod(0o644)
@@ -210,12 +206,8 @@ class Run:
         """
         import pandas as pd  # a quarter of a second, which the build of every counted phase need not wait for
 
-        data, path = b"", stored(self.frames_path)
-        try:
-            if path.exists():
-                data = content(path, LARGEST)
-        except OSError as error:
-            raise _problem(self.frames_path, error) from None
+        path = stored(self.frames_path)
+        data = content(path) if path.exists() else b""
         whole = whole_lines(data)
         if whole < len(data):
             cli.say(f"{self.frames_path}: last line is cut off ({len(data) - whole} bytes dropped)")

@@ -99,7 +99,7 @@ def triple(v: Point | Light3) -> list[float]:
 
 def read(path: Path) -> Theirs:
     """The file, checked. Raises StudyError: one line with the file, the line or key, and what is wrong."""
-    data = json_files.read_json(path, any_number=True)
+    data = json_files.read_json(path)
     try:
         return msgspec.convert(data, Theirs)
     except (msgspec.ValidationError, OverflowError) as error:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from study.core import cli
 from study.core.cli import StudyError
 from study.core.registry import BASE, arithmetic_flags, phases
 from study.numbers import analysis, stats
@@ -103,7 +102,7 @@ def cell(value: Any) -> str:
     if isinstance(value, stats.Interval):
         ends = f"[{number(value.low)}, {number(value.high)}]" if value.sufficient else "insufficient"
         return f"{number(value.value)} {ends}"
-    return number(value) if isinstance(value, (float, np.floating)) else cli.one_line(str(value))
+    return number(value) if isinstance(value, (float, np.floating)) else str(value)
 
 
 def table(rows: Sequence[dict[str, Any]], columns: Sequence[tuple[str, str]]) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from study.core.cli import StudyError, one_line
+from study.core.cli import StudyError
 
 MIME = {"png": "image/png", "svg": "image/svg+xml", "jpeg": "image/jpeg", "webp": "image/webp"}
 SHORTER = 0.6  # a JPEG stands in for a rendered picture where it has at most this share of its bytes
@@ -31,7 +31,7 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except _BROKEN as error:
-        why = getattr(error, "strerror", None) or one_line(str(error))
+        why = getattr(error, "strerror", None) or str(error)
         raise StudyError(f"{path}: not a whole picture: {why}") from None
 
 

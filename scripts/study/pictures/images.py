@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from study.core.cli import StudyError, one_line
+from study.core.cli import StudyError
 
 try:
     import flip_evaluator
@@ -52,7 +52,7 @@ def _read(path: Path | str, kind: str) -> tuple[oiio.ImageSpec, np.ndarray]:
 def _read_text(path: Path | str, kind: str) -> tuple[oiio.ImageSpec, np.ndarray]:
     file = oiio.ImageInput.open(str(path))
     if file is None:
-        raise StudyError(f"{path}: not a readable picture: {one_line(oiio.geterror())}")
+        raise StudyError(f"{path}: not a readable picture: {oiio.geterror()}")
     try:
         spec = file.spec()
         _ = spec.channelnames
@@ -60,7 +60,7 @@ def _read_text(path: Path | str, kind: str) -> tuple[oiio.ImageSpec, np.ndarray]
             raise StudyError(f"{path}: {spec.width}x{spec.height} pixels are not in so small a file")
         samples = file.read_image(kind)
         if samples is None:
-            raise StudyError(f"{path}: not a whole picture: {one_line(file.geterror())}")
+            raise StudyError(f"{path}: not a whole picture: {file.geterror()}")
         return spec, samples
     finally:
         file.close()

@@ -7,10 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
-import mutations
 import pytest
 
 from study.bounds import analysers
@@ -18,13 +16,6 @@ from study.core import build, progress, run
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import ROOT, Spec
-
-
-@pytest.fixture(autouse=True)
-def in_time() -> Iterator[None]:
-    """A limit that is not kept fails here, and does not hang the tests; sleepers here sleep for 600 s."""
-    with mutations.in_time(120):
-        yield
 
 
 def hanging(folder: Path, name: str = "tool") -> Path:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shlex
 import shutil
 import subprocess
 import sys
@@ -11,13 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import started
 
 from study.core import cli, commands
 from study.core.registry import ROOT
 
 STEPWISE = ROOT / "scripts" / "stepwise"
-COMMANDS = list(commands.find_all())
 
 
 def status_of(run) -> int:
@@ -31,24 +28,6 @@ def raising(error):
         raise error
 
     return run
-
-
-def test_a_signal_in_a_callback_of_fork_ends_the_script_in_one_line():
-    """There Python prints and swallows what is raised."""
-    code = (
-        "import os, signal\nfrom study.core import cli\n"
-        "def run():\n"
-        "    end = lambda: (os.kill(os.getpid(), signal.SIGTERM), [i for i in range(1000)])\n"
-        "    os.register_at_fork(after_in_parent=end)\n"
-        "    if os.fork() == 0:\n        os._exit(0)\n"
-        "    raise cli.StudyError('nothing more is started')\n"
-        "cli.main(run)"
-    )
-    words = [sys.executable, "-c", code]
-    done = subprocess.run(
-        words, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": "scripts"}, cwd=ROOT
-    )
-    assert (done.returncode, done.stderr) == (128 + 15, "-c: ended by SIGTERM\n")
 
 
 def test_main_gives_the_status_of_the_function():
@@ -79,60 +58,46 @@ def test_a_bug_has_a_status_of_its_own_and_shows_its_traceback(capsys):
     assert said.splitlines()[-1].endswith(": crashed: ZeroDivisionError")
 
 
-@pytest.mark.parametrize("body", ["import study.no_such_module", "cli.main(lambda: 1 // 0)", "1 // 0"])
-def test_a_bug_anywhere_in_a_script_has_that_status(body, tmp_path):
-    path = script(tmp_path, f"from study.core import cli\n{body}\n")
-    done = subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=60)
-    assert done.returncode == cli.CRASHED
-    assert "Traceback" in done.stderr and done.stderr.splitlines()[-1].startswith("some.py: crashed: ")
-
-
-def test_a_program_that_imports_the_study_keeps_its_own_statuses(tmp_path):
-    script(tmp_path, "")
-    path = tmp_path / "theirs.py"
-    path.write_text("from study.core import cli\n1 // 0\n")
-    environment = os.environ | {"PYTHONPATH": str(tmp_path / "scripts")}
-    done = subprocess.run([sys.executable, path], capture_output=True, env=environment, timeout=60)
-    assert done.returncode == 1
-
-
 def test_the_documented_statuses_are_those_of_the_scripts():
     text = (ROOT / "docs" / "exit-statuses.md").read_text()
     rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| ")]
     assert {int(status): meaning.strip() for status, meaning in rows[2:]} == cli.STATUSES
 
 
-def test_emit_writes_what_json_knows(capsys, monkeypatch):
+def test_an_outcome_is_one_object_of_what_json_knows(capsys, monkeypatch):
     @dataclass
     class Interval:
         value: float
         low: float
 
-    monkeypatch.setattr("sys.argv", ["stepwise some"])
-    cli.emit(
-        {
-            "nan": float("nan"),
-            "array": np.array([1.5, np.inf]),
-            "integer": np.int64(3),
-            "interval": Interval(np.float32(0.5), -np.inf),
-            "path": Path("a/b"),
-            1: (True, None),
-        },
-        Path("results/run"),
-    )
-    assert capsys.readouterr().out == "", "how it ends is not known yet"
-    assert cli.finish(cli.FAILED) == cli.FAILED
-    said = json.loads(capsys.readouterr().out)
-    about = {"command": "some", "status": "failed", "run": "results/run"}
-    assert said.items() >= about.items() and said.keys() == {*about, "result"}
-    assert said["result"] == {
-        "nan": None,
-        "array": [1.5, None],
-        "integer": 3,
-        "interval": {"value": 0.5, "low": None},
-        "path": "a/b",
-        "1": [True, None],
+    result = {
+        "nan": float("nan"),
+        "array": np.array([1.5, np.inf]),
+        "integer": np.int64(3),
+        "interval": Interval(np.float32(0.5), -np.inf),
+        "path": Path("a/b"),
+        1: (True, None),
     }
+    monkeypatch.setattr("sys.argv", ["stepwise some"])
+    outcome = cli.Outcome(result, ["a line"], Path("results/run"), ["a remark"], ["a check"])
+    assert outcome.tell(as_json=True) == cli.FAILED
+    said = capsys.readouterr()
+    assert said.err == "a remark\nFAIL a check\n"
+    assert json.loads(said.out) == {
+        "command": "some",
+        "status": "failed",
+        "run": "results/run",
+        "result": {
+            "nan": None,
+            "array": [1.5, None],
+            "integer": 3,
+            "interval": {"value": 0.5, "low": None},
+            "path": "a/b",
+            "1": [True, None],
+        },
+    }
+    assert cli.Outcome(result, ["a line"]).tell(as_json=False) == cli.OK
+    assert capsys.readouterr().out == "a line\n"
 
 
 @pytest.mark.parametrize("command", commands.find_all().values(), ids=lambda command: command.name)
@@ -150,49 +115,28 @@ def test_an_option_is_written_the_same_way_everywhere(command):
             assert shown == "RUN"
 
 
-def script(folder: Path, body: str) -> Path:
-    """A script beside a copy of study/core/cli.py, in a tree of its own."""
-    core = folder / "scripts" / "study" / "core"
-    core.mkdir(parents=True)
-    (core / "__init__.py").touch()
-    shutil.copy(ROOT / "scripts" / "study" / "core" / "cli.py", core)
-    shutil.copy(cli.DECLARED, folder)
-    path = folder / "scripts" / "some.py"
-    path.write_text(body)
-    return path
+def doors(folder: Path, venv: str = "") -> list[str | Path]:
+    """The command in a tree of its own, started by a Python without packages."""
+    (folder / "scripts").mkdir()
+    shutil.copy(STEPWISE, folder / "scripts")
+    shutil.copytree(ROOT / "scripts" / "study" / "core", folder / "scripts" / "study" / "core")
+    if venv:
+        (folder / ".venv" / "bin").mkdir(parents=True)
+        (folder / ".venv" / "bin" / "python").write_text(venv)
+        (folder / ".venv" / "bin" / "python").chmod(0o755)
+    return [sys.executable, "-S", folder / "scripts" / "stepwise"]
 
 
-def run_bare(path: Path, *arguments: str) -> subprocess.CompletedProcess:
-    """Run without site-packages, as outside the venv."""
-    environment = {key: value for key, value in os.environ.items() if not key.startswith("STEPWISE")}
-    command = [sys.executable, "-S", str(path), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=60)
+def test_the_command_starts_in_the_venv(tmp_path):
+    command = doors(tmp_path, '#!/bin/sh\necho "venv: $*"\n')
+    done = subprocess.run([*command, "--phase", "a b"], capture_output=True, text=True)
+    assert done.stdout == f"venv: {command[-1]} --phase a b\n"
 
 
-def test_missing_package_goes_on_in_the_venv(tmp_path):
-    path = script(tmp_path, "from study.core import cli\nprint('not reached')\n")
-    python = tmp_path / ".venv" / "bin" / "python"
-    python.parent.mkdir(parents=True)
-    python.write_text('#!/bin/sh\necho "venv: $*"\n')
-    python.chmod(0o755)
-    done = run_bare(path, "--phase", "a b")
-    assert done.stdout == f"venv: -S {path} --phase a b\n"
-    assert done.returncode == 0
-
-
-@pytest.mark.parametrize("venv", [True, False])
-def test_missing_package_without_way_out_is_one_line(tmp_path, venv):
-    path = script(tmp_path, "from study.core import cli\nprint('not reached')\n")
-    if venv:  # a venv that lacks the package as well: no loop
-        python = tmp_path / ".venv" / "bin" / "python"
-        python.parent.mkdir(parents=True)
-        python.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} "$@"\n')
-        python.chmod(0o755)
-    done = run_bare(path)
-    assert done.returncode == cli.CANNOT_RUN
-    assert done.stdout == ""
-    assert done.stderr.startswith("some.py: numpy, ")
-    assert done.stderr.endswith("missing; run `make setup` first\n")
+def test_without_packages_it_ends_in_one_line(tmp_path):
+    done = subprocess.run(doors(tmp_path), capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (cli.CANNOT_RUN, "")
+    assert "make setup" in done.stderr and len(done.stderr.splitlines()) == 1
 
 
 def test_a_reader_that_goes_away_is_no_error(tmp_path):
@@ -209,22 +153,13 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     assert child.wait() == 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_names_its_exit_statuses(name):
-    done = started.run([sys.executable, STEPWISE, name, "-h"])
-    assert done.returncode == 0, done.stderr
-    assert "exit status:" in done.stdout
-    assert "--json" in done.stdout
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_refuses_an_unknown_option(name):
-    done = started.run([sys.executable, STEPWISE, name, "--no-such-option"])
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr
-    assert done.stdout == ""
+@pytest.mark.parametrize("command", commands.find_all().values(), ids=lambda command: command.name)
+def test_every_command_names_its_exit_statuses_and_refuses_an_unknown_option(command, capsys):
+    parser = commands.parser_of(command)
+    assert "exit status:" in parser.format_help() and "--json" in parser.format_help()
+    with pytest.raises(SystemExit) as end:
+        parser.parse_args(["--no-such-option"])
+    assert end.value.code == cli.BAD_INPUT and capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import re
 import types
@@ -14,13 +13,11 @@ import pytest
 
 from study.commands import tables as tables_command
 from study.core import provenance
-from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.fixed import measure as fixed
 from study.experiments.lattice import measure as lattice
 from study.experiments.rods import measure as rods
 from study.experiments.systems import tables as systems
-from study.numbers import analysis
 
 OLD, NEW = "694a2379e4" + "0" * 30, "da3dd80826" + "1" * 30
 
@@ -99,27 +96,3 @@ def test_the_page_s_block_is_what_the_run_that_it_names_makes():
     path = ROOT / "results" / "reference" / re.search(r"all rows: `([\w.-]+)/tables/`", block)[1]
     data = types.SimpleNamespace(path=path, context=json.loads((path / "context.json").read_text()))
     assert tables["systems_page"](text, data) == text
-
-
-@pytest.mark.parametrize(
-    "change, said",
-    [
-        ({"cpu": {"microarchitecture": [None]}}, "$.cpu.microarchitecture: Expected `str | null`"),
-        ({"cpu": ["Zen 3"]}, "$.cpu: Expected `object | null`"),
-        ({"time": 5}, "$.time: Expected `str | null`"),
-        ({"git": {"commit": {}}}, "$.git.commit: Expected `str | null`"),
-    ],
-)
-def test_a_broken_context_is_one_line(mixed: Path, change: dict, said: str) -> None:
-    whole = json.loads((mixed / "context.json").read_text())
-    write(mixed, "context.json", whole | change)
-    for read in (provenance.contexts, functools.partial(analysis.load, strict=False)):
-        with pytest.raises(StudyError) as caught:
-            read(mixed)
-        assert str(caught.value).startswith(f"{mixed / 'context.json'}: ") and said in str(caught.value)
-        assert len(str(caught.value).splitlines()) == 1
-    write(mixed, "context.json", whole)
-    rods_too = json.loads((mixed / rods.FILE).read_text())
-    write(mixed, rods.FILE, rods_too | {"context": rods_too["context"] | change})
-    with pytest.raises(StudyError, match=r"rods\.json: \$\."):
-        provenance.contexts(mixed)
