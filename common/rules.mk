@@ -55,7 +55,8 @@ endif
 # makes in build/NAME/source. The sources of NAME@FROM and NAME+PATCH are those of NAME.
 FOLDERS := $(patsubst %/phase.json,%,$(wildcard phases/*/phase.json systems/*/phase.json truth/phase.json))
 PHASES := $(sort $(notdir $(FOLDERS)))
-DERIVED := $(notdir $(patsubst %/phase.json,%,$(shell grep -l '"derives"' $(FOLDERS:%=%/phase.json))))
+DERIVES := $(shell grep -Ho '"derives": *"[^"]*"' $(FOLDERS:%=%/phase.json) | sed 's|\(.*/\)*\([^/]*\)/phase.json:[^:]*: *"\(.*\)"|\2:\3|')# child:parent
+DERIVED := $(foreach d,$(DERIVES),$(firstword $(subst :, ,$d)))
 folder_of = $(filter phases/$(1) systems/$(1) $(filter truth,$(1)),$(FOLDERS))
 source_of = $(firstword $(subst @, ,$(1)))
 flags_of = $(lastword $(subst @, ,$(1)))
@@ -100,10 +101,13 @@ $(BUILD)/%/phase_info.h: FORCE
 only_supported = $(if $(or $(SANITIZERS),$(CLANG),$(findstring +,$*),$(filter-out $(BUILD)/$*,$(@D))),--here)
 compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* --tree $(call tree_of,$*) --include common \
     --cc '$(CC)' --toolchain '$(TOOLCHAIN) $(EMULATED_BY)' --flags '$(WARNINGS) $(SANITIZED)' --parsed $(BUILD)/common/parsed \
-    $(only_supported) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(2)
+    $(only_supported) $(if $(findstring s,$(firstword -$(MAKEFLAGS))),--quiet) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(2)
 NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
 
-# An ablation takes over what its phase's build made, wherever its patch changes nothing: so the phase is built first.
+# A derived phase takes over what its parent's build made wherever nothing differs, and an ablation what its phase's
+# made: so those are built first.
+$(foreach d,$(DERIVES),$(foreach o,phase.o read syntax/read,\
+    $(eval $(BUILD)/$(firstword $(subst :, ,$d))/$o: | $(BUILD)/$(lastword $(subst :, ,$d))/$o)))
 $(foreach a,$(foreach f,$(FOLDERS),$(patsubst $f/ablations/%.patch,$(notdir $f)+%,$(wildcard $f/ablations/*.patch))),$(foreach o,phase.o count/phase.o,\
     $(eval $(BUILD)/$a/$o: | $(BUILD)/$(firstword $(subst +, ,$a))/$o)))
 $(BUILD)/%/phase.o: $(phase_prerequisites)

@@ -11,8 +11,8 @@ flags.json (made by phase_info.py) holds the phase's flags and variants. A file 
 compiled once per variant, as NAME-VARIANT, with LANES and VARIANT(name) defined. A source is compiled again
 only if its command or a file that it includes has changed.
 
-An ablation, NAME+PATCH, takes over what the build of NAME beside it made, wherever its patch changes nothing
-that a source reads.
+A derived phase takes over what its parent's build beside it made, and an ablation, NAME+PATCH, what NAME's made,
+wherever all that a source reads has equal texts.
 
 The timing build by gcc contains all variants. With --here only the variants that this CPU can run are
 compiled, because no other is ever called. Make passes --here for builds that are sanitized, counted, profiled
@@ -107,35 +107,35 @@ def without_line(path: Path) -> str:
     return text.partition("\n")[2] if text.startswith('#line 1 "') else text
 
 
-def take_over(made: Path, command: list[str], tree: Path, build: Path) -> bool:
-    """Takes a result from the build of NAME into that of NAME+PATCH if all that it read has equal texts.
+def take_over(made: Path, command: list[str], args: argparse.Namespace, other: str | None) -> bool:
+    """Takes a result from the build of the phase `other` if all that it read has equal texts.
 
-    Returns False, with nothing done, if NAME's result is missing, stale or made by another command.
+    Returns False, with nothing done, if that result is missing, stale or made by another command.
     """
-    name, plus, _ = build.name.partition("+")
-    of = build.parent / name
-    places = (of / "source", Path("phases", name), Path("systems", name), Path(name))
-    from_tree = next(place for place in places if place.is_dir())
-    if not plus or "@" in build.name:
+    if not other:
         return False
+    tree, build, of = args.tree, args.build, args.build.parent / other
+    places = (of / "source", Path("phases", other), Path("systems", other), Path(other))
+    from_tree = next(place for place in places if place.is_dir())
 
-    def theirs(word: str) -> str:
-        return word.replace(str(tree), str(from_tree)).replace(str(build), str(of))
+    def theirs(word: str | Path) -> str:
+        return str(word).replace(str(tree), str(from_tree)).replace(str(build), str(of))
 
     try:
-        other = Path(theirs(str(made)))
-        if not fresh(other, [theirs(word) for word in command]):
+        parent = Path(theirs(made))
+        if not fresh(parent, [theirs(word) for word in command]):
             return False
-        needed = other.with_suffix(".d").read_text()
+        needed = parent.with_suffix(".d").read_text()
         for word in needed.replace("\\\n", " ").split(": ", 1)[1].split():
             if word.startswith(f"{from_tree}/"):
                 if without_line(Path(word)) != without_line(tree / Path(word).relative_to(from_tree)):
                     return False
             elif word.startswith(f"{of}/"):
                 return False
-        for suffix, folder in ((made.suffix, made.parent), (".o", made.parent.parent / "objects")):
-            own = folder / f"{made.stem}{suffix}"
-            shutil.copyfile(theirs(str(own)), own)
+        for own in (
+            {made, made.parent.parent / "objects" / f"{made.stem}.o"} if args.kind != "read" else {made}
+        ):
+            shutil.copyfile(theirs(own), own)
         made.with_suffix(".d").write_text(needed.replace(f"{from_tree}/", f"{tree}/"))
         return True
     except OSError:
@@ -203,19 +203,18 @@ def compile_all(args: argparse.Namespace, about: dict[str, Any]) -> Path:
         command += ["-MMD", str(source), "-o", str(made)]
         if not fresh(made, [args.toolchain, *command]):
             begun = time.time_ns()
-            taken = take_over(made, [args.toolchain, *command], args.tree, args.build)
+            taken = take_over(made, [args.toolchain, *command], args, about["shares_with"])
             if not taken:
-                run(command)
+                run(command, show=not args.quiet)
+            if args.kind == "read":
+                made.write_text("")  # only the warnings were wanted
             if by_assembly and not taken:
                 run(
                     [*shlex.split(args.cc), "-c", str(made), "-o", str(objects / f"{made.stem}.o")],
                     show=False,
                 )
             made.with_suffix(".cmd").write_text(f"{begun}\n{shlex.join([args.toolchain, *command])}")
-    if args.kind == "read":
-        shutil.rmtree(folder)
-        return folder
-    for path in [*folder.iterdir(), *objects.iterdir()]:
+    for path in [*folder.iterdir(), *objects.iterdir()] if args.kind != "read" else folder.iterdir():
         if path.stem not in kept and path.exists():
             path.unlink()
     return objects
@@ -280,6 +279,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--every", action="store_true", help="for read: every source and variant, not only what is not built"
     )
+    parser.add_argument("--quiet", action="store_true", help="print no command")
     args = parser.parse_args()
     args.include = [f"-I{folder}" for folder in args.include]
     return args

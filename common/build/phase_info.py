@@ -169,7 +169,9 @@ def main() -> None:
     variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]
     names = " ".join(f"lanes{one['lanes']}" for one in variants)
     run_here = names if shim else " ".join(supported(variants))
+    of, plus, _ = name.partition("+")
     about = {
+        "shares_with": of if plus else phase.get("derives") if name == flags_from else None,
         "cflags": cflags,
         "variants": names.split(),
         "here": run_here.split(),
