@@ -29,8 +29,7 @@ from study.experiments.packets import measure as packets
 from study.experiments.rods import measure as rods
 from study.measuring import animation_tables
 from study.measuring.schema import Animation, Article
-from study.numbers import stats
-from study.numbers.accuracy import Accuracy
+from study.numbers import accuracy, stats
 from study.numbers.analysis import Data
 from study.numbers.stats import Interval
 from study.numbers.verdicts import (
@@ -243,9 +242,9 @@ def _hottest(data: Data, claim: Claim) -> Found:
 
 
 def _never_misses(data: Data, claim: Claim) -> Found:
-    for row in Accuracy.read_if_there(data.path / "accuracy.json").get("rows", []):
-        if (row["scene"], row["phase"]) == (claim["scene"], claim["phase"]):
-            ppm, height = row["false_misses_ppm"], row["height"]
+    for row in accuracy.rows(data.path):
+        if (row.scene, row.phase) == (claim["scene"], claim["phase"]):
+            ppm, height = row.false_misses_ppm, row.height
             if not known(ppm):
                 return missing("pixel that truth proves")
             text = f"{ppm:.3g} ppm of the pixels missed at n = {height}, by proof"

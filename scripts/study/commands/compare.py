@@ -230,8 +230,7 @@ def judged(run: Run) -> dict[tuple[str, str], bool]:
     """(phase, scene) → within its tolerance, of all sizes, against baseline and against ground truth."""
     pairs = Verify.read_if_there(run.path / "verify.json").get("pairs") or []
     told = [(pair.get("phase"), pair.get("scene"), pair.get("within_tolerance")) for pair in pairs]
-    rows = accuracy.read(run.path)["rows"]
-    told += [(r.get("phase"), r.get("scene"), not r.get("failed")) for r in rows if r.get("gated")]
+    told += [(r.phase, r.scene, not r.failed) for r in accuracy.rows(run.path) if r.gated]
     found: dict[tuple[str, str], bool] = {}
     for phase, scene, within in told:
         if within is not None:

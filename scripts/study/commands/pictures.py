@@ -59,12 +59,9 @@ def chosen(verified: dict, scenes: Sequence[str] | None, specs: Sequence[str] | 
 
 def to_truth(folder: Path) -> dict[tuple[str, str], str]:
     """(scene, phase) → its error to ground truth in words, where the run has accuracy.json."""
-    rows = accuracy.read(folder)["rows"]
     return {
-        (r["scene"], r["phase"]): f"to ground truth {decibels(r['antialiased']['psnr_db'])} (4×4)"
-        if r["converged_only"]
-        else f"to ground truth {decibels(r['psnr_db'])}"
-        for r in rows
+        (r.scene, r.phase): f"to ground truth {decibels(r.colours.psnr_db)}{' (4×4)' * r.converged_only}"
+        for r in accuracy.rows(folder)
     }
 
 

@@ -135,7 +135,7 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str,
         pair = (pictures[BASE], pictures[spec])
         to_base = images.compare(*pair, pair if scene.fractal else None)
         declared = gate.tolerance(phase, scene)
-        fails = list(row["why"]) if row["failed"] else []
+        fails = list(row.why) if row.failed else []
         if declared is not None:
             fails += [f"{name}: {why}" for name, why in gate.failures(to_base, declared).items()]
         evaluations = float(np.nanmean(pictures[spec]["evals"]))
@@ -198,17 +198,15 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
 def cells(side: dict[str, Any]) -> dict[str, str]:
     """A side's numbers as text, by what they are."""
     truth, base = side["truth"], side["baseline"]
-    decibels = truth["antialiased"]["psnr_db"] if truth.get("converged_only") else truth["psnr_db"]
-    means = " (4×4 means)" if truth.get("converged_only") else ""
-    wrong = [truth[f"{name}_ppm"] for name in ("false_hits", "false_misses", "wrong_shape")]
+    decibels, means = truth.colours.psnr_db, " (4×4 means)" * truth.converged_only
     work = show.NOTHING
     if side["flops"] is not None:
-        work = show.number(side["flops"] / truth["width"] / truth["height"], 4)
+        work = show.number(side["flops"] / truth.width / truth.height, 4)
     lanes = show.NOTHING if side["lanes_at_work"] is None else show.percent(side["lanes_at_work"])
     return {
         "time of a frame, ms [95 %]": show.spread(side["ms"], 4),
         "PSNR to ground truth, dB": ("identical" if decibels == math.inf else show.number(decibels)) + means,
-        "wrong hits, ppm of the pixels": show.number(sum(wrong)),
+        "wrong hits, ppm of the pixels": show.number(truth.wrong_ppm),
         "PSNR to baseline, dB": "identical" if base["identical"] else show.number(base["psnr_db"]),
         "pixels off by more than 1/255 to baseline": show.percent(base["fraction_over_1_255"]),
         "evaluations of a camera ray": show.number(side["evaluations"], 4),

@@ -65,21 +65,23 @@ def truth_errors(data: Data) -> pd.DataFrame:
     `truth_own_db`: PSNR to the picture that the phase draws: with the ideal shadow, if `truth_draws_ideal`.
     """
     made = []
-    for row in accuracy.read(data.path)["rows"]:
-        colours = row["antialiased"] if row["converged_only"] else row
-        known = phases().get(re.split("[@+]", row["phase"])[0])
+    for row in accuracy.rows(data.path):
+        known = phases().get(re.split("[@+]", row.phase)[0])
         ideal = known is not None and known.draws_ideal
-        wrong = sum(row[name] for name in ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm"))
+        colours = row.colours
         made.append(
             {
-                "scene": row["scene"],
-                "phase": row["phase"],
-                **{f"truth_{name}": colours.get(name, row.get(name)) for name in TRUTH},
-                "truth_wrong_ppm": wrong,
+                "scene": row.scene,
+                "phase": row.phase,
+                "truth_psnr_db": colours.psnr_db,
+                "truth_psnr_ideal_db": colours.psnr_ideal_db,
+                "truth_psnr_none_db": colours.psnr_none_db,
+                "truth_dt_p99": row.dt_p99,
+                "truth_wrong_ppm": row.wrong_ppm,
                 "truth_draws_ideal": ideal,
-                "truth_own_db": colours.get("psnr_ideal_db" if ideal else "psnr_db"),
-                "truth_converged_only": row["converged_only"],
-                "truth_height": row["height"],
+                "truth_own_db": colours.psnr_ideal_db if ideal else colours.psnr_db,
+                "truth_converged_only": row.converged_only,
+                "truth_height": row.height,
             }
         )
     more = ("wrong_ppm", "draws_ideal", "own_db", "converged_only", "height")

@@ -23,16 +23,11 @@ FACTOR = 4  # of the averaged pictures of fractals, each way: their single sampl
 PROVED, CONVERGED = 2, 1  # of the status plane
 # Key in the metrics → prefix of truth's planes: the paper's estimator, the ideal shadow, no shadow.
 TRUTHS = {"": "", "_ideal": "ideal.", "_none": "none."}
-PLANES = (*(p + c for p in ("ideal.", "none.") for c in "RGB"), "shadow", "status", "status.all")
 GEOMETRY = "dt_p99", "dt_max", "normal_p99_degrees"
 
 
 def check(truth: Picture, image: Picture) -> None:
-    """Raises StudyError for pictures of unlike size or without their planes."""
-    for picture, names in ((truth, (*images.AOVS, *PLANES)), (image, images.AOVS)):
-        if missing := [name for name in names if name not in picture]:
-            whose = "truth's picture" if picture is truth else "a picture"
-            raise StudyError(f"{whose} lacks the channels {' '.join(missing)}: render it with --aov")
+    """Raises StudyError for pictures of unlike size."""
     if (a := truth["R"].shape) != (b := image["R"].shape):
         raise StudyError(f"pictures of different size: {a[1]}x{a[0]} and {b[1]}x{b[0]}")
 
@@ -80,15 +75,6 @@ def _hits(truth: Picture, image: Picture) -> dict[str, float]:
     """The errors below the picture, of the proved pixels; NaN where there is none."""
     known = truth["status"] == PROVED
     count = int(known.sum())
-    neither = (
-        known
-        & ~((truth["id"] >= 0) & np.isfinite(truth["Z"]))
-        & ~((truth["id"] == -1) & (truth["Z"] == np.inf))
-    )
-    if neither.any():
-        raise StudyError(
-            f"truth's picture has {neither.sum()} proved pixels that neither hit nor miss: render it anew"
-        )
     masks = wrong_hits(truth, image)
     found = {f"{name}_ppm": 1e6 * float(m.sum()) / count if count else math.nan for name, m in masks.items()}
     if not count:
@@ -128,13 +114,8 @@ def _geometry(truth: Picture, image: Picture, where: np.ndarray) -> dict[str, fl
 
 
 def _judged(truth: Picture) -> np.ndarray:
-    """Pixels whose colours truth knows. Raises StudyError if one that it claims to know is not finite."""
-    finite = np.all([np.isfinite(colour(truth, prefix)).all(axis=-1) for prefix in TRUTHS.values()], axis=0)
-    if bad := int((~finite & (truth["status.all"] >= CONVERGED)).sum()):
-        raise StudyError(
-            f"truth's picture is not finite in {bad} pixels that it calls decided: render it anew"
-        )
-    return finite
+    """Pixels whose colours truth knows."""
+    return np.all([np.isfinite(colour(truth, prefix)).all(axis=-1) for prefix in TRUTHS.values()], axis=0)
 
 
 def _colours(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from study.core import registry
 from study.core.registry import Scene, Spec
+from study.numbers.accuracy import Colours, Row
 from study.pictures import gate, images, panels
 from study.pictures.gallery import Gallery, Size
 from study.truth import judging, truth, where
@@ -35,7 +36,7 @@ class Subject:
         made, plain = (images.read(self.gallery.path(spec, s, self.size)) for s in (self.scene, self.plain))
         return judging.metrics(self.truth, made, plain, self.scene.fractal), made
 
-    def row(self, spec: Spec) -> dict:
+    def row(self, spec: Spec) -> Row:
         """One row of accuracy.json, its picture written."""
         found, made = self.measure(spec)
         phase = registry.find_phase(spec.phase)
@@ -44,7 +45,7 @@ class Subject:
         as_many = judging.dt_p99_of(self.base_distances, self.truth, made)
         outlines = int(granted.get(gate.OUTLINE, 0))
 
-        def beyond(picture: images.Picture) -> dict:
+        def beyond(picture: images.Picture) -> dict[str, float]:
             return judging.beyond_outlines(self.truth, picture, outlines) if outlines else {}
 
         # What is not asked of the phase is not allowed it as an error of the references' either.
@@ -54,27 +55,30 @@ class Subject:
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size
         stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
-        title = f"{self.scene.name}, {size[0]}×{size[1]} pixels: {spec} against ground truth"
-        figure = where.figure(self.truth, made, title, str(spec), found, self.where, wrong)
-        panels.save(figure, gallery.folder / stem)
-        return {
-            "phase": str(spec),
-            "scene": self.scene.name,
-            "class": "fractal" if self.scene.fractal else "smooth",
-            "width": size[0],
-            "height": size[1],
-            "precision": phase.precision,
+        averaged = found.pop("antialiased", None)
+        row = Row(
+            phase=str(spec),
+            scene=self.scene.name,
+            kind="fractal" if self.scene.fractal else "smooth",
+            width=size[0],
+            height=size[1],
+            precision=phase.precision,
             **found,
-            "dt_p99_of_as_many": as_many,
-            "beyond_outlines": beyond(made) or None,
+            antialiased=averaged and Colours(**averaged),
+            dt_p99_of_as_many=as_many,
+            beyond_outlines=beyond(made) or None,
             **where.shares(self.where, wrong),
-            "gated": gated,
-            "judged_by": gate.IDEAL if ideal else "estimator",
-            "margins": granted,
-            "worse": list(worse),
-            "why": [f"{name}: {text}" for name, text in worse.items()],
-            "failed": bool(worse) if gated else "non_finite" in worse,
-            "binary_sha256": gallery.hashes[spec],
-            "truth_sha256": images.sha256(self.truth),
-            "picture": f"{gallery.folder.name}/{stem}",
-        }
+            gated=gated,
+            judged_by=gate.IDEAL if ideal else "estimator",
+            margins=granted,
+            worse=list(worse),
+            why=[f"{name}: {text}" for name, text in worse.items()],
+            failed=bool(worse) if gated else "non_finite" in worse,
+            binary_sha256=gallery.hashes[spec],
+            truth_sha256=images.sha256(self.truth),
+            picture=f"{gallery.folder.name}/{stem}",
+        )
+        title = f"{self.scene.name}, {size[0]}×{size[1]} pixels: {spec} against ground truth"
+        figure = where.figure(self.truth, made, title, str(spec), row, self.where, wrong)
+        panels.save(figure, gallery.folder / stem)
+        return row

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from matplotlib.colors import to_rgb
@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from study.core import show
+from study.numbers.accuracy import Row
 from study.pictures import images, panels
 from study.pictures.images import Picture
 from study.truth import judging
@@ -39,9 +40,10 @@ JUMP = 0.05  # of 1/t, off the straight line through its neighbours: a plane's 1
 FEW = 0.01  # share of the map
 NONE = -1  # no class: the pixel is not bad
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))  # and their opposites: eight
+Pair = tuple[np.ndarray, np.ndarray]
 
 
-def _differs(test, *planes: np.ndarray) -> np.ndarray:
+def _differs(test: Callable[..., np.ndarray], *planes: np.ndarray) -> np.ndarray:
     """Pixels for which `test` holds with any of their eight neighbours: both of the two are marked."""
     found = np.zeros(planes[0].shape[:2], bool)
     height, width = found.shape
@@ -76,10 +78,10 @@ def classes(truth: Picture, mirrors: Iterable[int] = ()) -> np.ndarray:
     least = math.cos(math.radians(CREASE_DEGREES))
     is_silhouette = _differs(lambda pair: pair[0] != pair[1], ids) | _jumps(truth)
 
-    def crease(shapes, facing):
+    def crease(shapes: Pair, facing: Pair) -> np.ndarray:
         return (shapes[0] == shapes[1]) & (shapes[0] >= 0) & ((facing[0] * facing[1]).sum(-1) < least)
 
-    def step(shapes, factor):
+    def step(shapes: Pair, factor: Pair) -> np.ndarray:
         return (shapes[0] == shapes[1]) & (np.abs(factor[0] - factor[1]) > images.ONE_STEP)
 
     tests = (
@@ -148,32 +150,27 @@ def _decibels(value: float) -> str:
     return "identical" if value == math.inf else f"{value:.1f} dB"
 
 
-def _notes(metrics: dict) -> tuple[str, str]:
+def _notes(row: Row) -> tuple[str, str]:
     """What stands under the phase's picture and under truth's."""
-    if metrics["converged_only"]:
-        mean, agree = metrics["antialiased"], 100 * metrics["depth_agree_fraction"]
-        mine = (
-            f"4×4 averaged: PSNR to ground truth {_decibels(mean['psnr_db'])}; with the ideal shadow "
-            f"{_decibels(mean['psnr_ideal_db'])}\n"
-            f"depth agrees within 0.1 % in {agree:.6g} % of the pixels"
-        )
-        status = f"{metrics['converged_pixels']:,} pixels converged only: double-double, 104 bits; no proof"
-        share = f"{100 * metrics['proved_fraction']:.6g} % of the camera rays proved"
-        return mine, f"{status}\n{share}: hits are judged on these alone"
-    text = {name: show.number(value) for name, value in metrics.items() if isinstance(value, float)}
+    colours, proved = row.colours, f"{100 * row.proved_fraction:.6g} % of the camera rays proved"
+    to = f"PSNR to ground truth {_decibels(colours.psnr_db)}; with the ideal shadow "
+    to += _decibels(colours.psnr_ideal_db)
+    if row.converged_only:
+        agree = f"depth agrees within 0.1 % in {100 * row.depth_agree_fraction:.6g} % of the pixels"
+        status = f"{row.converged_pixels:,} pixels converged only: double-double, 104 bits; no proof"
+        return f"4×4 averaged: {to}\n{agree}", f"{status}\n{proved}: hits are judged on these alone"
+    number = show.number
     mine = (
-        f"PSNR to ground truth {_decibels(metrics['psnr_db'])}; with the ideal shadow "
-        f"{_decibels(metrics['psnr_ideal_db'])}\n"
-        f"ppm: false hits {text['false_hits_ppm']}, false misses {text['false_misses_ppm']}, "
-        f"wrong shape {text['wrong_shape_ppm']}\n"
-        f"|Δt| p99 {text['dt_p99']}, max {text['dt_max']}; normal p99 {text['normal_p99_degrees']}°"
+        f"{to}\nppm: false hits {number(row.false_hits_ppm)}, false misses {number(row.false_misses_ppm)}, "
+        f"wrong shape {number(row.wrong_shape_ppm)}\n"
+        f"|Δt| p99 {number(row.dt_p99)}, max {number(row.dt_max)}; "
+        f"normal p99 {number(row.normal_p99_degrees)}°"
     )
-    status = f"{100 * metrics['proved_fraction']:.6g} % of the camera rays proved"
-    return mine, status + f"\n{metrics['undecided_pixels']:,} undecided, left out of the hits"
+    return mine, f"{proved}\n{row.undecided_pixels:,} undecided, left out of the hits"
 
 
 def figure(
-    truth: Picture, image: Picture, title: str, name: str, metrics: dict, where: np.ndarray, wrong: np.ndarray
+    truth: Picture, image: Picture, title: str, name: str, row: Row, where: np.ndarray, wrong: np.ndarray
 ) -> Figure:
     """The phase's picture, truth's, and the map of the bad pixels with its legend."""
     height, width = truth["R"].shape
@@ -195,7 +192,7 @@ def figure(
     axes[2].set_title(
         f"bad pixels: {count:,} ({share:.3g} %), off by > 1/255 or a wrong hit", fontsize=14, loc="left"
     )
-    for panel, note in zip(axes, _notes(metrics), strict=False):
+    for panel, note in zip(axes, _notes(row), strict=False):
         panel.set_xlabel(note, fontsize=12, loc="left", linespacing=1.4)
     counts = np.bincount(where[wrong], minlength=len(CLASSES))
     handles = [

@@ -18,6 +18,7 @@ from study.commands import try_
 from study.core import cli, patches, registry
 from study.core.registry import ROOT, Spec
 from study.numbers import stats
+from study.numbers.accuracy import Colours, Row
 
 SMALL = ("--scene", "trio", "-n", "18", "--launches", "2", "--seed", "1")
 
@@ -115,8 +116,8 @@ def test_calls_that_changed_the_largest_difference_first():
 
 def side(**changed: object) -> dict:
     """80 pixels, 4,000 FLOPs of which three quarters at work."""
-    truth = {"psnr_db": 54.54, "width": 10, "height": 8, "converged_only": False}
-    truth |= {"false_hits_ppm": 1000.0, "false_misses_ppm": 200.0, "wrong_shape_ppm": 34.0}
+    truth = Row(phase="opt4", scene="trio", psnr_db=54.54, width=10, height=8)
+    truth.false_hits_ppm, truth.false_misses_ppm, truth.wrong_shape_ppm = 1000.0, 200.0, 34.0
     base = {"identical": False, "psnr_db": 61.25, "fraction_over_1_255": 0.025}
     one = {"truth": truth, "baseline": base, "ms": stats.Interval(12.5, 12.25, 12.75, 10, True)}
     return one | {"evaluations": 17.25, "flops": 4000, "lanes_at_work": 0.75} | changed
@@ -137,7 +138,7 @@ def test_cells_of_a_side():
 
 def test_cells_of_a_fractal_that_is_the_same_and_was_not_counted():
     one = side(flops=None, lanes_at_work=None)
-    one["truth"] |= {"converged_only": True, "antialiased": {"psnr_db": 90.04}}
+    one["truth"].converged_only, one["truth"].antialiased = True, Colours(psnr_db=90.04)
     one["baseline"]["identical"] = True
     found = try_.cells(one)
     assert found["PSNR to ground truth, dB"] == "90.0 (4×4 means)"

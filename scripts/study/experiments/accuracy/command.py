@@ -4,55 +4,50 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Mapping
 from pathlib import Path
-
-import matplotlib
+from typing import Any
 
 from study.core import cli, progress, registry, store
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
-from study.core.run import NO_ISA, UNSUPPORTED
-from study.experiments import shards
-from study.experiments.accuracy import converge
-from study.experiments.accuracy import tables as accuracy_page
-from study.numbers import accuracy
-from study.pictures import draw, gate, images
-from study.pictures.gallery import Gallery, Size
+from study.core.run import NO_ISA, UNSUPPORTED, DriverError
+from study.experiments import running, shards
+from study.experiments.accuracy import converge, tables
+from study.numbers.accuracy import FILE, Accuracy, Left, Row
+from study.pictures import gate, images
+from study.pictures.draw import Drawing
+from study.pictures.gallery import Gallery
 from study.truth import judging
 from study.truth.subject import BASE, FLOAT, Subject
 
 DESCRIPTION = """\
-Each phase's picture is held against truth's, below the picture first. Rungs behind opt4 are gated: on no
+Each phase's picture is held against truth's, below the picture first. Phases behind opt4 are gated: on no
 metric may one be further from truth than baseline (from the ideal shadow: than baseline or the estimator in
 exact arithmetic; from a truth that is converged only: than baseline or opt4), but for what its phase.json
 grants (tolerance.truth, with a reason); in |Δt| over as many of the true hits as baseline has. A phase that
 draws the ideal shadow (tolerance.ideal) is judged by that and not by the estimator's picture. baseline to
 opt4, and what is not on the ladder, are shown; scripts/stepwise verify has their gate."""
+STATUSES = {
+    1: "a gated phase is further from truth than baseline, or a picture is not finite or not there",
+    3: "no phase could run on this CPU",
+}
 FAMILY = "truth"  # of the phases that are what the others are held against
+Refused = Mapping[tuple[Spec, str], DriverError]  # by program and scene
 
 
-def arguments() -> argparse.Namespace:
+def options(parser: argparse.ArgumentParser) -> None:
+    add, whole = parser.add_argument, cli.at_least(1)
     cores = len(os.sched_getaffinity(0))
-    about = "a gated phase is further from truth than baseline, or a picture is not finite or not there"
-    parser = cli.parser(DESCRIPTION, {1: about, 3: "no phase could run on this CPU"})
-    add = parser.add_argument
     add("--phase", nargs="+", metavar="PHASE", help="e.g. opt4, or opt2@opt4; default: all")
     add("--scene", nargs="+", metavar="SCENE", help="default: all")
-    add("-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height in pixels; default: 720")
-    add(
-        "-w", type=cli.at_least(1), metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square"
-    )
+    add("-n", type=whole, default=720, metavar="HEIGHT", help="height in pixels; default: 720")
+    add("-w", type=whole, metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square")
     add("--run", type=Path, metavar="DIR", help="for accuracy.json and images/; default: build/accuracy")
-    add(
-        "--jobs",
-        type=cli.at_least(1),
-        default=cores,
-        help="pictures rendered at a time; default: CPUs",
-    )
+    add("--jobs", type=whole, default=cores, help="pictures rendered at a time; default: CPUs")
     add("--convergence", action="store_true", help="the Mandelbulb's table too: precision × hit distance")
-    add("--convergence-n", type=cli.at_least(1), default=90, metavar="HEIGHT", help="its height; default: 90")
+    add("--convergence-n", type=whole, default=90, metavar="HEIGHT", help="its height; default: 90")
     shards.option(parser, "pairs of scene and phase")
-    return parser.parse_args()
 
 
 def pairs(args: argparse.Namespace) -> list[tuple[Scene, Spec]]:
@@ -71,8 +66,7 @@ def units(args: argparse.Namespace) -> list[tuple[Scene, Spec]]:
 
 def specs_of(names: list[str] | None) -> list[Spec]:
     """The specs asked for, or every phase but truth itself. Raises StudyError."""
-    wanted = names or list(registry.ladder())
-    specs = [Spec.parse(name) for name in dict.fromkeys(wanted)]
+    specs = [Spec.parse(name) for name in dict.fromkeys(names or list(registry.ladder()))]
     for spec in specs:
         phase = registry.find_phase(spec.phase)
         gate.check(phase)
@@ -81,53 +75,36 @@ def specs_of(names: list[str] | None) -> list[Spec]:
     return specs
 
 
-def judge(
-    gallery: Gallery, scene: Scene, plain: Scene, size: Size, specs: list[Spec], refused: dict
-) -> tuple:
-    """Rows of a scene, and what could not be had: with its reason, and whether that is a failure."""
+def judge(subject: Subject, specs: list[Spec], refused: Refused) -> tuple[list[Row], list[Left]]:
+    """Rows of a scene, and what could not be had."""
     rows, missing = [], []
-
-    def missed(spec: Spec, reason: str, failed: bool = False) -> None:
-        missing.append({"phase": str(spec), "scene": scene.name, "reason": reason, "failed": failed})
-
-    def trouble(spec: Spec):
-        return refused.get((spec, scene.name)) or refused.get((spec, plain.name))
-
-    if error := trouble(BASE):
-        for spec in specs:
-            missed(spec, f"baseline: {error.message}", error.status not in (NO_ISA, UNSUPPORTED))
-        return rows, missing
-    known = scene.fractal and FLOAT in gallery.hashes and not trouble(FLOAT)
-    subject = Subject(gallery, scene, plain, size, [FLOAT] if known else [])
-    for spec in progress.each(specs, f"compare {scene.name}"):
-        if error := trouble(spec):
-            missed(spec, error.message, error.status not in (NO_ISA, UNSUPPORTED))
+    for spec in progress.each(specs, f"compare {subject.scene.name}"):
+        if error := _trouble(refused, spec, subject.scene, subject.plain):
+            missing.append(_left(spec, subject.scene, error))
         else:
             rows.append(subject.row(spec))
     return rows, missing
 
 
-def main() -> int:
-    args = arguments()
-    everything = units(args) if args.shard else pairs(args)
-    chosen = shards.part(everything, args.shard)
-    specs = list(dict.fromkeys(spec for _, spec in everything))
-    lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
-    able = [spec for spec in specs if not lacking[spec]]
-    skipped = [
-        {"phase": str(s), "scene": None, "reason": f"this CPU lacks {lacking[s]}", "failed": False}
-        for s in specs
-        if lacking[s]
-    ]
-    folder = args.run or registry.ROOT / "build" / "accuracy"
-    mine = {
-        scene.name: [spec for other, spec in chosen if other.name == scene.name and spec in able]
-        for scene, _ in chosen
-    }
-    scenes = [scene for scene in {s.name: s for s, _ in chosen}.values() if mine[scene.name]]
-    gated = any(gate.by_truth(registry.find_phase(spec.phase)) for spec in able)
+def _trouble(refused: Refused, spec: Spec, *scenes: Scene) -> DriverError | None:
+    return next((refused[spec, scene.name] for scene in scenes if (spec, scene.name) in refused), None)
+
+
+def _left(spec: Spec, scene: Scene, error: DriverError, who: str = "") -> Left:
+    failed = error.status not in (NO_ISA, UNSUPPORTED)
+    return Left(phase=str(spec), scene=scene.name, reason=f"{who}{error.message}", failed=failed)
+
+
+def compared(
+    args: argparse.Namespace, chosen: list[tuple[Scene, Spec]], gated: bool, folder: Path
+) -> tuple[list[Row], list[Left]]:
+    """Pictures of all that is chosen, rendered together; then rows, and what could not be had."""
+    mine: dict[str, list[Spec]] = {}
+    for scene, spec in chosen:
+        mine.setdefault(scene.name, []).append(spec)
+    scenes = list({scene.name: scene for scene, _ in chosen}.values())
     # Every row of a fractal is held against it: if any of all phases is gated, whatever the shard has.
-    beside = [FLOAT] if gated or FLOAT in able else []
+    beside = [FLOAT] if gated or any(spec == FLOAT for _, spec in chosen) else []
     drawn = {
         scene.name: dict.fromkeys([BASE, *(beside if scene.fractal else []), *mine[scene.name]])
         for scene in scenes
@@ -143,40 +120,57 @@ def main() -> int:
         for one in (scene, plain[scene.name])
     ]
     refused = gallery.render_all(tasks, args.jobs)
-    rows: list[dict] = []
+    rows: list[Row] = []
+    skipped: list[Left] = []
     for scene in scenes:
-        name = scene.name
-        found, missing = judge(gallery, scene, plain[name], sizes[name], mine[name], refused)
+        bare = plain[scene.name]
+        if error := _trouble(refused, BASE, scene, bare):
+            skipped += [_left(spec, scene, error, "baseline: ") for spec in mine[scene.name]]
+            continue
+        known = scene.fractal and FLOAT in gallery.hashes and not _trouble(refused, FLOAT, scene, bare)
+        subject = Subject(gallery, scene, bare, sizes[scene.name], [FLOAT] if known else [])
+        found, missing = judge(subject, mine[scene.name], refused)
         rows, skipped = rows + found, skipped + missing
-    tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
-    result = {"schema": 1, **tools, "rows": rows, "skipped": skipped, "convergence": None}
-    if args.convergence:
-        result["convergence"] = converge.study(args.convergence_n, folder / "convergence")
-    name = shards.file_name(accuracy.FILE, args.shard)
-    store.write_json(folder / name, shards.marked(result, args.shard))
-    report(args, result, folder)
-    if not rows:
-        return cli.CANNOT_RUN if not any(item["failed"] for item in skipped) else cli.FAILED
-    return cli.FAILED if any(item["failed"] for item in (*rows, *skipped)) else cli.OK
+    return rows, skipped
 
 
-def report(args: argparse.Namespace, result: dict, folder: Path) -> None:
-    """JSON or tables; then what was skipped and what failed."""
-    figures = []
-    if result["rows"] and not args.shard:
-        with matplotlib.rc_context(draw.STYLE):
-            for name, make in accuracy_page.drawings(result).items():
-                figures += draw.save(make(), folder / "figures" / name, accuracy_page.note(result))
-    if args.json:
-        cli.emit(result, folder)
-    elif result["rows"]:
-        print(accuracy_page.text(result))
-        places = f"Pictures: {folder}/images" + ("" if args.shard else f", figures: {folder}/figures")
-        print(f"FLIP: {images.FLIP_TOOL}.\n{places}")
-    for item in result["skipped"]:
-        word = "FAIL" if item["failed"] else "skipped"
-        cli.say(f"{word} {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}")
-    for row in result["rows"]:
-        if row["failed"]:
-            picture = folder / row["picture"]
-            cli.say(f"FAIL {row['phase']} on {row['scene']}: {'; '.join(row['why'])} (picture: {picture})")
+def measure(args: argparse.Namespace) -> Outcome:
+    everything = units(args) if args.shard else pairs(args)
+    specs = list(dict.fromkeys(spec for _, spec in everything))
+    lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
+    gated = any(gate.by_truth(registry.find_phase(spec.phase)) for spec in specs if not lacking[spec])
+    folder = args.run or registry.ROOT / "build" / "accuracy"
+    chosen = [(scene, spec) for scene, spec in shards.part(everything, args.shard) if not lacking[spec]]
+    rows, left = compared(args, chosen, gated, folder)
+    unable = [Left(phase=str(s), reason=f"this CPU lacks {what}") for s, what in lacking.items() if what]
+    result = Accuracy(
+        flip_tool=images.FLIP_TOOL,
+        picture_tool=images.PICTURE_TOOL,
+        rows=rows,
+        skipped=[*unable, *left],
+        convergence=converge.study(args.convergence_n, folder / "convergence") if args.convergence else None,
+    )
+    path = folder / shards.file_name(FILE, args.shard)
+    store.write_json(path, shards.marked(cli.plain(result), args.shard))
+    return _told(result, folder, drawn=not args.shard)
+
+
+def _told(result: Accuracy, folder: Path, drawn: bool) -> Outcome:
+    lines: list[Any] = []
+    if result.rows:
+        lines = [*tables.lines(result), f"FLIP: {images.FLIP_TOOL}.", f"Pictures: {folder}/images"]
+    if result.rows and drawn:
+        note = tables.note(result)
+        figures = {name: Drawing(name, note, make) for name, make in tables.drawings(result).items()}
+        lines += running.draw(folder, figures)
+    remarks, failed = [], []
+    for one in result.skipped:
+        text = f"{one.phase}{f' on {one.scene}' if one.scene else ''}: {one.reason}"
+        (failed if one.failed else remarks).append(text if one.failed else f"skipped {text}")
+    failed += [
+        f"{row.phase} on {row.scene}: {'; '.join(row.why)} (picture: {folder / str(row.picture)})"
+        for row in result.rows
+        if row.failed
+    ]
+    status = None if result.rows or failed else cli.CANNOT_RUN
+    return Outcome(result, lines, folder, remarks, failed, status)

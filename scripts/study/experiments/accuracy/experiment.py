@@ -5,8 +5,7 @@ from __future__ import annotations
 from study.experiments.accuracy import chapter, command
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.shards import Sharded
-from study.numbers import accuracy
-from study.numbers.accuracy import SCHEMAS
+from study.numbers.accuracy import FILE, SCHEMAS
 
 HEIGHT, QUICK_HEIGHT = "180", "90"  # scene0's truth at 180: half a minute on two cores
 
@@ -28,5 +27,6 @@ EXPERIMENT = Experiment(
     depth="quick",
     cut="Three scenes at height 90.",
     sections=[(520, lambda data: chapter.errors(data.path))],
-    sharded=Sharded(accuracy.FILE, ("rows", "skipped"), command.units),
+    sharded=Sharded(FILE, ("rows", "skipped"), command.units),
+    command=command,
 )

@@ -1,4 +1,4 @@
-"""Errors to truth (experiments.accuracy.measure, experiments.accuracy.where, experiments.accuracy.converge).
+"""Errors to truth (truth.judging, truth.where) and the Mandelbulb's convergence (experiments.accuracy).
 
 The synthetic pictures have errors that are known by counting, by trigonometry or by the definition of PSNR.
 """
@@ -9,12 +9,11 @@ import dataclasses
 import json
 import math
 
-import complete
 import numpy as np
 import pytest
 from discs import HEIGHT, WIDTH, lengths, made_truth
 
-from study.core import registry
+from study.core import registry, store
 from study.core.cli import StudyError, plain
 from study.experiments.accuracy import converge
 from study.numbers import accuracy
@@ -191,14 +190,14 @@ def test_identical_is_infinite_in_memory_null_in_json_and_infinite_again(blank, 
     assert found["psnr_db"] == found["psnr_none_display_db"] == math.inf
     broken = blank()
     broken["R"][0, 0] = np.nan
-    row = {"phase": "opt4", "scene": "trio", **found}
+    row, size = {"phase": "opt4", "scene": "trio", **found}, {"width": 10, "height": 10}
     bad = {**row, **judging.metrics(made_truth(blank()), broken, blank(), fractal=True)}
     assert plain(row)["psnr_db"] is None
-    complete.write(tmp_path / "accuracy.json", {"rows": [row, bad]})
+    store.write_json(tmp_path / "accuracy.json", {"rows": [size | row, size | bad]})
     again, nan = accuracy.rows(tmp_path)
-    assert again["psnr_db"] == again["psnr_display_db"] == again["antialiased"]["psnr_ideal_db"] == math.inf
-    assert math.isnan(nan["psnr_db"]) and math.isnan(nan["antialiased"]["psnr_db"])
-    assert again["psnr_none_db"] == nan["psnr_none_db"] == math.inf
+    assert again.psnr_db == again.psnr_display_db == again.colours.psnr_ideal_db == math.inf
+    assert math.isnan(nan.psnr_db) and math.isnan(nan.colours.psnr_db)
+    assert again.psnr_none_db == nan.psnr_none_db == math.inf
 
 
 def test_a_fractal_is_judged_averaged_and_by_depth(blank):
@@ -216,25 +215,9 @@ def test_a_fractal_is_judged_averaged_and_by_depth(blank):
     assert found["depth_agree_fraction"] == pytest.approx(0.95)
 
 
-def test_pictures_that_do_not_belong_together_are_refused(blank):
-    truth = made_truth(blank())
-    with pytest.raises(StudyError, match="different size: 10x10 and 11x10"):
-        judging.metrics(truth, blank(10, 11))
-    del truth["none.G"]
-    with pytest.raises(StudyError, match=r"truth's picture lacks the channels none\.G"):
-        judging.metrics(truth, blank())
-
-
-def test_a_truth_that_is_none_is_refused_where_it_claims_to_know(blank):
-    truth = made_truth(blank())
-    truth["ideal.G"][3, 3] = np.nan
-    with pytest.raises(StudyError, match="not finite in 1 pixels"):
-        judging.metrics(truth, blank())
-    truth["status.all"][3, 3] = 0
-    assert judging.metrics(truth, blank())["unjudged_colours"] == 1
-    truth["Z"][4, 4] = np.inf
-    with pytest.raises(StudyError, match="neither hit nor miss"):
-        judging.metrics(truth, blank())
+def test_pictures_of_other_sizes_are_refused(blank):
+    with pytest.raises(StudyError, match="10x10"):
+        judging.metrics(made_truth(blank()), blank(10, 11))
 
 
 def test_what_truth_does_not_know_is_no_agreement(blank):
@@ -287,17 +270,6 @@ def test_classes_by_truths_own_planes(blank, miss):
     assert names[21, 15] == names[22, 15] == "shadow_boundary"
     assert names[5, 5] == "reflection" and names[5, 28] == "interior"
     assert (np.array(where.CLASSES)[where.classes(truth)] != "reflection").all()
-
-
-def test_the_first_class_that_applies_has_the_pixel(blank):
-    truth = made_truth(blank(9, 9))
-    truth["N.x"][:, 4:], truth["N.z"][:, 4:] = 1, 0
-    truth["shadow"][:, 4:] = 0
-    assert where.CLASSES[where.classes(truth, {0})[4, 4]] == "edge"
-    truth["id"][:, 4:] = 1
-    assert where.CLASSES[where.classes(truth, {0, 1})[4, 4]] == "silhouette"
-    truth["id"][:], truth["N.x"][:], truth["N.z"][:] = 0, 0, -1
-    assert where.CLASSES[where.classes(truth, {0})[4, 4]] == "shadow_boundary"
 
 
 def test_depth_that_jumps_is_a_silhouette_and_a_slanted_plane_is_not(blank):
@@ -385,12 +357,10 @@ def test_convergence_says_what_agrees_with_what(blank):
         rough[name] += np.float32(0.01)
     pictures = {("quad", 1e-3): rough, ("quad", 1e-6): quad, ("double", 1e-6): double, ("float", 1e-3): quad}
     rows = converge.table(pictures)
-    found = {(row["precision"], row["hit_distance"]): row for row in rows}
-    assert [row["hit_distance"] for row in rows] == [1e-3, 1e-3, 1e-6, 1e-6]
-    assert found["double", 1e-6]["quad"]["depth_agree_fraction"] == pytest.approx(7 / 8)
-    assert found["quad", 1e-3]["finest"]["psnr_db"] == pytest.approx(40, abs=1e-2)
-    assert found["float", 1e-3]["quad"]["psnr_db"] == pytest.approx(40, abs=1e-2)
-    assert found["float", 1e-3]["finest"]["psnr_db"] == math.inf
-    assert "quad" not in found["quad", 1e-6] and "finest" not in found["quad", 1e-6]
-    assert "double" not in found["float", 1e-3]
-    assert converge.table({}) == []
+    found = {(row.precision, row.hit_distance): row for row in rows}
+    assert [row.hit_distance for row in rows] == [1e-3, 1e-3, 1e-6, 1e-6]
+    assert found["double", 1e-6].quad.depth_agree_fraction == pytest.approx(7 / 8)
+    assert found["quad", 1e-3].finest.psnr_db == pytest.approx(40, abs=1e-2)
+    assert found["float", 1e-3].quad.psnr_db == pytest.approx(40, abs=1e-2)
+    assert found["float", 1e-3].finest.psnr_db == math.inf
+    assert found["quad", 1e-6].quad is found["quad", 1e-6].finest is found["float", 1e-3].double is None
