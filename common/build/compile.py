@@ -11,8 +11,8 @@ flags.json (made by phase_info.py) holds the phase's flags and variants. A file 
 compiled once per variant, as NAME-VARIANT, with LANES and VARIANT(name) defined. A source is compiled again
 only if its command or a file that it includes has changed.
 
-A derived phase takes over what its parent's build beside it made, and an ablation, NAME+PATCH, what NAME's made,
-wherever all that a source reads has equal texts.
+A derived phase takes over what its parent's build beside it made, and an ablation, NAME+PATCH, what NAME's
+made, wherever all that a source reads has equal texts.
 
 The timing build by gcc contains all variants. With --here only the variants that this CPU can run are
 compiled, because no other is ever called. Make passes --here for builds that are sanitized, counted, profiled

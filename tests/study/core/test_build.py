@@ -147,11 +147,13 @@ def test_a_derived_phase_is_its_folder_laid_over_its_parents(root):
     laid = root / "build/grandchild/source"
     assert "grandchild_only" in (laid / "shade.c").read_text()
     assert (laid / "march.c").read_text().startswith('#line 1 "phases/baseline/march.c"\n')
-    with open(root / "phases/baseline/march.c", "a") as source:
-        source.write("int broken(void) { return undeclared_thing; }\n")
+    march = root / "phases/baseline/march.c"
+    whole = march.read_text()
+    march.write_text(whole + "int broken(void) { return undeclared_thing; }\n")
     module._build.cache_clear()
     with pytest.raises(StudyError, match=r"phases/baseline/march\.c:\d+:\d+: error: .undeclared_thing"):
         module.build("child")
+    march.write_text(whole)
     (grandchild / "march.c").write_text("#error this one\n")
     with pytest.raises(StudyError, match=r"phases/grandchild/march\.c:1:2: error: #error this one"):
         module.build("grandchild")
