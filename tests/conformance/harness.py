@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from conformance import geometry
-from study.core import registry
+from study.core import build, registry
 from study.core.registry import ROOT
 from study.core.run import UNTIMED
 from study.pictures import images
@@ -40,9 +40,7 @@ def binary(phase: str, target: str = "render") -> Path:
     """Path of the program; the default build is brought up to date, another one must be there."""
     path = ROOT / BUILD / phase / target
     if not REDUCED:
-        command = ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))]
-        done = subprocess.run(command, capture_output=True, text=True)
-        assert done.returncode == 0, f"{path} does not build:\n{done.stderr[-2000:]}"
+        return build.build(phase, target)
     assert path.is_file(), f"{path} is missing; run `make check-all PART=builds` first"
     return path
 

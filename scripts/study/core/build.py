@@ -36,7 +36,8 @@ def build(spec: Spec | str, target: str = "render") -> Path:
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """While no other script makes anything in that folder. Where it cannot be written to, make says so."""
+    """While no other process makes anything in that folder: a phase's build may make its parent's. Where the
+    folder cannot be written to, make says so."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / ".making").open("w")
@@ -50,11 +51,8 @@ def _alone(folder: Path) -> Iterator[None]:
 
 def build_together(tasks: Sequence[tuple[Spec, str]], jobs: int) -> None:
     """Programs by spec and target, by one make with `jobs` jobs. Of what fails, build() says why."""
-    names = list(dict.fromkeys(str(spec) for spec, _ in tasks))
     command = ["make", "-s", "-k", f"-j{jobs}", "-C", str(ROOT), *(f"build/{s}/{t}" for s, t in tasks)]
-    with _one_at_a_time, contextlib.ExitStack() as stack, contextlib.suppress(FileNotFoundError):
-        for name in sorted(names):
-            stack.enter_context(_alone(ROOT / "build" / name))
+    with _one_at_a_time, _alone(ROOT / "build"), contextlib.suppress(FileNotFoundError):
         paths = [ROOT / "build" / str(spec) / target for spec, target in tasks]
         missing = [path for path in paths if not path.exists()]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -68,7 +66,7 @@ def _build(spec: str, target: str) -> Path:
     path = ROOT / "build" / spec / target
     command = ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))]
     try:
-        with _alone(path.parent):
+        with _alone(ROOT / "build"):
             done = child.run(command, capture_output=True, text=True)
     except FileNotFoundError:
         raise StudyError("make is missing; run `make setup` or install make and gcc", CANNOT_RUN) from None
