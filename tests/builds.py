@@ -32,6 +32,7 @@ SETTINGS = {
     "build/hard-fast": ["CC=gcc", "SANITIZERS=-ffast-math"],
     "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
 }
+LOUD = os.environ.get("V", "") not in ("", "0")  # whether commands are shown
 CCACHE = Path("/usr/lib/ccache")  # Debian's: has a gcc and a clang that ask ccache first
 END = 5  # seconds that what was started has for its end before it is killed
 
@@ -41,10 +42,15 @@ Wanted = dict[str, list[str]]
 Tests = dict[str, Wanted]
 
 
-def run(command: Sequence[str | Path], **environment: str) -> bool:
-    """Whether the command ended well. If this program is ended, so is everything that the command started."""
-    print("$", *(f"{key}={value}" for key, value in environment.items()), *command, flush=True)
-    process = subprocess.Popen(command, cwd=ROOT, env=os.environ | environment, process_group=0)
+def run(command: Sequence[str | Path], log: Path | None = None, **environment: str) -> bool:
+    """Whether the command ended well; `log` takes what it prints. If this program is ended, so is everything
+    that the command started."""
+    if LOUD:
+        print("$", *(f"{key}={value}" for key, value in environment.items()), *command, flush=True)
+    with log.open("w") if log else contextlib.nullcontext() as out:
+        process = subprocess.Popen(
+            command, cwd=ROOT, env=os.environ | environment, process_group=0, stdout=out, stderr=out
+        )
     try:
         return process.wait() == 0
     except BaseException:
@@ -72,50 +78,43 @@ def of_family(family: str) -> set[str]:
     return {name for name in phases() if patches.about(name)["family"] == family}
 
 
-@functools.cache
-def derived_last() -> set[str]:
-    """Phases from which no other one derives: what its parents do, it does too."""
-    return set(phases()) - {patches.about(name).get("derives") for name in phases()}
-
-
 def embeds(phase: str) -> bool:
     """Whether it compiles itself where it runs: what is counted is its parent's code again (test_blocks)."""
     return "embedded" in patches.about(phase)
 
 
 def quick_tests() -> Tests:
-    """Every phase by gcc, and read by clang; the C tests; sanitized: one phase of each line of descent."""
-    tests: Tests = {"ceilings by gcc": {"build": ["ceilings"]}}
-    for name in phases():
-        tests[f"{name} by gcc"] = {"build": [f"{name}/render", f"{name}/probe"]}
-        tests[f"{name} read by clang"] = {"build/clang": [f"{name}/syntax/read"]}
-    tests["common by clang"] = {"build/clang": ["baseline/render", "baseline/probe", "ceilings"]}
-    tests["C tests"] = {"build/asan": ["c-tests"]}
-    tests |= {f"{name} sanitized": sanitized(name) for name in phases() if name in derived_last()}
-    return tests
+    """Every phase by gcc, and the C tests, sanitized."""
+    tests: Tests = {"ceilings by gcc": {"build": ["ceilings"]}, "C tests": {"build/asan": ["c-tests"]}}
+    return tests | {f"{name} by gcc": by_gcc(name) for name in phases()}
 
 
-def sanitized(name: str) -> Wanted:
-    return {"build/asan": [f"{name}/render", f"{name}/probe"]}
+def by_gcc(name: str) -> Wanted:
+    return {"build": [f"{name}/render", f"{name}/probe"]}
+
+
+def phase_tests(name: str) -> Tests:
+    """Of one phase after an edit."""
+    return {f"{name} by gcc": by_gcc(name), f"{name} read by clang": {"build/clang": [f"{name}/syntax/read"]}}
 
 
 def rest_tests() -> Tests:
-    """Code by clang, the counting programs, and the other phases sanitized.
+    """Code by clang, the counting programs, and the phases sanitized.
 
     Counting programs are run as gcc makes them; clang reads their sources, but for the systems'. Both read
     variants that this CPU does not run (rules.mk), which clang does not build.
     """
-    tests: Tests = {}
+    tests: Tests = {"common by clang": {"build/clang": ["ceilings"]}}
     counting, systems = phases("costs.def"), of_family("systems")
     for name in phases():
         tests[f"{name} by clang"] = {"build/clang": [f"{name}/{to}" for to in ("render", "probe", "read")]}
+        tests[f"{name} sanitized"] = {"build/asan": [f"{name}/render", f"{name}/probe"]}
         if name in counting:
             tests[f"{name} counted"] = {"build": [f"{name}/render-count", f"{name}/count/read"]}
             if name not in systems:
                 tests[f"{name} counted"]["build/clang"] = [f"{name}/count/read"]
     tests["ceilings sanitized"] = {"build/asan": ["ceilings"]}
     tests["C tests by clang"] = {"build/asan-clang": ["c-tests"]}
-    tests |= {f"{name} sanitized": sanitized(name) for name in phases() if name not in derived_last()}
     return tests
 
 
@@ -182,7 +181,7 @@ def make(wanted: Wanted, results: Path) -> bool:
     core waits for the end of a folder.
     """
     rules = [
-        f"all: {folder}\n.PHONY: {folder}\n{folder}:\n\t+@$(MAKE) -f Makefile -s -k "
+        f"all: {folder}\n.PHONY: {folder}\n{folder}:\n\t+@$(MAKE) -f Makefile {'' if LOUD else '-s '}-k "
         + " ".join(
             f"'{word}'"
             for word in [f"BUILD={folder}", *SETTINGS[folder], *(path_of(folder, t) for t in targets)]
@@ -193,7 +192,7 @@ def make(wanted: Wanted, results: Path) -> bool:
     file = results / "builds.mk"
     file.write_text("\n\n".join(rules) + "\n")
     cached = {"PATH": f"{CCACHE}:{os.environ['PATH']}"} if CCACHE.is_dir() else {}
-    return run(["make", "-s", "-k", f"-j{JOBS}", "-f", file], **cached)
+    return run(["make", *([] if LOUD else ["-s"]), "-k", f"-j{JOBS}", "-f", file], **cached)
 
 
 def build(tests: Tests, needs: Wanted, results: Path) -> list[str]:

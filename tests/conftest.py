@@ -11,6 +11,7 @@ Hypothesis draws the same examples at every run: all of them (profile `whole`), 
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -30,8 +31,17 @@ settings.load_profile("whole")
 ALONE = {Path(__file__).parent / name for name in ("c", "conformance", "hard")}
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--phase", help="of the tests of every phase, those of this one")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The longest files first, then the single tests: no worker waits for the last of the others."""
+    if phase := config.getoption("phase"):
+        named = re.compile(rf"\b{re.escape(phase)}\b")
+        other = [item for item in items if item.path.parent in ALONE and not named.search(item.name)]
+        config.hook.pytest_deselected(items=other)
+        items[:] = [item for item in items if item not in other]
     sizes = {path: path.stat().st_size for path in {item.path for item in items}}
     items.sort(key=lambda item: (item.path.parent in ALONE, -sizes[item.path], item.path))
 

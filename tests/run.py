@@ -5,8 +5,9 @@
     run.py rest     all others: with the quick ones before, no test is run twice
     run.py all      both: `make test-all`
 
-What builds comes first (builds.py), then pytest by pytest-xdist, then pytest again for the sanitized builds.
-`--part NAME` does one part alone. Standard library only.
+What builds comes first (builds.py), then pytest by pytest-xdist, then pytest again for the sanitized builds:
+a line for each suite. `--phase NAME` runs what concerns one phase, `--part NAME` one part alone; V=1 in the
+environment shows what the parts print. Standard library only.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import argparse
 import functools
 import os
+import re
 import signal
 import sys
 import time
@@ -36,11 +38,13 @@ HALVES = {
     "rest": ["-m", "slow or hypothesis"],
     "all": [],
 }
+LEFT_OUT = {"quick": ("sanitized",)}  # parts, by half
 # Folders of one pytest, and its environment.
 PYTEST: dict[str, tuple[list[str], dict[str, str]]] = {
     "tests": (["tests"], {}),
     "sanitized": (["tests/conformance"], {"STEPWISE_BUILD": "build/asan"}),
 }
+WHOLE_FILES = ("phases", "systems")  # folders of tests that are about the phases that they name
 
 
 @dataclass
@@ -56,17 +60,28 @@ class Tally:
         self.skipped += other.skipped
         self.seconds |= other.seconds
 
+    def line(self, suite: str) -> str:
+        cost = f", {sum(self.seconds.values()):.0f} s of one core" if self.seconds else ""
+        return (
+            f"{suite:22} {self.passed:5} passed, {len(self.failed)} failed, {len(self.skipped)} skipped{cost}"
+        )
 
-def read_results(path: Path, part: str, ended_well: bool) -> Tally:
-    """Counts of a JUnit XML file, and its failures' names. A crash that left no file is a failure."""
-    tally = Tally()
+
+def read_results(path: Path, part: str, ended_well: bool) -> dict[str, Tally]:
+    """Counts of a JUnit XML file by suite, a folder of tests, and its failures' names. A crash that left no
+    file is a failure."""
+    suites: dict[str, Tally] = {}
     try:
         cases = list(ET.parse(path).getroot().iter("testcase"))
     except (OSError, ET.ParseError):
         alone = f"alone: make check PART={part}"
-        return Tally(failed=[f"{part}: no results: it did not start, or crashed; {alone}"])
+        return {part: Tally(failed=[f"{part}: no results: it did not start, or crashed; {alone}"])}
     for case in cases:
-        title = f"{case.get('classname', '').removeprefix('tests.')}::{case.get('name')}"
+        name = case.get("classname", "").removeprefix("tests.")
+        folders = name.split(".")[:-1]
+        suite = part if part != "tests" else "/".join(folders[: 2 if folders[:1] == ["study"] else 1]) or part
+        tally = suites.setdefault(suite, Tally())
+        title = f"{name}::{case.get('name')}"
         title = f"{part}: {title}" if part != "tests" else title
         tally.seconds[title] = float(case.get("time", 0))
         skip = case.find("skipped")
@@ -76,12 +91,12 @@ def read_results(path: Path, part: str, ended_well: bool) -> Tally:
             tally.skipped.append((title, skip.get("message") or ""))
         else:
             tally.passed += 1
-    if not ended_well and not tally.failed:
-        tally.failed.append(f"{part}: ended with a failure after its tests")
-    return tally
+    if not ended_well and not any(tally.failed for tally in suites.values()):
+        suites[part] = Tally(failed=[f"{part}: ended with a failure after its tests"])
+    return suites
 
 
-def build(half: str) -> Tally:
+def build(half: str, phase: str | None) -> dict[str, Tally]:
     """Whether what the half tests builds without a warning: each phase and compiler is a test."""
     tests, needs = {}, []
     if half in ("quick", "all"):
@@ -90,20 +105,48 @@ def build(half: str) -> Tally:
     if half in ("rest", "all"):
         tests |= builds.rest_tests()
         needs.append(builds.rest_needs())
+    if phase:
+        tests, needs = builds.phase_tests(phase), []
     failed = builds.build(tests, builds.together(needs), RESULTS)
-    return Tally(passed=len(tests) - len(failed), failed=[f"builds: {name}" for name in failed])
+    return {"builds": Tally(len(tests) - len(failed), [f"builds: {name}" for name in failed])}
 
 
-def tests(part: str, half: str) -> Tally:
-    """One pytest, on every core."""
+def concerning(phase: str) -> list[str]:
+    """Files of the tests that name the phase, and those with a test for each phase."""
+    files = [path for folder in WHOLE_FILES for path in sorted((ROOT / "tests" / folder).glob("test_*.py"))]
+    named = [
+        path for path in files if re.search(rf"\b{re.escape(phase)}\b", path.read_text(encoding="utf-8"))
+    ]
+    return [str(path.relative_to(ROOT)) for path in named]
+
+
+def tests(part: str, half: str, phase: str | None) -> dict[str, Tally]:
+    """One pytest, on every core: of one phase, its own files and what the other suites have of it."""
     folders, environment = PYTEST[part]
     results = RESULTS / f"{part}.xml"
     results.unlink(missing_ok=True)
     words = [sys.executable, "-m", "pytest", "-q", f"-n{WORKERS}", f"--junitxml={results}"]
-    return read_results(results, part, builds.run([*words, *HALVES[half], *folders], **environment))
+    words += HALVES[half] if part == "tests" else []
+    if phase:
+        words += ["--phase", phase]
+        folders = [*concerning(phase), "tests/conformance", "tests/hard"]
+    log = None if builds.LOUD else RESULTS / f"{part}.log"
+    good = builds.run([*words, *folders], log, **environment)
+    found = read_results(results, part, good)
+    if log and any(tally.failed for tally in found.values()):
+        print(failures(log.read_text(encoding="utf-8", errors="replace")))
+    return found
 
 
-PARTS: dict[str, Callable[[str], Tally]] = {
+def failures(log: str) -> str:
+    """What pytest says of tests that failed, without its dots before and its list behind."""
+    found = re.search(
+        r"^=+ (FAILURES|ERRORS) =+$.*?(?=^=+ short test summary|\Z)", log, re.DOTALL | re.MULTILINE
+    )
+    return found.group().rstrip() if found else log[-3000:]
+
+
+PARTS: dict[str, Callable[[str, str | None], dict[str, Tally]]] = {
     "builds": build,
     **{part: functools.partial(tests, part) for part in PYTEST},
 }
@@ -131,16 +174,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("half", choices=HALVES)
     parser.add_argument("--part", action="append", choices=PARTS, help="only this one")
+    parser.add_argument("--phase", choices=builds.phases(), metavar="NAME", help="what concerns this phase")
     arguments = parser.parse_args()
     for end in (signal.SIGINT, signal.SIGTERM):  # ends what was started, though a shell had it ignored
         signal.signal(end, signal.default_int_handler)
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else each script that a test starts is compiled anew
     total, took = Tally(), {}
-    for part in arguments.part or PARTS:
+    parts = [part for part in PARTS if part not in LEFT_OUT.get(arguments.half, ()) and not arguments.phase]
+    for part in arguments.part or parts or ["builds", "tests"]:
         begin = time.monotonic()
-        total.add(PARTS[part](arguments.half))
+        print(f"{part} …", flush=True)
+        for suite, tally in sorted(PARTS[part](arguments.half, arguments.phase).items()):
+            print(tally.line(suite), flush=True)
+            total.add(tally)
         took[part] = time.monotonic() - begin
-        print(f"== {part}: {took[part]:.0f} s", flush=True)
     print(told(total, took, 0 if arguments.half == "quick" else SLOWEST))
     return 1 if total.failed or not total.passed else 0
 

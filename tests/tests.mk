@@ -10,4 +10,4 @@ check: HALF := quick
 check-rest: HALF := rest
 check-all: HALF := all
 check check-rest check-all:
-	@$(TEST_PYTHON) tests/run.py $(HALF) $(PART:%=--part %)
+	@$(TEST_PYTHON) tests/run.py $(HALF) $(PART:%=--part %) $(PHASE:%=--phase %)

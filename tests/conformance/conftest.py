@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-import builds
 from conformance.harness import REDUCED, Unsupported
 from study.core import registry
 
@@ -30,14 +29,12 @@ ONCE = ("test_features_show",)
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leaves out what holds a picture that is meant to be near against one that it is not meant to be, and
-    what one build answers for all. Slow: sanitized phases that `make test` does not build."""
-    kept, left, built = [], [], builds.derived_last()
+    what one build answers for all."""
+    kept, left = [], []
     for item in items:
         mine = item.path.parent == Path(__file__).parent
         near = mine and registry.phases()[item.callspec.params["phase"]].approximate
         once = mine and REDUCED and item.originalname in ONCE
-        if mine and REDUCED and item.callspec.params["phase"] not in built:
-            item.add_marker(pytest.mark.slow)
         (left if once or (near and item.originalname not in FORM) else kept).append(item)
     items[:] = kept
     if left:

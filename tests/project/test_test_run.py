@@ -28,46 +28,61 @@ def runner():
 
 
 XML = """<testsuites><testsuite>
-<testcase classname="tests.py.a" name="good" time="2"/>
-<testcase classname="tests.py.a" name="bad" time="30.5"><failure message="no"/></testcase>
-<testcase classname="tests.py.a" name="one[1]"><skipped message="no AVX-512"/></testcase>
-<testcase classname="tests.py.a" name="one[2]"><skipped message="no AVX-512"/></testcase>
-<testcase classname="tests.py.a" name="other" time="1"><skipped message="no perf"/></testcase>
+<testcase classname="tests.phases.a" name="good" time="2"/>
+<testcase classname="tests.phases.a" name="bad" time="30.5"><failure message="no"/></testcase>
+<testcase classname="tests.phases.a" name="one[1]"><skipped message="no AVX-512"/></testcase>
+<testcase classname="tests.phases.a" name="one[2]"><skipped message="no AVX-512"/></testcase>
+<testcase classname="tests.study.core.a" name="other" time="1"><skipped message="no perf"/></testcase>
 </testsuite></testsuites>"""
+
+
+def summed(runner, suites: dict):
+    total = runner.Tally()
+    for tally in suites.values():
+        total.add(tally)
+    return total
 
 
 def test_the_end_names_every_test_once_and_has_the_sums_last(runner, tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(XML)
-    total = runner.read_results(tmp_path / "a.xml", "tests", ended_well=False)
+    suites = runner.read_results(tmp_path / "a.xml", "tests", ended_well=False)
+    assert {name: (t.passed, len(t.failed), len(t.skipped)) for name, t in suites.items()} == {
+        "phases": (1, 1, 2),
+        "study/core": (0, 0, 1),
+    }
     end = [
-        "skipped 2: no AVX-512: py.a::one[1], py.a::one[2]",
-        "skipped 1: no perf: py.a::other",
-        "FAILED: py.a::bad",
+        "skipped 2: no AVX-512: phases.a::one[1], phases.a::one[2]",
+        "skipped 1: no perf: study.core.a::other",
+        "FAILED: phases.a::bad",
         f"1 min 15 s on {builds.JOBS} cores: builds 45 s, tests 30 s",
         "1 passed, 1 failed, 3 skipped",
     ]
     took = {"builds": 45.1, "tests": 30.2}
+    total = summed(runner, suites)
     assert runner.told(total, took, slowest=0).splitlines() == end
     assert runner.told(total, took, slowest=2).splitlines() == [
         "slowest tests:",
-        "   30.5 s  py.a::bad",
-        "    2.0 s  py.a::good",
+        "   30.5 s  phases.a::bad",
+        "    2.0 s  phases.a::good",
         *end,
     ]
 
 
 def test_a_crash_and_a_bad_end_are_failures(runner, tmp_path: Path) -> None:
-    assert len(runner.read_results(tmp_path / "none.xml", "tests", ended_well=True).failed) == 1
+    def failed(name: str, ended_well: bool) -> int:
+        return len(summed(runner, runner.read_results(tmp_path / name, "tests", ended_well)).failed)
+
+    assert failed("none.xml", ended_well=True) == 1
     (tmp_path / "cut.xml").write_text(XML[:60])
-    assert len(runner.read_results(tmp_path / "cut.xml", "tests", ended_well=True).failed) == 1
+    assert failed("cut.xml", ended_well=True) == 1
     (tmp_path / "good.xml").write_text('<testsuite><testcase name="good"/></testsuite>')
-    assert runner.read_results(tmp_path / "good.xml", "tests", ended_well=True).failed == []
-    assert len(runner.read_results(tmp_path / "good.xml", "tests", ended_well=False).failed) == 1
+    assert failed("good.xml", ended_well=True) == 0
+    assert failed("good.xml", ended_well=False) == 1
 
 
 def test_a_part_that_fails_makes_the_whole_fail(runner, monkeypatch, capsys) -> None:
     def tally(passed: int, failed: list[str]):
-        return lambda half: runner.Tally(passed=passed, failed=list(failed))
+        return lambda half, phase: {"suite": runner.Tally(passed=passed, failed=list(failed))}
 
     monkeypatch.setattr(sys, "argv", ["run.py", "quick"])
     monkeypatch.setattr(signal, "signal", lambda *_: None)
@@ -75,6 +90,16 @@ def test_a_part_that_fails_makes_the_whole_fail(runner, monkeypatch, capsys) -> 
         monkeypatch.setattr(runner, "PARTS", {"builds": tally(1, failed), "tests": tally(2, [])})
         assert runner.main() == status
         assert capsys.readouterr().out.splitlines()[-1] == f"3 passed, {len(failed)} failed, 0 skipped"
+
+
+def test_what_failed_is_shown_without_the_dots(runner) -> None:
+    log = "....F\n=== FAILURES ===\nassert 1 == 2\n=== short test summary info ===\nFAILED a\n"
+    assert runner.failures(log) == "=== FAILURES ===\nassert 1 == 2"
+
+
+def test_what_concerns_a_phase_names_it(runner) -> None:
+    files = runner.concerning("opt7_tiles")
+    assert "tests/phases/test_tiles.py" in files and "tests/systems/test_fixed.py" not in files
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
@@ -146,30 +171,14 @@ def test_what_the_tests_run_of_an_ablation_is_built() -> None:
             assert (f"{name}/{target}" in asked) == declared, name
 
 
-def test_every_phase_is_built_by_gcc_and_read_by_clang_in_the_quick_half() -> None:
-    """rules.mk leaves variants that this CPU does not run out of what clang makes: the rest reads them."""
-    quick, both = (
-        builds.together(tests)
-        for tests in (
-            builds.quick_tests().values(),
-            [*builds.quick_tests().values(), *builds.rest_tests().values()],
-        )
-    )
+def test_every_phase_is_built_by_both_compilers_and_sanitized() -> None:
+    """rules.mk leaves variants that this CPU does not run out of what clang makes: `read` has them."""
+    quick, rest = (builds.together(tests().values()) for tests in (builds.quick_tests, builds.rest_tests))
     for phase in registry.phases():
         assert {f"{phase}/render", f"{phase}/probe"} <= set(quick["build"])
-        assert f"{phase}/syntax/read" in quick["build/clang"]
-        assert {f"{phase}/{target}" for target in ("render", "probe", "read")} <= set(both["build/clang"])
-        assert {f"{phase}/render", f"{phase}/probe"} <= set(both["build/asan"])
+        assert {f"{phase}/{target}" for target in ("render", "probe", "read")} <= set(rest["build/clang"])
+        assert {f"{phase}/render", f"{phase}/probe"} <= set(rest["build/asan"])
 
 
 def test_the_halves_have_no_build_in_common() -> None:
     assert not builds.quick_tests().keys() & builds.rest_tests().keys()
-
-
-def test_what_is_sanitized_in_the_quick_half_stands_for_all() -> None:
-    """A phase that another derives from is left to the rest."""
-    kept = builds.derived_last()
-    assert kept
-    for phase in registry.phases():
-        assert phase in kept or any(phase in patches.lineage(other)[1:] for other in kept)
-        assert phase not in kept or not any(phase in patches.lineage(o)[1:] for o in registry.phases())
