@@ -30,11 +30,11 @@ WARNINGS := -Wall -Wextra -Wpedantic -Werror
 SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thread,address$(,)undefined$(,)float-cast-overflow -fno-sanitize-recover=all) -fno-omit-frame-pointer -g1)
 # Follows a phase's own -O3. With -O1 less is optimized away before it is checked. -O0 compiles emulated code fastest.
 SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)$(if $(EMULATE), -O0)
-TOOLCHAIN := $(shell $(CC) --version | head -n 1)
+TOOLCHAIN := $(shell $(CC) --version 2>/dev/null | head -n 1)
 CLANG := $(findstring clang,$(TOOLCHAIN))
 COMMON_CFLAGS = -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon $(LIBRARY_INCLUDES)
-LIBRARY_INCLUDES := $(shell pkg-config --cflags jansson OpenEXR)
-LIBS := -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
+LIBRARY_INCLUDES := $(shell pkg-config --cflags jansson OpenEXR 2>/dev/null)
+LIBS := -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR 2>/dev/null) -lpthread -lm
 LINK = $(CC) $(SANITIZERS) $(filter %.o,$^) $(LIBS)
 COMMON_HEADERS := $(filter-out common/viewer/%,$(wildcard common/*.h common/*/*.h)) # a change of the viewer's builds no phase again
 

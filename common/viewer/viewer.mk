@@ -3,7 +3,7 @@
 #   make build/viewer VIEWER_PHASES="opt3 opt9_convex"   with these phases only
 # Left out unless named: truth, which takes minutes for a frame.
 VIEWER_PHASES ?= $(filter-out truth,$(PHASES))
-VIEWER_SDL = $(shell pkg-config --exists sdl2 && echo sdl2)
+VIEWER_SDL = $(shell pkg-config --exists sdl2 2>/dev/null && echo sdl2)
 VIEWER_WINDOW = $(if $(VIEWER_SDL),$(filter-out %/no_window.c,$(wildcard common/viewer/window/*.c)),common/viewer/window/no_window.c)
 VIEWER_SOURCES = $(filter-out %/entry.c,$(wildcard common/viewer/*.c common/viewer/picture/*.c)) $(VIEWER_WINDOW)
 VIEWER_OBJECTS = $(patsubst %.c,$(BUILD)/%.o,$(VIEWER_SOURCES))
@@ -24,6 +24,6 @@ $(BUILD)/common/viewer/picture/canvas.o: | need-libpng
 $(patsubst %.c,$(BUILD)/%.o,$(wildcard common/viewer/*.c common/viewer/*/*.c)): $(wildcard common/viewer/*.h common/viewer/*/*.h)
 
 # Its sources include the headers of both libraries.
-$(BUILD)/common/viewer/%.o: COMMON_CFLAGS += $(shell pkg-config --cflags libpng $(VIEWER_SDL))
+$(BUILD)/common/viewer/%.o: COMMON_CFLAGS += $(shell pkg-config --cflags libpng $(VIEWER_SDL) 2>/dev/null)
 $(BUILD)/viewer: $(VIEWER_PHASES:%=$(BUILD)/%/viewer.o) $$(VIEWER_OBJECTS) $(SCENE_OBJECTS) $(BUILD)/common/viewer_parts
 	$(CC) $(SANITIZERS) $(filter %.o,$^) $(LIBS) $(shell pkg-config --libs libpng $(VIEWER_SDL)) -ldl -o $@
