@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from study.core import run
-from study.core.registry import Scene
+from study.core.registry import Scene, Spec
 from study.measuring.schema import Gain, Timed
 from study.numbers import stats
 
@@ -17,11 +17,17 @@ Told = Mapping[str, str]  # variables of a driver's environment, which say how a
 
 
 def milliseconds(
-    phase: str, scene: Scene, size: Size, reps: int, env_bytes: int = 0, told: Told | None = None, **more: Any
+    phase: Spec | str,
+    scene: Scene,
+    size: Size,
+    reps: int,
+    env_bytes: int = 0,
+    told: Told | None = None,
+    **more: Any,
 ) -> float:
     """Median time of a launch's frames, on as many CPUs as it has threads. Raises StudyError."""
-    how = {"cpu": run.FASTEST, "env_bytes": env_bytes, "reps": reps, "warmup": 1, "timed": False}
-    record = run.render(phase, scene.path, size[1], size[0], told=told, **how, **more)
+    how = {"cpu": run.FASTEST, "env_bytes": env_bytes, "reps": reps, "warmup": 1, "timed": False} | more
+    record = run.render(phase, scene.path, size[1], size[0], told=told, **how)
     return float(np.median([f["ns"] for f in record["frames"] if not f["warmup"]])) / 1e6
 
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from study.core.cli import StudyError
+from study.numbers.schema import Range
 from study.numbers.stats import ENOUGH, RESAMPLES
 
 OFF = 1.10  # a point that far from the law, beyond its launches' noise, is not on it
@@ -123,10 +123,10 @@ def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = F
     )
 
 
-def text(exponent: dict[str, Any] | Exponent) -> str:
+def text(exponent: Exponent | Range) -> str:
     """`0.98 [0.97, 0.99]`; `0.98 (insufficient launches)`."""
-    found = exponent if isinstance(exponent, dict) else vars(exponent)
-    value, low, high = (math.nan if found[k] is None else found[k] for k in ("value", "low", "high"))
+    ends = (exponent.value, exponent.low, exponent.high)
+    value, low, high = (math.nan if end is None else end for end in ends)
     if not math.isfinite(low):
         return f"{value:.2f} (insufficient launches)"
     if low == high:

@@ -4,20 +4,30 @@ from __future__ import annotations
 
 from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.scaling import chapter
-from study.experiments.scaling.schema import SCHEMAS
+from study.experiments.scaling import command, figures, tables
+from study.experiments.scaling.schema import SCHEMAS, Scaling
+from study.experiments.section import Found, Section, chapter
+from study.numbers.analysis import Data
 
 SECONDS, QUICK_SECONDS = "300", "20"
 
 
 def calls(study: Study) -> list[Call]:
-    """The growth of every program, or in five minutes that of the first and the last two rungs."""
+    """The growth of every program, or in five minutes that of the first and the last two phases."""
     names = [name for name in ladder() if cpu_supports(Spec.parse(name))]
     quick = ["--phase", *dict.fromkeys([names[0], *names[-2:]]), "--budget", SECONDS]
     if study.quick:
         quick = ["--phase", *dict.fromkeys([names[0], names[-1]]), "--budget", QUICK_SECONDS]
     depth = ["--full"] if study.depth == "full" else [] if study.asked else quick
     return [Call("scaling", [*depth, "--run", str(study.run)])]
+
+
+def found(result: Scaling) -> Found:
+    return Found(tables.parts(result), tables.answer(result), figures.drawings(result))
+
+
+def section(data: Data) -> Section:
+    return chapter("scaling", "How cost grows", data.path / command.FILE, Scaling.load_if_there, found)
 
 
 EXPERIMENT = Experiment(
@@ -28,5 +38,6 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     cut="The first and the last phase, and the points that twenty seconds allow.",
-    sections=[(610, lambda data: chapter.growth(data.path))],
+    sections=[(610, section)],
+    command=command,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, Record, key
+from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured, Range
 
 
@@ -18,30 +18,29 @@ class Row(Record, kw_only=True):
     n: Annotated[int, key("pixels", "height of the picture", ge=1)]
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     threads: Annotated[int, key("threads", "that drew it", ge=1)]
-    max_steps: Annotated[int | Absent | None, key("evaluations", "null: the scene's own")] = ABSENT
+    max_steps: Annotated[int | None, key("evaluations", "null: the scene's own")] = None
     ns: Annotated[list[float], key("ns", "one per process launch: median of its timed frames")]
     ms: Annotated[Interval, key("ms", "a frame")]
-    ns_per_pixel: Annotated[Interval | Absent, key("ns", "a pixel")] = ABSENT
+    ns_per_pixel: Annotated[Interval | None, key("ns", "a pixel")] = None
     above_frame_mib: Annotated[
-        float | Absent | None, key("MiB", "peak resident memory after the first frame less its float planes")
-    ] = ABSENT
+        float | None, key("MiB", "peak resident memory after the first frame less its float planes")
+    ] = None
     evals_per_ray: Annotated[
-        float | Absent | None,
-        key("evaluations", "of the whole scene, camera ray; null: the phase has exact hits"),
-    ] = ABSENT
-    coverage: Annotated[float | Absent | None, key("share of pixels", "that hit")] = ABSENT
-    non_finite: Annotated[int | Absent, key("samples", "NaN or infinite where none may be")] = ABSENT
+        float | None, key("evaluations", "of the whole scene, camera ray; null: the phase has exact hits")
+    ] = None
+    coverage: Annotated[float | None, key("share of pixels", "that hit")] = None
+    non_finite: Annotated[int | None, key("samples", "NaN or infinite where none may be")] = None
     reference: Annotated[
-        str | Absent | None, key("", "what errors are to: `truth`, else a phase in doubles; null: `why_none`")
-    ] = ABSENT
-    why_none: Annotated[str | Absent, key("", "why there is no error")] = ABSENT
-    psnr_db: Annotated[float | Absent | None, key("dB", "null with an RMSE: infinite")] = ABSENT
-    rmse: Annotated[float | Absent | None, key("linear RGB", "root mean square error")] = ABSENT
-    wrong_ppm: Annotated[float | Absent | None, key("ppm", "hit, miss or shape wrong")] = ABSENT
+        str | None, key("", "what errors are to: `truth`, else a phase in doubles; null: `why_none`")
+    ] = None
+    why_none: Annotated[str | None, key("", "why there is no error")] = None
+    psnr_db: Annotated[float | None, key("dB", "null with an RMSE: infinite")] = None
+    rmse: Annotated[float | None, key("linear RGB", "root mean square error")] = None
+    wrong_ppm: Annotated[float | None, key("ppm", "hit, miss or shape wrong")] = None
     scenes: Annotated[
-        int | Absent,
+        int | None,
         key("scenes", "of `crowd`: one per launch, seeds from `scene_seed` on, in the order of `ns`"),
-    ] = ABSENT
+    ] = None
 
 
 class Law(Record, kw_only=True):
@@ -64,7 +63,7 @@ class Fit(Record, kw_only=True):
     """A series of a phase as a power law."""
 
     series: Annotated[str, key("", "its name")]
-    title: Annotated[str | Absent, key("", "in words")] = ABSENT
+    title: Annotated[str, key("", "in words")]
     phase: Annotated[str, key("", "its name")]
     paper: Annotated[float | None, key("", "exponent of the paper's O(K·T·N²); null: it has none")]
     time: Annotated[Law, key("ns", "of a frame")]
@@ -79,76 +78,54 @@ class LeftOut(Record, kw_only=True):
     x: Annotated[float, key("`axes`", "where")]
     phase: Annotated[str, key("", "its name")]
     reason: Annotated[str, key("", "why")]
-    foreseen_s: Annotated[float | Absent | None, key("s", "one frame")] = ABSENT
-    scene: Annotated[str | Absent, key("", "its name")] = ABSENT
+    foreseen_s: Annotated[float | None, key("s", "one frame")] = None
+    scene: Annotated[str | None, key("", "its name")] = None
 
 
 class Memory(Record, kw_only=True):
     """One frame at 3840×2160."""
 
-    series: Annotated[str | Absent, key("", "memory")] = ABSENT
-    x: Annotated[float | Absent, key("", "its place")] = ABSENT
     phase: Annotated[str, key("", "its name")]
     scene: Annotated[str, key("", "its name")]
-    shapes: Annotated[int | Absent, key("shapes", "of the scene")] = ABSENT
-    threads: Annotated[int | Absent, key("threads", "that drew it")] = ABSENT
-    width: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
-    n: Annotated[int | Absent, key("pixels", "its height")] = ABSENT
-    seconds: Annotated[float | Absent, key("s", "of the frame")] = ABSENT
-    peak_rss_mib: Annotated[float | Absent, key("MiB", "peak resident memory")] = ABSENT
-    above_frame_mib: Annotated[float, key("MiB", "of it beyond 12 bytes a pixel")]
+    shapes: Annotated[int, key("shapes", "of the scene")]
+    threads: Annotated[int, key("threads", "that drew it")]
+    seconds: Annotated[float, key("s", "of the frame")]
+    peak_rss_mib: Annotated[float, key("MiB", "peak resident memory")]
+    above_frame_mib: Annotated[float | None, key("MiB", "of it beyond 12 bytes a pixel")]
 
 
-class Goal(Record, kw_only=True):
+class Crowd(Record, kw_only=True):
     """How a phase grows with the shapes, and its memory."""
 
     phase: Annotated[str, key("", "its name")]
-    n: Annotated[int | Absent | None, key("pixels", "height of the pictures")] = ABSENT
-    shapes: Annotated[int | Absent | None, key("shapes", "the largest number measured")] = ABSENT
+    n: Annotated[int | None, key("pixels", "height of the pictures")] = None
+    shapes: Annotated[int | None, key("shapes", "the largest number measured")] = None
     ratio: Annotated[
         Interval | None, key("×", "time of that many shapes over that of 16; of `crowd` where it is there")
-    ]
-    coverage: Annotated[list[float | None] | Absent | None, key("share of pixels", "that hit, of both")] = (
-        ABSENT
-    )
-    shapes_goal: Annotated[str, key("", "`met` where the whole interval is; at 4,096 shapes")]
-    above_frame_mib: Annotated[float | Absent | None, key("MiB", "the most of `memory`")] = ABSENT
-    memory_goal: Annotated[str, key("", "`met` where it is")]
-    scenes: Annotated[list[int] | Absent | None, key("scenes", "of `crowd`; null: one of each")] = ABSENT
+    ] = None
+    coverage: Annotated[list[float | None] | None, key("share of pixels", "that hit, of both")] = None
+    above_frame_mib: Annotated[float | None, key("MiB", "the most of `memory`")] = None
+    scenes: Annotated[list[int] | None, key("scenes", "of `crowd`; null: one of each")] = None
     mean_ms: Annotated[
-        list[float] | Absent, key("ms", "their means; `ratio` is of these, by Welch's interval")
-    ] = ABSENT
-    by_medians: Annotated[Interval | Absent | None, key("×", "the ratio of the medians beside it")] = ABSENT
-
-
-class Thumbnail(Record, kw_only=True):
-    """A picture of a generated scene."""
-
-    series: Annotated[str, key("", "its name")]
-    x: Annotated[float, key("`axes`", "where")]
-    scene: Annotated[str, key("", "its name")]
-    coverage: Annotated[float | Absent | None, key("share of pixels", "that hit")] = ABSENT
-    picture: Annotated[str, key("", "below the run")]
+        list[float] | None, key("ms", "their means; `ratio` is of these, by Welch's interval")
+    ] = None
+    by_medians: Annotated[Interval | None, key("×", "the ratio of the medians beside it")] = None
 
 
 class Scaling(Measured, kw_only=True):
     """Time, evaluations and error against n, shapes, steps, bounces, threads."""
 
     made_by: ClassVar[str] = "scaling"
-    n: Annotated[int | Absent, key("pixels", "height where it does not grow")] = ABSENT
-    scene_seed: Annotated[int | Absent, key("", "of generated scenes")] = ABSENT
-    seconds: Annotated[float | Absent | None, key("s", "allowed")] = ABSENT
-    coverage_wanted: Annotated[
-        float | Absent | None, key("share of pixels", "that generated scenes are made to have hit, at 160×90")
-    ] = ABSENT
+    n: Annotated[int, key("pixels", "height where it does not grow")]
+    scene_seed: Annotated[int | None, key("", "of generated scenes")] = None
+    seconds: Annotated[float | None, key("s", "allowed")] = None
     rows: Annotated[list[Row], key("", "the points", min_length=1)]
     fits: Annotated[list[Fit], key("", "power laws")]
     left_out: Annotated[list[LeftOut], key("", "points that were not measured")]
     memory: Annotated[list[Memory], key("", "frames at 3840×2160")]
-    goals: Annotated[list[Goal], key("", "growth and memory by phase")]
-    thumbnails: Annotated[list[Thumbnail] | Absent, key("", "pictures of generated scenes")] = ABSENT
-    axes: Annotated[dict[str, str] | Absent, key("", "series → what x is, with its unit")] = ABSENT
-    titles: Annotated[dict[str, str] | Absent, key("", "series → in words")] = ABSENT
+    goals: Annotated[list[Crowd], key("", "growth and memory by phase")]
+    axes: Annotated[dict[str, str], key("", "series → what x is, with its unit")]
+    titles: Annotated[dict[str, str], key("", "series → in words")]
 
 
 SCHEMAS = {"scaling.json": Scaling}

@@ -2,135 +2,150 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from study.core import registry, show
 from study.core.show import Column
-from study.experiments.scaling.figures import level
-from study.experiments.scaling.series import LAW, Row
-from study.numbers import power_laws as scaling_fit
+from study.experiments.scaling.schema import Crowd, Fit, Law, Row, Scaling
+from study.experiments.scaling.series import LAW
+from study.experiments.section import Part, part
+from study.numbers import power_laws
+
+CLOSED = "none: closed forms count 1 for every camera ray"
+TOP = 120  # dB: what is nearer is drawn here
 
 
-def _exponent(path: str) -> Callable[[Row], str]:
-    def text(row: Row) -> str:
-        found: Any = row
-        for key in path.split("."):
-            found = (found or {}).get(key)
-        return show.NOTHING if found is None else scaling_fit.text(found)
+def level(row: Row) -> float | None:
+    """PSNR in dB to the row's reference, at most TOP; None without one."""
+    if row.rmse is None:
+        return None
+    return TOP if row.psnr_db is None else min(row.psnr_db, TOP)
+
+
+def evaluations(row: Row) -> float | None:
+    """Of a camera ray; none of a program with closed forms, where an older file has a 1 for each."""
+    return None if registry.is_exact(row.phase) else row.evals_per_ray
+
+
+def _evals(row: Fit) -> str:
+    if registry.is_exact(row.phase):
+        return CLOSED
+    return power_laws.text(row.evals.exponent) if row.evals else show.NOTHING
+
+
+def _worst(law: Law) -> str:
+    return show.NOTHING if law.points < power_laws.LEAST else f"{law.worst:.2f}× at {law.worst_x:,g}"
+
+
+def _both(name: str, form: str) -> Callable[[Crowd], str]:
+    """Nothing where one scene of each was timed: the ratio is then of medians."""
+
+    def text(row: Crowd) -> str:
+        some = getattr(row, name) if max(row.scenes or [1]) > 1 else None
+        return " and ".join(form.format(one) for one in some) if some else show.NOTHING
 
     return text
 
 
-def _worst(row: Row) -> str:
-    law = row["time"]
-    return (
-        show.NOTHING if law["points"] < scaling_fit.LEAST else f"{law['worst']:.2f}× at {law['worst_x']:,g}"
-    )
-
-
-def _plain(name: str) -> Callable[[Row], str]:
-    return lambda row: show.NOTHING if row.get(name) is None else show.number(row[name])
-
-
-def _both(row: Row, name: str, form: str) -> str:
-    """Nothing where one scene of each was timed: the ratio is then of medians."""
-    if max(row.get("scenes") or [1]) == 1:
-        return show.NOTHING
-    return " and ".join(form.format(one) for one in row[name])
-
-
-CLOSED = "none: closed forms count 1 for every camera ray"
-
-
-def _evaluations(text: Callable[[Row], str], instead: str) -> Callable[[Row], str]:
-    """`instead` for a program that meets shapes by closed forms: the 1 in its plane is no count."""
-    return lambda row: instead if registry.is_exact(row["phase"]) else text(row)
-
-
 EXPONENTS = [
-    Column("", "against", lambda r: r["title"]),
-    Column("", "program", lambda r: r["phase"]),
-    Column("", "from … to (points)", lambda r: "{first_x:,g} … {last_x:,g} ({points})".format(**r["time"])),
-    Column("exponent of time", "fitted [95 %]", _exponent("time.exponent")),
-    Column("exponent of time", f"the paper's {LAW}", _plain("paper")),
-    Column("exponent of time", "first two points [95 %]", _exponent("time.first")),
-    Column("exponent of time", "last two points [95 %]", _exponent("time.last")),
-    Column("does a law fit?", "largest residual", _worst),
-    Column("does a law fit?", "verdict", lambda r: r["verdict"]),
-    Column("", "exponent of evaluations per ray", _evaluations(_exponent("evals.exponent"), CLOSED)),
+    Column("", "against", lambda r: r.title),
+    Column("", "program", lambda r: r.phase),
+    Column("", "from … to (points)", lambda r: f"{r.time.first_x:,g} … {r.time.last_x:,g} ({r.time.points})"),
+    Column("exponent of time", "fitted [95 %]", lambda r: power_laws.text(r.time.exponent)),
+    Column("exponent of time", f"the paper's {LAW}", show.plain("paper")),
+    Column("exponent of time", "first two points [95 %]", lambda r: power_laws.text(r.time.first)),
+    Column("exponent of time", "last two points [95 %]", lambda r: power_laws.text(r.time.last)),
+    Column("does a law fit?", "largest residual", lambda r: _worst(r.time)),
+    Column("does a law fit?", "verdict", lambda r: r.verdict),
+    Column("", "exponent of evaluations per ray", _evals),
 ]
 CROWDS = [
-    Column("", "program", lambda r: r["phase"]),
-    Column(
-        "shapes", "scattered, against 16", lambda r: show.NOTHING if not r["shapes"] else f"{r['shapes']:,}"
-    ),
-    Column("shapes", "n", lambda r: show.NOTHING if not r["n"] else str(r["n"])),
-    Column("shapes", "scenes, 16 and many", lambda r: _both(r, "scenes", "{:,}")),
-    Column("shapes", "mean ms, 16 and many", lambda r: _both(r, "mean_ms", "{:.3g}")),
+    Column("", "program", lambda r: r.phase),
+    Column("shapes", "scattered, against 16", lambda r: f"{r.shapes:,}" if r.shapes else show.NOTHING),
+    Column("shapes", "n", lambda r: str(r.n or show.NOTHING)),
+    Column("shapes", "scenes, 16 and many", _both("scenes", "{:,}")),
+    Column("shapes", "mean ms, 16 and many", _both("mean_ms", "{:.3g}")),
     Column("shapes", "time over that of 16 [95 %]", show.spread_of("ratio", "×")),
     Column("shapes", "by medians [95 %]", show.spread_of("by_medians", "×")),
     Column(
         "shapes",
         "share of pixels hit, 16 and many",
-        lambda r: " and ".join(f"{c:.3f}" for c in r["coverage"] or () if c) or show.NOTHING,
+        lambda r: " and ".join(f"{c:.3f}" for c in r.coverage or () if c) or show.NOTHING,
     ),
-    Column("memory at 3840×2160", "MiB above the frame", _plain("above_frame_mib")),
+    Column("memory at 3840×2160", "MiB above the frame", show.plain("above_frame_mib")),
 ]
 POINTS = [
-    Column("", "series", lambda r: r["series"]),
-    Column("", "x", lambda r: f"{r['x']:,}"),
-    Column("", "program", lambda r: r["phase"]),
+    Column("", "series", lambda r: r.series),
+    Column("", "x", lambda r: f"{r.x:,g}"),
+    Column("", "program", lambda r: r.phase),
     Column("", "ms a frame [95 %]", show.spread_of("ms", digits=4)),
     Column("", "ns/pixel [95 %]", show.spread_of("ns_per_pixel", digits=4)),
-    Column("", "evaluations per ray", _evaluations(_plain("evals_per_ray"), show.NOTHING)),
-    Column("", "share of pixels hit", _plain("coverage")),
-    Column("error", "reference", lambda r: r.get("reference") or r.get("why_none") or "too large to be kept"),
-    Column("error", "PSNR, dB", lambda r: show.NOTHING if level(r) is None else show.number(level(r))),
-    Column("error", "wrong hit, ppm", _plain("wrong_ppm")),
-    Column("", "MiB above the frame", _plain("above_frame_mib")),
+    Column("", "evaluations per ray", lambda r: show.number(evaluations(r))),
+    Column("", "share of pixels hit", show.plain("coverage")),
+    Column("error", "reference", lambda r: r.reference or r.why_none or "too large to be kept"),
+    Column("error", "PSNR, dB", lambda r: show.number(level(r))),
+    Column("error", "wrong hit, ppm", show.plain("wrong_ppm")),
+    Column("", "MiB above the frame", show.plain("above_frame_mib")),
 ]
 MEMORY = [
-    Column("", "program", lambda r: r["phase"]),
-    Column("", "scene", lambda r: r["scene"]),
-    Column("", "shapes", lambda r: f"{r['shapes']:,}"),
-    Column("", "threads", lambda r: str(r["threads"])),
-    Column("", "seconds of the frame", _plain("seconds")),
-    Column("", "peak, MiB", _plain("peak_rss_mib")),
-    Column("", "above the frame, MiB", _plain("above_frame_mib")),
+    Column("", "program", lambda r: r.phase),
+    Column("", "scene", lambda r: r.scene),
+    Column("", "shapes", lambda r: f"{r.shapes:,}"),
+    Column("", "threads", lambda r: str(r.threads)),
+    Column("", "seconds of the frame", show.plain("seconds")),
+    Column("", "peak, MiB", show.plain("peak_rss_mib")),
+    Column("", "above the frame, MiB", show.plain("above_frame_mib")),
 ]
 LEFT_OUT = [
-    Column("", "series", lambda r: r["series"] + (f" ({r['scene']})" if "scene" in r else "")),
-    Column("", "x", lambda r: f"{r['x']:,}"),
-    Column("", "program", lambda r: r["phase"]),
-    Column("", "one frame, foreseen, s", _plain("foreseen_s")),
-    Column("", "why", lambda r: r["reason"]),
+    Column("", "series", lambda r: r.series + (f" ({r.scene})" if r.scene else "")),
+    Column("", "x", lambda r: f"{r.x:,g}"),
+    Column("", "program", lambda r: r.phase),
+    Column("", "one frame, foreseen, s", show.plain("foreseen_s")),
+    Column("", "why", lambda r: r.reason),
 ]
 
 
-def tables(result: dict[str, Any]) -> list[tuple[str, str, list[Row], list[Column]]]:
-    """Name, caption, rows and columns."""
-    return [
-        ("scaling", f"Exponents of the time of a frame beside {LAW}", result["fits"], EXPONENTS),
-        ("scaling-crowds", "Many shapes, and memory", result["goals"], CROWDS),
-        ("scaling-memory", "Peak memory at 3840×2160", result["memory"], MEMORY),
-        ("scaling-points", "Every point", result["rows"], POINTS),
-        ("scaling-left-out", "Points left out", result["left_out"], LEFT_OUT),
+def parts(result: Scaling) -> list[Part]:
+    made: list[tuple[str, str, Sequence[Any], list[Column], str]] = [
+        ("scaling", f"Exponents of the time of a frame beside {LAW}", result.fits, EXPONENTS, ""),
+        ("scaling-crowds", "Many shapes, and memory", result.goals, CROWDS, ""),
+        ("scaling-memory", "Peak memory at 3840×2160", result.memory, MEMORY, ""),
+        ("scaling-points", "Every point", result.rows, POINTS, ""),
+        ("scaling-left-out", "Points left out", result.left_out, LEFT_OUT, without(result)),
     ]
+    return [one for table in made for one in part(*table)]
 
 
-def answer(result: dict[str, Any]) -> str:
+def without(result: Scaling) -> str:
+    """What was left out, a clause a series: from which x on of which programs."""
+    found: dict[str, dict[tuple[float, str], list[str]]] = {}
+    first: dict[tuple[str, str], float] = {}
+    for row in result.left_out:
+        if row.series not in ("memory", "all"):
+            first[row.series, row.phase] = min(first.get((row.series, row.phase), row.x), row.x)
+    for (series, phase), x in first.items():
+        more = any((r.series, r.phase) == (series, phase) and r.x >= x for r in result.rows)
+        found.setdefault(series, {}).setdefault((x, "some " if more else ""), []).append(phase)
+    clauses = [
+        f"{series}: "
+        + ", ".join(
+            f"{' and '.join(phases)} {how}from {x:,g} on" for (x, how), phases in sorted(some.items())
+        )
+        for series, some in found.items()
+    ]
+    return f"Left out, as the seconds were over (see the table): {'; '.join(clauses)}." if clauses else ""
+
+
+def answer(result: Scaling) -> str:
     """The fastest program's exponents of picture height and of shapes, beside the paper's law."""
     said = []
     for series in ("n-scene0", "shapes-scattered"):
-        title = result["titles"].get(series)
-        fits = [one for one in result["fits"] if one["title"] == title and one["time"]["exponent"]]
+        title = result.titles.get(series)
+        fits = [one for one in result.fits if one.title == title]
         if fits:
             last = fits[-1]
-            law = f" (the paper's law: {show.number(last['paper'], 1)})" if last["paper"] is not None else ""
-            said.append(
-                f"{last['phase']}'s time grows with {title} to the power "
-                f"{scaling_fit.text(last['time']['exponent'])}{law}"
-            )
-    text = "; ".join(said)
-    return f"{text}." if said else f"{len(result['rows'])} points were timed; no series has a fit."
+            law = f" (the paper's law: {show.number(last.paper, 1)})" if last.paper is not None else ""
+            exponent = power_laws.text(last.time.exponent)
+            said.append(f"{last.phase}'s time grows with {title} to the power {exponent}{law}")
+    return f"{'; '.join(said)}." if said else f"{len(result.rows)} points were timed; no series has a fit."

@@ -1,0 +1,40 @@
+"""How far a picture is from ground truth's, or from another that stands for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from study.core import cli
+from study.pictures import images
+from study.pictures.images import Picture
+from study.truth import judging
+
+FACTOR = judging.FACTOR
+Errors = dict[str, Any]  # keys of PictureErrors
+
+
+def to_truth(exact: Picture, image: Picture) -> Errors:
+    """`wrong_ppm` is of the pixels that truth proves, PSNR of the colours that it knows. With the errors to
+    the ideal shadow."""
+    found = judging.metrics(exact, image)
+    kept = {name: found[name] for name in ("psnr_db", "rmse", "psnr_ideal_db", "rmse_ideal", "non_finite")}
+    wrong = sum(found[f"{name}_ppm"] for name in ("false_hits", "false_misses", "wrong_shape"))
+    return cli.plain(kept | {"wrong_ppm": wrong})
+
+
+def to_picture(reference: Picture, image: Picture, fractal: bool = False) -> Errors:
+    """Of a fractal's 4×4 means, as its single samples are chaotic."""
+    pair = [images.rgb(picture) for picture in (reference, image)]
+    if fractal:
+        pair = [images.box_average(linear, FACTOR) for linear in pair]
+    colours = images.colour_errors(*pair, with_flip=False)
+    geometry = images.geometry(reference, image)
+    return cli.plain(
+        {
+            **{name: colours[name] for name in ("psnr_db", "rmse", "fraction_over_1_255")},
+            "averaged": fractal,
+            "wrong_ppm": geometry["mask_mismatch_ppm"] + geometry["id_mismatch_ppm"],
+            "depth_agree_fraction": geometry["depth_agree_fraction"],
+            "non_finite": images.non_finite(image),
+        }
+    )
