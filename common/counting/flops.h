@@ -1,5 +1,5 @@
 // Counts FLOPs by the paper's method: the number of calls of each function times its declared cost
-// (costs.def). Only the counting build (build/NAME/render-count) counts; in a timing
+// (costs.def). Phases from opt6_wide on declare no costs: only calls and active lanes. Only the counting build (build/NAME/render-count) counts; in a timing
 // build COUNT and ACTIVE compile to nothing.
 //
 // A line of costs.def has these columns:

@@ -1,4 +1,4 @@
-// log, exp and pow. Their costs stand in the phase's costs.def. Part of simd.h.
+// log, exp and pow.. Part of simd.h.
 #ifndef SIMD_POWERS_H
 #define SIMD_POWERS_H
 
@@ -8,7 +8,6 @@
 
 // log a for normal a > 0. 0 and denormals read as 2^-127·(1 + fraction): finite, not −∞.
 static inline vfloat v_log(vfloat a) {
-    COUNT(v_log, call);
     vfloat e = v_exponent(a), m = v_mantissa(a);
     vmask high = v_cmp_gt(m, v_splat(1.41421356f));
     m = v_select(high, m * v_splat(0.5f), m);
@@ -23,7 +22,6 @@ static inline vfloat v_log(vfloat a) {
 
 // exp a; below −87 it stays at exp(−87) = 2e-38, above 88 at exp(88).
 static inline vfloat v_exp(vfloat a) {
-    COUNT(v_exp, call);
     a = v_min(v_max(a, v_splat(-87.0f)), v_splat(88.0f));
     vfloat n = v_round(a * v_splat(1.44269504f));
     vfloat r = v_nmadd(n, v_splat(0.693359375f), a);
@@ -37,7 +35,6 @@ static inline vfloat v_exp(vfloat a) {
 
 // a^b for a > 0: relative error about (2 + |b·ln a|) ulp; 0 gives at most 2^(-127·b).
 static inline vfloat v_pow(vfloat a, vfloat b) {
-    COUNT(v_pow, call);
     return v_exp(b * v_log(a));
 }
 

@@ -45,7 +45,7 @@ static inline struct vec vec_reflect(struct vec d, struct vec n) {
 
 #if LANES > 4
 
-// Points as unevaluated sums of two floats. The costs of the functions with COUNT stand in the phase's costs.def.
+// Points as unevaluated sums of two floats.
 struct point {
     struct vec hi, lo;
 };
@@ -75,7 +75,6 @@ static inline vfloat point_along(vfloat hi, vfloat *lo, vfloat direction, vfloat
 // origin's coordinate and t, as long as dt is below 2^-19 of t.
 static inline struct point point_at(struct point origin, struct vec direction, vfloat t,
                                     vfloat dt) {
-    COUNT(point_at, call);
     struct point p = origin;
     p.hi.x = point_along(p.hi.x, &p.lo.x, direction.x, t, dt);
     p.hi.y = point_along(p.hi.y, &p.lo.y, direction.y, t, dt);
@@ -85,7 +84,6 @@ static inline struct point point_at(struct point origin, struct vec direction, v
 
 // a − b, rounded once to float: exact to an ulp of the *difference*.
 static inline struct vec point_sub(struct point a, const float hi[3], const float lo[3]) {
-    COUNT(point_sub, call);
     return (struct vec){(a.hi.x - v_splat(hi[0])) + (a.lo.x - v_splat(lo[0])),
                         (a.hi.y - v_splat(hi[1])) + (a.lo.y - v_splat(lo[1])),
                         (a.hi.z - v_splat(hi[2])) + (a.lo.z - v_splat(lo[2]))};
@@ -105,7 +103,6 @@ static inline vdouble v_double_sum(vfloat hi, vfloat lo) {
 }
 
 static inline struct vec_double vec_double_of(struct point p) {
-    COUNT(vec_double_of, call);
     return (struct vec_double){v_double_sum(p.hi.x, p.lo.x), v_double_sum(p.hi.y, p.lo.y),
                                v_double_sum(p.hi.z, p.lo.z)};
 }
@@ -116,7 +113,6 @@ static inline vdouble v_double_sub(vdouble a, double b) {
 }
 
 static inline struct vec_double vec_double_sub(struct vec_double a, const double b[3]) {
-    COUNT(vec_double_sub, call);
     return (struct vec_double){v_double_sub(a.x, b[0]), v_double_sub(a.y, b[1]),
                                v_double_sub(a.z, b[2])};
 }

@@ -4,7 +4,6 @@
 #ifndef FIXED_INTERSECT_H
 #define FIXED_INTERSECT_H
 
-#include "counting/flops.h"
 #include "number/number.h"
 #include "scene_tables.h"
 
@@ -44,7 +43,6 @@ static struct vec vec_gather(scalar *const table[3], vnum at) {
 // Returns the unit directions of rays through the middle of pixels.
 // across = 2·column + 1 − width, up = height − 1 − 2·row: offsets from the picture's middle in half pixels.
 static struct vec camera_direction(vnum across, vnum up, const struct scene_tables *scene) {
-    COUNT(camera_direction, call);
     const struct format *f = &scene->format;
     const vnum half = v_splat(scene->half_pixel);
     vnum x = v_sra(v_mul_wide(across, half), scene->half_pixel_shift);
@@ -59,11 +57,9 @@ static struct vec camera_direction(vnum across, vnum up, const struct scene_tabl
 
 // Takes the hit at −b − √discriminant of sphere i into `hit`, where it is ahead and the nearest so far.
 static void take_nearer(int i, vnum b, vnum discriminant, struct hit *hit, const struct format *f) {
-    COUNT(take_nearer, call);
     vmask real = v_positive(discriminant);
     if (!v_any(real))
         return;
-    COUNT(take_nearer, real);
     vnum t = v_sub(v_sub(v_splat(0), b), v_sqrt(discriminant, f));
     vmask nearer = v_and(v_and(real, v_positive(t)), v_cmp_lt(t, hit->t));
     hit->t = v_select(nearer, t, hit->t);
@@ -78,11 +74,9 @@ static struct hit no_hit(void) {
 // Cheaper than intersect(): eye and minus_c are the frame's, as all rays start at the camera.
 static struct hit intersect_camera_rays(struct vec direction, const struct scene_tables *scene,
                                         const int *candidates, int count) {
-    COUNT(intersect_camera_rays, call);
     const struct format *f = &scene->format;
     struct hit hit = no_hit();
     for (int k = 0; k < count; k++) {
-        COUNT(intersect_camera_rays, sphere);
         int i = candidates[k];
         struct vec eye = {v_splat(scene->eye[0][i]), v_splat(scene->eye[1][i]),
                           v_splat(scene->eye[2][i])};
@@ -102,11 +96,9 @@ static struct vec from_centre(const struct packet *rays, int i, const struct sce
 
 // Returns the first hits of the active rays among all spheres.
 static struct hit intersect(const struct packet *rays, const struct scene_tables *scene) {
-    COUNT(intersect, call);
     const struct format *f = &scene->format;
     struct hit hit = no_hit();
     for (int i = 0; i < scene->count; i++) {
-        COUNT(intersect, sphere);
         struct vec from = from_centre(rays, i, scene);
         vnum b = v_dot(from, rays->direction, f);
         vnum discriminant =
@@ -119,12 +111,9 @@ static struct hit intersect(const struct packet *rays, const struct scene_tables
 
 // Returns the active rays that hit a sphere before t = far. A ray that has hit one is not tested again.
 static vmask occluded(struct packet rays, vnum far, const struct scene_tables *scene) {
-    COUNT(occluded, call);
     const struct format *f = &scene->format;
     vmask dark = v_andnot(rays.active, rays.active);
     for (int i = 0; i < scene->count; i++) {
-        ACTIVE(v_count(rays.active));
-        COUNT(occluded, sphere);
         struct vec from = from_centre(&rays, i, scene);
         vnum b = v_dot(from, rays.direction, f);
         vnum discriminant =
@@ -132,7 +121,6 @@ static vmask occluded(struct packet rays, vnum far, const struct scene_tables *s
         vmask ahead = v_and(v_and(rays.active, v_positive(discriminant)), v_cmp_lt(b, v_splat(0)));
         if (!v_any(ahead))
             continue;
-        COUNT(occluded, ahead);
         vnum t = v_sub(v_sub(v_splat(0), b), v_sqrt(discriminant, f));
         vmask hit = v_and(v_and(ahead, v_positive(t)), v_cmp_lt(t, far));
         dark = v_or(hit, dark);

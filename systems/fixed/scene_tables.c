@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "counting/flops.h"
 
 static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -75,16 +74,14 @@ void tables_set_shapes(struct scene_tables *scene, const struct model *model) {
 // across, ahead: the sphere's centre in the camera's frame. half: half of a pixel's side, one unit ahead.
 static void block_range(double across, double ahead, double radius, double half, int size,
                         int *first, int *last) {
-    COUNT(block_range, call);
     *first = (size + BLOCK - 1) / BLOCK;
     *last = -1;
     if (!(ahead > -radius))
         return;
     for (int band = 0; band * BLOCK < size; band++) {
-        COUNT(block_range, band);
         double begin = (2.0 * BLOCK * band - size) * half, end = begin + 2 * BLOCK * half;
         if (across - begin * ahead >= -radius * sqrt(1 + begin * begin) &&
-            (COUNT(block_range, before), across - end * ahead <= radius * sqrt(1 + end * end))) {
+            across - end * ahead <= radius * sqrt(1 + end * end)) {
             *first = band < *first ? band : *first;
             *last = band;
         }
@@ -95,7 +92,6 @@ static void block_range(double across, double ahead, double radius, double half,
 // by a few last bits. So no block is missed that sees the sphere as the numbers place it.
 static void sphere_block_range(struct scene_tables *scene, int i, const struct shape *shape,
                                const struct view *view, const struct frame *frame) {
-    COUNT(sphere_block_range, call);
     const struct format *f = &scene->format;
     double from[3], half = view->tan_half_fov / frame->height;
     for (int k = 0; k < 3; k++)
@@ -111,7 +107,6 @@ static void sphere_block_range(struct scene_tables *scene, int i, const struct s
 
 void tables_set_view(struct scene_tables *scene, const struct model *model, const struct view *view,
                      const struct frame *frame) {
-    COUNT(tables_set_view, call);
     const struct format *f = &scene->format;
     set_camera_basis(scene, view, frame);
     for (int k = 0; k < 3; k++) {
@@ -120,7 +115,6 @@ void tables_set_view(struct scene_tables *scene, const struct model *model, cons
         scene->emission[k] = scalar_from_per_length(view->light_emission[k], f);
     }
     for (int i = 0; i < scene->count; i++) {
-        COUNT(tables_set_view, sphere);
         const struct shape *shape = &model->shapes[i];
         double eye[3];
         for (int k = 0; k < 3; k++) {

@@ -13,11 +13,9 @@ struct shaded {
 
 // Returns x^k for 0 ≤ x ≤ 1 and a whole k of each lane's own, by repeated squaring.
 static vnum power(vnum x, vnum k, const struct scene_tables *scene) {
-    COUNT(power, call);
     const struct format *f = &scene->format;
     vnum y = v_splat(scene->one);
     for (int i = 0; i < scene->shininess_bits; i++) {
-        COUNT(power, bit);
         y = v_select(v_test_bit(k, i), v_mul(y, x, f), y);
         x = v_mul(x, x, f);
     }
@@ -33,8 +31,6 @@ static vnum limited(vnum a) {
 // n is the normal at p, `direction` the ray's.
 static struct vec direct_light(struct vec p, struct vec n, struct vec direction,
                                const struct hit *hit, const struct scene_tables *scene) {
-    ACTIVE(v_count(hit->found));
-    COUNT(direct_light, call);
     const struct format *f = &scene->format;
     const vnum ambient = v_splat(scene->ambient);
     struct vec base = vec_gather(scene->colour, hit->shape);
@@ -46,15 +42,11 @@ static struct vec direct_light(struct vec p, struct vec n, struct vec direction,
     vnum cosine = v_dot(n, l, f);
     vmask lit = v_and(hit->found, v_positive(cosine));
     if (scene->shadows && v_any(lit)) {
-        ACTIVE(v_count(lit));
-        COUNT(direct_light, shadow);
         struct packet rays = {vec_madd(p, l, v_splat(scene->surface_offset), f), l, lit};
         lit = v_andnot(occluded(rays, v_dot(to_light, l, f), scene), lit);
     }
     if (!v_any(lit))
         return colour;
-    ACTIVE(v_count(lit));
-    COUNT(direct_light, lit);
     // The light's direction mirrored at the normal, times the ray's: minus the paper's R.
     vnum twice = v_add(cosine, cosine);
     vnum shine = v_sub(v_dot(l, direction, f), v_mul(twice, v_dot(n, direction, f), f));
@@ -79,8 +71,6 @@ static struct vec direct_light(struct vec p, struct vec n, struct vec direction,
 // Returns the unit normal of the sphere that was hit, at p; of lanes without a hit, of the first sphere.
 static struct vec surface_normal(struct vec p, const struct hit *hit,
                                  const struct scene_tables *scene) {
-    ACTIVE(v_count(hit->found));
-    COUNT(surface_normal, call);
     struct reciprocal unused;
     vnum shape = v_select(hit->found, hit->shape, v_splat(0));
     return normalize(vec_sub(p, vec_gather(scene->centre, shape)), &scene->format, &unused);
@@ -90,7 +80,6 @@ static struct vec surface_normal(struct vec p, const struct hit *hit,
 // times the product of the mirrors before it. `candidates`: the spheres that the camera rays can hit.
 static struct shaded trace(struct packet rays, const struct scene_tables *scene,
                            const int *candidates, int count) {
-    COUNT(trace, call);
     const struct format *f = &scene->format;
     const struct vec background = vec_splat(scene->background);
     struct shaded result = {.hit = intersect_camera_rays(rays.direction, scene, candidates, count)};
@@ -102,8 +91,6 @@ static struct shaded trace(struct packet rays, const struct scene_tables *scene,
     vnum weight = v_splat(scene->one);
     rays.active = hit.found;
     for (int bounce = 0;; bounce++) {
-        ACTIVE(v_count(rays.active));
-        COUNT(trace, bounce);
         vnum t = v_select(hit.found, hit.t, v_splat(0));
         struct vec p = vec_madd(rays.origin, rays.direction, t, f);
         hit.shape = v_select(hit.found, hit.shape, v_splat(0));
@@ -118,8 +105,6 @@ static struct shaded trace(struct packet rays, const struct scene_tables *scene,
         rays.active = v_and(hit.found, v_positive(weight));
         if (bounce == scene->bounces || !v_any(rays.active))
             return result;
-        ACTIVE(v_count(rays.active));
-        COUNT(trace, mirror);
         vnum twice = v_dot(rays.direction, n, f);
         twice = v_sub(v_splat(0), v_add(twice, twice));
         rays.direction = vec_madd(rays.direction, n, twice, f);

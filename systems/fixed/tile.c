@@ -15,7 +15,6 @@ struct block {
 // The article's test: a sphere inside of the block that covers no corner is missed.
 static bool corner_rays_hit(struct block b, const struct scene_tables *scene,
                             const struct frame *frame) {
-    COUNT(corner_rays_hit, call);
     enum { ROOM = LANES > 4 ? LANES : 4 };
     scalar across[ROOM], up[ROOM];
     for (int i = 0; i < ROOM; i++) {
@@ -23,10 +22,8 @@ static bool corner_rays_hit(struct block b, const struct scene_tables *scene,
         up[i] = frame->height - 1 - 2 * (b.row + (i >> 1 & 1) * (b.height - 1));
     }
     for (int first = 0; first < 4; first += LANES) {
-        ACTIVE(4 < LANES ? 4 : LANES);
         struct vec direction = camera_direction(v_load(across + first), v_load(up + first), scene);
         for (int i = 0; i < scene->count; i++) {
-            COUNT(corner_rays_hit, sphere);
             struct vec eye = {v_splat(scene->eye[0][i]), v_splat(scene->eye[1][i]),
                               v_splat(scene->eye[2][i])};
             vnum b_term = v_dot(eye, direction, &scene->format);
@@ -78,7 +75,6 @@ static void clear_block(struct block b, const struct scene_tables *scene, struct
 // Normals are made unit again in doubles, as the number format rounds them.
 static void store_aov(const struct shaded *result, size_t first, int count,
                       const struct scene_tables *scene, struct frame *frame) {
-    COUNT(store_aov, call);
     const struct format *f = &scene->format;
     float t[LANES], shape[LANES];
     double normal[3][LANES];
@@ -89,7 +85,6 @@ static void store_aov(const struct shaded *result, size_t first, int count,
     v_store_double(result->normal.z, f->scale, normal[2]);
     for (int lane = 0; lane < count; lane++) {
         size_t pixel = first + (size_t)lane;
-        COUNT(store_aov, lane);
         bool hit = v_mask_lane(result->hit.found, lane);
         double n[3] = {normal[0][lane], normal[1][lane], normal[2][lane]};
         double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -100,15 +95,13 @@ static void store_aov(const struct shaded *result, size_t first, int count,
             frame->planes[0][pixel] = 0;
         for (int i = 0; i < 3; i++)
             frame->normal[3 * pixel + (size_t)i] =
-                hit && length > 0 ? (COUNT(store_aov, axis), (float)(n[i] / length)) : 0;
+                hit && length > 0 ? (float)(n[i] / length) : 0;
     }
 }
 
 // Writes the first `count` lanes to the pixels from (column, row) to the right. Misses get the exact background.
 static void store_packet(const struct shaded *result, int column, int row, int count,
                          const struct scene_tables *scene, struct frame *frame) {
-    ACTIVE(count);
-    COUNT(store_packet, call);
     float r[LANES], g[LANES], b[LANES];
     v_store_float(result->colour.x, scene->format.scale, r);
     v_store_float(result->colour.y, scene->format.scale, g);
@@ -126,8 +119,6 @@ static void store_packet(const struct shaded *result, int column, int row, int c
 
 static void render_block(struct block b, const struct scene_tables *scene, struct frame *frame,
                          int *candidates) {
-    ACTIVE(LANES);
-    COUNT(render_block, call);
     int count = find_candidates(b, scene, frame, candidates);
     if (count == 0) {
         clear_block(b, scene, frame);
@@ -137,8 +128,6 @@ static void render_block(struct block b, const struct scene_tables *scene, struc
     for (int row = b.row; row < b.row + b.height; row++)
         for (int done = 0; done < b.width; done += LANES) {
             int column = b.column + done, left = b.width - done;
-            ACTIVE(left < LANES ? left : LANES);
-            COUNT(render_block, packet);
             vnum lane = v_iota();
             vnum across = v_add(v_add(lane, lane), v_splat(2 * column + 1 - frame->width));
             vnum up = v_splat(frame->height - 1 - 2 * row);

@@ -21,17 +21,14 @@ struct frustum {
 };
 
 static inline float most_lane(vfloat a) {
-    COUNT(most_lane, call);
     return v_reduce_max(a);
 }
 
 // Sets the range of a field over all rays.
 static inline void range_of(const struct ray_batch *b, const float *const field, float *lo,
                             float *hi) {
-    COUNT(range_of, call);
     vfloat least = v_splat(INFINITY), most = v_splat(-INFINITY);
     for (int i = 0; i < b->count; i += LANES) {
-        COUNT(range_of, packet);
         vmask active = active_lanes(b, i / LANES);
         vfloat a = v_load(field + i);
         least = v_select(active, v_min(a, least), least);
@@ -43,12 +40,9 @@ static inline void range_of(const struct ray_batch *b, const float *const field,
 
 // Returns the greatest t of all rays, or 0.
 static inline float farthest_hit(const struct query *q) {
-    COUNT(farthest_hit, call);
     vfloat most = v_splat(-INFINITY);
-    for (int i = 0; i < q->batch->count; i += LANES) {
-        COUNT(farthest_hit, packet);
+    for (int i = 0; i < q->batch->count; i += LANES)
         most = v_select(active_lanes(q->batch, i / LANES), v_max(v_load(q->t + i), most), most);
-    }
     return float_max(most_lane(most), 0.0f);
 }
 
@@ -57,7 +51,6 @@ static const float MIN_ALONG_AXIS = 0.2f;
 
 // Sets the frustum of the rays. Returns false if they share no axis, or are not finite.
 static bool bundle_frustum(const struct query *q, struct frustum *f) {
-    COUNT(bundle_frustum, call);
     const struct ray_batch *b = q->batch;
     float lo[3], hi[3], best = 0;
     for (int k = 0; k < 3; k++) {
@@ -70,7 +63,6 @@ static bool bundle_frustum(const struct query *q, struct frustum *f) {
     }
     if (best < MIN_ALONG_AXIS)
         return false;
-    COUNT(bundle_frustum, axis);
     f->back = !(lo[f->axis] > 0);
     f->max_along = f->back ? -lo[f->axis] : hi[f->axis];
     f->side[0] = (f->axis + 1) % 3;
@@ -89,7 +81,6 @@ static bool bundle_frustum(const struct query *q, struct frustum *f) {
     vfloat least[2] = {v_splat(INFINITY), v_splat(INFINITY)},
            most[2] = {v_splat(-INFINITY), v_splat(-INFINITY)};
     for (int i = 0; i < b->count; i += LANES) {
-        COUNT(bundle_frustum, packet);
         vmask active = active_lanes(b, i / LANES);
         vfloat per = v_splat(1.0f) / v_abs(v_load(b->direction[f->axis] + i));
         for (int k = 0; k < 2; k++) {
@@ -115,7 +106,6 @@ static bool bundle_frustum(const struct query *q, struct frustum *f) {
 // Returns how many solids the frustum is expected to hold: their number times its share of the
 // tree's box, across its far end.
 static float expected_solids(const struct query *q, const struct frustum *f) {
-    COUNT(expected_solids, call);
     const struct tree *tree = &q->scene->tree;
     const struct box *all = &tree->bounds;
     int k = f->axis;
@@ -133,8 +123,6 @@ static float expected_solids(const struct query *q, const struct frustum *f) {
 // begin.
 static inline vmask boxes_in_frustum(const struct frustum *f, const vfloat lo[3],
                                      const vfloat hi[3], vfloat *begin) {
-    COUNT(boxes_in_frustum, call);
-    COUNT(boxes_in_frustum, scalar);
     int k = f->axis;
     vfloat zero = v_splat(0.0f), first, last;
     if (f->back) {
@@ -160,7 +148,6 @@ static inline vmask boxes_in_frustum(const struct frustum *f, const vfloat lo[3]
 
 // Returns whether the frustum meets one box.
 static bool box_in_frustum(const struct frustum *f, const struct box *cell) {
-    COUNT(box_in_frustum, call);
     int k = f->axis;
     float first = f->back ? f->lo[k] - cell->hi[k] : cell->lo[k] - f->hi[k];
     float last = f->back ? f->hi[k] - cell->lo[k] : cell->hi[k] - f->lo[k];
@@ -179,8 +166,6 @@ static bool box_in_frustum(const struct frustum *f, const struct box *cell) {
 static inline void intersect_solid(const struct query *q, enum solid type, int i, int packet) {
     const struct ray_batch *b = q->batch;
     vmask active = active_lanes(b, packet);
-    ACTIVE(v_count(active));
-    COUNT(intersect_solid, call);
     const struct solid_arrays *arrays = &q->scene->tree.arrays[type];
     int first = packet * LANES;
     struct vec o = load_vec(b->origin, first);
@@ -189,7 +174,6 @@ static inline void intersect_solid(const struct query *q, enum solid type, int i
     vmask met = solid_interval(type, active, o, d, arrays, i, LANE_RAYS, q->newton, &in, &out);
     if (!v_any(met))
         return;
-    COUNT(intersect_solid, met);
     if (b->excluded)
         met = v_andnot(v_cmp_eq(v_load(b->excluded + first), mine), met);
     if (q->occlusion) {
@@ -207,14 +191,12 @@ static inline void intersect_solid(const struct query *q, enum solid type, int i
 
 static inline void intersect_leaf_type(const struct query *q, enum solid type,
                                        const struct leaf *leaf, const struct frustum *f) {
-    COUNT(intersect_leaf_type, call);
     const struct solid_arrays *arrays = &q->scene->tree.arrays[type];
     int packets = (q->batch->count + LANES - 1) / LANES;
     for (int i = 0; i < leaf->count[type]; i += LANES) {
         int first = leaf->first[type] + i;
         unsigned which = v_mask_bits(v_mask_first(leaf->count[type] - i));
         if (f) {
-            COUNT(intersect_leaf_type, group);
             vfloat lo[3], hi[3], begin;
             for (int k = 0; k < 3; k++) {
                 vfloat centre = v_load(arrays->field[F_CENTRE + k] + first);
@@ -233,7 +215,6 @@ static inline void intersect_leaf_type(const struct query *q, enum solid type,
 // Tests all rays against the leaf's solids, but for those outside of the frustum; NULL: against all
 // of them.
 static void intersect_leaf(const struct query *q, int number, struct frustum *f) {
-    COUNT(intersect_leaf, call);
     const struct leaf *leaf = &q->scene->tree.leaf[number];
     intersect_leaf_type(q, SOLID_SPHERE, leaf, f);
     intersect_leaf_type(q, SOLID_BOX, leaf, f);
@@ -301,7 +282,6 @@ static void traverse_kd_bundle(const struct query *q, struct frustum *f) {
 }
 
 static void traverse_bundle(const struct query *q, struct frustum *f) {
-    COUNT(traverse_bundle, call);
     enum tree_kind kind = q->scene->tree.kind;
     if (kind == TREE_BVH)
         traverse_bvh_bundle(q, f);

@@ -15,7 +15,6 @@ struct query {
 };
 
 static inline float least_lane(vfloat a) {
-    COUNT(least_lane, call);
     return v_reduce_min(a);
 }
 

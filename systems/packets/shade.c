@@ -15,14 +15,10 @@ struct surface {
 };
 
 static struct vec normal_on(const struct primitive *s, struct vec p) {
-    COUNT(normal_on, call);
     vfloat one = v_splat(1.0f), tiny = v_splat(1e-30f);
     switch (s->type) {
-    case SHAPE_SPHERE:
-        COUNT(normal_on, sphere);
-        return vec_scale(p, one / v_max(vec_norm(p), tiny));
+    case SHAPE_SPHERE: return vec_scale(p, one / v_max(vec_norm(p), tiny));
     case SHAPE_BOX: {
-        COUNT(normal_on, box);
         vfloat x = v_abs(p.x) - v_splat(s->size[0]), y = v_abs(p.y) - v_splat(s->size[1]);
         vfloat z = v_abs(p.z) - v_splat(s->size[2]);
         vmask on_x = v_and(v_cmp_ge(x, y), v_cmp_ge(x, z)), on_y = v_andnot(on_x, v_cmp_ge(y, z));
@@ -31,7 +27,6 @@ static struct vec normal_on(const struct primitive *s, struct vec p) {
                             v_copysign(v_select_or_zero(on_y, one), p.y), v_copysign(side, p.z)};
     }
     default: { // cone
-        COUNT(normal_on, cone);
         vfloat radius = vec_norm((struct vec){p.x, v_splat(0.0f), p.z}), k = v_splat(s->size[1]);
         vfloat side = (radius - v_madd(k, p.y, v_splat(s->size[2]))) * v_splat(s->cosine);
         vmask cap = v_cmp_gt(v_abs(p.y) - v_splat(s->size[0]), side);
@@ -44,19 +39,15 @@ static struct vec normal_on(const struct primitive *s, struct vec p) {
 }
 
 static struct vec turned(const struct primitive *s, struct vec v) {
-    COUNT(turned, call);
     if (!s->turned)
         return v;
-    COUNT(turned, rotation);
     return (struct vec){vec_dot(vec_set(s->turn[0]), v), vec_dot(vec_set(s->turn[1]), v),
                         vec_dot(vec_set(s->turn[2]), v)};
 }
 
 static struct vec turned_back(const struct primitive *s, struct vec v) {
-    COUNT(turned_back, call);
     if (!s->turned)
         return v;
-    COUNT(turned_back, rotation);
     struct vec x = vec_scale(vec_set(s->turn[0]), v.x);
     x = vec_along(x, vec_set(s->turn[1]), v.y);
     return vec_along(x, vec_set(s->turn[2]), v.z);
@@ -75,21 +66,17 @@ static struct vec local_point(const struct primitive *s, struct vec o, struct ve
 // and normal loaded.
 static struct surface surface_at(const struct prepared *scene, vmask found, struct vec o,
                                  struct vec d, vfloat t, const float *shape) {
-    COUNT(surface_at, call);
     struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     struct surface all = {none, none, v_splat(0.0f), v_splat(1.0f)};
     vfloat shapes = v_load(shape);
     for (unsigned rest = v_mask_bits(found); rest;) {
-        COUNT(surface_at, shape);
         float index = shape[__builtin_ctz(rest)];
         const struct primitive *s = &scene->primitives[(int)index];
         vmask same = v_and(found, v_cmp_eq(shapes, v_splat(index)));
         rest &= ~v_mask_bits(same);
         struct vec n = vec_set(s->normal);
-        if (s->type != SHAPE_PLANE) {
-            COUNT(surface_at, solid);
+        if (s->type != SHAPE_PLANE)
             n = turned_back(s, normal_on(s, local_point(s, o, d, t)));
-        }
         all.normal = vec_select(same, n, all.normal);
         all.color = vec_select(same, vec_set(s->color), all.color);
         all.share = v_select(same, v_splat(s->share), all.share);
@@ -104,13 +91,11 @@ static struct surface surface_at(const struct prepared *scene, vmask found, stru
 
 static void add_color(struct worker_scratch *scratch, vmask m, struct vec color,
                       const float *pixel) {
-    COUNT(add_color, call);
     float lanes[3][LANES];
     v_store(color.x, lanes[0]);
     v_store(color.y, lanes[1]);
     v_store(color.z, lanes[2]);
     for (unsigned rest = v_mask_bits(m); rest; rest &= rest - 1) {
-        COUNT(add_color, lane);
         int lane = __builtin_ctz(rest), i = (int)pixel[lane];
         for (int k = 0; k < 3; k++)
             scratch->color[k][i] += lanes[k][lane];
@@ -126,7 +111,6 @@ struct lighting {
 
 static struct lighting lighting_at(const struct tile_context *context, vmask found, struct vec p,
                                    struct vec d, const struct surface *surface) {
-    COUNT(lighting_at, call);
     const double *light = context->view->light_position;
     bool newton = context->scene->settings.newton;
     vfloat zero = v_splat(0.0f);
@@ -142,7 +126,6 @@ static struct lighting lighting_at(const struct tile_context *context, vmask fou
     vfloat shine = zero - vec_dot(vec_reflect(at.from_light, surface->normal), d);
     vmask shines = v_and(at.lit, v_cmp_gt(shine, zero));
     if (v_any(shines)) {
-        COUNT(lighting_at, shines);
         vfloat power = v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
         at.specular = v_select_or_zero(shines, v_splat(0.2f) * power);
     }
@@ -152,7 +135,6 @@ static struct lighting lighting_at(const struct tile_context *context, vmask fou
 // Queues a shadow ray for each lit hit. It adds the light `bright` if nothing blocks it.
 static void queue_shadow_rays(const struct tile_context *context, const struct lighting *at,
                               struct vec bright, int first) {
-    COUNT(queue_shadow_rays, call);
     struct worker_scratch *scratch = context->scratch;
     int to = scratch->shadows;
     pack_vec(at->lit, at->from_light, scratch->shadow_direction, to);
@@ -175,7 +157,6 @@ static void queue_mirror_rays(const struct tile_context *context, vmask mirrors,
                               struct vec normal, vfloat weight, vfloat excluded, int first) {
     struct worker_scratch *scratch = context->scratch;
     struct tile_rays *rays = &scratch->rays;
-    COUNT(queue_mirror_rays, call);
     struct tile_rays *to = &scratch->mirrored;
     vfloat offset = v_splat((float)context->scene->model.march.surface_offset);
     pack_vec(mirrors, vec_along(from.point, normal, offset), to->origin, to->count);
@@ -210,9 +191,6 @@ static struct vec add_where(vmask m, struct vec color, struct vec more) {
 
 // Shades the packet of rays from number `first` on. Shadow and mirror rays are queued.
 static void shade_packet(const struct tile_context *context, int bounce, bool normals, int first) {
-    ACTIVE(v_count(v_mask_first(context->scratch->rays.count - first)));
-    COUNT(shade_packet, call);
-    COUNT(shade_packet, scalar);
     const struct model *model = &context->scene->model;
     struct worker_scratch *scratch = context->scratch;
     struct tile_rays *rays = &scratch->rays;
@@ -230,27 +208,20 @@ static void shade_packet(const struct tile_context *context, int bounce, bool no
     v_store(v_select(found, v_load(shape), v_splat(-1.0f)), shape);
     struct vec color = vec_scale(vec_from_doubles(model->background), weight);
     if (v_any(found)) {
-        ACTIVE(v_count(found));
-        COUNT(shade_packet, found);
         struct surface surface = surface_at(context->scene, found, o, d, t, shape);
         if (normals)
             store_vec(surface.normal, scratch->normal, first);
-        if (model->features.fog) {
-            COUNT(shade_packet, fog);
+        if (model->features.fog)
             weight = weight * v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
-        }
         vfloat within = v_splat((float)-model->march.surface_offset);
         struct lighting at = lighting_at(context, found, p, d, &surface);
         color = vec_select(found, vec_scale(surface.color, weight * v_splat(0.01f)), color);
         if (v_any(at.lit)) {
-            COUNT(shade_packet, lit);
             struct vec bright =
                 light_sent(&at, surface.color, context->view->light_emission, weight / at.distance);
             if (model->shadows == SHADOWS_NONE) {
-                COUNT(shade_packet, unshadowed);
                 color = add_where(at.lit, color, bright);
             } else {
-                COUNT(shade_packet, shadowed);
                 // A ray that started inside of a solid has its hit in it: no light.
                 at.lit = v_andnot(v_cmp_lt(t, within), at.lit);
                 queue_shadow_rays(context, &at, bright, first);
@@ -258,7 +229,6 @@ static void shade_packet(const struct tile_context *context, int bounce, bool no
         }
         vmask mirrors = v_and(found, v_cmp_gt(surface.share, zero));
         if (model->features.mirrors && bounce < model->march.max_bounces && v_any(mirrors)) {
-            COUNT(shade_packet, mirrors);
             // A ray that started inside of a solid may hit that solid again.
             vfloat excluded = v_select(v_cmp_lt(t, within), v_splat(-1.0f), v_load(shape));
             queue_mirror_rays(context, mirrors, (struct ray){p, d}, surface.normal,
@@ -273,7 +243,6 @@ static void shade_packet(const struct tile_context *context, int bounce, bool no
 // Sets where shadow rays from a light outside of the bounds begin: where they enter the bounds. A
 // march ends at the bounds, so shapes beyond them cast no shadow.
 static void begin_at_bounds(const struct tile_context *context, float *from) {
-    COUNT(begin_at_bounds, call);
     const double *l = context->view->light_position;
     double radius = context->scene->model.march.bounds_radius;
     vfloat outside = v_splat((float)(l[0] * l[0] + l[1] * l[1] + l[2] * l[2] - radius * radius));
@@ -281,7 +250,6 @@ static void begin_at_bounds(const struct tile_context *context, float *from) {
     const float *const d_of[3] = {scratch->shadow_direction[0], scratch->shadow_direction[1],
                                   scratch->shadow_direction[2]};
     for (int i = 0; i < scratch->shadows; i += LANES) {
-        COUNT(begin_at_bounds, packet);
         vfloat along = v_splat(0.0f) - vec_dot(vec_from_doubles(l), load_vec(d_of, i));
         vfloat half = v_sqrt(v_max(v_msub(along, along, outside), v_splat(0.0f)));
         v_store(v_max(along - half, v_splat(0.0f)), from + i);
@@ -290,7 +258,6 @@ static void begin_at_bounds(const struct tile_context *context, float *from) {
 
 // Traces the queued shadow rays, and adds the light of those that nothing blocks.
 static void cast_shadows(const struct tile_context *context) {
-    COUNT(cast_shadows, call);
     struct worker_scratch *scratch = context->scratch;
     const double *l = context->view->light_position;
     double radius = context->scene->model.march.bounds_radius;
@@ -312,7 +279,6 @@ static void cast_shadows(const struct tile_context *context) {
     const float *const lit[3] = {scratch->shadow_light[0], scratch->shadow_light[1],
                                  scratch->shadow_light[2]};
     for (int i = 0; i < scratch->shadows; i += LANES) {
-        COUNT(cast_shadows, packet);
         vmask open = v_and(v_mask_first(scratch->shadows - i),
                            v_cmp_gt(v_load(scratch->shadow_t + i), v_splat(-INFINITY)));
         add_color(scratch, open, load_vec(lit, i), scratch->shadow_pixel + i);
@@ -320,7 +286,6 @@ static void cast_shadows(const struct tile_context *context) {
 }
 
 void shade_batch(const struct tile_context *context, int bounce, bool normals) {
-    COUNT(shade_batch, call);
     struct worker_scratch *scratch = context->scratch;
     scratch->shadows = scratch->mirrored.count = 0;
     for (int first = 0; first < scratch->rays.count; first += LANES)

@@ -17,19 +17,15 @@ struct single_ray {
 
 static inline void intersect_solids_single(const struct query *q, enum solid type,
                                            const struct leaf *leaf, struct single_ray *r) {
-    COUNT(intersect_solids_single, call);
     const struct solid_arrays *arrays = &q->scene->tree.arrays[type];
     for (int i = 0; i < leaf->count[type]; i += LANES) {
         vmask active = v_mask_first(leaf->count[type] - i);
-        ACTIVE(v_count(active));
-        COUNT(intersect_solids_single, group);
         int first = leaf->first[type] + i;
         vfloat in, out, t;
         vmask met = solid_interval(type, active, r->origin, r->direction, arrays, first,
                                    LANE_SOLIDS, q->newton, &in, &out);
         if (!v_any(met))
             continue;
-        COUNT(intersect_solids_single, met);
         vfloat index = v_load(arrays->index + first);
         met = v_andnot(v_cmp_eq(index, v_splat(r->excluded)), met);
         if (q->occlusion) {
@@ -54,7 +50,6 @@ static inline void intersect_solids_single(const struct query *q, enum solid typ
 }
 
 static void intersect_leaf_single(const struct query *q, int number, struct single_ray *r) {
-    COUNT(intersect_leaf_single, call);
     const struct leaf *leaf = &q->scene->tree.leaf[number];
     intersect_solids_single(q, SOLID_SPHERE, leaf, r);
     intersect_solids_single(q, SOLID_BOX, leaf, r);
@@ -62,7 +57,6 @@ static void intersect_leaf_single(const struct query *q, int number, struct sing
 }
 
 static void traverse_bvh_single(const struct query *q, struct single_ray *r) {
-    COUNT(traverse_bvh_single, call);
     const struct tree *tree = &q->scene->tree;
     struct stack_entry stack[STACK_SIZE];
     int count = 0;
@@ -77,7 +71,6 @@ static void traverse_bvh_single(const struct query *q, struct single_ray *r) {
             next = stack[count].child;
             continue;
         }
-        COUNT(traverse_bvh_single, node);
         const float *box = tree->boxes + (size_t)next * 6 * LANES;
         vfloat enter = v_splat(0.0f), leave = v_splat(float_max(r->t, 0));
         for (int k = 0; k < 3; k++) {
@@ -101,7 +94,6 @@ static void traverse_bvh_single(const struct query *q, struct single_ray *r) {
 
 // The part of the ray in a cell is cut at each plane.
 static void traverse_kd_single(const struct query *q, struct single_ray *r) {
-    COUNT(traverse_kd_single, call);
     const struct tree *tree = &q->scene->tree;
     float o[3] = {v_lane0(r->origin.x), v_lane0(r->origin.y), v_lane0(r->origin.z)};
     float enter = 0, leave = float_max(r->t, 0), low[3], per[3];
@@ -123,7 +115,6 @@ static void traverse_kd_single(const struct query *q, struct single_ray *r) {
     for (;;) {
         const struct kd_node *node = &tree->kd[number];
         while (node->axis < 3) {
-            COUNT(traverse_kd_single, node);
             int a = node->axis;
             float at = (node->split - o[a]) * per[a], slack = low[a] * fabsf(per[a]);
             // The ray is in child `before` up to `at`, in `behind` from there. Within the margin it
@@ -153,7 +144,6 @@ static void traverse_kd_single(const struct query *q, struct single_ray *r) {
 }
 
 void trace_single_ray(const struct query *q, int i, float margin) {
-    COUNT(trace_single_ray, call);
     const struct ray_batch *b = q->batch;
     float o[3], d[3], square = 0, sum = 0;
     for (int k = 0; k < 3; k++) {

@@ -25,22 +25,14 @@ static inline struct vec load_field_vec(float *const *field, int i, enum lane_ki
 
 // Returns 1/√a, exactly or by one Newton step from the CPU's estimate.
 static inline vfloat inverse_sqrt(vfloat a, bool newton) {
-    COUNT(inverse_sqrt, call);
-    if (newton) {
-        COUNT(inverse_sqrt, newton);
+    if (newton)
         return v_rsqrt_newton(v_max(a, v_splat(1e-30f)));
-    }
-    COUNT(inverse_sqrt, exact);
     return v_splat(1.0f) / v_sqrt(a);
 }
 
 static inline vfloat square_root(vfloat a, bool newton) {
-    COUNT(square_root, call);
-    if (newton) {
-        COUNT(square_root, newton);
+    if (newton)
         return a * v_rsqrt_newton(v_max(a, v_splat(1e-30f)));
-    }
-    COUNT(square_root, exact);
     return v_sqrt(a);
 }
 
@@ -52,7 +44,6 @@ static inline vfloat reciprocal(vfloat d) {
 static inline vmask sphere_interval(vmask active, struct vec o, struct vec d,
                                     const struct solid_arrays *arrays, int i, enum lane_kind lane,
                                     bool newton, vfloat *in, vfloat *out) {
-    COUNT(sphere_interval, call);
     struct vec centre = load_field_vec(arrays->field + F_CENTRE, i, lane);
     struct vec m = {centre.x - o.x, centre.y - o.y, centre.z - o.z};
     vfloat along = vec_dot(m, d);
@@ -62,7 +53,6 @@ static inline vmask sphere_interval(vmask active, struct vec o, struct vec d,
     *in = *out = along;
     if (!v_any(met))
         return met;
-    COUNT(sphere_interval, met);
     vfloat half = square_root(rest, newton);
     *in = along - half;
     *out = along + half;
@@ -74,7 +64,6 @@ static inline vmask sphere_interval(vmask active, struct vec o, struct vec d,
 static inline void to_local_ray(struct vec o, struct vec d, const struct solid_arrays *arrays,
                                 int i, enum lane_kind lane, struct vec *c, struct vec *e,
                                 vfloat *before) {
-    COUNT(to_local_ray, call);
     struct vec centre = load_field_vec(arrays->field + F_CENTRE, i, lane);
     struct vec m = {o.x - centre.x, o.y - centre.y, o.z - centre.z};
     struct vec x = load_field_vec(arrays->field + F_ROW, i, lane);
@@ -96,7 +85,6 @@ static inline void slab(vfloat c, vfloat per, vfloat half, vfloat *in, vfloat *o
 
 static inline vmask box_interval(struct vec o, struct vec d, const struct solid_arrays *arrays,
                                  int i, enum lane_kind lane, vfloat *in, vfloat *out) {
-    COUNT(box_interval, call);
     struct vec c, e, half = load_field_vec(arrays->field + F_SIZE, i, lane);
     vfloat before;
     to_local_ray(o, d, arrays, i, lane, &c, &e, &before);
@@ -120,14 +108,12 @@ static inline vmask box_interval(struct vec o, struct vec d, const struct solid_
 static inline vmask cone_interval(struct vec o, struct vec d, const struct solid_arrays *arrays,
                                   int i, enum lane_kind lane, bool newton, vfloat *in,
                                   vfloat *out) {
-    COUNT(cone_interval, call);
     struct vec c, e, size = load_field_vec(arrays->field + F_SIZE, i, lane);
     vfloat before, zero = v_splat(0.0f), low = v_splat(-INFINITY), high = v_splat(INFINITY);
     to_local_ray(o, d, arrays, i, lane, &c, &e, &before);
     vfloat per = reciprocal(e.y), max_along = v_abs(size.y);
     vmask oblate = v_cmp_lt(v_splat(OBLATE), max_along), beside = v_mask_none();
     if (v_any(oblate)) {
-        COUNT(cone_interval, oblate);
         // A·t² and C cancel to 1/slope² of their size. They are small for a ray that starts between
         // the caps, so c moves there, at most as far as the cone reaches. The other lanes keep
         // every bit.
@@ -168,23 +154,16 @@ static inline vmask cone_interval(struct vec o, struct vec d, const struct solid
 // Returns minus the depth of the rays' origins in a solid that contains them.
 static inline vfloat depth_inside(enum solid type, struct vec o, const struct solid_arrays *arrays,
                                   int i, enum lane_kind lane) {
-    COUNT(depth_inside, call);
     struct vec centre = load_field_vec(arrays->field + F_CENTRE, i, lane);
     struct vec m = {o.x - centre.x, o.y - centre.y, o.z - centre.z};
-    if (type == SOLID_SPHERE) {
-        COUNT(depth_inside, sphere);
+    if (type == SOLID_SPHERE)
         return vec_norm(m) - v_sqrt(load_field(arrays->field[F_SQUARE], i, lane));
-    }
-    COUNT(depth_inside, turned);
     struct vec p = {vec_dot(load_field_vec(arrays->field + F_ROW, i, lane), m),
                     vec_dot(load_field_vec(arrays->field + F_ROW + 3, i, lane), m),
                     vec_dot(load_field_vec(arrays->field + F_ROW + 6, i, lane), m)};
     struct vec size = load_field_vec(arrays->field + F_SIZE, i, lane);
-    if (type == SOLID_BOX) {
-        COUNT(depth_inside, box);
+    if (type == SOLID_BOX)
         return v_max(v_abs(p.x) - size.x, v_max(v_abs(p.y) - size.y, v_abs(p.z) - size.z));
-    }
-    COUNT(depth_inside, cone);
     vfloat side = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_madd(size.y, p.y, size.z);
     side = side / v_sqrt(v_madd(size.y, size.y, v_splat(1.0f)));
     return v_max(side, v_abs(p.y) - size.x);
@@ -206,15 +185,12 @@ static inline vmask solid_interval(enum solid type, vmask active, struct vec o, 
 static inline vmask entry_distance(vmask met, vfloat in, vfloat out, struct vec o, enum solid type,
                                    const struct solid_arrays *arrays, int i, enum lane_kind lane,
                                    vfloat *t) {
-    COUNT(entry_distance, call);
     vfloat zero = v_splat(0.0f);
     met = v_and(met, v_cmp_gt(out, zero));
     *t = in;
     vmask within = v_andnot(v_cmp_gt(in, zero), met);
-    if (v_any(within)) {
-        COUNT(entry_distance, within);
+    if (v_any(within))
         *t = v_select(within, v_min(depth_inside(type, o, arrays, i, lane), zero), in);
-    }
     return met;
 }
 

@@ -30,7 +30,6 @@ static void position_of_slot(int slot, int *column, int *row) {
 
 // Sets the tile's camera rays, without those of pixels outside of the picture.
 static void camera_rays(const struct job *job, int left, int top, struct tile_rays *rays) {
-    COUNT(camera_rays, call);
     const struct frame *frame = job->frame;
     const struct view *view = job->view;
     bool newton = job->prepared->settings.newton;
@@ -49,7 +48,6 @@ static void camera_rays(const struct job *job, int left, int top, struct tile_ra
         int columns = frame->width - left - across, rows = frame->height - top - down;
         if (columns <= 0 || rows <= 0)
             continue;
-        COUNT(camera_rays, packet);
         vfloat x = v_splat((float)(2 * (left + across) + 1 - frame->width)) + v_load(right_by);
         vfloat y = v_splat((float)(frame->height - 1 - 2 * (top + down))) - v_load(down_by);
         struct vec d = vec_along(ahead, right, x * v_splat(per_height));
@@ -119,8 +117,6 @@ int VARIANT(tiles)(const struct frame *frame) {
 }
 
 static void draw_tile(const struct job *job, int tile, struct worker_scratch *scratch) {
-    ACTIVE(LANES); // not the last tile's, so that counts do not depend on the threads
-    COUNT(draw_tile, call);
     struct tile_context context = {job->prepared, job->view, scratch};
     int left = tile % tiles_across(job->frame) * TILE, top = tile / tiles_across(job->frame) * TILE;
     for (int k = 0; k < 3; k++)

@@ -7,7 +7,6 @@
 
 // A plane is solid below. A ray that starts below hits it at once, at minus its depth.
 static void intersect_plane(const struct query *q, int index, int packet, vmask active) {
-    COUNT(intersect_plane, call);
     const struct primitive *s = &q->scene->primitives[index];
     const struct ray_batch *b = q->batch;
     int first = packet * LANES;
@@ -21,14 +20,12 @@ static void intersect_plane(const struct query *q, int index, int packet, vmask 
     if (b->excluded)
         active = v_andnot(v_cmp_eq(v_load(b->excluded + first), v_splat((float)index)), active);
     if (q->occlusion) { // blocked if either end is below
-        COUNT(intersect_plane, any);
         vfloat near = b->near ? v_load(b->near + first) : zero;
         vmask met = v_or(v_cmp_lt(v_madd(slope, near, height), zero),
                          v_cmp_lt(v_madd(slope, best, height), zero));
         v_store(v_select(v_and(met, active), v_splat(-INFINITY), best), q->t + first);
         return;
     }
-    COUNT(intersect_plane, first);
     vmask under = v_cmp_lt(height, zero);
     vfloat t = height / (zero - slope);
     t = v_select(under, height, t);
@@ -53,10 +50,8 @@ enum { PART_RAYS = 64, FEW_SOLIDS = 128 };
 
 // Returns whether all rays are finite and have a direction.
 static bool all_rays_valid(const struct ray_batch *b) {
-    COUNT(all_rays_valid, call);
     vmask all = v_mask_first(LANES);
     for (int i = 0; i < b->count; i += LANES) {
-        COUNT(all_rays_valid, packet);
         struct vec o = load_vec(b->origin, i), d = load_vec(b->direction, i);
         vfloat square = vec_dot(d, d), size = v_abs(o.x) + v_abs(o.y) + v_abs(o.z);
         vmask good =
@@ -68,7 +63,6 @@ static bool all_rays_valid(const struct ray_batch *b) {
 
 // Traces the `count` rays from `first` on.
 static void trace_part(const struct query *whole, int first, int count) {
-    COUNT(trace_part, call);
     const struct ray_batch *b = whole->batch;
     const struct tree *tree = &whole->scene->tree;
     struct ray_batch some = {.count = count};

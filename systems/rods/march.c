@@ -3,10 +3,8 @@
 #include "trace.h"
 
 double sdf(const double *p, const struct prepared *scene, int *nearest) {
-    COUNT(sdf, call);
     double closest = INFINITY;
     for (int i = 0; i < scene->model.shape_count; i++) {
-        COUNT(sdf, shape);
         double distance = distance_to_shape(p, &scene->primitives[i]);
         if (distance < closest) {
             closest = distance;
@@ -18,11 +16,9 @@ double sdf(const double *p, const struct prepared *scene, int *nearest) {
 
 void ray_march(const double *origin, const double *direction, const struct prepared *scene,
                struct hit *hit) {
-    COUNT(ray_march, call);
     *hit = (struct hit){.shape = -1};
     vec_set(origin, hit->point);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        COUNT(ray_march, step);
         double distance = sdf(hit->point, scene, &hit->shape);
         hit->evals++;
         hit->last_t = hit->t;
@@ -33,7 +29,6 @@ void ray_march(const double *origin, const double *direction, const struct prepa
             hit->found = true;
             return;
         }
-        COUNT(ray_march, on);
         if (vec_norm_sq(hit->point) > scene->bounds_sq)
             break;
     }
@@ -44,25 +39,21 @@ void ray_march(const double *origin, const double *direction, const struct prepa
 // rmshadows), after S. Aaltonen's GDC 2018 talk. The march goes past the light to the bounds.
 static double soft_shadow(const double *point, const double *to_light,
                           const struct prepared *scene) {
-    COUNT(soft_shadow, call);
     int nearest;
     double strength_sq = scene->model.shadow_strength * scene->model.shadow_strength;
     double visibility = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
     double p[3];
     vec_along(point, to_light, t, p);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        COUNT(soft_shadow, step);
         double h = sdf(p, scene, &nearest);
         if (h < scene->model.march.hit_distance)
             break;
-        COUNT(soft_shadow, on);
         double y = h * h / (2.0 * previous), d_sq = h * h - y * y;
         // Straight away from a surface h = 2·previous, and the term is 0/0: it is left out.
         // strength·√d_sq/(t − y) < visibility is seldom true, so it is tested without the root.
         double bound = visibility * (t - y);
         if (d_sq > 0.0 && t - y > 0.0 &&
-            (COUNT(soft_shadow, asked), strength_sq * d_sq < bound * bound)) {
-            COUNT(soft_shadow, darker);
+            strength_sq * d_sq < bound * bound) {
             visibility = scene->model.shadow_strength * sqrt(d_sq) / (t - y);
         }
         previous = h;
@@ -83,21 +74,18 @@ static double soft_shadow(const double *point, const double *to_light,
 #define LEAST_STEP 0x1p-16 // of t, for strengths that ask for less
 static double ideal_shadow(const double *point, const double *to_light, double distance,
                            const struct prepared *scene) {
-    COUNT(ideal_shadow, call);
     int nearest;
     double strength = scene->model.shadow_strength, lit = 1.0 / strength, least = lit;
     double room = ROOM * min(lit, 1.0), t = scene->model.march.surface_offset;
     if (!(t < distance))
         return 1.0;
     for (;;) {
-        COUNT(ideal_shadow, step);
         double p[3];
         vec_along(point, to_light, t, p);
         double h = sdf(p, scene, &nearest);
         least = min(least, max(h / t, 0.0));
         if (!(least > 0.0 && t < distance))
             break;
-        COUNT(ideal_shadow, on);
         double goal = least - room;
         double step = max((h - goal * t) / (1.0 + goal), LEAST_STEP * t);
         t = min(t + step, distance);
@@ -108,17 +96,14 @@ static double ideal_shadow(const double *point, const double *to_light, double d
 // Returns 0 if the march meets a surface before the light, else 1.
 static double hard_shadow(const double *point, const double *to_light, double distance,
                           const struct prepared *scene) {
-    COUNT(hard_shadow, call);
     int nearest;
     double t = scene->model.march.surface_offset;
     double p[3];
     vec_along(point, to_light, t, p);
     for (int step = 0; step < scene->model.march.max_steps && t < distance; step++) {
-        COUNT(hard_shadow, step);
         double h = sdf(p, scene, &nearest);
         if (h < scene->model.march.hit_distance)
             return 0.0;
-        COUNT(hard_shadow, on);
         t += h;
         vec_along(point, to_light, t, p);
         if (vec_norm_sq(p) > scene->bounds_sq)

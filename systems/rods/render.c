@@ -113,7 +113,6 @@ void phase_release(struct prepared *prepared) {
 
 void get_direction(double column, double row, const struct frame *frame, const struct view *view,
                    double *direction) {
-    COUNT(get_direction, call);
     double pixel_size = view->tan_half_fov / frame->height;
     double x = (2.0 * column + 1.0 - frame->width) * pixel_size;
     double y = (frame->height - 1.0 - 2.0 * row) * pixel_size;
@@ -149,7 +148,6 @@ void put_pixel(const struct scene_view *input, struct frame *frame, int column, 
     } else {
         double direction[3];
         get_direction(column, row, frame, input->view, direction);
-        COUNT(put_pixel, call);
         vec_along(input->view->position, direction, hit->t, result.hit.point);
         shade(direction, 0, input, &result);
     }

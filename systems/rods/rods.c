@@ -21,7 +21,6 @@ struct rod_end {
 // Two unit directions differ by no more than their points on the picture plane: half of the diagonal at most.
 static double rod_axis(const struct rod *rod, const struct scene_view *input,
                        const struct frame *frame, double *axis) {
-    COUNT(rod_axis, call);
     get_direction(0.5 * (rod->left + rod->right - 1), 0.5 * (rod->top + rod->bottom - 1), frame,
                   input->view, axis);
     double pixel_size = input->view->tan_half_fov / frame->height;
@@ -31,7 +30,6 @@ static double rod_axis(const struct rod *rod, const struct scene_view *input,
 
 static struct rod_end march_rod(const struct rod *rod, const struct scene_view *input,
                                 const struct frame *frame) {
-    COUNT(march_rod, call);
     const struct prepared *scene = input->scene;
     const struct limits *limits = &scene->model.march;
     bool safe = scene->settings.safe;
@@ -40,27 +38,22 @@ static struct rod_end march_rod(const struct rod *rod, const struct scene_view *
     at.spread = rod_axis(rod, input, frame, axis);
     vec_along(input->view->position, axis, at.t, p);
     while (at.steps < limits->max_steps) {
-        COUNT(march_rod, step);
         at.distance = sdf(p, scene, &at.shape);
         at.steps++;
         double radius = max(at.spread * at.t, limits->hit_distance);
         // The article's step may take rays beside the axis into a surface, up to a radius deep. A safe step is
         // shorter by the radius, and the march ends where less than another radius is left.
         double step = at.distance;
-        if (safe) {
-            COUNT(march_rod, safe);
+        if (safe)
             step -= radius;
-        }
         if (step < radius) {
             at.found = true;
             return at;
         }
-        COUNT(march_rod, on);
         at.t += step;
         vec_along(input->view->position, axis, at.t, p);
         double bounds_sq = scene->bounds_sq;
         if (safe) {
-            COUNT(march_rod, wide);
             double bounds = limits->bounds_radius + at.spread * at.t;
             bounds_sq = bounds * bounds;
         }
@@ -73,7 +66,6 @@ static struct rod_end march_rod(const struct rod *rod, const struct scene_view *
 // Gives all pixels of the rod its hit, or its miss.
 static void fill_rod(const struct rod *rod, const struct rod_end *at, double start,
                      const struct scene_view *input, struct frame *frame) {
-    COUNT(fill_rod, call);
     struct hit hit = {.found = at->found,
                       .t = at->t + at->distance,
                       .shape = at->found ? at->shape : -1,

@@ -70,74 +70,56 @@ static inline double clamp(double x, double low, double high) {
 // Moves, rotates and wraps a point into the shape's own frame.
 static inline void apply_transform(const double *point, const struct primitive *primitive,
                                    double *p) {
-    COUNT(apply_transform, call);
     double q[3];
     for (int i = 0; i < 3; i++)
         q[i] = p[i] = point[i] - primitive->position[i];
-    if (primitive->rotated) {
-        COUNT(apply_transform, turn);
+    if (primitive->rotated)
         for (int i = 0; i < 3; i++)
             p[i] = vec_dot(primitive->rotation[i], q);
-    }
-    if (primitive->repeated) {
-        COUNT(apply_transform, wrap);
+    if (primitive->repeated)
         for (int i = 0; i < 3; i++)
             p[i] -= primitive->cell[i] * floor(p[i] * primitive->inv_cell[i] + 0.5);
-    }
 }
 
 static inline double sdf_sphere(const double *p, const struct primitive *s) {
-    COUNT(sdf_sphere, call);
     return vec_norm(p) - s->sphere.radius;
 }
 
 static inline double sdf_plane(const double *p, const struct primitive *s) {
-    COUNT(sdf_plane, call);
     return vec_dot(p, s->plane.normal) - s->plane.offset;
 }
 
 static inline double sdf_box(const double *p, const struct primitive *s) {
-    COUNT(sdf_box, call);
     double q[3], outside[3];
     for (int i = 0; i < 3; i++) {
         q[i] = fabs(p[i]) - s->box.half_size[i];
         outside[i] = max(q[i], 0.0);
-        if (outside[i] == 0.0)
-            COUNT(sdf_box, within);
     }
     return vec_norm(outside) + min(max(q[0], max(q[1], q[2])), 0.0);
 }
 
 static inline double sdf_rounded_box(const double *p, const struct primitive *s) {
-    COUNT(sdf_rounded_box, call);
     return sdf_box(p, s) - s->box.rounding;
 }
 
 static inline double sdf_torus(const double *p, const struct primitive *s) {
-    COUNT(sdf_torus, call);
     double ring = sqrt(p[0] * p[0] + p[2] * p[2]) - s->torus.major_radius;
     return sqrt(ring * ring + p[1] * p[1]) - s->torus.minor_radius;
 }
 
 static inline double sdf_cone(const double *p, const struct primitive *s) {
-    COUNT(sdf_cone, call);
     double radius = sqrt(p[0] * p[0] + p[2] * p[2]);
     double x = radius - s->cone.top_radius, y = p[1] - s->cone.half_height; // from the top rim
-    double rim = p[1] < 0.0 ? s->cone.bottom_radius : (COUNT(sdf_cone, upper), s->cone.top_radius);
+    double rim = p[1] < 0.0 ? s->cone.bottom_radius : s->cone.top_radius;
     double cap_x = max(radius - rim, 0.0), cap_y = fabs(p[1]) - s->cone.half_height;
     double along =
         clamp(-(x * s->cone.side[0] + y * s->cone.side[1]) * s->cone.inv_side_sq, 0.0, 1.0);
-    if (along == 1.0)
-        COUNT(sdf_cone, top);
-    if (cap_x == 0.0)
-        COUNT(sdf_cone, under);
     double side_x = x + s->cone.side[0] * along, side_y = y + s->cone.side[1] * along;
-    double sign = 1.0 - 2.0 * (side_x < 0.0 && (COUNT(sdf_cone, beside), cap_y < 0.0));
+    double sign = 1.0 - 2.0 * (side_x < 0.0 && cap_y < 0.0);
     return sign * sqrt(min(cap_x * cap_x + cap_y * cap_y, side_x * side_x + side_y * side_y));
 }
 
 static inline double sdf_octahedron(const double *point, const struct primitive *s) {
-    COUNT(sdf_octahedron, call);
     double x = fabs(point[0]), y = fabs(point[1]), z = fabs(point[2]);
     double m = x + y + z - s->octahedron.radius, third = m * (1.0 / 3.0);
     double q[3];
@@ -150,8 +132,7 @@ static inline double sdf_octahedron(const double *point, const struct primitive 
     else if (z < third)
         q[0] = z, q[1] = x, q[2] = y;
     else
-        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: above a face
-    COUNT(sdf_octahedron, edge);
+        return m * 0.57735026918962576451; // 1/√3: above a face
     double k = clamp(0.5 * (q[2] - q[1] + s->octahedron.radius), 0.0, s->octahedron.radius);
     double edge[3] = {q[0], q[1] - s->octahedron.radius + k, q[2] - k};
     return vec_norm(edge);
@@ -166,14 +147,13 @@ struct bulb {
 // phasor of twice the azimuth. cos 2a = 1 − 2 sin² a and sin 2a = 2 sin a cos a double it twice. That replaces his
 // products of ninth degree.
 __attribute__((always_inline)) static inline void bulb_step(struct bulb *w, const double *p) {
-    COUNT(sdf_mandelbulb, step);
     double x = w->x, y = w->y, z = w->z, m = w->m;
     double root = sqrt(m);
     w->derivative = 8.0 * (m * m * m * root) * w->derivative + 1.0;
     double x2 = x * x, y2 = y * y, z2 = z * z;
     double k3 = x2 + z2, k4 = k3 - y2;
     double inv_k3 =
-        k3 > 1e-300 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / k3) : 0.0; // 0 on the axis
+        k3 > 1e-300 ? 1.0 / k3 : 0.0; // 0 on the axis
     double k1 = k3 * k3 + y2 * (y2 - 6.0 * k3);
     double cos2 = (x2 - z2) * inv_k3, sin2 = 2.0 * (x * z) * inv_k3;
     double cos4 = 1.0 - 2.0 * sin2 * sin2, sin4 = 2.0 * sin2 * cos2;
@@ -185,7 +165,6 @@ __attribute__((always_inline)) static inline void bulb_step(struct bulb *w, cons
 }
 
 static inline double sdf_mandelbulb(const double *p, const struct primitive *s) {
-    COUNT(sdf_mandelbulb, call);
     struct bulb w = {p[0], p[1], p[2], p[0] * p[0] + p[1] * p[1] + p[2] * p[2], 1.5};
     const double bailout = s->mandelbulb.bailout;
     for (int i = s->mandelbulb.iterations;; i -= 4) { // unrolled by four, the paper's number
@@ -204,19 +183,17 @@ static inline double sdf_mandelbulb(const double *p, const struct primitive *s) 
     }
     // √m·ln m → 0 at the centre.
     return w.m > 0.0
-               ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * sqrt(w.m) / w.derivative * log(w.m))
+               ? 0.25 * sqrt(w.m) / w.derivative * log(w.m)
                : 0.0;
 }
 
 // The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius,
 // scales it and adds p. dr is the most by which the iterations stretch a distance.
 static inline double sdf_mandelbox(const double *p, const struct primitive *s) {
-    COUNT(sdf_mandelbox, call);
     double limit = s->mandelbox.fold_limit, scale = s->mandelbox.scale;
     double outer_sq = s->mandelbox.outer_sq;
     double w[3] = {p[0], p[1], p[2]}, dr = 1.0;
     for (int i = 0; i < s->mandelbox.iterations; i++) {
-        COUNT(sdf_mandelbox, step);
         for (int k = 0; k < 3; k++) {
             double nearest = clamp(w[k], -limit, limit);
             w[k] = nearest + nearest - w[k];
@@ -231,7 +208,6 @@ static inline double sdf_mandelbox(const double *p, const struct primitive *s) {
 
 // Returns the signed distance from the point, in the scene's frame, to the shape.
 static inline double distance_to_shape(const double *point, const struct primitive *primitive) {
-    COUNT(distance_to_shape, call);
     double p[3];
     apply_transform(point, primitive, p);
     switch (primitive->type) {

@@ -33,9 +33,6 @@ static void append(struct rod_list *list, int x, int y, float t, float steps) {
 // The axis is the ray through the rod's middle. A ray to a point of the picture plane and the axis differ, both of unit
 // length, by no more than the two points: half of the diagonal at most.
 static struct rod_size size_of(int side, const struct job *job, struct point eye) {
-    COUNT(size_of, call);
-    ACTIVE(LANES);
-    COUNT(size_of, wide);
     const struct limits *limits = &job->prepared->model.march;
     double per_height = job->view->tan_half_fov / job->frame->height;
     double half = per_height * side * 1.41421356237309505;
@@ -52,15 +49,11 @@ static struct rod_size size_of(int side, const struct job *job, struct point eye
 static void set_out_rods(int first, int count, int left, int top, const struct rod_size *size,
                          const struct job *job, struct point eye, struct trace_context *world,
                          int k, const struct rod_list *rods, struct rod_packet *packet) {
-    ACTIVE(count);
-    COUNT(set_out_rods, call);
-    COUNT(set_out_rods, scalar);
     const struct frame *frame = job->frame;
     double per_height = job->view->tan_half_fov / frame->height;
     float x[LANES], y[LANES], t[LANES] = {0}, steps[LANES] = {0}, there[LANES] = {0};
     for (int lane = 0; lane < LANES; lane++) {
         int i = first + (lane < count ? lane : 0); // spare lanes repeat the first rod
-        COUNT(set_out_rods, rod);
         x[lane] = (float)((2 * (left + rods->x[i]) + size->side - frame->width) * per_height);
         y[lane] = (float)((frame->height - 2 * (top + rods->y[i]) - size->side) * per_height);
         t[lane] = rods->t[i];
@@ -115,12 +108,10 @@ static void settle(int x, int y, int side, float start, float steps, struct surv
 // Ends `count` rods: their pixels begin here, or their four children go on the next list.
 static void land_rods(int first, int count, int across, int down, const struct rod_size *size,
                       vfloat t, const struct rod_packet *rods, struct survey *survey, int least) {
-    COUNT(land_rods, call);
     float at[LANES], steps[LANES], cap = v_lane0(size->cap);
     v_store(t, at);
     v_store(rods->steps, steps);
     for (int lane = 0; lane < count; lane++) {
-        COUNT(land_rods, rod);
         int i = first + lane, x = survey->now.x[i], y = survey->now.y[i];
         survey->share[y * TILE + x] += steps[lane] - survey->now.steps[i];
         bool gone = v_mask_bits(rods->gone) >> lane & 1;
@@ -140,7 +131,6 @@ static void land_rods(int first, int count, int across, int down, const struct r
 // Marches all rods of one size, a group of packets at a time.
 static void march_size(int left, int top, const struct rod_size *size, const struct job *job,
                        struct point eye, struct trace_context *world, struct survey *survey) {
-    COUNT(march_size, call);
     struct packet_group *group = world->group;
     const struct rod_list *rods = &survey->now;
     struct rod_packet packet[GROUP];
@@ -182,7 +172,6 @@ static void march_size(int left, int top, const struct rod_size *size, const str
 
 void march_rods(int left, int top, const struct job *job, struct point eye,
                 struct trace_context *world, struct survey *survey) {
-    COUNT(march_rods, call);
     const struct settings *settings = &job->prepared->settings;
     double bounds = job->prepared->model.march.bounds_radius, from_centre = 0.0;
     for (int i = 0; i < 3; i++)

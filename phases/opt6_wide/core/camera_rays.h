@@ -17,13 +17,10 @@ static inline vmask in_picture(struct pixel_block block) {
 // Returns the directions of a block's camera rays, of unit length.
 static inline struct vec get_direction(struct pixel_block block, const struct frame *frame,
                                        const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, scalar);
     double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
     // Rows are selected by masks: loading floats that were just stored one by one would stall.
     vfloat y = v_splat(0.0f);
     for (int i = 0; i < BLOCK_HEIGHT; i++) {
-        COUNT(get_direction, row);
         vfloat row = v_splat((float)((top - 2.0 * (block.row + i)) * per_height));
         y = i == 0 ? row : v_select(v_cmp_lt(v_load(row_below), v_splat((float)i)), y, row);
     }

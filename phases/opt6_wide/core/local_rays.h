@@ -12,7 +12,6 @@
 // Sets the rays' origins in the frame of each shape, and wakes every shape. set_local_directions() comes next.
 static inline void set_local_origins(struct point origin, const struct prepared *scene,
                                      struct packet_rays *packet) {
-    COUNT(set_local_origins, call);
     struct local_ray *local = packet->local;
     packet->high = v_splat(INFINITY);
     struct vec_double at = vec_double_of(origin);
@@ -39,22 +38,18 @@ static inline void set_local_origins(struct point origin, const struct prepared 
 // Sets the rays' directions in the frame of each shape. Precondition: set_local_origins() has set the origins.
 static inline void set_local_directions(struct vec direction, const struct prepared *scene,
                                         const struct packet_rays *packet) {
-    COUNT(set_local_directions, call);
     struct local_ray *local = packet->local;
     const struct shape_list *list = shapes_of(packet, scene);
     for (int n = 0; n < list->count; n++) {
         int i = list->shape[n];
         const struct primitive *primitive = &scene->primitives[i];
         if (primitive->kind == EVAL_LINEAR) {
-            COUNT(set_local_directions, linear);
             local[i].direction.x = vec_dot(vec_set(primitive->normal), direction);
             continue;
         }
         local[i].direction = turned(primitive, direction);
-        if (primitive->kind == EVAL_POWER) {
-            COUNT(set_local_directions, power);
+        if (primitive->kind == EVAL_POWER)
             local[i].slope = v_splat(2.0f) * vec_dot(local[i].origin, local[i].direction);
-        }
     }
 }
 
@@ -62,12 +57,10 @@ static inline void set_local_directions(struct vec direction, const struct prepa
 // first in the list.
 static inline vfloat nearest_shape_at(const struct packet_rays *packet, vfloat t,
                                       const struct prepared *scene, vmask live, vfloat *shape) {
-    COUNT(nearest_shape_at, call);
     vfloat least = v_splat(INFINITY);
     const struct shape_list *list = shapes_of(packet, scene);
     for (int n = 0; n < list->count; n++) {
         int i = list->shape[n];
-        COUNT(nearest_shape_at, shape);
         const struct primitive *primitive = &scene->primitives[i];
         vfloat distance = distance_to_shape(&packet->local[i], t, primitive, primitive->repeated,
                                             primitive->kind, primitive->type, live);
@@ -80,24 +73,19 @@ static inline vfloat nearest_shape_at(const struct packet_rays *packet, vfloat t
 // Moves the origins along the rays by a small distance.
 static inline void move_local_origins(vfloat by, const struct prepared *scene,
                                       struct packet_rays *packet) {
-    COUNT(move_local_origins, call);
     packet->high = packet->high + v_abs(by);
     const struct shape_list *list = shapes_of(packet, scene);
     for (int n = 0; n < list->count; n++) {
         int i = list->shape[n];
         struct local_ray *a = &packet->local[i];
-        COUNT(move_local_origins, first);
         *wake_of(packet, i) = *wake_of(packet, i) - v_abs(by);
         a->origin.x = v_madd(a->direction.x, by, a->origin.x);
         if (scene->primitives[i].kind == EVAL_LINEAR)
             continue;
-        COUNT(move_local_origins, others);
         a->origin.y = v_madd(a->direction.y, by, a->origin.y);
         a->origin.z = v_madd(a->direction.z, by, a->origin.z);
-        if (scene->primitives[i].kind == EVAL_POWER) {
-            COUNT(move_local_origins, power);
+        if (scene->primitives[i].kind == EVAL_POWER)
             a->power = v_madd(by, by + a->slope, a->power);
-        }
     }
 }
 

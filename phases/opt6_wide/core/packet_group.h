@@ -53,7 +53,6 @@ struct nearest_so_far {
 // Whether no live ray can have this shape as its nearest.
 __attribute__((always_inline)) static inline bool all_asleep(const vfloat *wake, int size,
                                                              const struct nearest_so_far *found) {
-    COUNT(all_asleep, call);
     vmask awake = v_cmp_nge(wake[0], found->limit[0]);
     for (int k = 1; k < size; k++)
         awake = v_or(awake, v_cmp_nge(wake[k], found->limit[k]));
@@ -64,7 +63,6 @@ __attribute__((always_inline)) static inline bool all_asleep(const vfloat *wake,
 // nearest of them.
 __attribute__((always_inline)) static inline void update_high(struct packet_group *group, int size,
                                                               const struct nearest_so_far *found) {
-    COUNT(update_high, call);
     for (int k = 0; k < size; k++)
         group->high[k] = v_min(found->least[k] - group->t[k], group->high[k]);
 }

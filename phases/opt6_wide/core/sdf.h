@@ -21,10 +21,8 @@ packet_distance(struct packet_group *group, int k, int shape, int size,
     vfloat sum = distance + t;
     found->least[k] = v_min(distance, found->least[k]);
     found->limit[k] = v_min(sum, found->limit[k]);
-    if (steady) {
-        COUNT(packet_distance, steady);
+    if (steady)
         group->packet[k].wake[shape * size] = wake_bound(sum, primitive);
-    }
 }
 
 __attribute__((always_inline)) static inline void
@@ -86,8 +84,6 @@ distances_to_shape(struct packet_group *group, int shape, int size,
 
 // Begins an evaluation of the scene's distance for packet k. The limit is −∞ where a ray is done.
 static inline void sdf(const struct packet_group *group, int k, struct nearest_so_far *found) {
-    ACTIVE(v_count(group->live[k]));
-    COUNT(sdf, call);
     found->least[k] = v_splat(INFINITY);
     found->limit[k] = v_madd(v_splat(2.0f), group->t[k], group->high[k]);
 }
@@ -109,7 +105,6 @@ __attribute__((always_inline)) static inline void wake_of_others(const struct pa
                                                                  int size,
                                                                  const struct shape_list *list,
                                                                  struct sole_shape *sole) {
-    COUNT(wake_of_others, call);
     for (int k = 0; k < size; k++)
         sole->until[k] = v_splat(INFINITY);
     for (int n = 0; n < list->count; n++) {
@@ -117,10 +112,8 @@ __attribute__((always_inline)) static inline void wake_of_others(const struct pa
         if (i == sole->shape)
             continue;
         const vfloat *wake = &group->packet[0].wake[i * size];
-        for (int k = 0; k < size; k++) { // NaN becomes −∞: awake
-            COUNT(wake_of_others, packet);
+        for (int k = 0; k < size; k++) // NaN becomes −∞: awake
             sole->until[k] = v_min(v_max(wake[k], v_splat(-INFINITY)), sole->until[k]);
-        }
     }
 }
 

@@ -18,10 +18,8 @@ struct local_ray {
 
 // Returns v in the axes of the shape.
 static inline struct vec turned(const struct primitive *primitive, struct vec v) {
-    COUNT(turned, call);
     if (!primitive->turned)
         return v;
-    COUNT(turned, rotation);
     return (struct vec){vec_dot(vec_set(primitive->turn[0]), v),
                         vec_dot(vec_set(primitive->turn[1]), v),
                         vec_dot(vec_set(primitive->turn[2]), v)};
@@ -29,10 +27,8 @@ static inline struct vec turned(const struct primitive *primitive, struct vec v)
 
 // Returns v in the world's axes. The matrix is orthogonal, so its inverse is its transpose.
 static inline struct vec turned_back(const struct primitive *primitive, struct vec v) {
-    COUNT(turned_back, call);
     if (!primitive->turned)
         return v;
-    COUNT(turned_back, rotation);
     struct vec out = vec_scale(vec_set(primitive->turn[0]), v.x);
     out = vec_along(out, vec_set(primitive->turn[1]), v.y);
     return vec_along(out, vec_set(primitive->turn[2]), v.z);
@@ -43,7 +39,6 @@ static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: 
 }
 
 static inline struct vec vec_wrapped(const struct primitive *primitive, struct vec p) {
-    COUNT(vec_wrapped, call);
     return (struct vec){wrapped(p.x, primitive->cell[0], primitive->per_cell[0]),
                         wrapped(p.y, primitive->cell[1], primitive->per_cell[1]),
                         wrapped(p.z, primitive->cell[2], primitive->per_cell[2])};
@@ -58,18 +53,14 @@ static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) 
 // turned box would have a face's distance to 5e-7, which is the hit distance, and in the 10,000th cell to 4e-3.
 static inline vfloat coordinate(const struct primitive *primitive, struct vec_double from,
                                 int axis) {
-    COUNT(coordinate, call);
     vdouble x = v_double_sub(v_double_dot(from, primitive->row[axis]), primitive->offset);
-    if (primitive->repeated) {
-        COUNT(coordinate, wrap);
+    if (primitive->repeated)
         x = v_double_wrapped(x, primitive->wide_cell[axis], primitive->wide_per_cell[axis]);
-    }
     return v_double_to_float(x);
 }
 
 // Returns |from|² − square.
 static inline vfloat power_at(struct vec_double from, double square) {
-    COUNT(power_at, call);
     struct vec_double p = from;
     vhalf each = v_half_splat(square);
     return v_double_to_float(
@@ -79,31 +70,25 @@ static inline vfloat power_at(struct vec_double from, double square) {
 
 // Whether points are within the scene's bounds, computed in double.
 static inline vmask within(struct point place, const struct model *model) {
-    COUNT(within, call);
-    COUNT(within, scalar);
     double radius = model->march.bounds_radius;
     return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
 }
 
 static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {
-    COUNT(sdf_sphere, call);
     return vec_norm(p) - v_splat(s->a);
 }
 
 // Returns |p| − a, from power = |p|² − a². For a sphere of a planet's size, the difference of |p| and a would lose all
 // digits.
 static inline vfloat sdf_power(vfloat power, const struct primitive *s) {
-    COUNT(sdf_power, call);
     return power / (v_sqrt(v_max(power + v_splat(s->b), v_splat(0.0f))) + v_splat(s->a));
 }
 
 static inline vfloat sdf_plane(struct vec p, const struct primitive *s) {
-    COUNT(sdf_plane, call);
     return vec_dot(p, vec_set(s->size)) - v_splat(s->a);
 }
 
 static inline vfloat sdf_box(struct vec p, const struct primitive *s) {
-    COUNT(sdf_box, call);
     vfloat zero = v_splat(0.0f);
     vfloat x = v_abs(p.x) - v_splat(s->size[0]);
     vfloat y = v_abs(p.y) - v_splat(s->size[1]);
@@ -113,18 +98,15 @@ static inline vfloat sdf_box(struct vec p, const struct primitive *s) {
 }
 
 static inline vfloat sdf_rounded_box(struct vec p, const struct primitive *s) {
-    COUNT(sdf_rounded_box, call);
     return sdf_box(p, s) - v_splat(s->a);
 }
 
 static inline vfloat sdf_torus(struct vec p, const struct primitive *s) {
-    COUNT(sdf_torus, call);
     vfloat ring = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(s->a);
     return v_sqrt(v_madd(ring, ring, p.y * p.y)) - v_splat(s->b);
 }
 
 static inline vfloat sdf_cone(struct vec p, const struct primitive *s) {
-    COUNT(sdf_cone, call);
     vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
     vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
     vfloat x = radius - v_splat(s->b), y = p.y - v_splat(s->c); // from the top rim
@@ -141,7 +123,6 @@ static inline vfloat sdf_cone(struct vec p, const struct primitive *s) {
 }
 
 static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s) {
-    COUNT(sdf_octahedron, call);
     vfloat x = v_abs(point.x), y = v_abs(point.y), z = v_abs(point.z);
     vfloat zero = v_splat(0.0f), radius = v_splat(s->a);
     vfloat m = x + y + z - radius, third = m * v_splat(1.0f / 3.0f);
@@ -150,7 +131,6 @@ static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s)
     vmask edges = v_or(over_yz, v_or(over_zx, over_xy));
     if (!v_any(edges))
         return face;
-    COUNT(sdf_octahedron, edges);
     vfloat a = v_select(over_yz, x, v_select(over_zx, y, z));
     vfloat b = v_select(over_yz, y, v_select(over_zx, z, x));
     vfloat c = v_select(over_yz, z, v_select(over_zx, x, y));
@@ -169,7 +149,6 @@ struct bulb_orbit {
 };
 
 static inline struct bulb_orbit bulb_start(struct vec p, vmask live) {
-    COUNT(bulb_start, call);
     // |w|² becomes |p|^16, which overflows from |p| = 256 on. From 32 on the estimate after the one iteration that
     // escapes is r·ln(r)/3 to a float's precision.
     vfloat m = vec_dot(p, p);
@@ -201,7 +180,6 @@ static inline void bulb_iterate(struct bulb_orbit *b, vfloat bailout) {
 }
 
 static inline vfloat bulb_estimate(const struct bulb_orbit *b) {
-    COUNT(bulb_estimate, call);
     // r·ln(r)/3 is √m·ln(m)/6.
     vfloat per = v_select(b->far, v_splat(1.0f / 6.0f), v_splat(0.25f) / b->dz);
     vfloat distance = v_sqrt(b->m) * per * v_log(b->m);
@@ -209,14 +187,12 @@ static inline vfloat bulb_estimate(const struct bulb_orbit *b) {
 }
 
 static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask live) {
-    COUNT(sdf_mandelbulb, call);
     struct bulb_orbit bulb = bulb_start(p, live);
     for (int i = 0; i < s->iterations; i++) {
         bulb_iterate(&bulb, v_splat(s->bailout));
         if (!v_any(bulb.inside))
             break;
     }
-    ACTIVE(v_count(live));
     return bulb_estimate(&bulb);
 }
 
@@ -224,7 +200,6 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
 // distance to the centre falls no faster than t grows. Beyond r = 3/2 the first iteration ends at w ≥ r⁸ − r. So the
 // estimate, ½·w·ln(w)/(12·r⁷ + 1), is above 0.18 + (r − 3/2)/2, and further iterations hardly lower it.
 static inline vfloat bulb_wake_bound(vfloat square, vfloat t) {
-    COUNT(bulb_wake_bound, call);
     vfloat out = v_sqrt_below(square) - v_splat(1.5f);
     vfloat bound = v_min(out, v_madd(out, v_splat(0.5f), v_splat(0.18f)));
     return v_madd(v_splat(1.0f - 0x1p-10f), bound, t);
@@ -238,12 +213,10 @@ static inline vfloat folded(vfloat x, vfloat limit) {
 // The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius, scales
 // it and adds p. dr is the most by which the iterations stretch a distance.
 static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
-    COUNT(sdf_mandelbox, call);
     vfloat limit = v_splat(s->c), outer_sq = v_splat(s->size[1]);
     vfloat one = v_splat(1.0f), dr = one;
     struct vec w = p;
     for (int i = 0; i < s->iterations; i++) {
-        COUNT(sdf_mandelbox, iteration);
         w = (struct vec){folded(w.x, limit), folded(w.y, limit), folded(w.z, limit)};
         vfloat norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->size[0])), outer_sq);
         vfloat inversion = outer_sq / norm_sq;
@@ -275,16 +248,10 @@ distance_at(struct vec p, const struct primitive *primitive, enum shape_type typ
 __attribute__((always_inline)) static inline vfloat
 distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *primitive,
                   bool repeated, enum eval_kind kind, enum shape_type type, vmask live) {
-    COUNT(distance_to_shape, call);
-    if (kind == EVAL_POWER) {
-        COUNT(distance_to_shape, power);
+    if (kind == EVAL_POWER)
         return sdf_power(v_madd(t, t + a->slope, a->power), primitive);
-    }
-    if (kind == EVAL_LINEAR) {
-        COUNT(distance_to_shape, linear);
+    if (kind == EVAL_LINEAR)
         return v_madd(t, a->direction.x, a->origin.x);
-    }
-    COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
     if (repeated && (type != SHAPE_MANDELBOX || primitive->repeated))
         p = vec_wrapped(primitive, p);

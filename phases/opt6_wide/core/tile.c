@@ -14,7 +14,6 @@ enum { TILE_WIDTH = 32, TILE_HEIGHT = 8 };
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
                                const struct shaded *seen) {
-    COUNT(store_block_result, call);
     store_color(frame, block, seen->color);
     if (!frame->depth)
         return;
@@ -43,8 +42,6 @@ static void init_packet_rays(struct packet_group *group, void *scratch, int shap
 
 // Draws a tile, GROUP blocks at a time, column by column.
 static void draw_tile(const struct job *job, int tile, void *scratch) {
-    COUNT(draw_tile, call);
-    COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     struct packet_group group;
     struct trace_context world = {job->prepared, job->view, &group};
@@ -66,17 +63,13 @@ static void draw_tile(const struct job *job, int tile, void *scratch) {
             block[k] = (struct pixel_block){
                 column, row, first + k < blocks ? int_min(BLOCK_WIDTH, right - column) : 0,
                 int_min(BLOCK_HEIGHT, bottom - row)};
-            ACTIVE(block[k].across * block[k].down);
-            COUNT(draw_tile, packet);
             rays.origin[k] = origin;
             rays.direction[k] = get_direction(block[k], frame, job->view);
             rays.active[k] = in_picture(block[k]);
         }
         trace(&rays, 0, &world, seen);
-        for (int k = 0; k < GROUP; k++) {
-            ACTIVE(block[k].across * block[k].down);
+        for (int k = 0; k < GROUP; k++)
             store_block_result(frame, block[k], &seen[k]);
-        }
     }
 }
 

@@ -23,13 +23,11 @@ static inline bool march_step(struct march_state *at, int step, int k, struct pa
 
 // The hit test is min_step()'s, which widens with t as a float's error does.
 void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world) {
-    COUNT(march, call);
     const struct prepared *scene = world->scene;
     struct packet_group *group = world->group;
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(group->live[k]));
         struct march_state *at = &packets[k];
         at->exit = bounds_exit_of(at->origin, rays->direction[k], &scene->model);
         at->left = steps_left(at, group->live[k], march_cap(at, &scene->model));

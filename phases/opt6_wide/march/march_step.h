@@ -13,8 +13,6 @@ struct bounds_exit {
 
 static inline struct bounds_exit bounds_exit_of(struct point origin, struct vec direction,
                                                 const struct model *model) {
-    COUNT(bounds_exit_of, call);
-    COUNT(bounds_exit_of, scalar);
     float radius = (float)model->march.bounds_radius;
     struct vec o = origin.hi;
     return (struct bounds_exit){v_splat(2.0f) * vec_dot(o, direction),
@@ -42,7 +40,6 @@ static inline vfloat min_step(vfloat t, vfloat hit_distance) {
 // corrects only the error of a march in float, 2^-21 of the path: what a larger hit_distance leaves is part of the
 // scene's picture.
 static inline vfloat newton(vfloat h, vfloat slope, vfloat path) {
-    COUNT(newton, call);
     vmask small = v_cmp_lt(v_abs(h), path * v_splat(0x1p-21f));
     return v_select_or_zero(small, h / v_max(slope, v_splat(0x1p-9f)));
 }

@@ -11,7 +11,6 @@
 // differences.
 // The results are in the world's axes and need not be of unit length.
 static inline struct vec box_gradient(struct vec p, const struct primitive *s) {
-    COUNT(box_gradient, call);
     vfloat zero = v_splat(0.0f);
     vfloat x = v_abs(p.x) - v_splat(s->size[0]);
     vfloat y = v_abs(p.y) - v_splat(s->size[1]);
@@ -28,14 +27,12 @@ static inline struct vec box_gradient(struct vec p, const struct primitive *s) {
 }
 
 static inline struct vec torus_gradient(struct vec p, const struct primitive *s) {
-    COUNT(torus_gradient, call);
     vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
     vfloat outward = v_splat(1.0f) - v_splat(s->a) / v_max(radius, v_splat(1e-30f));
     return (struct vec){p.x * outward, p.y, p.z * outward};
 }
 
 static inline struct vec cone_gradient(struct vec p, const struct primitive *s) {
-    COUNT(cone_gradient, call);
     vfloat zero = v_splat(0.0f);
     vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
     vfloat x = radius - v_splat(s->b), y = p.y - v_splat(s->c);
@@ -61,7 +58,6 @@ static inline struct vec cone_gradient(struct vec p, const struct primitive *s) 
 }
 
 static inline struct vec octahedron_gradient(struct vec p) {
-    COUNT(octahedron_gradient, call);
     vfloat one = v_splat(1.0f);
     return (struct vec){v_copysign(one, p.x), v_copysign(one, p.y), v_copysign(one, p.z)};
 }
@@ -70,12 +66,9 @@ static inline struct vec octahedron_gradient(struct vec p) {
 // shape's matrix. Axis −1: not moved.
 static inline struct vec moved_in(const struct primitive *primitive, const struct local_ray *local,
                                   float step, int axis) {
-    COUNT(moved_in, call);
     struct vec p = local->origin;
     if (axis < 0)
         return p;
-    COUNT(moved_in, moved);
-    COUNT(moved_in, scalar);
     p = (struct vec){p.x + v_splat(step * primitive->turn[0][axis]),
                      p.y + v_splat(step * primitive->turn[1][axis]),
                      p.z + v_splat(step * primitive->turn[2][axis])};
@@ -86,7 +79,6 @@ static inline vfloat moved_power(const struct primitive *primitive, const struct
                                  float step, int axis) {
     if (axis < 0)
         return local->power;
-    COUNT(moved_power, moved);
     struct vec column = {v_splat(primitive->turn[0][axis]), v_splat(primitive->turn[1][axis]),
                          v_splat(primitive->turn[2][axis])};
     return v_madd(v_splat(step),
@@ -97,13 +89,11 @@ static inline vfloat moved_power(const struct primitive *primitive, const struct
 static inline vfloat moved_distance(const struct primitive *primitive,
                                     const struct local_ray *local, vmask live, float step,
                                     int axis) {
-    COUNT(moved_distance, call);
     if (primitive->kind == EVAL_POWER)
         return sdf_power(moved_power(primitive, local, step, axis), primitive);
     if (primitive->kind == EVAL_LINEAR) {
         if (axis < 0)
             return local->origin.x;
-        COUNT(moved_distance, moved);
         return v_madd(v_splat(primitive->normal[axis]), v_splat(step), local->origin.x);
     }
     return distance_at(moved_in(primitive, local, step, axis), primitive, primitive->type, live);
@@ -111,7 +101,6 @@ static inline vfloat moved_distance(const struct primitive *primitive,
 
 static inline struct vec difference(const struct primitive *primitive,
                                     const struct local_ray *local, vmask live, float step) {
-    COUNT(difference, call);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++)
         f[axis + 1] = moved_distance(primitive, local, live, step, axis);

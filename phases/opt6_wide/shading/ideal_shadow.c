@@ -34,7 +34,6 @@ static inline vmask ideal_step(vfloat *reach, vfloat distance, int k, struct ide
 
 void ideal_shadow(const vfloat *distance, struct packet_group *group, const struct prepared *scene,
                   vfloat *reach) {
-    COUNT(ideal_shadow, call);
     float strength = (float)scene->model.shadow_strength, lit = 1.0f / strength;
     struct ideal_limits limits = {strength, lit, ROOM * (lit < 1.0f ? lit : 1.0f)};
     for (int k = 0; k < packets_in(group); k++)

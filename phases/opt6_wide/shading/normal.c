@@ -6,14 +6,11 @@
 // Returns the forward differences of the whole scene's distance.
 static struct vec scene_difference(vmask live, float step, const struct prepared *scene,
                                    const struct packet_rays *packet) {
-    ACTIVE(v_count(live));
-    COUNT(scene_difference, call);
     const struct shape_list *list = shapes_of(packet, scene);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++) {
         f[axis + 1] = v_splat(INFINITY);
         for (int n = 0; n < list->count; n++) {
-            COUNT(scene_difference, shape);
             int i = list->shape[n];
             f[axis + 1] =
                 v_min(moved_distance(&scene->primitives[i], &packet->local[i], live, step, axis),
@@ -26,13 +23,10 @@ static struct vec scene_difference(vmask live, float step, const struct prepared
 // Finds the nearest shape at the origins of the packet, and sets the packet's wakes for a ray that starts there.
 struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
                                  struct packet_rays *packet) {
-    COUNT(near_hit, call);
-    COUNT(near_hit, scalar);
     vfloat least = v_splat(INFINITY), second = least, shape = v_splat(-1.0f);
     const struct shape_list *list = shapes_of(packet, scene);
     for (int n = 0; n < list->count; n++) {
         int i = list->shape[n];
-        COUNT(near_hit, shape);
         const struct primitive *primitive = &scene->primitives[i];
         vfloat distance = moved_distance(primitive, &packet->local[i], found, 0, -1);
         shape = v_select(v_cmp_lt(distance, least), v_splat(primitive->index),
@@ -40,7 +34,6 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
         second = v_min(second, v_max(distance, least));
         least = v_min(distance, least);
         if (primitive->steady) {
-            COUNT(near_hit, steady);
             *wake_of(packet, i) = wake_bound_inside(distance, primitive);
             packet->high = v_min(distance, packet->high);
         }
@@ -55,8 +48,6 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
 // is used.
 static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
                               const struct prepared *scene, const struct packet_rays *packet) {
-    ACTIVE(v_count(found));
-    COUNT(gradient_of, call);
     const struct primitive *primitive = &scene->primitives[shape];
     const struct local_ray *local = &packet->local[shape];
     vmask near = v_and(found, contact);
@@ -68,7 +59,6 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         rounded = difference(primitive, local, found, step);
     if (v_any(near))
         rounded = vec_select(near, scene_difference(near, step, scene, packet), rounded);
-    ACTIVE(v_count(found)); // the functions called have changed it
     switch (primitive->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX:
@@ -79,8 +69,6 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     case SHAPE_PLANE: exact = vec_set(primitive->size); break;
     default: return rounded;
     }
-    COUNT(gradient_of, closed);
-    COUNT(gradient_of, scalar);
     exact = turned_back(primitive, exact);
     exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
     rounded = vec_scale(rounded, v_splat(1.0f / step));
@@ -100,20 +88,16 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
 // by.
 struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                             const struct prepared *scene, const struct packet_rays *packet) {
-    COUNT(normal_at, call);
     float id[LANES], step = (float)scene->model.march.normal_step;
     v_store(near->shape, id);
     struct vec gradient = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (unsigned rest = v_mask_bits(found); rest;) {
-        ACTIVE(v_count(found));
-        COUNT(normal_at, shape);
         int i = (int)id[__builtin_ctz(rest)];
         vmask same = v_and(found, v_cmp_ge(v_splat(0.5f), v_abs(near->shape - v_splat((float)i))));
         gradient =
             vec_select(same, gradient_of(i, same, near->contact, step, scene, packet), gradient);
         rest &= ~v_mask_bits(same);
     }
-    ACTIVE(v_count(found));
     vfloat length = vec_norm(gradient);
     vfloat along = vec_dot(direction, gradient);
     vfloat slope = v_select(v_cmp_lt(v_abs(length - v_splat(1.0f)), v_splat(1e-4f)), v_abs(along),

@@ -34,8 +34,6 @@ static inline struct vec from_to(struct point from, const double to[3]) {
 
 static inline struct lighting light_from(struct point p, struct vec n, vmask found,
                                          const struct view *view) {
-    COUNT(light_from, call);
-    COUNT(light_from, scalar);
     vfloat zero = v_splat(0.0f);
     struct vec to_light = from_to(p, view->light_position);
     vfloat distance = vec_norm(to_light);
@@ -49,12 +47,9 @@ static inline struct lighting light_from(struct point p, struct vec n, vmask fou
 static inline struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
                                   vfloat shadow, const struct surfaces *surface,
                                   const struct view *view) {
-    COUNT(light_at, call);
     struct vec base = surface->color, color = vec_scale(base, v_splat(0.01f)); // ambient
     if (!v_any(light->lit))
         return color;
-    ACTIVE(v_count(light->lit));
-    COUNT(light_at, lit);
     vfloat reach = shadow / light->distance, facing = light->facing;
     // The mirrored direction is minus the paper's R.
     vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);

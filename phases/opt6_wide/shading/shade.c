@@ -7,20 +7,15 @@
 // other rays are masked.
 static void mirror(const struct ray_group *rays, int bounce, struct trace_context *world,
                    const struct surfaces surface[GROUP], struct shaded *result) {
-    COUNT(mirror, call);
     struct ray_group mirrored;
     bool one = false;
     for (int k = 0; k < GROUP; k++) {
         const struct hit *hit = &result[k].hit;
-        ACTIVE(v_count(hit->found));
-        COUNT(mirror, packet);
         vmask active = v_and(hit->found, v_cmp_gt(surface[k].reflectivity, v_splat(0.0f)));
         mirrored.active[k] = active;
         if (!v_any(active))
             continue;
         one = true;
-        ACTIVE(v_count(active));
-        COUNT(mirror, start);
         vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
         mirrored.origin[k] = point_at(hit->point, hit->normal, offset, v_splat(0.0f));
         mirrored.direction[k] = vec_reflect(rays->direction[k], hit->normal);
@@ -33,8 +28,6 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
         vmask active = mirrored.active[k];
         if (!v_any(active))
             continue;
-        ACTIVE(v_count(active));
-        COUNT(mirror, seen);
         vfloat share = v_select_or_zero(active, surface[k].reflectivity * v_splat(0.1f));
         struct vec color = result[k].color;
         result[k].color = vec_along(color, vec_select(active, seen[k].color, color), share);
@@ -43,7 +36,6 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
 
 void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
            struct shaded *result) {
-    COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
@@ -53,7 +45,6 @@ void trace(const struct ray_group *rays, int bounce, struct trace_context *world
     vfloat reach[GROUP];
     ray_march(rays, world, hit);
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(hit[k].found));
         light[k].lit = v_mask_none();
         if (!v_any(hit[k].found))
             continue;
@@ -62,7 +53,6 @@ void trace(const struct ray_group *rays, int bounce, struct trace_context *world
     }
     shadow(hit, light, world, reach);
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(hit[k].found));
         result[k] = (struct shaded){.color = background, .hit = hit[k]};
         if (v_any(hit[k].found))
             result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],
@@ -72,11 +62,9 @@ void trace(const struct ray_group *rays, int bounce, struct trace_context *world
         mirror(rays, bounce, world, surface, result);
     for (int k = 0; k < GROUP; k++) {
         struct vec color = result[k].color;
-        ACTIVE(v_count(hit[k].found));
         if (!v_any(hit[k].found))
             continue;
         if (model->features.fog) {
-            COUNT(trace, fog);
             struct vec p = hit[k].point.hi;
             vfloat far_sq = vec_dot(p, p);
             color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));

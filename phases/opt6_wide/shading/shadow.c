@@ -8,8 +8,6 @@
 
 void shadow(const struct hit *hit, const struct lighting *light, struct trace_context *world,
             vfloat *reach) {
-    COUNT(shadow, call);
-    COUNT(shadow, scalar);
     const struct model *model = &world->scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
     struct packet_group *group = world->group;
@@ -22,7 +20,6 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(light[k].lit));
         set_local_directions(light[k].to_light, world->scene, &group->packet[k]);
         rays[k].exit = bounds_exit_of(hit[k].point, light[k].to_light, model);
         rays[k].twice_previous =
@@ -50,9 +47,6 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
                 group->marching[i] = group->marching[--group->count];
         }
     }
-    for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(light[k].lit));
-        COUNT(shadow, end);
+    for (int k = 0; k < GROUP; k++)
         reach[k] = v_sqrt(rays[k].least_sq);
-    }
 }

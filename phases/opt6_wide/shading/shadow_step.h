@@ -25,8 +25,6 @@ static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq
     vmask going = v_cmp_nlt_in(live, h, min_step(t, v_splat((float)model->march.hit_distance)));
     if (!v_any(going))
         return going;
-    ACTIVE(v_count(going));
-    COUNT(soft_step, step);
     // y = h²/(2·previous); inside = h² − y², past = t − y. Both are scaled by 2·previous to save a division.
     vfloat twice = ray->twice_previous;
     vfloat square = h * h, scale = twice * twice, inside = scale - square;
@@ -37,11 +35,8 @@ static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq
     // (strength·h·√inside/past)² < least², without the division: it is seldom true.
     vfloat term = v_splat(strength_sq) * square * inside, per = past * past;
     vmask darker = v_cmp_lt_in(sound, term, ray->least_sq * per);
-    if (v_any(darker)) {
-        ACTIVE(v_count(darker));
-        COUNT(soft_step, darker);
+    if (v_any(darker))
         ray->least_sq = v_select(darker, term / past / past, ray->least_sq); // past² may overflow
-    }
     ray->twice_previous = v_select(going, h + h, twice);
     group->t[k] = t = v_add_where(going, t, h);
     return v_cmp_ngt_in(going, outside_of_bounds(ray->exit, t), zero);

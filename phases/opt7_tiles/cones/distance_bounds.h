@@ -12,10 +12,8 @@
 // Returns a lower bound of the distance from a point to where the march may report a hit of the shape.
 __attribute__((always_inline)) static inline vfloat lower_bound(const struct local_ray *a, vfloat t,
                                                                 const struct primitive *primitive) {
-    COUNT(lower_bound, call);
     vfloat d;
     if (primitive->trust == BOUND_BALL) {
-        COUNT(lower_bound, ball);
         struct vec p = vec_along(a->origin, a->direction, t);
         d = vec_norm(primitive->repeated ? vec_wrapped(primitive, p) : p) - v_splat(primitive->a);
     } else
@@ -26,7 +24,6 @@ __attribute__((always_inline)) static inline vfloat lower_bound(const struct loc
 
 // Returns an upper bound of the distance, from its lower bound.
 static inline vfloat upper_bound(vfloat lower, const struct primitive *primitive) {
-    COUNT(upper_bound, call);
     return v_madd(v_abs(lower), v_splat(0x1p-16f),
                   v_madd(v_splat(primitive->error), v_splat(2.0f), lower));
 }

@@ -11,7 +11,6 @@ static struct vec unit(struct vec v) {
 // of the corner pixels. No other ray is further from the axis: a circle around the axis is an ellipse in the picture,
 // which is convex.
 static struct cone_packet cones_around(vfloat x[2], vfloat y[2], const struct view *view) {
-    COUNT(cones_around, call);
     struct vec corner[4], sum = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (int i = 0; i < 4; i++) {
         corner[i] =
@@ -32,12 +31,10 @@ static struct cone_packet cones_around(vfloat x[2], vfloat y[2], const struct vi
 // Sets a cone for each rectangle. Returns which rectangles hold a pixel of the picture.
 vmask get_cones(const struct pixel_rect patches[LANES], const struct job *job,
                 struct cone_packet *cones) {
-    COUNT(get_cones, call);
     const struct frame *frame = job->frame;
     double per_height = job->view->tan_half_fov / frame->height;
     float edge[4][LANES], there[LANES];
     for (int lane = 0; lane < LANES; lane++) {
-        COUNT(get_cones, scalar);
         struct pixel_rect p = patches[lane];
         there[lane] = p.left < p.right && p.top < p.bottom ? 1.0f : 0.0f;
         edge[0][lane] = (float)((2.0 * p.left + 1.0 - frame->width) * per_height);
@@ -46,7 +43,6 @@ vmask get_cones(const struct pixel_rect patches[LANES], const struct job *job,
         edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
     }
     vfloat x[2] = {v_load(edge[0]), v_load(edge[1])}, y[2] = {v_load(edge[2]), v_load(edge[3])};
-    ACTIVE(LANES);
     *cones = cones_around(x, y, job->view);
     return v_cmp_gt(v_load(there), v_splat(0.5f));
 }

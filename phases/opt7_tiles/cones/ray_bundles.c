@@ -7,7 +7,6 @@
 #include "march/march_step.h"
 
 static vfloat most_lane(vmask active, vfloat a) {
-    COUNT(most_lane, call);
     a = v_select(active, a, v_splat(-INFINITY));
     return v_max_of_lanes(a);
 }
@@ -59,7 +58,6 @@ static struct vec middle_of_range(const struct vec_range *extent) {
 
 // Returns the distance at which rays leave the bounds.
 static vfloat exit_distance(struct point origin, struct vec direction, const struct model *model) {
-    COUNT(exit_distance, call);
     struct bounds_exit exit = bounds_exit_of(origin, direction, model);
     vfloat half = v_splat(-0.5f) * exit.linear;
     return half + v_sqrt(v_max(v_msub(half, half, exit.constant), v_splat(0.0f)));
@@ -67,12 +65,10 @@ static vfloat exit_distance(struct point origin, struct vec direction, const str
 
 static struct ray_bundle bundle_of(const struct ray_group *rays, const vfloat *length, int packets,
                                    const struct model *model) {
-    COUNT(bundle_of, call);
     struct vec_range places = empty_range(), directions = places;
     for (int k = 0; k < packets; k++) {
         if (!v_any(rays->active[k]))
             continue;
-        COUNT(bundle_of, packet);
         extend_range(&places, rays->active[k], rays->origin[k].hi);
         extend_range(&directions, rays->active[k], rays->direction[k]);
     }
@@ -123,7 +119,6 @@ struct ray_intervals {
 };
 
 static struct ray_intervals intervals_of(const struct ray_bundle *b) {
-    COUNT(intervals_of, call);
     vfloat ends = b->length * interval_ends();
     return (struct ray_intervals){
         ends, ends - lane_before(ends),
@@ -133,14 +128,12 @@ static struct ray_intervals intervals_of(const struct ray_bundle *b) {
 // Whether a ray may hit the shape in an interval. At u behind one end, the distance is at least d0 − u and at least d
 // − (length − u).
 static vmask may_be_hit(vfloat d, const struct ray_intervals *in, vfloat close) {
-    COUNT(may_be_hit, call);
     return v_cmp_ge(in->radius + close, v_splat(0.5f) * (lane_before(d) + d - in->length));
 }
 
 // Whether the shape may be the nearest in an interval: three of the four pairs of its lower bound and the least upper
 // bound.
 static vmask may_be_nearest(vfloat d, vfloat least, const struct ray_intervals *in) {
-    COUNT(may_be_nearest, call);
     vfloat d0 = lane_before(d), least0 = lane_before(least), length = in->length;
     vfloat apart = v_max(d - length - least0, d0 - length - least);
     apart = v_max(apart, v_splat(0.5f) * ((d0 - least0) + (d - least)) - length);
@@ -150,7 +143,6 @@ static vmask may_be_nearest(vfloat d, vfloat least, const struct ray_intervals *
 // Sets scratch->distance to lower bounds at the ends of the intervals. Returns the least upper bound of all shapes.
 static vfloat bounds_at(vfloat ends, const struct ray_bundle *b, enum list_kind meant,
                         const struct prepared *scene, struct march_scratch *scratch) {
-    COUNT(bounds_at, call);
     vfloat least = v_splat(INFINITY);
     struct packet_rays packet = probe_rays(scratch, scene);
     set_local_origins(b->from, scene, &packet);
@@ -160,13 +152,10 @@ static vfloat bounds_at(vfloat ends, const struct ray_bundle *b, enum list_kind 
         if (primitive->trust == BOUND_NONE)
             continue;
         vfloat d = lower_bound(&scratch->probe[i], ends, primitive);
-        if (primitive->trust == BOUND_LIPSCHITZ) {
-            COUNT(bounds_at, distance);
+        if (primitive->trust == BOUND_LIPSCHITZ)
             least = v_min(upper_bound(d, primitive), least);
-        } else if (meant == LIST_NEAREST) { // bounds of the Mandelbulb's estimate
-            COUNT(bounds_at, estimate);
+        else if (meant == LIST_NEAREST) // bounds of the Mandelbulb's estimate
             d = v_max(d * v_splat(0.5f), d + v_splat(primitive->a - FAR_TANGENT));
-        }
         scratch->distance[i] = d;
     }
     return least;
@@ -197,8 +186,6 @@ static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list
 
 void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant,
                      struct trace_context *world, int *shapes) {
-    ACTIVE(LANES);
-    COUNT(list_for_bundle, call);
     const struct prepared *scene = world->scene;
     struct shape_list list = scene->all;
     if (list.count > 1) {

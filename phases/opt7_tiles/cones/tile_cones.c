@@ -26,7 +26,6 @@ static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmas
         const struct primitive *primitive = &scene->primitives[i];
         if (primitive->trust == BOUND_NONE)
             continue;
-        COUNT(march_cones, shape);
         vfloat d = lower_bound(&scratch->axis[i], t, primitive);
         vmask here = v_cmp_lt_in(live, d, touch);
         vmask met = scratch->met[i] = v_or(scratch->met[i], here);
@@ -34,7 +33,6 @@ static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmas
         found.least = v_min(v_select(met, v_splat(INFINITY), d), found.least);
         if (primitive->trust != BOUND_LIPSCHITZ)
             continue;
-        COUNT(march_cones, depth);
         vfloat depth = upper_bound(d, primitive) + radius;
         found.depth = v_min(v_select(met, depth, v_splat(INFINITY)), found.depth);
     }
@@ -59,8 +57,6 @@ void set_cone_origins(struct point eye, const struct prepared *scene,
 void march_cones(struct point eye, vmask active, struct shape_list offered,
                  struct cone_packet *cones, const struct prepared *scene,
                  struct march_scratch *scratch) {
-    ACTIVE(v_count(active));
-    COUNT(march_cones, call);
     const struct limits *limits = &scene->model.march;
     vfloat zero = v_splat(0.0f), bounds = v_splat((float)limits->bounds_radius);
     vfloat from_centre = vec_dot(eye.hi, eye.hi);
@@ -84,7 +80,7 @@ void march_cones(struct point eye, vmask active, struct shape_list offered,
     }
     for (int step = 0; step < MAX_CONE_STEPS && v_any(live); step++) {
         ACTIVE(v_count(live));
-        COUNT(march_cones, step);
+        COUNT(cone_step, call);
         // The cone's own radius, t's rounding, and the distance at which a ray counts as hit.
         vfloat radius = v_madd(cones->spread, t, v_madd(t, v_splat(0x1p-18f), close));
         vfloat touch = v_madd(touch_slope, t, radius);
@@ -144,7 +140,6 @@ struct shape_list list_for_children(unsigned some, const vmask *met, const struc
 
 struct shape_list list_of_cone(int lane, const struct prepared *scene,
                                struct march_scratch *scratch, float *start) {
-    COUNT(list_of_cone, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
         scratch->wanted[i] = v_mask_bits(scratch->met[i]) >> lane & 1;
         if (scratch->wanted[i] && is_fractal(scene->primitives[i].type))

@@ -21,7 +21,6 @@ static void bulbs_iterate(struct bulb_orbit bulb[GROUP], int count,
 // Returns where the rays of packet k are, in the Mandelbulb's frame.
 static struct vec bulb_point(const struct packet_group *group, int k, int shape,
                              const struct primitive *primitive) {
-    COUNT(bulb_point, call);
     const struct local_ray *a = &group->packet[k].local[shape];
     struct vec p = vec_along(a->origin, a->direction, group->t[k]);
     return primitive->repeated ? vec_wrapped(primitive, p) : p;
@@ -30,7 +29,6 @@ static struct vec bulb_point(const struct packet_group *group, int k, int shape,
 // Merges a Mandelbulb's distance into what is found for packet k.
 static void store_bulb_distance(const struct packet_group *group, int k, vfloat distance,
                                 struct nearest_so_far *found) {
-    COUNT(store_bulb_distance, call);
     found->least[k] = v_min(distance, found->least[k]);
     found->limit[k] = v_min(distance + group->t[k], found->limit[k]);
 }
@@ -41,12 +39,10 @@ static void store_bulb_distance(const struct packet_group *group, int k, vfloat 
 static void pack_bulb_points(struct packet_group *group, int shape,
                              const struct primitive *primitive, const vmask asking[GROUP], int rays,
                              struct nearest_so_far *found) {
-    COUNT(pack_bulb_points, call);
     float row[3][GROUP * LANES + LANES], distance[GROUP * LANES + LANES];
     int at = 0;
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(asking[k]));
         struct vec p = bulb_point(group, k, shape, primitive);
         vindex first = v_compress_index(asking[k]);
         v_permute_store(first, p.x, &row[0][at]);
@@ -54,29 +50,22 @@ static void pack_bulb_points(struct packet_group *group, int shape,
         v_permute_store(first, p.z, &row[2][at]);
         at += v_count(asking[k]);
         vfloat *wake = wake_of(&group->packet[k], shape);
-        if (!primitive->repeated) {
-            COUNT(pack_bulb_points, steady);
+        if (!primitive->repeated)
             *wake = v_select(asking[k], bulb_wake_bound(vec_dot(p, p), group->t[k]), *wake);
-        }
     }
     struct bulb_orbit bulb[GROUP];
     int count = 0;
     for (at = 0; at < rays; at += LANES, count++) {
         vmask some = v_mask_first(rays - at);
-        ACTIVE(v_count(some));
-        COUNT(pack_bulb_points, row);
         bulb[count] = bulb_start(
             (struct vec){v_load(&row[0][at]), v_load(&row[1][at]), v_load(&row[2][at])}, some);
     }
     bulbs_iterate(bulb, count, primitive);
-    for (int i = 0; i < count; i++) {
-        ACTIVE(v_count(v_mask_first(rays - i * LANES)));
+    for (int i = 0; i < count; i++)
         v_store(bulb_estimate(&bulb[i]), &distance[i * LANES]);
-    }
     at = 0;
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(asking[k]));
         store_bulb_distance(group, k, v_expand_load(asking[k], v_splat(INFINITY), &distance[at]),
                             found);
         at += v_count(asking[k]);
@@ -86,7 +75,6 @@ static void pack_bulb_points(struct packet_group *group, int shape,
 // Evaluates a Mandelbulb for all packets, packed where that saves at least one packet.
 void bulb_distances(struct packet_group *group, int shape, const struct primitive *primitive,
                     struct nearest_so_far *found) {
-    COUNT(bulb_distances, call);
     vmask asking[GROUP];
     int rays = 0;
     for (int i = 0; i < group->count; i++) {
@@ -102,7 +90,6 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
     struct bulb_orbit bulb[GROUP];
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(group->live[k]));
         bulb[i] = bulb_start(bulb_point(group, k, shape, primitive), group->live[k]);
         if (!primitive->repeated)
             *wake_of(&group->packet[k], shape) = bulb_wake_bound(bulb[i].m, group->t[k]);
@@ -110,7 +97,6 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
     bulbs_iterate(bulb, group->count, primitive);
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(group->live[k]));
         store_bulb_distance(group, k, bulb_estimate(&bulb[i]), found);
     }
 }

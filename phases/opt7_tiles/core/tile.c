@@ -28,7 +28,6 @@ enum {
 
 static void store_block_result(struct frame *frame, struct pixel_block block, vfloat start,
                                int shapes, const struct shaded *seen) {
-    COUNT(store_block_result, call);
     store_color(frame, block, seen->color);
     if (!frame->depth)
         return;
@@ -98,7 +97,6 @@ static void store_background(const struct pixel_rect *patch, const struct job *j
 static void render_patches(const struct pixel_rect *patch, int patches, int size,
                            struct point origin, vfloat start, struct shape_list list,
                            const struct job *job, struct trace_context *world) {
-    COUNT(render_patches, call);
     struct point origins[GROUP];
     struct vec direction[GROUP];
     vmask active[GROUP];
@@ -114,8 +112,6 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
             struct pixel_block block =
                 block_in_rect(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
             active[k] = in_picture(block);
-            ACTIVE(v_count(active[k]));
-            COUNT(render_patches, packet);
             origins[k] = origin;
             direction[k] = get_direction(block, job->frame, job->view);
             world->group->packet[k].list = list;
@@ -124,7 +120,6 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
         for (int k = 0; k < size && first + k < blocks; k++) {
             struct pixel_block block =
                 block_in_rect(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
-            ACTIVE(v_count(active[k]));
             store_block_result(job->frame, block, start, list.count, &seen[k]);
         }
     }
@@ -179,7 +174,6 @@ static void draw_lanes(struct cone_area area, vmask there, struct cone_starts st
 // areas below.
 static void draw_area(struct cone_area area, struct cone_starts start, struct shape_list offered,
                       struct point origin, const struct job *job, struct trace_context *world) {
-    COUNT(draw_area, call);
     struct cone_packet cones;
     struct pixel_rect square[LANES];
     for (int lane = 0; lane < LANES; lane++)
@@ -209,15 +203,12 @@ static void draw_area(struct cone_area area, struct cone_starts start, struct sh
 }
 
 static void draw_tile(const struct job *job, int tile, void *memory) {
-    COUNT(draw_tile, call);
-    COUNT(draw_tile, scalar);
     struct point origin = point_from_doubles(job->view->position);
     const struct prepared *scene = job->prepared;
     struct march_scratch scratch = march_scratch_of(memory, &scene->model);
     struct packet_group group;
     struct trace_context world = {scene, job->view, &group, &scratch};
     init_packet_rays(&group, &scratch, scene->model.shape_count);
-    ACTIVE(LANES);
     set_cone_origins(origin, scene, &scratch);
     struct cone_area whole = {tile % tiles_across(job->frame) * TILE_WIDTH,
                               tile / tiles_across(job->frame) * TILE_HEIGHT, TOP_LEVEL};

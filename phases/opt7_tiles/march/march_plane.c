@@ -79,12 +79,9 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
 // Up to the plane, distance + t is at most the ray's t on the plane, origin/−direction. That quotient is taken 2^-16
 // too large, 256 times the rounding errors of the quotient and of the steps.
 bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole) {
-    COUNT(plane_is_sole_hit, call);
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(group->live[k]));
-        COUNT(plane_is_sole_hit, packet);
         const struct local_ray *a = &group->packet[k].local[sole->shape];
         vfloat down = v_splat(0.0f) - a->direction.x;
         vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);

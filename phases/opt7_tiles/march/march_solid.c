@@ -9,7 +9,6 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
                                                                   int shape, enum shape_type type,
                                                                   struct packet_group *group,
                                                                   const struct prepared *scene) {
-    COUNT(march_one_solid, call);
     const struct primitive *primitive = &scene->primitives[shape];
     vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
     int cap = step_cap(&scene->model), under_way = group->count;
@@ -19,7 +18,7 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
             struct march_state *at = &packets[k];
             vmask live = group->live[k];
             ACTIVE(v_count(live));
-            COUNT(march_one_solid, step);
+            COUNT(solid_step, call);
             vfloat t = group->t[k];
             vfloat distance = distance_to_shape(&group->packet[k].local[shape], t, primitive, false,
                                                 EVAL_POINT, type, live);

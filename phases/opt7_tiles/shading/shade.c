@@ -10,7 +10,6 @@
 // reflective. The other rays are masked.
 static void mirror(const struct ray_group *rays, int bounce, struct trace_context *world,
                    const struct surfaces *surface, struct shaded *result) {
-    COUNT(mirror, call);
     struct point origin[SMALL_GROUP];
     struct vec direction[SMALL_GROUP];
     vmask activated[SMALL_GROUP];
@@ -18,15 +17,11 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
     bool one = false;
     for (int k = 0; k < SMALL_GROUP; k++) {
         const struct hit *hit = &result[k].hit;
-        ACTIVE(v_count(hit->found));
-        COUNT(mirror, packet);
         vmask active = v_and(hit->found, v_cmp_gt(surface[k].reflectivity, v_splat(0.0f)));
         activated[k] = active;
         if (!v_any(active))
             continue;
         one = true;
-        ACTIVE(v_count(active));
-        COUNT(mirror, start);
         vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
         origin[k] = point_at(hit->point, hit->normal, offset, v_splat(0.0f));
         direction[k] = vec_reflect(rays->direction[k], hit->normal);
@@ -41,8 +36,6 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
         vmask active = activated[k];
         if (!v_any(active))
             continue;
-        ACTIVE(v_count(active));
-        COUNT(mirror, seen);
         vfloat share = v_select_or_zero(active, surface[k].reflectivity * v_splat(0.1f));
         struct vec color = result[k].color;
         result[k].color = vec_along(color, vec_select(active, seen[k].color, color), share);
@@ -54,14 +47,12 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
                                  struct trace_context *world, struct hit *hit,
                                  struct lighting *light, struct surfaces *surface, vfloat *reach,
                                  struct shaded *result) {
-    COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
     const int size = packets_in(world->group);
     ray_march(rays, world, hit);
     for (int k = 0; k < size; k++) {
-        ACTIVE(v_count(hit[k].found));
         light[k].lit = v_mask_none();
         surface[k] = (struct surfaces){0};
         if (!v_any(hit[k].found))
@@ -71,7 +62,6 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
     }
     shadow(hit, light, world, reach);
     for (int k = 0; k < size; k++) {
-        ACTIVE(v_count(hit[k].found));
         result[k] = (struct shaded){.color = background, .hit = hit[k]};
         if (v_any(hit[k].found))
             result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],
@@ -85,11 +75,9 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
         }
     for (int k = 0; k < size; k++) {
         struct vec color = result[k].color;
-        ACTIVE(v_count(hit[k].found));
         if (!v_any(hit[k].found))
             continue;
         if (model->features.fog) {
-            COUNT(trace, fog);
             struct vec p = hit[k].point.hi;
             vfloat far_sq = vec_dot(p, p);
             color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));

@@ -23,14 +23,12 @@
 enum { REFILL_CLOSE = LANES / 2 }; // ended lanes
 
 static inline struct vec_double points_along(struct vec_double o, struct vec_double d, vdouble t) {
-    COUNT(points_along, call);
     return (struct vec_double){v_double_along(o.x, d.x, t), v_double_along(o.y, d.y, t),
                                v_double_along(o.z, d.z, t)};
 }
 
 void queue_close(vmask m, vfloat ray, vfloat t, vfloat t_lo, vfloat evals,
                  struct ray_queues *queues) {
-    COUNT(queue_close, call);
     if (queues->close_count + 2 * LANES >
         CLOSE_ROOM) { // loading reads whole registers from the last ray on
         int left = queues->close_count - queues->close_first;
@@ -56,7 +54,6 @@ static inline vdouble v_double_minus(vdouble a, vdouble b) {
 }
 
 static inline void lane0_double(struct vec_double place, vdouble to[CLOSE_VALUES]) {
-    COUNT(bulb_first, both);
     struct orbit_double low = bulb_first(place.x.low, place.y.low, place.z.low);
     struct orbit_double high = bulb_first(place.x.high, place.y.high, place.z.high);
     to[0] = (vdouble){low.x, high.x};
@@ -76,7 +73,6 @@ static inline void store_terms(const vdouble sum[3], const vdouble difference[3]
     static const double odd[3][3] = {{0.046233569414009822, -0.23570226039551659, 2.40325617336917},
                                      {-0.7826512591014092, 3.7712361663282561, -7.3823145501758569},
                                      {1.3803682405467781, -3.7712361663282552, 5.151604406875034}};
-    COUNT(store_terms, call);
     for (int k = 0; k < CLOSE_TERMS; k++) {
         const double *row = k % 2 ? odd[k / 2] : even[k / 2];
         const vdouble *value = k % 2 ? difference : sum;
@@ -92,7 +88,6 @@ static inline void store_terms(const vdouble sum[3], const vdouble difference[3]
 static void store_pieces(struct vec_double o, struct vec_double d, vdouble middle, vfloat end,
                          vfloat per_end, struct ray_pieces *to) {
     static const double nodes[3] = {0.96592582628906831, 0.70710678118654757, 0.25881904510252074};
-    COUNT(store_pieces, call);
     vdouble sum[CLOSE_VALUES][3], difference[CLOSE_VALUES][3],
         reach = v_double_sum(end, v_splat(0.0f));
     for (int i = 0; i < 3; i++) {
@@ -115,8 +110,6 @@ static void store_pieces(struct vec_double o, struct vec_double d, vdouble middl
 static void prepare_pieces(struct ray_queues *queues, struct ray_pieces *to) {
     int first = queues->close_first, count = queues->close_count - first;
     count = count < LANES ? count : LANES;
-    ACTIVE(count);
-    COUNT(prepare_pieces, call);
     float of[B_FIELDS][LANES];
     int rays[LANES];
     for (int lane = 0; lane < LANES; lane++)
@@ -162,7 +155,6 @@ static void prepare_pieces(struct ray_queues *queues, struct ray_pieces *to) {
 // Gives ended lanes the next rays, if there are any.
 static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from,
                              struct ray_queues *queues) {
-    COUNT(refill_chebyshev, call);
     for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended;) {
         if (from->next == from->count) {
             if (queues->close_first == queues->close_count)
@@ -188,8 +180,6 @@ struct chebyshev_packet {
 // Returns the orbit after the first iteration, from the polynomials.
 static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t,
                                                   vmask done) {
-    ACTIVE(LANES);
-    COUNT(chebyshev_orbit, call);
     const vfloat *term = lanes->field + N_TERM + CLOSE_VALUES * (CLOSE_TERMS - 1);
     vfloat x = term[0], y = term[1], z = term[2], slope = term[3];
     for (int k = 1; k < CLOSE_TERMS; k++) {
@@ -207,8 +197,6 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
 
 static inline void advance_chebyshev(struct chebyshev_packet *p, const vfloat field[N_FIELDS],
                                      vfloat h, vfloat hit_distance, vfloat cap) {
-    ACTIVE(LANES - v_count(p->done));
-    COUNT(advance_chebyshev, call);
     vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
     vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
     p->estimate = v_select(live, h, p->estimate);
@@ -226,11 +214,10 @@ static inline int step_chebyshev(const struct primitive *s, const struct chebysh
     struct scaled_orbit b[INTERLEAVED];
     struct vec at[INTERLEAVED];
     vfloat h[INTERLEAVED];
-    COUNT(step_chebyshev, call);
     for (int k = 0; k < INTERLEAVED; k++) {
         const vfloat *field = lanes[k].field;
         ACTIVE(LANES - v_count(p[k].done));
-        COUNT(step_chebyshev, packet);
+        COUNT(chebyshev_step, call);
         at[k] = vec_along(
             (struct vec){field[N_PLACE], field[N_PLACE + 1], field[N_PLACE + 2]},
             (struct vec){field[N_DIRECTION], field[N_DIRECTION + 1], field[N_DIRECTION + 2]},
@@ -248,7 +235,6 @@ static inline int step_chebyshev(const struct primitive *s, const struct chebysh
 }
 
 void store_march_result(struct ray_queues *queues, int ray, double t, float evals, float found) {
-    COUNT(store_march_result, call);
     int slot = (int)queues->single[B_SLOT][ray];
     double all =
         ((double)queues->single[B_BEFORE][ray] + (double)queues->single[B_BEFORE_LO][ray]) + t;
@@ -262,7 +248,6 @@ void store_march_result(struct ray_queues *queues, int ray, double t, float eval
 
 void march_outcome(vmask met, vmask reached, vfloat evals, vfloat cap, float counted[LANES],
                    float found[LANES]) {
-    COUNT(march_outcome, call);
     vmask capped = v_andnot(reached, v_cmp_ge(evals, cap)), plane = v_andnot(met, reached);
     v_store(evals - v_select_or_zero(plane, v_splat(1.0f)), counted);
     v_store(v_select(met, v_splat(1.0f), v_select(capped, v_splat(0.0f), v_splat(-1.0f))), found);
@@ -281,15 +266,12 @@ static void leave_chebyshev(struct ray_queues *queues, int ray, float t, float t
 // Stores the results of ended rays. Rays at the end of their piece wait for the next piece. Neither is live any more.
 static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, vfloat cap,
                              struct ray_queues *queues) {
-    ACTIVE(v_count(v_mask_of_bits(from->live)));
-    COUNT(retire_chebyshev, call);
     from->field[N_T] = p->t;
     from->field[N_EVALS] = p->evals;
     unsigned ended = v_mask_bits(p->done) & from->live;
     from->live &= ~ended;
     if (!ended)
         return;
-    COUNT(retire_chebyshev, ended);
     float path[LANES], middle[LANES], rays[LANES], evals[LANES], found[LANES];
     vmask over = v_or(v_cmp_gt(p->t, from->field[N_RAY_END]), v_cmp_ge(p->evals, cap));
     vmask on = v_andnot(v_or(p->reached, over), v_mask_of_bits(ended));
@@ -304,8 +286,6 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
     }
     if (!v_any(on))
         return;
-    ACTIVE(v_count(on));
-    COUNT(retire_chebyshev, on);
     vfloat far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
     vfloat rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
     vmask open = v_and(on, v_cmp_gt(p->estimate, v_splat(LEAVE_ESTIMATE)));
@@ -321,13 +301,11 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
 void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat cap,
                      struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
                      struct ray_queues *queues) {
-    COUNT(march_chebyshev, call);
     for (;;) {
         struct chebyshev_packet p[INTERLEAVED];
         int ended = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
             refill_chebyshev(&lanes[k], pieces, queues);
-            COUNT(march_chebyshev, packet);
             p[k] =
                 (struct chebyshev_packet){lanes[k].field[N_T],     v_splat(0.0f),
                                           lanes[k].field[N_EVALS], v_mask_of_bits(~lanes[k].live),

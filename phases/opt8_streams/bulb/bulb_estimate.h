@@ -24,8 +24,6 @@ static inline void bulb_square(struct scaled_orbit *b, vfloat *m) {
 
 // Writes to `b`. A returned struct would be copied in halves, and loads would wait for the stores.
 static inline void bulb_begin(struct scaled_orbit *b, struct vec p, vmask live) {
-    ACTIVE(v_count(live));
-    COUNT(bulb_begin, call);
     b->x = p.x;
     b->y = p.y;
     b->z = p.z;
@@ -43,7 +41,6 @@ struct orbit_double {
 // Returns the first iteration, to 40 bits. Its rounding error in float, and the point's, decide where a march in float
 // ends. The errors of later iterations count an eighth or less of those before.
 static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
-    COUNT(bulb_first, call);
     vhalf one = v_half_splat(1.0), two = v_half_splat(2.0);
     vhalf k3 = v_half_madd(x, x, v_half_madd(z, z, v_half_splat(1e-30)));
     vhalf k4 = v_half_nmadd(y, y, k3);
@@ -64,7 +61,6 @@ static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
 
 // Ends an iteration, for points that had not escaped before.
 static inline void bulb_grow(struct scaled_orbit *b, vfloat bailout) {
-    COUNT(bulb_grow, call);
     vfloat grown;
     bulb_square(b, &grown);
     b->m = v_select(b->on, grown, b->m);
@@ -85,18 +81,14 @@ static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int fi
     COUNT(bulb_step, call);
     vfloat x = b->x, y = b->y, z = b->z, m = b->m, square = m * m, r, per;
     if (i == 0) {
-        COUNT(bulb_step, first);
         b->product = m;
         b->slope = v_madd(square * v_splat(12.0f), m, derivative_root(m, exact));
     } else {
-        COUNT(bulb_step, later);
         if (i ==
             first) // for points that escaped before `first` the estimate is √m too short, which is safe
             b->product = m;
-        else {
-            COUNT(bulb_step, product);
+        else
             b->product = v_madd_where(b->on, b->product, m, v_splat(0.0f));
-        }
         b->slope = v_madd_where(b->on, b->slope, square * v_splat(8.0f) * m,
                                 derivative_root(b->product, exact && i <= 1));
     }
@@ -112,7 +104,6 @@ static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int fi
 
 // Returns ¼·ln a to 5e-7. Its error at a = 1, over the derivative, is that of the surface's place.
 static inline vfloat rough_log(vfloat a) {
-    COUNT(rough_log, call);
     vfloat e, f = v_mantissa_near_1(a, &e) - v_splat(1.0f);
     vfloat p =
         v_madd(f, v_splat(0.25f * -0.10063060373067856f), v_splat(0.25f * 0.202902689576149f));
@@ -126,10 +117,8 @@ static inline vfloat rough_log(vfloat a) {
 // Returns the estimate. `tiny` keeps differences near the centre, where the product of m and `product` underflows;
 // without it the estimate is 0 there.
 static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool tiny) {
-    COUNT(bulb_end, call);
     vfloat all = b->m * b->product, root_of_both; // ¼·√m/dz·ln m, √m/√product = m/√all
     if (tiny) {
-        COUNT(bulb_end, tiny);
         root_of_both = rough_inverse_root(b->m) * rough_inverse_root(b->product);
         all = b->product;
     } else {
@@ -139,7 +128,6 @@ static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool t
     distance = v_select_or_zero(v_cmp_gt(all, v_splat(0x1p-124f)),
                                 distance); // 0/0 at the centre, which is inside
     if (v_any(b->far)) {
-        COUNT(bulb_end, far);
         vfloat square = vec_dot(p, p), r = v_sqrt(square);
         distance = v_select(b->far, r * v_log(r) * v_splat(1.0f / 3.0f), distance);
     }

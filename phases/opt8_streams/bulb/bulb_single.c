@@ -23,7 +23,6 @@ struct bulb_lanes {
 
 static int refill_single(struct bulb_lanes *to, int next, int count,
                          float (*from)[BULB_SINGLE_ROOM]) {
-    COUNT(refill_single, call);
     unsigned ended = ~to->live & ((1u << LANES) - 1);
     int more = __builtin_popcount(ended) - (count - next);
     for (; more > 0; more--)
@@ -62,8 +61,6 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
 }
 
 static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_distance, vfloat cap) {
-    ACTIVE(LANES - v_count(p->done));
-    COUNT(advance_bulb, call);
     vfloat height = v_madd(p->t, p->slope, p->height), least = v_min(h, height);
     vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
     vfloat step = v_select_or_zero(live, least + p->t_lo), t = p->t + step;
@@ -81,8 +78,6 @@ static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_dist
 // Stores the results of ended rays, and queues close ones. Neither is live any more.
 static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, vfloat cap,
                           struct ray_queues *queues) {
-    ACTIVE(v_count(v_mask_of_bits(from->live)));
-    COUNT(retire_single, call);
     from->field[B_T] = p->t;
     from->field[B_T_LO] = p->t_lo;
     from->field[B_EVALS] = p->evals;
@@ -90,7 +85,6 @@ static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, 
     from->live &= ~ended;
     if (!ended)
         return;
-    COUNT(retire_single, ended);
     float t[LANES], t_lo[LANES], rays[LANES], evals[LANES], found[LANES];
     vmask close = v_and(p->close, v_mask_of_bits(ended));
     v_store(p->t, t);
@@ -113,10 +107,7 @@ __attribute__((always_inline)) static inline int step_single(const struct primit
     struct vec at[INTERLEAVED];
     vmask done[INTERLEAVED];
     vfloat h[INTERLEAVED];
-    COUNT(step_single, call);
     for (int k = 0; k < INTERLEAVED; k++) {
-        ACTIVE(LANES - v_count(p[k].done));
-        COUNT(step_single, packet);
         at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
         done[k] = p[k].done;
     }
@@ -133,7 +124,6 @@ __attribute__((always_inline)) static inline int step_single(const struct primit
 // few iterations.
 static void step_first_together(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM],
                                 int count, vfloat hit_distance, vfloat cap) {
-    COUNT(step_first_together, call);
     for (int first = 0; first < count; first += INTERLEAVED * LANES) {
         struct bulb_packet p[INTERLEAVED];
         vfloat t[INTERLEAVED], t_lo[INTERLEAVED], evals[INTERLEAVED]; // before the last step
@@ -168,7 +158,6 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_SI
 
 static void march_floats(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM], int count,
                          vfloat hit_distance, vfloat cap, struct ray_queues *queues) {
-    COUNT(march_floats, call);
     struct bulb_lanes lanes[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
         lanes[k].live = 0;
@@ -182,8 +171,6 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_SINGLE_RO
         int ended = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
             next = refill_single(&lanes[k], next, count, rays);
-            ACTIVE(v_count(v_mask_of_bits(lanes[k].live)));
-            COUNT(march_floats, packet);
             p[k] = bulb_packet_of(&lanes[k]);
             ended += v_count(p[k].done);
         }
@@ -199,7 +186,6 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_SINGLE_RO
 }
 
 void march_single_bulb(struct trace_context *world) {
-    COUNT(march_single_bulb, call);
     struct ray_queues *queues = world->queues;
     const struct primitive *s = single_shape(SHAPE_MANDELBULB, world->scene);
     const struct model *model = &world->scene->model;
@@ -242,9 +228,6 @@ static void pack_wide(vmask m, vdouble a, float (*field)[BULB_SINGLE_ROOM], int 
 
 void queue_camera_rays_single(struct vec direction, struct vec_double exact, vmask active, int slot,
                               struct trace_context *world) {
-    ACTIVE(v_count(active));
-    COUNT(queue_camera_rays_single, call);
-    COUNT(queue_camera_rays_single, scalar);
     const struct prepared *scene = world->scene;
     struct ray_queues *queues = world->queues;
     const struct primitive *s = single_shape(SHAPE_MANDELBULB, scene);
@@ -256,7 +239,6 @@ void queue_camera_rays_single(struct vec direction, struct vec_double exact, vma
                            v_double_dot(exact, s->row[2])};
     vfloat zero = v_splat(0.0f), height = v_splat(INFINITY), slope = zero;
     if (plane) {
-        COUNT(queue_camera_rays_single, plane);
         height = coordinate(plane, vec_double_sub(eye, plane->centre), 0);
         slope = vec_dot(vec_set(plane->normal), direction);
     }
@@ -275,8 +257,6 @@ void queue_camera_rays_single(struct vec direction, struct vec_double exact, vma
     v_store(v_splat(-1.0f), &queues->marched[MARCH_FOUND][slot]);
     if (!v_any(near))
         return;
-    ACTIVE(v_count(near));
-    COUNT(queue_camera_rays_single, near);
     float (*field)[BULB_SINGLE_ROOM] = queues->single;
     int at = queues->single_count;
     const vdouble values[] = {c.x, c.y, c.z, d.x, d.y, d.z};

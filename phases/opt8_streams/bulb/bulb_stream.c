@@ -11,7 +11,6 @@
 // |v|². `out` becomes the distance at which the last ball is behind the ray.
 static vmask meets_bulbs(struct vec direction, vmask active, const struct trace_context *world,
                          vfloat *out) {
-    COUNT(meets_bulbs, call);
     vmask meets = v_mask_none();
     *out = v_splat(0.0f);
     for (int i = 0; i < world->scene->model.shape_count; i++) {
@@ -22,9 +21,6 @@ static vmask meets_bulbs(struct vec direction, vmask active, const struct trace_
             *out = v_splat(INFINITY);
             return active;
         }
-        ACTIVE(v_count(active));
-        COUNT(meets_bulbs, bulb);
-        COUNT(meets_bulbs, scalar);
         struct vec v = point_sub(world->eye, s->position, s->position_lo);
         vfloat along = vec_dot(v, direction), square = vec_dot(v, v);
         vfloat room = v_madd(square, v_splat(0x1p-20f), v_splat(s->a * s->a));
@@ -60,8 +56,6 @@ static bool next_camera_packet(struct ray_stream *stream, int number, struct tra
                             v_load(&queues->camera_direction[1][slot]),
                             v_load(&queues->camera_direction[2][slot])};
     vmask waiting = v_mask_of_bits(queues->camera_active[number]);
-    ACTIVE(v_count(waiting));
-    COUNT(next_camera_packet, call);
     stream->packet = probe_rays(world->scratch, world->scene);
     set_local_origins(world->eye, world->scene, &stream->packet);
     set_local_directions(direction, world->scene, &stream->packet);
@@ -96,8 +90,6 @@ static inline int camera_stream_step(struct refilled_packet *refilled, int k, vf
                                      struct trace_context *world) {
     struct packet_group *group = world->group;
     vmask live = group->live[k];
-    ACTIVE(v_count(live));
-    COUNT(camera_stream_step, call);
     vfloat t = group->t[k], distance = group->distance[k];
     vfloat hit_distance = v_splat((float)world->scene->model.march.hit_distance);
     vmask going = v_cmp_nlt_in(live, distance, min_step(t, hit_distance));

@@ -7,13 +7,10 @@
 // the processor to look beyond it to the next packet's.
 void bulb_distances(struct packet_group *group, int shape, const struct primitive *primitive,
                     struct nearest_so_far *found) {
-    COUNT(bulb_distances, call);
     struct bulb_orbit bulb[GROUP];
     int count = group->count;
     for (int i = 0; i < count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(group->live[k]));
-        COUNT(bulb_distances, packet);
         const struct local_ray *a = &group->packet[k].local[shape];
         struct vec p = vec_along(a->origin, a->direction, group->t[k]);
         bulb[i] = bulb_start(primitive->repeated ? vec_wrapped(primitive, p) : p, group->live[k]);
@@ -31,7 +28,6 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
     }
     for (int i = 0; i < count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(group->live[k]));
         vfloat distance = bulb_estimate(&bulb[i]);
         found->least[k] = v_min(distance, found->least[k]);
         found->limit[k] = v_min(distance + group->t[k], found->limit[k]);

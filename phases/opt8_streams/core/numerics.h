@@ -6,34 +6,28 @@
 
 // Returns 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
 static inline vfloat root_guess(vfloat a) {
-    COUNT(root_guess, call);
     return v_rsqrt_approx(a);
 }
 
 // Returns 1/√a to more than 14 bits, for normal a > 0: the approximation and one Newton step.
 static inline vfloat rough_inverse_root(vfloat a) {
-    COUNT(rough_inverse_root, call);
     return v_rsqrt_newton(a);
 }
 
 // Returns 1/a by the approximation and one Newton step.
 static inline vfloat rough_inverse(vfloat a) {
-    COUNT(rough_inverse, call);
     vfloat r = v_rcp_approx(a);
     return r * v_nmadd(a, r, v_splat(2.0f));
 }
 
 // Returns scale·√a for normal a > 0, to a few ulp. Sets two factors of 1/a, whose product may be denormal.
 static inline vfloat root_and_inverse(vfloat a, float scale, vfloat *one, vfloat *other) {
-    COUNT(root_and_inverse, call);
 #if LANES == 16 // all by one Newton step from the same 14 bits
-    COUNT(root_and_inverse, sixteen);
     vfloat r = v_rsqrt_approx(a), h = a * r, error = v_nmadd(h, r, v_splat(1.0f));
     *one = r;
     *other = v_madd(r, error, r);
     return h * v_madd(error, v_splat(0.5f * scale), v_splat(scale));
 #else
-    COUNT(root_and_inverse, eight);
     vfloat r = rough_inverse_root(a);
     *one = *other = r;
     return (a * r) * v_splat(scale);

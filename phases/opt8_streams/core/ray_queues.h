@@ -141,7 +141,6 @@ static inline vmask is_shape(vfloat shape, int i) {
 
 // Adds light to the pixels of the lanes in m, one after the other, because two may be the same.
 static inline void add_light(vmask m, struct vec light, vfloat pixel, struct ray_queues *queues) {
-    COUNT(add_light, call);
     float from[3][LANES], at[LANES];
     v_store(light.x, from[0]);
     v_store(light.y, from[1]);
@@ -149,7 +148,6 @@ static inline void add_light(vmask m, struct vec light, vfloat pixel, struct ray
     v_store(pixel, at);
     for (unsigned rest = v_mask_bits(m); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest), i = (int)at[lane];
-        COUNT(add_light, lane);
         for (int k = 0; k < 3; k++)
             queues->color[k][i] += from[k][lane];
     }

@@ -21,7 +21,6 @@
 // rounded to float can miss what the exact ray hits.
 static struct vec_double exact_direction(struct pixel_block block, const struct frame *frame,
                                          const struct view *view) {
-    COUNT(exact_direction, call);
     double per_height = view->tan_half_fov / frame->height;
     vfloat zero = v_splat(0.0f), row = v_load(row_below) + v_splat((float)block.row);
     vfloat columns =
@@ -89,12 +88,9 @@ static bool may_meet_bulb(const struct shape_list *list, const struct prepared *
 // worker's scratch memory.
 static void queue_patch(const struct pixel_rect *patch, int at, const struct job *job,
                         struct trace_context *world) {
-    COUNT(queue_patch, call);
     for (int i = 0; i < BLOCKS; i++) {
         struct pixel_block block = block_in_rect(patch, i);
         vmask active = in_picture(block);
-        ACTIVE(v_count(active));
-        COUNT(queue_patch, packet);
         if (!v_any(active))
             continue;
         struct vec direction = get_direction(block, job->frame, job->view);
@@ -117,7 +113,6 @@ static struct shape_list list_without_bulbs(const struct prepared *scene,
 // Marches and shades the camera rays of a patch. Colours go into the worker's scratch memory, from pixel `at` on.
 static void render_patch(const struct pixel_rect *patch, float start, struct shape_list list,
                          int at, const struct job *job, struct trace_context *world) {
-    COUNT(render_patch, call);
     bool marched = may_meet_bulb(&list, world->scene);
     struct ray_group rays = {.start = v_splat(start)};
     if (marched)
@@ -128,8 +123,6 @@ static void render_patch(const struct pixel_rect *patch, float start, struct sha
         for (int k = 0; k < GROUP; k++) {
             struct pixel_block block = block_in_rect(patch, first + k);
             rays.active[k] = in_picture(block);
-            ACTIVE(v_count(rays.active[k]));
-            COUNT(render_patch, packet);
             rays.origin[k] = world->eye;
             rays.direction[k] = get_direction(block, job->frame, job->view);
             rays.weight[k] = v_splat(1.0f);
@@ -199,7 +192,6 @@ static void begin_strip(struct tile_in_work *squares, const struct job *job,
 // meet a Mandelbulb are queued. `column` is the tile's number in the strip.
 static void begin_tile(struct tile_in_work *drawn, int column, const struct tile_in_work *squares,
                        const struct job *job, struct trace_context *world) {
-    COUNT(begin_tile, call);
     const struct prepared *scene = job->prepared;
     struct cone_packet cones;
     struct pixel_rect patches[LANES];
@@ -270,8 +262,6 @@ static bool within_bounds(const struct view *view, const struct model *model) {
 }
 
 static void draw_strip(const struct job *job, int strip, void *memory) {
-    COUNT(draw_strip, call);
-    COUNT(draw_strip, scalar);
     const struct prepared *scene = job->prepared;
     int shapes = scene->model.shape_count, across = strips_across(job->frame), count = 0;
     struct march_scratch scratch = march_scratch_of(memory, shapes);

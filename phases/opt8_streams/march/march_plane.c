@@ -36,7 +36,6 @@ enum { UNCHECKED_STEPS = 4 };
 // distance is held against the strictest test. The bounds are convex: between two places inside, the ray is inside.
 // Returns false and changes nothing if a ray of these may have ended.
 static bool step_unchecked(struct plane_ray line[GROUP], vfloat hit_distance) {
-    COUNT(step_unchecked, call);
     vfloat t[GROUP], least[GROUP];
     for (int k = 0; k < GROUP; k++) {
         t[k] = line[k].t;
@@ -44,16 +43,12 @@ static bool step_unchecked(struct plane_ray line[GROUP], vfloat hit_distance) {
     }
     for (int i = 0; i < UNCHECKED_STEPS; i++)
         for (int k = 0; k < GROUP; k++) {
-            ACTIVE(v_count(line[k].live));
-            COUNT(step_unchecked, stride);
             vfloat distance = v_madd(t[k], line[k].direction, line[k].origin);
             least[k] = v_min(distance, least[k]);
             t[k] = t[k] + distance;
         }
     vmask ill = v_mask_none();
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(line[k].live));
-        COUNT(step_unchecked, packet);
         vmask on = v_cmp_lt_in(line[k].live, min_step(t[k], hit_distance), least[k]);
         on = v_cmp_lt_in(on, outside_of_bounds(line[k].exit, t[k]), v_splat(0.0f));
         ill = v_or(ill, v_andnot(on, line[k].live));
@@ -69,7 +64,6 @@ static bool step_unchecked(struct plane_ray line[GROUP], vfloat hit_distance) {
 // meanwhile.
 void march_to_plane(struct march_state *packets, int shape, int next, struct packet_group *group,
                     const struct model *model) {
-    COUNT(march_to_plane, call);
     vfloat hit_distance = v_splat((float)model->march.hit_distance);
     struct plane_ray line[GROUP];
     int cap = step_cap(model), left = cap, under_way = group->count, far = next;
@@ -80,8 +74,6 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
                                      group->live[k]};
         if (v_any(group->live[k]) && packets[k].left < left)
             left = packets[k].left;
-        ACTIVE(v_count(group->live[k]));
-        COUNT(march_to_plane, packet);
         outside =
             v_or(outside, v_and(group->live[k], v_cmp_ge(line[k].exit.constant, v_splat(0.0f))));
     }
@@ -89,12 +81,11 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
     if (v_any(outside))
         far = cap;
     for (int step = next; under_way > 0; step++) {
-        while (step >= far && step + UNCHECKED_STEPS < left) {
+        while (step >= far && step + UNCHECKED_STEPS < left)
             if (step_unchecked(line, hit_distance))
                 step += UNCHECKED_STEPS;
             else
                 far = step + UNCHECKED_STEPS;
-        }
         struct step_result stride[GROUP];
         bool on = step < left;
         for (int k = 0; k < GROUP; k++)
@@ -120,12 +111,9 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
 // Up to the plane, distance + t is at most the ray's t on the plane, origin/−direction. That quotient is taken 2^-16 too
 // large, 256 times the rounding errors of the quotient and of the steps.
 bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole) {
-    COUNT(plane_is_sole_hit, call);
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(group->live[k]));
-        COUNT(plane_is_sole_hit, packet);
         const struct local_ray *a = &group->packet[k].local[sole->shape];
         vfloat down = v_splat(0.0f) - a->direction.x;
         vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);

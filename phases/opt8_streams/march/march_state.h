@@ -48,7 +48,6 @@ static inline int march_cap(const struct march_state *at, const struct model *mo
 
 // Returns how many steps every live ray still has before the cap. Rays that march on from a hit have used some.
 static inline int steps_left(const struct march_state *at, vmask live, int cap) {
-    COUNT(steps_left, call);
     return cap + (int)v_reduce_min(v_select_or_zero(live, v_splat(0.0f) - at->evals));
 }
 

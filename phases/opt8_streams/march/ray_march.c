@@ -10,8 +10,6 @@ __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
                                                    const struct prepared *scene,
                                                    const struct packet_rays *packet,
                                                    vfloat *shape) {
-    ACTIVE(v_count(deep));
-    COUNT(shape_inside, call);
     vfloat inside = v_splat(-1.0f);
     nearest_shape_at(packet, t, scene, deep, &inside);
     *shape = v_select(deep, inside, *shape);
@@ -23,12 +21,8 @@ __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
 // Hits in `settled` were landed by an earlier call.
 static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
                       const struct prepared *scene, struct packet_rays *packet, vmask *live) {
-    ACTIVE(v_count(at->found));
-    COUNT(land_hits, call);
     if (!v_any(at->found))
         return false;
-    COUNT(land_hits, point);
-    COUNT(land_hits, scalar);
     float twice = 2.0f * (float)scene->model.march.hit_distance;
     vmask sunk = v_and(v_andnot(settled, at->found), v_cmp_lt(at->last, v_splat(-twice)));
     if (v_any(sunk))
@@ -43,8 +37,6 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     vmask off = v_and(unsettled, v_cmp_gt(at->near.distance, v_splat(twice)));
     if (!v_any(off))
         return false;
-    ACTIVE(v_count(off));
-    COUNT(land_hits, on);
     // The ray restarts a few ulps of t earlier, surely before the surface, however thin the shape is.
     vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
     at->origin.lo = vec_along(at->origin.lo, direction, back);
@@ -59,7 +51,6 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
 // Returns the hits once all have landed: distance, place, normal and shape, after Newton's last step.
 static struct hit finish_hit(struct march_state *at, struct vec direction,
                              const struct prepared *scene, struct packet_rays *packet) {
-    COUNT(finish_hit, call);
     struct hit hit = {.found = at->found, .shape = v_splat(-1.0f), .evals = at->evals};
     hit.smooth = v_mask_none();
     if (!v_any(at->found))
@@ -70,7 +61,6 @@ static struct hit finish_hit(struct march_state *at, struct vec direction,
     hit.found = v_and(hit.found, v_or(within(at->origin, &scene->model), unmoved));
     struct hit_surroundings near = at->near;
     if (v_any(at->deep)) {
-        COUNT(finish_hit, deep);
         vmask other = v_cmp_ge(v_abs(near.shape - at->inside), v_splat(0.5f));
         near.contact = v_or(near.contact, v_and(at->deep, other));
         near.shape = v_select(at->deep, at->inside, near.shape);
@@ -79,8 +69,6 @@ static struct hit finish_hit(struct march_state *at, struct vec direction,
     hit.normal = at_hit.normal;
     vmask gradient = v_cmp_lt_in(hit.found, at_hit.slope, v_splat(2.0f));
     hit.smooth = v_andnot(v_or(at->deep, v_or(at_hit.inward, near.contact)), gradient);
-    ACTIVE(v_count(hit.found));
-    COUNT(finish_hit, end);
     hit.shape = v_select(hit.found, near.shape, hit.shape);
     vfloat more = v_zero_where(at->deep, newton(near.distance, at_hit.slope, path));
     hit.t = at->before + (at->t + (at->last + more));
@@ -94,13 +82,11 @@ static struct hit finish_hit(struct march_state *at, struct vec direction,
 // The others have no Mandelbulb before them any more, and march on among the other shapes.
 static void resume_march(struct march_state packets[GROUP], const struct ray_group *rays,
                          struct trace_context *world) {
-    COUNT(resume_march, call);
     const struct ray_queues *queues = world->queues;
     struct packet_group *group = world->group;
     struct shape_list all = group->packet[0].list;
     for (int k = 0, slot = rays->marched; k < GROUP; k++, slot += LANES) {
         struct march_state *at = &packets[k];
-        COUNT(resume_march, packet);
         vfloat found = v_load(&queues->marched[MARCH_FOUND][slot]);
         vmask over = v_and(rays->active[k], v_cmp_ge(found, v_splat(0.0f)));
         at->t = v_select_or_zero(rays->active[k], v_load(&queues->marched[MARCH_T][slot]));
@@ -119,14 +105,12 @@ static void resume_march(struct march_state packets[GROUP], const struct ray_gro
 
 // Marches the rays of the group and returns their hits. Rays that marched on from a hit are landed again until all are.
 void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit *hit) {
-    COUNT(ray_march, call);
     const struct prepared *scene = world->scene;
     struct packet_group *group = world->group;
     struct march_state packets[GROUP];
     unsigned going = 0;
     bool recalled = rays->marched < 0;
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(rays->active[k]));
         packets[k] = march_state_of(rays, k, world);
         group->live[k] = rays->active[k];
         if (!v_any(rays->active[k]))
@@ -149,8 +133,6 @@ void ray_march(const struct ray_group *rays, struct trace_context *world, struct
                                              &group->packet[k], &group->live[k]))
                 going &= ~(1u << k);
     }
-    for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(packets[k].found));
+    for (int k = 0; k < GROUP; k++)
         hit[k] = finish_hit(&packets[k], rays->direction[k], scene, &group->packet[k]);
-    }
 }

@@ -16,12 +16,10 @@ struct surface {
 
 // Gathers the materials, once for each shape that the packet hit.
 static struct surface surface_of(const struct hit *hit, const struct prepared *scene) {
-    COUNT(surface_of, call);
     float id[LANES];
     v_store(hit->shape, id);
     struct surface all = {0};
     for (unsigned rest = v_mask_bits(hit->found); rest;) {
-        COUNT(surface_of, shape);
         const struct primitive *s = &scene->primitives[(int)id[__builtin_ctz(rest)]];
         vmask same = v_and(hit->found, is_shape(hit->shape, (int)s->index));
         rest &= ~v_mask_bits(same);
@@ -42,8 +40,6 @@ static struct vec from_to(struct point from, const double to[3]) {
 
 static struct lighting light_from(struct point p, struct vec n, vmask found,
                                   const struct view *view) {
-    COUNT(light_from, call);
-    COUNT(light_from, scalar);
     vfloat zero = v_splat(0.0f);
     struct vec to_light = from_to(p, view->light_position);
     vfloat distance = vec_norm(to_light);
@@ -57,8 +53,6 @@ static struct lighting light_from(struct point p, struct vec n, vmask found,
 // Returns the light's contribution to the pixel if nothing is in its way.
 static struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
                            vfloat weight, const struct surface *surface, const struct view *view) {
-    ACTIVE(v_count(light->lit));
-    COUNT(light_at, call);
     struct vec base = surface->color;
     vfloat reach = weight / light->distance, facing = light->facing;
     // The mirrored direction is minus the paper's R.
@@ -66,12 +60,9 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
     vfloat specular = v_splat(0.0f);
     vmask shines = v_and(light->lit, v_cmp_gt(shine, surface->shine_from));
     if (v_any(shines)) {
-        ACTIVE(v_count(shines));
-        COUNT(light_at, shines);
         specular = v_select_or_zero(
             shines, v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess));
     }
-    ACTIVE(v_count(light->lit));
     const double *e = view->light_emission;
     return (struct vec){v_splat((float)e[0]) * v_madd(base.x, facing, specular) * reach,
                         v_splat((float)e[1]) * v_madd(base.y, facing, specular) * reach,
@@ -94,8 +85,6 @@ static void queue_shadow(vmask m, const struct hit *hit, const struct lighting *
 static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, vfloat weight,
                          vfloat share, vfloat pixel, vfloat bounce,
                          const struct trace_context *world) {
-    ACTIVE(v_count(m));
-    COUNT(queue_mirror, call);
     struct ray_queues *queues = world->queues;
     int at = queues->mirrors;
     float (*field)[QUEUE_ROOM] = queues->mirror;
@@ -117,11 +106,8 @@ static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const str
                                        const struct prepared *scene) {
     float id[LANES];
     v_store(hit->shape, id);
-    COUNT(scale_by_self_shadow, call);
     vmask grazes = v_cmp_lt_in(clear, light->facing, v_splat(scene->lit_slope));
     for (unsigned rest = v_mask_bits(grazes); rest;) {
-        ACTIVE(v_count(grazes));
-        COUNT(scale_by_self_shadow, shape);
         int i = (int)id[__builtin_ctz(rest)];
         vmask same = v_and(grazes, is_shape(hit->shape, i));
         rest &= ~v_mask_bits(same);
@@ -148,8 +134,6 @@ static struct vec lit_color(struct vec color, struct vec bright, const struct hi
         if (soft && v_any(open))
             bright = scale_by_self_shadow(bright, open, hit, light, packet, scene);
     }
-    ACTIVE(v_count(open));
-    COUNT(lit_color, call);
     return (struct vec){v_add_where(open, color.x, bright.x), v_add_where(open, color.y, bright.y),
                         v_add_where(open, color.z, bright.z)};
 }
@@ -159,19 +143,14 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
                            const struct lighting *light, const struct packet_rays *packet,
                            struct trace_context *world) {
     const struct model *model = &world->scene->model;
-    ACTIVE(v_count(rays->active[k]));
-    COUNT(color_of, call);
     const double *b = model->background;
     struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
     struct vec color = vec_scale(background, rays->weight[k]);
     if (!v_any(hit->found))
         return color;
-    ACTIVE(v_count(hit->found));
-    COUNT(color_of, found);
     vfloat weight = rays->weight[k];
     struct surface surface = surface_of(hit, world->scene);
     if (model->features.fog) {
-        COUNT(color_of, fog);
         struct vec p = hit->point.hi;
         vfloat far_sq = vec_dot(p, p);
         weight = weight * v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
@@ -184,8 +163,6 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
         color = lit_color(color, bright, hit, light, rays->pixel[k], packet, world);
     }
     if (model->features.mirrors) {
-        ACTIVE(v_count(hit->found));
-        COUNT(color_of, mirror);
         vmask on = v_cmp_lt(rays->bounce[k], v_splat((float)model->march.max_bounces));
         vmask mirror = v_and(hit->found, v_and(on, v_cmp_gt(surface.share, v_splat(0.0f))));
         if (v_any(mirror))
@@ -197,7 +174,6 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
 
 void trace(const struct ray_group *rays, struct trace_context *world, struct vec *color,
            struct hit *hit) {
-    COUNT(trace, call);
     if (world->queues->shadows > QUEUE - GROUP_RAYS) {
         struct shape_list list = world->group->packet[0].list;
         cast_shadows(world);
@@ -208,7 +184,6 @@ void trace(const struct ray_group *rays, struct trace_context *world, struct vec
     vmask lit = v_mask_none();
     ray_march(rays, world, hit);
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(hit[k].found));
         light[k].lit = v_mask_none();
         if (v_any(hit[k].found))
             light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
@@ -223,7 +198,6 @@ void trace(const struct ray_group *rays, struct trace_context *world, struct vec
 
 // Traces the queued mirror rays, the last ones first, because they may queue more.
 void follow_mirrors(struct trace_context *world) {
-    COUNT(follow_mirrors, call);
     struct ray_queues *queues = world->queues;
     float (*field)[QUEUE_ROOM] = queues->mirror;
     while (queues->mirrors > 0) {
@@ -234,7 +208,6 @@ void follow_mirrors(struct trace_context *world) {
             rays.origin[k] =
                 (struct point){load_vec(field + M_HI, first), load_vec(field + M_LO, first)};
             rays.direction[k] = load_vec(field + M_DIRECTION, first);
-            COUNT(follow_mirrors, packet);
             rays.active[k] = lanes_until(count);
             rays.weight[k] = v_load(&field[M_WEIGHT][first]);
             rays.pixel[k] = v_load(&field[M_PIXEL][first]);

@@ -25,15 +25,12 @@ static int local_ray_vectors(const struct primitive *primitive) {
 }
 
 void prepare_packet(struct ray_stream *stream, vmask m, const struct prepared *scene) {
-    ACTIVE(v_count(m));
-    COUNT(prepare_packet, call);
     struct packet_rays *packet = &stream->packet;
     vfloat least = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct primitive *primitive = &scene->primitives[i];
         struct local_ray *a = &packet->local[i];
         if (primitive->steady) {
-            COUNT(prepare_packet, steady);
             vfloat distance = distance_to_shape(a, stream->t, primitive, false, primitive->kind,
                                                 primitive->type, m);
             packet->wake[i * GROUP] = wake_bound_inside(distance + stream->t, primitive);

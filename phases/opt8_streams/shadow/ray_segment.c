@@ -18,7 +18,6 @@ struct ray_segment {
 // Returns where |origin + t·direction| < radius + t·slope, never narrower. `along` is origin·direction, `square` is
 // |origin|². With a slope near 1 the segment is everything.
 static struct ray_segment segment_within(vfloat along, vfloat square, vfloat radius, vfloat slope) {
-    COUNT(segment_within, call);
     vfloat none = v_splat(INFINITY), zero = v_splat(0.0f);
     vfloat a = v_nmadd(slope, slope, v_splat(1.0f));
     vfloat b = v_msub(radius, slope, along);
@@ -40,7 +39,6 @@ static struct ray_segment segment_within(vfloat along, vfloat square, vfloat rad
 static struct ray_segment segment_before_plane(const struct local_ray *bulb,
                                                const struct local_ray *plane,
                                                const struct primitive *primitive) {
-    COUNT(segment_before_plane, call);
     vfloat height = plane->origin.x, slope = plane->direction.x + v_splat(0x1p-12f);
     height = v_madd(v_splat(0x1p-10f), v_abs(height), height + v_splat(0x1p-10f));
     vfloat along = vec_dot(bulb->origin, bulb->direction);
@@ -53,7 +51,6 @@ static struct ray_segment segment_before_plane(const struct local_ray *bulb,
 
 static struct ray_segment segment_of(const struct packet_rays *packet,
                                      const struct prepared *scene) {
-    COUNT(segment_of, call);
     struct ray_segment all = {v_splat(INFINITY), v_splat(-INFINITY)};
     for (int i = 0; i < scene->model.shape_count; i++) {
         if (scene->primitives[i].trust != BOUND_BALL)
@@ -62,13 +59,11 @@ static struct ray_segment segment_of(const struct packet_rays *packet,
         for (int j = 0; j < scene->model.shape_count && !scene->primitives[i].repeated; j++) {
             if (scene->primitives[j].kind != EVAL_LINEAR)
                 continue;
-            COUNT(segment_of, plane);
             struct ray_segment here =
                 segment_before_plane(&packet->local[i], &packet->local[j], &scene->primitives[i]);
             one.from = v_max(one.from, here.from);
             one.to = v_min(one.to, here.to);
         }
-        COUNT(segment_of, bulb);
         vmask some = v_cmp_ge(one.to, one.from);
         all.from = v_select(some, v_min(all.from, one.from), all.from);
         all.to = v_select(some, v_max(all.to, one.to), all.to);
@@ -94,7 +89,6 @@ struct segment_packets {
 
 static void begin_segment(struct segment_packets *packets, int k, int first, bool before,
                           struct shape_list others, struct trace_context *world) {
-    COUNT(begin_segment, call);
     struct ray_queues *queues = world->queues;
     struct packet_group *group = world->group;
     struct packet_rays *packet = &group->packet[k];
@@ -106,8 +100,6 @@ static void begin_segment(struct segment_packets *packets, int k, int first, boo
     packets->there[k] = group->live[k] = v_mask_none();
     packet->list = before ? world->scene->all : others;
     if (v_any(active)) {
-        ACTIVE(v_count(active));
-        COUNT(begin_segment, packet);
         set_local_origins(origin, world->scene, packet);
         set_local_directions(to_light, world->scene, packet);
         packets->shade[k].exit = bounds_exit_of(origin, to_light, &world->scene->model);
@@ -134,8 +126,6 @@ static inline bool step_among_others(struct segment_packets *packets, int k, flo
     struct packet_group *group = world->group;
     const struct model *model = &world->scene->model;
     vmask live = group->live[k];
-    ACTIVE(v_count(live));
-    COUNT(step_among_others, call);
     packets->evals[k] = v_add_where(live, packets->evals[k], v_splat(1.0f));
     vmask on = model->shadows == SHADOWS_SOFT
                    ? soft_step(&packets->shade[k], k, strength_sq, group, model)
@@ -150,11 +140,8 @@ static inline bool step_among_others(struct segment_packets *packets, int k, flo
 
 // Sets the group's distances where a plane is the only other shape.
 static inline void plane_distances(struct packet_group *group, const struct primitive *plane) {
-    COUNT(plane_distances, call);
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(group->live[k]));
-        COUNT(plane_distances, packet);
         const struct local_ray *a = &group->packet[k].local[(int)plane->index];
         group->distance[k] = v_madd(a->direction.x, group->t[k], a->origin.x);
     }
@@ -163,7 +150,6 @@ static inline void plane_distances(struct packet_group *group, const struct prim
 // Marches four packets of the queue up to their segments, or (`before` false) from behind them on.
 static void march_among_others(int first, bool before, struct shape_list others,
                                struct trace_context *world) {
-    COUNT(march_among_others, call);
     struct packet_group *group = world->group;
     struct ray_queues *queues = world->queues;
     const struct model *model = &world->scene->model;
@@ -183,12 +169,11 @@ static void march_among_others(int first, bool before, struct shape_list others,
             plane_distances(group, plane);
         else
             scene_distances(group, world->scene, &sole);
-        for (int i = 0; i < group->count;) {
+        for (int i = 0; i < group->count;)
             if (step_among_others(&packets, group->marching[i], strength_sq, cap, world))
                 i++;
             else
                 group->marching[i] = group->marching[--group->count];
-        }
     }
     for (int k = 0; k < GROUP; k++) {
         int at = first + k * LANES;
@@ -213,8 +198,6 @@ static bool next_shadow_packet(struct ray_stream *stream, int number, struct tra
     queues->under_way[number] = 0;
     if (!v_any(waiting))
         return false;
-    ACTIVE(v_count(waiting));
-    COUNT(next_shadow_packet, call);
     stream->packet = probe_rays(world->scratch, world->scene);
     set_local_origins(origin, world->scene, &stream->packet);
     set_local_directions(to_light, world->scene, &stream->packet);
@@ -233,7 +216,6 @@ static bool next_shadow_packet(struct ray_stream *stream, int number, struct tra
 
 static void finish_shadow_rays(const struct refilled_packet *refilled, vmask ended, vfloat t,
                                struct ray_queues *queues) {
-    COUNT(finish_shadow_rays, call);
     float values[SEGMENT_END][LANES], ray[LANES];
     v_store(t, values[SEGMENT_T]);
     v_store(refilled->shade.least_sq, values[SEGMENT_LEAST_SQ]);
@@ -271,21 +253,16 @@ static inline int shadow_stream_step(struct refilled_packet *refilled, int k, fl
 // Sets the group's distances where a Mandelbulb and at most a plane are all shapes.
 static inline void single_bulb_distances(struct packet_group *group, const struct primitive *bulb,
                                          const struct primitive *plane) {
-    COUNT(single_bulb_distances, call);
     struct scaled_orbit b[GROUP];
     struct vec p[GROUP];
     int i = (int)bulb->index;
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(group->live[k]));
-        COUNT(single_bulb_distances, packet);
         const struct local_ray *a = &group->packet[k].local[i];
         p[k] = vec_along(a->origin, a->direction, group->t[k]);
         bulb_begin(&b[k], p[k], group->live[k]);
     }
     bulbs_end(bulb, 0, false, false, false, GROUP, b, p, group->distance);
     for (int k = 0; plane && k < GROUP; k++) {
-        ACTIVE(v_count(group->live[k]));
-        COUNT(single_bulb_distances, plane);
         const struct local_ray *a = &group->packet[k].local[(int)plane->index];
         vfloat height = v_madd(a->direction.x, group->t[k], a->origin.x);
         group->distance[k] = v_min(group->distance[k], height);
@@ -293,7 +270,6 @@ static inline void single_bulb_distances(struct packet_group *group, const struc
 }
 
 static void march_segments(struct trace_context *world) {
-    COUNT(march_segments, call);
     struct packet_group *group = world->group;
     const struct model *model = &world->scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
@@ -342,7 +318,6 @@ static struct shape_list list_other_shapes(const struct prepared *scene,
 }
 
 void cast_streams(struct trace_context *world) {
-    COUNT(cast_streams, call);
     struct ray_queues *queues = world->queues;
     struct shape_list others = list_other_shapes(world->scene, world->scratch);
     begin_segments(world);
@@ -353,8 +328,6 @@ void cast_streams(struct trace_context *world) {
         march_among_others(first, false, others, world);
     for (int first = 0; first < queues->shadows; first += LANES) {
         vmask there = lanes_until(queues->shadows - first);
-        ACTIVE(v_count(there));
-        COUNT(cast_streams, packet);
         vfloat reach = v_sqrt(v_load(&queues->segment[SEGMENT_LEAST_SQ][first]));
         struct vec light = vec_scale(load_vec(queues->shadow + S_LIGHT, first), reach);
         add_light(there, light, v_load(&queues->shadow[S_PIXEL][first]), queues);

@@ -36,11 +36,9 @@ static inline struct vec to_centre(const struct primitive *s, struct vec p) {
 // Returns the smaller of the radius of curvature and EDGE_FACTOR times the distance to the next edge, at a point on
 // the surface.
 static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
-    COUNT(flat_radius, call);
     switch (s->type) {
     case SHAPE_SPHERE: return v_splat(s->a);
     case SHAPE_BOX: { // the least of three is 0 on a face, the second is the distance to the next face
-        COUNT(flat_radius, box);
         vfloat x = v_abs(v_abs(p.x) - v_splat(s->size[0]));
         vfloat y = v_abs(v_abs(p.y) - v_splat(s->size[1]));
         vfloat z = v_abs(v_abs(p.z) - v_splat(s->size[2]));
@@ -48,11 +46,8 @@ static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
     }
     case SHAPE_ROUNDED_BOX: return v_splat(0.0f); // partly flat, partly round
     case SHAPE_OCTAHEDRON:                        // an edge is where a coordinate is 0
-        COUNT(flat_radius, octahedron);
         return v_splat(EDGE_FACTOR) * v_min(v_abs(p.x), v_min(v_abs(p.y), v_abs(p.z)));
     case SHAPE_CONE: {
-        COUNT(flat_radius, cone);
-        COUNT(flat_radius, cone_scalar);
         vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
         vfloat below = v_max(v_abs(radius - v_splat(s->a)), v_abs(p.y + v_splat(s->c)));
         vfloat above = v_max(v_abs(radius - v_splat(s->b)), v_abs(p.y - v_splat(s->c)));
@@ -70,21 +65,14 @@ static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
 // is flat enough for them.
 static inline vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                                 const struct prepared *scene) {
-    COUNT(convex_from, call);
     if (is_fractal(s->type))
         return v_mask_none();
-    COUNT(convex_from, solid);
     vmask may = v_mask_all();
-    if (!s->convex) {
-        COUNT(convex_from, hull);
-        COUNT(convex_from, hull_scalar);
+    if (!s->convex)
         may = v_cmp_ge(v_madd(local.x, local.x, local.z * local.z), v_splat(s->a * s->a));
-    }
     vmask grazes = v_cmp_lt(facing, v_splat(scene->lit_slope));
     if (!v_any(grazes))
         return may;
-    COUNT(convex_from, grazes);
-    COUNT(convex_from, grazes_scalar);
     float short_of = FLAT_OFFSETS * (float)scene->model.march.surface_offset;
     return v_and(may, v_or(v_not(grazes), v_cmp_ge(flat_radius(local, s), v_splat(short_of))));
 }

@@ -16,8 +16,6 @@ struct light_bundle {
 
 static bool light_bundle_of(const struct hit *hit, const struct lighting *light,
                             const struct view *view, struct light_bundle *ball) {
-    COUNT(light_bundle_of, call);
-    COUNT(light_bundle_of, scalar);
     vfloat none = v_splat(INFINITY);
     struct vec least = {none, none, none}, most = {-none, -none, -none};
     for (int k = 0; k < GROUP; k++) {
@@ -25,7 +23,6 @@ static bool light_bundle_of(const struct hit *hit, const struct lighting *light,
         if (!v_any(lit))
             continue;
         struct vec p = hit[k].point.hi;
-        COUNT(light_bundle_of, packet);
         least = (struct vec){v_select(lit, v_min(p.x, least.x), least.x),
                              v_select(lit, v_min(p.y, least.y), least.y),
                              v_select(lit, v_min(p.z, least.z), least.z)};
@@ -52,7 +49,6 @@ static bool light_bundle_of(const struct hit *hit, const struct lighting *light,
 
 // Whether no cone of slope q around a ray of the bundle meets the shape's bounding sphere.
 static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s) {
-    COUNT(bundle_misses, call);
     float radius = s->bound + ball->radius, along = 0, c = -radius * radius;
     float q = s->slope_lit + ball->spread;
     for (int k = 0; k < 3; k++) {
@@ -65,13 +61,11 @@ static bool bundle_misses(const struct light_bundle *ball, const struct primitiv
         return false;
     if (b <= 0)
         return true;
-    COUNT(bundle_misses, leans);
     return b * b * (1 + 1e-4f) < (1 - q * q) * c;
 }
 
 void list_occluders(const struct hit *hit, const struct lighting *light,
                     struct trace_context *world) {
-    COUNT(list_occluders, call);
     const struct prepared *scene = world->scene;
     struct ray_queues *queues = world->queues;
     struct light_bundle ball;
@@ -86,7 +80,6 @@ void list_occluders(const struct hit *hit, const struct lighting *light,
 
 vmask trivially_lit(const struct hit *hit, const struct lighting *light,
                     const struct packet_rays *packet, const struct trace_context *world) {
-    COUNT(trivially_lit, call);
     const struct prepared *scene = world->scene;
     float q = scene->lit_slope;
     struct vec point = hit->point.hi;
@@ -98,11 +91,11 @@ vmask trivially_lit(const struct hit *hit, const struct lighting *light,
         const struct primitive *s = &scene->primitives[i];
         vmask same = v_and(is_shape(hit->shape, i), hit->smooth), here;
         if (s->kind == EVAL_LINEAR) {
-            COUNT(trivially_lit, plane);
             vfloat slope = vec_dot(vec_set(s->normal), light->to_light);
             here = v_or(same, plane_clears(height_over(s, point), slope, q, &scene->model));
         } else {
-            COUNT(trivially_lit, solid);
+            ACTIVE(v_count(clear));
+            COUNT(cone_test, call);
             here = cone_misses(shadow_cone_to(to_centre(s, point), light->to_light, s), s);
             if (v_any(v_and(same, v_andnot(here, clear))))
                 here = v_or(here, v_and(same, convex_from(s, packet->local[i].origin, light->facing,
@@ -117,31 +110,23 @@ vmask trivially_lit(const struct hit *hit, const struct lighting *light,
 // curvature.
 static vfloat half_curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
                              const struct primitive *s) {
-    COUNT(half_curvature, call);
     vfloat zero = v_splat(0.0f);
-    if (s->type == SHAPE_SPHERE) {
-        COUNT(half_curvature, sphere);
-        COUNT(half_curvature, scalar);
+    if (s->type == SHAPE_SPHERE)
         return v_nmadd(facing, facing, v_splat(1.0f)) * v_splat(0.5f / s->a);
-    }
     if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
         return zero;
-    COUNT(half_curvature, round);
     vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
     vfloat round = v_msub(p.x, l.z, p.z * l.x),
            round_sq = round * round; // along the ring, times its radius
     vfloat ring = v_splat(0.5f) * round_sq * v_madd(n.x, p.x, n.z * p.z) / (square * square);
     if (s->type == SHAPE_CONE)
         return ring;
-    COUNT(half_curvature, torus);
-    COUNT(half_curvature, scalar);
     vfloat tangent = v_nmadd(facing, facing, v_splat(1.0f));
     return v_madd(v_max(tangent - round_sq / square, zero), v_splat(0.5f / s->b), ring);
 }
 
 vfloat self_shadow(const struct primitive *s, struct vec local, struct vec normal,
                    const struct lighting *light, const struct model *model) {
-    COUNT(self_shadow, call);
     vfloat one = v_splat(1.0f), strength = v_splat((float)model->shadow_strength),
            facing = light->facing;
     vfloat t = v_splat((float)model->march.surface_offset),

@@ -10,13 +10,11 @@
 
 static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first,
                               struct ray_queues *queues) {
-    COUNT(load_shadow_group, call);
     float (*field)[QUEUE_ROOM] = queues->shadow;
     for (int k = 0; k < GROUP; k++, first += LANES) {
         rays->origin[k] =
             (struct point){load_vec(field + S_HI, first), load_vec(field + S_LO, first)};
         rays->direction[k] = load_vec(field + S_TO_LIGHT, first);
-        COUNT(load_shadow_group, packet);
         rays->active[k] = lanes_until(queues->shadows - first);
         length[k] = v_load(&field[S_DISTANCE][first]);
     }
@@ -25,8 +23,6 @@ static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int 
 // Returns how much of the light reaches each origin: 1 lit, 0 in shadow, between them the penumbra of a soft shadow.
 static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
                    struct trace_context *world, vfloat reach[GROUP]) {
-    COUNT(shadow, call);
-    COUNT(shadow, scalar);
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
@@ -45,7 +41,6 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        ACTIVE(v_count(rays->active[k]));
         set_local_directions(rays->direction[k], scene, &group->packet[k]);
         shades[k].exit = bounds_exit_of(rays->origin[k], rays->direction[k], model);
         shades[k].twice_previous =
@@ -70,15 +65,11 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
                 group->marching[i] = group->marching[--group->count];
         }
     }
-    for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(rays->active[k]));
-        COUNT(shadow, end);
+    for (int k = 0; k < GROUP; k++)
         reach[k] = v_sqrt(shades[k].least_sq);
-    }
 }
 
 static void cast_packets(struct trace_context *world) {
-    COUNT(cast_packets, call);
     struct ray_queues *queues = world->queues;
     for (int first = 0; first < queues->shadows; first += GROUP_RAYS) {
         struct ray_group rays;
@@ -87,8 +78,6 @@ static void cast_packets(struct trace_context *world) {
         shadow(&rays, length, world, reach);
         for (int k = 0; k < GROUP; k++) {
             int at = first + k * LANES;
-            ACTIVE(v_count(rays.active[k]));
-            COUNT(cast_packets, packet);
             struct vec light = vec_scale(load_vec(queues->shadow + S_LIGHT, at), reach[k]);
             add_light(rays.active[k], light, v_load(&queues->shadow[S_PIXEL][at]), queues);
         }
@@ -96,7 +85,6 @@ static void cast_packets(struct trace_context *world) {
 }
 
 void cast_shadows(struct trace_context *world) {
-    COUNT(cast_shadows, call);
     struct ray_queues *queues = world->queues;
     if (world->scene->bulbs > 0 && world->scene->model.shadows != SHADOWS_IDEAL)
         cast_streams(world);

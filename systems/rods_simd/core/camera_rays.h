@@ -15,12 +15,9 @@ static inline vmask in_picture(struct pixel_block block) {
 // Returns the directions of a block's camera rays, of unit length.
 static inline struct vec get_direction(struct pixel_block block, const struct frame *frame,
                                        const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, scalar);
     double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
     float columns[LANES], rows[LANES];
     for (int i = 0; i < BLOCK_HEIGHT; i++) {
-        COUNT(get_direction, row);
         float y = (float)((top - 2.0 * (block.row + i)) * per_height);
         for (int lane = i * BLOCK_WIDTH; lane < (i + 1) * BLOCK_WIDTH; lane++) {
             int column = block.column + lane % BLOCK_WIDTH;

@@ -18,7 +18,6 @@ struct ray_starts {
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
                                const struct shaded *seen, const struct ray_starts *starts) {
-    COUNT(store_block_result, call);
     store_plane(frame->rgb, 3, frame, block, seen->color.x);
     store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
     store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
@@ -54,7 +53,6 @@ static struct survey *init_packet_rays(struct packet_group *group, void *scratch
 // Sets where a block's rays begin; −1 for rays that hit nothing. Returns the other lanes.
 static vmask load_starts(struct pixel_block block, int left, int top, const struct survey *survey,
                          struct ray_starts *starts) {
-    COUNT(load_starts, call);
     float start[LANES], steps[LANES], share[LANES];
     for (int lane = 0; lane < LANES; lane++) {
         int row = block.row - top + lane / BLOCK_WIDTH, column = block.column - left;
@@ -90,13 +88,11 @@ struct waiting {
 
 static void draw_waiting(struct waiting *waiting, const struct job *job,
                          struct trace_context *world) {
-    COUNT(draw_waiting, call);
     struct shaded seen[GROUP];
     for (int k = waiting->count; k < GROUP; k++)
         waiting->rays.active[k] = v_mask_none();
     trace(&waiting->rays, 0, world, seen);
     for (int k = 0; k < waiting->count; k++) {
-        ACTIVE(waiting->block[k].across * waiting->block[k].down);
         blank(waiting->rays.active[k], &job->prepared->model, &seen[k]);
         store_block_result(job->frame, waiting->block[k], &seen[k], &waiting->starts[k]);
     }
@@ -106,8 +102,6 @@ static void draw_waiting(struct waiting *waiting, const struct job *job,
 static void draw_block(struct pixel_block block, struct point origin, struct ray_starts starts,
                        vmask active, const struct job *job, struct trace_context *world,
                        struct waiting *waiting) {
-    ACTIVE(v_count(active));
-    COUNT(draw_block, call);
     const struct settings *settings = &job->prepared->settings;
     struct ray_group *rays = &waiting->rays;
     int k = waiting->count++;
@@ -124,8 +118,6 @@ static void draw_block(struct pixel_block block, struct point origin, struct ray
 }
 
 static void draw_tile(const struct job *job, int tile, void *scratch) {
-    COUNT(draw_tile, call);
-    COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     const struct model *model = &job->prepared->model;
     struct packet_group group;
@@ -141,8 +133,6 @@ static void draw_tile(const struct job *job, int tile, void *scratch) {
         for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
             struct pixel_block block = {column, row, int_min(BLOCK_WIDTH, right - column),
                                         int_min(BLOCK_HEIGHT, bottom - row)};
-            ACTIVE(block.across * block.down);
-            COUNT(draw_tile, packet);
             struct ray_starts starts;
             vmask active = load_starts(block, left, top, survey, &starts);
             if (v_any(active)) {
