@@ -1,6 +1,7 @@
 // Counts FLOPs by the paper's method: the number of calls of each function times its declared cost
-// (costs.def). Phases from opt6_wide on declare no costs: only calls and active lanes. Only the counting build (build/NAME/render-count) counts; in a timing
-// build COUNT and ACTIVE compile to nothing.
+// (costs.def). Only the counting build (build/NAME/render-count) counts; in a timing build COUNT and
+// ACTIVE compile to nothing. Phases from opt6_wide on declare no FLOPs: a costs.def of zeros names
+// the steps whose calls and active lanes `make try` shows.
 //
 // A line of costs.def has these columns:
 //

@@ -160,8 +160,11 @@ def calls(parent: dict[str, Any], mine: dict[str, Any]) -> list[tuple[str, int, 
 
 
 def share(counts: dict[str, Any]) -> float:
-    """Of the executed FLOPs, those of lanes whose ray is at work."""
-    return counts["useful"] / counts["executed"] if counts["executed"] else math.nan
+    """Of the executed FLOPs, those of lanes whose ray is at work; where none are declared, of the lanes."""
+    if counts["executed"]:
+        return counts["useful"] / counts["executed"]
+    executed = counts["lanes"] * sum(one["calls"] for one in counts["by_function"].values())
+    return sum(one["lanes"] for one in counts["by_function"].values()) / executed if executed else math.nan
 
 
 def measure(args: argparse.Namespace) -> dict[str, Any]:
@@ -185,7 +188,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
             "name": str(spec),
             "ms": stats.median_interval(ms[spec]),
             **found[spec],
-            "flops": counts[spec] and counts[spec]["flops"]["machine"],
+            "flops": (counts[spec] and counts[spec]["flops"]["machine"]) or None,
             "lanes_at_work": counts[spec] and share(counts[spec]),
             "parts": counts[spec] and {name: f["parts"] for name, f in counts[spec]["by_function"].items()},
         }
