@@ -8,7 +8,6 @@ import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -21,45 +20,18 @@ SCENE0 = registry.scenes()["scene0"].path
 SPHERE = json.dumps(scene([shape("sphere")]))
 
 
-def edited(change: Callable[[dict], object]) -> str:
-    whole = json.loads(SPHERE)
-    change(whole)
-    return json.dumps(whole)
-
-
-SCENES = {
-    "not JSON": ("{", ":1:1: string or '}' expected near end of file"),
-    "empty file": ("", ":1:0: '[' or '{' expected near end of file"),
-    "NaN": (SPHERE.replace('"fog": 0', '"fog": NaN'), ": invalid token near 'NaN'"),
-    "duplicate key": (
-        SPHERE.replace('"fog": 0', '"fog": 0, "fog": 1'),
-        ": duplicate object key near '\"fog\"'",
-    ),
-    "wrong type": (
-        edited(lambda s: s["shapes"][0].update(radius="1")),
-        ": $.shapes[0].radius: a string where a number is required",
-    ),
-    "unknown shape": (
-        edited(lambda s: s["shapes"][0].update(type="donut")),
-        ': $.shapes[0].type: "donut" is not',
-    ),
-    "no shapes": (edited(lambda s: s.update(shapes=[])), ": $.shapes: 0 shapes; 1 to 4096 are allowed"),
-    "5,000 shapes": (
-        edited(lambda s: s.update(shapes=s["shapes"] * 5000)),
-        ": $.shapes: 5000 shapes; 1 to 4096 are allowed",
-    ),
-    "forged line": (edited(lambda s: s.update({"fog\nrender: ok": 1})), ": $.fog?render: ok: unknown key"),
-}
+# What is wrong in it is tests/c/scene's to try; here how a program ends.
+SCENES = {"not JSON": ("{", ":1:1: "), "a value": (SPHERE.replace('"fog": 0', '"fog": "0"'), ": $.fog: ")}
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_scene(name: str, tmp_path: Path) -> None:
-    text, message = SCENES[name]
+    text, place = SCENES[name]
     path = tmp_path / "bad.json"
     path.write_text(text)
     run = call(REFERENCE, path, "-n", 4, "-o", tmp_path / "a.exr")
     check_refusal(run, 2)
-    assert f"{path}" in run.stderr and message in run.stderr, f"{run}"
+    assert f"{path}{place}" in run.stderr, f"{run}"
     assert os.listdir(tmp_path) == ["bad.json"]
 
 
@@ -68,47 +40,28 @@ def test_scene_that_cannot_be_read(name: str, tmp_path: Path) -> None:
     (tmp_path / "bad.json").write_text("{}")
     run = call(REFERENCE, tmp_path / name, "-n", 4)
     check_refusal(run, 2)
-    assert ": cannot read the scene: " in run.stderr, f"{run}"
+    assert str(tmp_path / name) in run.stderr, f"{run}"
 
 
+# Arguments that are refused, and the option that the line names.
 ARGUMENTS = {
-    "-n 0": "-n: a height of 1 to 32768 pixels is required",
-    "-n 100000": "-n: a height of 1 to 32768 pixels is required",
-    "-n -5": "-n: a height",
-    "-n 1e3": "-n: a height",
-    "-n 12px": "-n: a height",
-    "-n 99999999999999999999": "-n: a height",
-    "-n 4 -w 0": "-w: a width of 1 to 32768 pixels is required",
-    "-n 32768 -w 32768": "32768 x 32768 pixels; at most",
-    "-n 4 --threads 0": "--threads",
-    "-n 4 --reps 0": "--reps",
-    "-n 4 --warmup -1": "--warmup",
-    "-n 4 --hit-distance 0": "--hit-distance",
-    "-n 4 --hit-distance -1": "--hit-distance",
-    "-n 4 --hit-distance nan": "--hit-distance",
-    "-n 4 --hit-distance inf": "--hit-distance",
-    "-n 4 --hit-distance 1e-3x": "--hit-distance",
-    "-n 4 --max-steps 0": "--max-steps",
-    "-n 4 --max-steps 2.5": "--max-steps",
-    "-n 4 --fast": "--fast: unknown option",
-    "-n 4 -x": "-x: unknown option",
-    "-zn 4": "-z: unknown option",
-    "-n 4 --help=1": "--help=1: unknown option",
-    "-n 4 --frames 0": "--frames: 1 to 1000000 is required",
-    "-n 4 --frames 2 --reps 2": "--frames and --reps exclude each other",
-    "-n 4 --first-frame 1": "--first-frame needs --frames",
-    "-n 4 --first-frame -1": "--first-frame: 0 to 1000000 is required",
-    "-n 4 --frames 3 --first-frame 3": "--first-frame 3 needs --frames 4 or more: frames are counted from 0",
-    "-n 4 --frames 3": ": --frames: neither the camera nor a shape has a path",
-    "-n 4 --json --jsonl": "--json and --jsonl exclude each other",
-    "-n 4 --display --aov": "--display and --aov exclude each other",
-    "-n 4 -o a.png": '-o: a name that ends in .exr is required, not "a.png" (of 8 bits: --display, .ppm)',
-    "-n 4 -o -": '-o: a name that ends in .exr is required, not "-" (of 8 bits: --display, .ppm)',
-    "-n 4 -o .exr": '-o: a name that ends in .exr is required, not ".exr" (of 8 bits: --display, .ppm)',
-    "-n 4 --display -o a.exr": '-o: a name that ends in .ppm is required, not "a.exr"',
-    "-n 4 another.json": "exactly one SCENE.json is required",
-    "-n": "-n: a value is required",
-    "--json": "-n HEIGHT is required",
+    **{f"-n {height}": "-n" for height in ("0", "100000", "-5", "1e3", "12px", "99999999999999999999")},
+    **{f"-n 4 --hit-distance {value}": "--hit-distance" for value in ("0", "-1", "nan", "inf", "1e-3x")},
+    **{f"-n 4 {words}": words.split()[0] for words in ("--threads 0", "--reps 0", "--warmup -1", "-w 0")},
+    **{f"-n 4 {words}": words.split()[0] for words in ("--max-steps 2.5", "--frames 0", "--first-frame 1")},
+    **{f"-n 4 {word}": word for word in ("--fast", "-x", "--help=1")},
+    "-n 32768 -w 32768": "32768 x 32768",
+    "-zn 4": "-z",
+    "-n 4 --frames 2 --reps 2": "--reps",
+    "-n 4 --frames 3 --first-frame 3": "--first-frame 3",
+    "-n 4 --frames 3": "--frames",
+    "-n 4 --json --jsonl": "--jsonl",
+    "-n 4 --display --aov": "--aov",
+    **{f"-n 4 -o {name}": f'"{name}"' for name in ("a.png", "-", ".exr")},
+    "-n 4 --display -o a.exr": '"a.exr"',
+    "-n 4 another.json": "SCENE.json",
+    "-n": "-n",
+    "--json": "-n",
 }
 
 
@@ -126,7 +79,7 @@ def test_a_limit_of_the_cpu_that_is_none(limit: str) -> None:
     environment = os.environ | {"STEPWISE_ISA_LIMIT": limit}
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 2
-    assert done.stderr == f"render: STEPWISE_ISA_LIMIT is {limit}: avx2 or none is required\n"
+    assert done.stderr.count("\n") == 1 and f"STEPWISE_ISA_LIMIT is {limit}" in done.stderr
 
 
 def on_a_stack(kib: int, phase: str, whole: dict, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -143,7 +96,7 @@ def test_a_stack_that_is_too_small(phase: str, tmp_path: Path) -> None:
     """
     small = on_a_stack(1023, phase, DEEPEST, tmp_path)
     assert small.returncode == 2
-    assert small.stderr == "render: a stack of 1024 KiB is required: ulimit -s 1024 or more\n"
+    assert small.stderr.count("\n") == 1 and "ulimit -s 1024" in small.stderr
     enough = on_a_stack(1024, phase, DEEPEST, tmp_path)
     assert (enough.returncode, enough.stderr) == (0, "")
 
@@ -168,7 +121,7 @@ def test_unwritable_output(name: str, reason: str, tmp_path: Path) -> None:
     (tmp_path / "folder.exr").mkdir()
     run = call(REFERENCE, SCENE0, "-n", 2000, "-o", tmp_path / name, timeout=20)  # rendering takes minutes
     check_refusal(run, 2)
-    assert f": cannot be written: {reason}" in run.stderr, f"{run}"
+    assert f": {reason}" in run.stderr, f"{run}"
     assert sorted(os.listdir(tmp_path)) == ["file", "folder.exr"]
     assert (tmp_path / "file").read_text() == "kept" and not os.listdir(tmp_path / "folder.exr")
 
@@ -180,7 +133,6 @@ def test_a_picture_does_not_take_its_scenes_place(name: str, tmp_path: Path) -> 
     (tmp_path / "hard.exr").hardlink_to(tmp_path / "mine.exr")
     run = call(REFERENCE, tmp_path / "mine.exr", "-n", 4, "-o", tmp_path / name)
     check_refusal(run, 2)
-    assert ": cannot be written: it is the scene" in run.stderr, f"{run}"
     assert all((tmp_path / each).read_text() == SPHERE for each in ("mine.exr", "link.exr", "hard.exr"))
 
 
@@ -249,19 +201,8 @@ def test_limited_file_size(trap: str, tmp_path: Path) -> None:
     """As on a full disk, and the picture that was there before is kept, signal ignored or not."""
     (tmp_path / "a.exr").write_text("earlier")
     script = f'ulimit -f 8; {trap}exec "$@"'
-    command = [
-        "sh",
-        "-c",
-        script,
-        "sh",
-        binary(REFERENCE),
-        SCENE0,
-        "-n",
-        "100",
-        "--aov",
-        "-o",
-        tmp_path / "a.exr",
-    ]
+    command = ["sh", "-c", script, "sh", binary(REFERENCE), SCENE0, "-n", "100", "--aov"]
+    command += ["-o", tmp_path / "a.exr"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     check_refusal(Run([str(word) for word in command], done.returncode, done.stdout, done.stderr), 2)
     assert os.listdir(tmp_path) == ["a.exr"] and (tmp_path / "a.exr").read_text() == "earlier"
@@ -275,7 +216,6 @@ def test_standard_output_that_takes_nothing(mode: str, where: str) -> None:
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=300)
     run = Run([command], done.returncode, done.stdout, done.stderr)
     check_refusal(run, 2)
-    assert "standard output cannot be written" in run.stderr, f"{run}"
 
 
 def test_picture_does_not_land_in_a_closed_descriptor(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import needs
 import numpy as np
 import pytest
 
-from study.core import patches, registry, run
+from study.core import registry, run
 from study.core.build import build
 from study.core.cli import CANNOT_RUN
 from study.core.host import child
@@ -107,20 +107,6 @@ def test_a_frame_says_a_cpu_beyond_1024(tmp_path: Path) -> None:
     assert draw("opt4", tmp_path, 1, more)[0]["cpu"] == 1030
 
 
-def test_no_source_has_a_set_that_ends_at_1024() -> None:
-    """Neither a `cpu_set_t` by value nor a loop to CPU_SETSIZE, in common/ or a phase."""
-    sources = [*(ROOT / "common").rglob("*.[ch]"), *(ROOT / "phases").rglob("*.[ch]")]
-    found = [
-        f"{path.relative_to(ROOT)}: {line.strip()}"
-        for path in sources
-        if path.name not in ("cpus.c", "cpus.h")
-        for line in path.read_text().splitlines()
-        if "cpu_set_t " in line or "CPU_SETSIZE" in line or "CPU_ZERO(" in line
-    ]
-    assert found == [] and len(sources) > 100
-    assert "threads.c" in patches.files("opt5_threads")
-
-
 @pytest.mark.skipif(len(run.USABLE) < 2, reason="one CPU: there is none without CPU 0")
 def test_without_cpu_0() -> None:
     """As under `taskset`: the default CPU, topology and the driver's own word are of a CPU that is there."""
@@ -196,21 +182,3 @@ def test_a_sweep_keeps_what_it_has_when_its_cpu_goes(
     assert plan["finished"] and all("cannot be pinned" in one["message"] for one in plan["failures"])
     assert len(plan["failures"]) == sweep.MOST_CRASHES
     assert "cannot be pinned as the run began" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_more_threads_than_cpus_are_said(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """As under `taskset -c 1`, where two threads share a CPU."""
-    most = len(run.USABLE)
-    words = ["sweep", "--phase", "opt5_threads", "--scene", "trio", "-n", "2", "--launches", "1"]
-    words += ["--threads", str(most), str(most + 1), "--results", str(tmp_path)]
-    monkeypatch.setattr("sys.argv", words)
-    before = os.sched_getaffinity(0)
-    try:
-        assert sweep.main() == 0
-    finally:
-        os.sched_setaffinity(0, before)
-    said = f"warning: {most + 1} threads: more than the CPUs that may be used ({most})"
-    assert said in capsys.readouterr().err

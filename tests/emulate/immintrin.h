@@ -3,8 +3,8 @@
 // This file stands before the compiler's own <immintrin.h>. Types and AVX2 are the compiler's; the intrinsics of 512
 // bits are SIMDe's (https://github.com/simd-everywhere/simde, package libsimde-dev, 0.7.4), and below are those that
 // it lacks, lane by lane as "Operation" has them in Intel's Software Developer's Manual, volume 2. What is in neither
-// does not compile: the compiler's own wants -mavx512f. tests/common/test_emulated.py holds each against numpy and, where
-// the CPU has AVX-512, against the true instruction.
+// does not compile: the compiler's own wants -mavx512f. tests/common/test_emulated.py holds pictures of 16 lanes against
+// those of 8.
 //
 // The same bits as the instruction: all but rsqrt14 and rcp14, whose bits are Intel's own (relative error below
 // 2^-14). Here they are the root or inverse in double, rounded to 14 bits: what is made from them is as near to truth,
