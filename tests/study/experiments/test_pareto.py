@@ -1,89 +1,50 @@
-"""Speed against error: fronts, winners and sentences of points whose answer is known by hand."""
+"""Speed against error: fronts and winners of points whose answer is known by hand."""
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import complete
-import matplotlib
 import pytest
-import started
 
-from study.core import cli, registry, run
+from study.core import cli, commands, registry, run, store
 from study.core.registry import ROOT, Spec
 from study.experiments.ablations import measure as ablations
-from study.experiments.pareto import chapter as pareto_chapter
-from study.experiments.pareto import fronts as pareto
+from study.experiments.pareto import chapter, command, fronts, tables
 from study.experiments.pareto import measure as measuring
-from study.experiments.pareto import tables as pareto_page
+from study.experiments.pareto.schema import Pareto, Row
 from study.experiments.toolchains import measure as toolchains
+from study.numbers.schema import Interval, Skipped
 from study.pictures import images
-from study.pictures.draw import STYLE, save
-
-SCRIPT = (ROOT / "scripts" / "stepwise", "pareto")
 
 
-def row(phase: str, pace: float, psnr: float | None, **more: object) -> dict:
-    base = {
-        "scene": "scene0",
-        "phase": phase,
-        "beaten_by": None,
-        "hit_distance": 1e-6,
-        "max_steps": 3000,
-        "own_parameters": True,
-    }
-    interval = {"value": pace, "low": pace * 0.9, "high": pace * 1.1}
-    found = {"ns_per_pixel": interval, "psnr_db": psnr, "non_finite": 0, "converged_only": False}
-    return base | found | more
+def row(phase: str, pace: float, psnr: float, **more: object) -> Row:
+    interval = Interval(value=pace, low=pace * 0.9, high=pace * 1.1, launches=6, sufficient=True)
+    base = {"scene": "scene0", "hit_distance": 1e-6, "max_steps": 3000, "own_parameters": True}
+    return Row(phase=phase, psnr_db=psnr, **(base | {"ns_per_pixel": interval} | more))
 
 
-A, B, C, D = row("a", 10, 30), row("b", 20, 60), row("c", 30, 50), row("d", 40, None)
+A, B, C, D = row("a", 10, 30), row("b", 20, 60), row("c", 30, 50), row("d", 40, math.inf)
 
 
 def test_the_front_has_what_nothing_beats_in_both() -> None:
-    assert pareto.front([D, C, B, A], "psnr_db") == [A, B, D]  # c is slower and worse than b
+    assert fronts.front([D, C, B, A], "psnr_db") == [A, B, D]  # c is slower and worse than b
 
 
 def test_equal_times_leave_only_the_nearer() -> None:
-    assert pareto.front([row("e", 10, 29), A], "psnr_db") == [A]
+    assert fronts.front([row("e", 10, 29), A], "psnr_db") == [A]
 
 
 def test_what_has_no_number_or_is_not_finite_wins_nothing() -> None:
     nan, broken = row("nan", 1, math.nan), row("broken", 1, 200, non_finite=3)
-    assert pareto.front([nan, broken, A], "psnr_db") == [A]
-    assert pareto.fastest([nan, broken, A], "psnr_db", 20) is A
+    assert fronts.front([nan, broken, A], "psnr_db") == [A]
+    assert fronts.reaching([nan, broken, A], "psnr_db", 20) == [A]
 
 
 @pytest.mark.parametrize(("level", "winner"), [(40, "b"), (50, "b"), (60, "b"), (61, "d"), (80, "d")])
 def test_the_fastest_reaches_the_level(level: int, winner: str) -> None:
-    best = pareto.fastest([A, B, C, D], "psnr_db", level)
-    assert best is not None and best["phase"] == winner
-
-
-def test_a_level_that_nothing_reaches_is_said() -> None:
-    made = [w for w in pareto.winners([A, B]) if w["level_db"] == 80]
-    assert [w["best"] for w in made] == [None]
-    assert pareto.sentence(made[0]) == "scene0, 80 dB to the paper's shadow: no program reaches it"
-
-
-def test_the_sentence_names_pace_interval_and_parameters() -> None:
-    other = row("opt4", 5, 61, own_parameters=False, hit_distance=1e-4, max_steps=64)
-    winner = next(w for w in pareto.winners([other]) if w["level_db"] == 60)
-    said = pareto.sentence(winner)
-    assert said == (
-        "scene0, 60 dB to the paper's shadow: opt4 is the fastest, 5 [4.5, 5.5] ns/pixel "
-        "(hit distance 0.0001, 64 steps; 61.0 dB)"
-    )
-
-
-def test_every_sentence_names_the_size() -> None:
-    rows = [row("opt4", 5, 61, n=90)]
-    winners = pareto.winners(rows)
-    assert all(" at n = 90: " in pareto.sentence(winner) for winner in winners)
-    assert all(" at n = 90 " in said for said in pareto.summary(winners, rows))
+    assert fronts.reaching([A, B, C, D], "psnr_db", level)[0].phase == winner
 
 
 def test_the_grid_is_full_for_switches_too_and_has_the_scenes_own_parameters() -> None:
@@ -94,11 +55,8 @@ def test_the_grid_is_full_for_switches_too_and_has_the_scenes_own_parameters() -
         assert sorted(mine) == [(1e-6, 64), (1e-6, 3000), (1e-3, 64), (1e-3, 3000)]
 
 
-def test_every_scene_and_the_whole_ladder_are_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
-    from study.experiments.pareto import command
-
-    monkeypatch.setattr(sys, "argv", ["stepwise pareto"])
-    args = command.arguments()
+def test_every_scene_and_the_whole_ladder_are_the_default() -> None:
+    args = commands.parser_for("pareto", command).parse_args([])
     assert args.scene == sorted(path.stem for path in (ROOT / "common" / "scenes").glob("*.json"))
     rungs = [p.parent.name for p in ROOT.glob("phases/*/phase.json")]
     assert set(rungs) <= set(args.phase) and {"opt4+rsqrt", "opt4+rsqrt_newton"} <= set(args.phase)
@@ -118,11 +76,11 @@ def test_only_what_a_nearer_point_undercuts_twice_by_every_measure_is_left_out()
         best: row("best", 0, 61, psnr_ideal_db=39, false_ppm=9.0, dt_p99=1e-2),  # nearest by one measure
         hits: row("hits", 0, 20, psnr_ideal_db=20, false_ppm=0.0, dt_p99=1e-2),  # and by another
         edge: row("edge", 0, 50, psnr_ideal_db=40, false_ppm=5.0, dt_p99=1e-3),  # just within twice
-        ruined: row("ruined", 0, None, psnr_ideal_db=None, false_ppm=0.0, dt_p99=0.0, non_finite=1),
+        ruined: row("ruined", 0, math.nan, false_ppm=0.0, dt_p99=0.0, non_finite=1),
     }
     times = dict(zip(mine, [10.0, 21.0, 90.0, 90.0, 19.9, 1.0], strict=True))
     out = measuring.beaten(found, times)
-    assert out == {far: dict.fromkeys(pareto.MEASURES, near), ruined: {}}
+    assert out == {far: dict.fromkeys(fronts.MEASURES, near), ruined: {}}
 
 
 def test_a_measure_without_a_figure_keeps_nobody_in_and_beats_nobody() -> None:
@@ -135,36 +93,10 @@ def test_a_measure_without_a_figure_keeps_nobody_in_and_beats_nobody() -> None:
     assert measuring.beaten(found, dict(zip(mine, [1.0, 3.0, 3.0], strict=True))) == {far: {"psnr_db": near}}
 
 
-def test_a_point_launched_once_wins_nothing_and_is_said() -> None:
-    by = {"psnr_db": "b at 1e-06, 3000 steps"}
-    once = row(
-        "once", 1, 90, beaten_by=by, ns_per_pixel={"value": 1, "low": None, "high": None, "launches": 1}
-    )
-    rows = [A, B, once]
-    assert pareto.front(rows, "psnr_db") == [A, B]
-    assert pareto.fastest(rows, "psnr_db", 80) is None
-    assert pareto.rivals(rows, "psnr_db", 60) == []
-    assert pareto.left_out(rows).startswith("1 of 3 points are faint: they were launched once only")
-    assert pareto.left_out([A, B]) == "Every point was timed in full."
-    assert pareto_page._timed(once) == "once: beaten by b at 1e-06, 3000 steps"
-
-
 def test_fewer_wrong_hits_are_nearer() -> None:
     rows = [row("a", 10, 0, false_ppm=9.0), row("b", 20, 0, false_ppm=0.0), row("c", 30, 0, false_ppm=1.0)]
-    assert pareto.front(rows, "false_ppm") == rows[:2]
-    assert pareto.front([A, B], "false_ppm") == []  # no figure, no front
-
-
-def test_the_summary_names_every_scene_of_a_level_once() -> None:
-    rows = [row("opt3", 20, 70), row("opt4", 1000, 61, scene="trio"), row("opt5", 1010, 61, scene="trio")]
-    rows += [row("opt4", 5, 55), row("opt4", 7, 30, scene="cubes")]
-    said = pareto.summary(pareto.winners(rows), rows)
-    assert said[2] == (
-        "At 60 dB to the paper's shadow the fastest is: opt3 on scene0 (20 ns/pixel); opt4 or opt5 on "
-        "trio (1,000 ns/pixel); nothing reaches it on cubes."
-    )
-    assert said[3] == "Nothing reaches 80 dB to the paper's shadow on scene0, trio, cubes."
-    assert said[1].count("opt4 on scene0 (5 ns/pixel)") == 1 and len(said) == len(pareto.LEVELS)
+    assert fronts.front(rows, "false_ppm") == rows[:2]
+    assert fronts.front([A, B], "false_ppm") == []  # no figure, no front
 
 
 @pytest.mark.slow
@@ -178,21 +110,21 @@ def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_count
     grid = measuring.grid(scene, specs, [1e-1], [2])
     rows, skipped = measuring.study_scene(scene, grid, (24, 24), 6, 1, run.FASTEST, tmp_path)
     assert not skipped and len(rows) == 4 * len(specs)
-    assert {r["threads"] for r in rows} == {1}
-    own = [r for r in rows if r["own_parameters"]]
-    assert len(own) == len(specs) and all(r["beaten_by"] is None for r in own)
+    assert {r.threads for r in rows} == {1}
+    own = [r for r in rows if r.own_parameters]
+    assert len(own) == len(specs) and all(r.beaten_by is None for r in own)
     for r in rows:
-        assert r["ns_per_pixel"].launches == (6 if pareto.timed(r) else 1)
-        assert r["false_ppm"] == r["false_hits_ppm"] + r["false_misses_ppm"]
-        if pareto.timed(r) and r["evals_per_pixel"]:
-            assert r["ns_per_eval"] * r["evals_per_pixel"] == pytest.approx(r["ns_per_pixel"].value)
-        elif pareto.timed(r):  # by closed forms, without a single distance
-            assert r["ns_per_eval"] is None and registry.find_phase(r["phase"]).exact_hits
-    twins = {(r["hit_distance"], r["max_steps"]): r["psnr_db"] for r in rows if r["phase"] == "baseline"}
+        assert r.ns_per_pixel.launches == (6 if r.timed else 1)
+        assert r.false_ppm == r.false_hits_ppm + r.false_misses_ppm
+        if r.timed and r.evals_per_pixel > 0:
+            assert r.ns_per_eval * r.evals_per_pixel == pytest.approx(r.ns_per_pixel.value)
+        elif r.timed:  # by closed forms, without a single distance
+            assert math.isnan(r.ns_per_eval) and registry.find_phase(r.phase).exact_hits
+    twins = {(r.hit_distance, r.max_steps): r.psnr_db for r in rows if r.phase == "baseline"}
     assert len(set(twins.values())) > 1  # the parameters reach the picture
     for r in rows:
-        if r["phase"] == "opt1":
-            assert r["psnr_db"] == twins[r["hit_distance"], r["max_steps"]]
+        if r.phase == "opt1":
+            assert r.psnr_db == twins[r.hit_distance, r.max_steps]
 
 
 @pytest.mark.slow
@@ -252,9 +184,7 @@ def test_a_short_frame_is_timed_behind_a_warm_one(monkeypatch: pytest.MonkeyPatc
     assert sorted(asked) == [0, 1]
 
 
-def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    from study.experiments.pareto import command
-
+def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
     def fake(frames, scenes, counts, pair, launches):
@@ -269,8 +199,7 @@ def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch, c
         (["--budget", "1"], (32, 16)),
         (["-n", "77", "--antialias-n", "9"], (77, 9)),
     ):
-        monkeypatch.setattr(sys, "argv", ["stepwise pareto", *more])
-        args = command.arguments()
+        args = commands.parser_for("pareto", command).parse_args(more)
         assert command.heights(args, [Spec.parse("opt4")], [registry.find_scene("scene0")]) == wanted
 
 
@@ -288,31 +217,18 @@ def test_an_estimate_grows_with_points_and_with_pixels() -> None:
 
 
 def test_the_papers_point_is_our_baseline_over_its_own_speedup() -> None:
-    there = pareto_page.paper_point("scene0", [row("baseline", 19600, None)])
+    there = tables.paper_point("scene0", [row("baseline", 19600, math.nan)])
     assert there == (pytest.approx(1000), pytest.approx(30.1))
-    assert pareto_page.paper_point("trio", [row("baseline", 19600, None)]) is None
+    assert tables.paper_point("trio", [row("baseline", 19600, math.nan)]) is None
 
 
-def test_the_figure_is_drawn_from_rows_alone(tmp_path) -> None:
-    rows = [row("baseline", 4000, 60), row("opt4", 100, 55), row("opt4+rsqrt", 99, 30)]
-    rows.append(row("opt4", 80, 44, own_parameters=False, hit_distance=1e-3))
-    with matplotlib.rc_context(STYLE):
-        made = save(pareto_page.figure(rows), tmp_path / "pareto", "note")
-    text = made[0].read_text()
-    assert "opt4" in text and all(path.stat().st_size > 1000 for path in made)
-
-
-def test_a_null_of_a_broken_picture_is_nan_and_drawn_nowhere() -> None:
-    broken, same = row("broken", 1, None, non_finite=3), row("same", 1, None)
-    assert math.isnan(pareto.level_of(broken, "psnr_db"))
-    assert pareto.level_of(same, "psnr_db") == math.inf
-    text = pareto_page._decibels("psnr_db")
-    assert (text(broken), text(same), text(row("nan", 1, math.nan, non_finite=1))) == (
-        "not finite",
-        "∞",
-        "not finite",
-    )
-    figure = pareto_page.figure([row("baseline", 9, 50), row("opt4", 1, None, non_finite=3)])
+def test_a_null_of_a_broken_picture_is_nan_and_drawn_nowhere(tmp_path: Path) -> None:
+    broken, same = row("broken", 1, math.nan, non_finite=3), row("same", 1, math.inf)
+    store.write_json(tmp_path / "pareto.json", cli.plain(Pareto(schema=1, rows=[broken, same])))
+    again = Pareto.load(tmp_path / "pareto.json").rows
+    assert math.isnan(again[0].psnr_db) and again[1].psnr_db == math.inf
+    assert [tables._decibels(one, "psnr_db") for one in again] == ["not finite", "∞"]
+    figure = tables.figure([row("baseline", 9, 50), broken])
     drawn = [tuple(p) for axes in figure.axes for c in axes.collections for p in c.get_offsets()]
     assert (9, 50) in drawn and all(x != 1 for x, _ in drawn)
 
@@ -321,41 +237,16 @@ def test_a_phase_that_draws_the_ideal_shadow_has_a_second_mark() -> None:
     rows = [row("opt10_scene", 14, 96, psnr_ideal_db=45.8), row("opt11_ideal", 11, 45.0, psnr_ideal_db=99.0)]
 
     def drawn(measure: str) -> set[tuple[float, float]]:
-        figure = pareto_page.figure(rows, measure)
+        figure = tables.figure(rows, measure)
         return {tuple(at) for axes in figure.axes for c in axes.collections for at in c.get_offsets()}
 
     assert {(14, 96), (11, 45), (11, 99)} <= drawn("psnr_db") and (14, 45.8) not in drawn("psnr_db")
     assert {(14, 45.8), (11, 99)} <= drawn("psnr_ideal_db") and (11, 45) not in drawn("psnr_ideal_db")
 
 
-def test_eleven_rungs_and_eight_scenes_can_be_told_apart() -> None:
-    names = [f"opt{i}" for i in range(11)]
-    scenes = [f"s{i}" for i in range(8)]
-    rows = [row(n, 10 + i, 50 + i, scene=s) for s in scenes for i, n in enumerate([*names, "opt4+rsqrt"])]
-    made = pareto_page.figure(rows)
-    assert [a.get_title() for a in made.axes if a.axison] == scenes
-    shown = dict(zip(*made.axes[0].get_legend_handles_labels()[::-1], strict=True))
-    assert {*names, "opt4 with an approximated root"} <= set(shown)
-    looks = {
-        (tuple(shown[n].get_facecolor()[0][:3]), shown[n].get_paths()[0].vertices.tobytes()) for n in names
-    }
-    assert len(looks) == len(names)
-
-
-@pytest.mark.parametrize("scenes", [["scene0"], ["scene0", "mandelbulb"]], ids=len)
-def test_the_title_is_not_in_the_legend(tmp_path: Path, scenes: list[str]) -> None:
-    with matplotlib.rc_context(STYLE):
-        rows = [row("baseline", 9, 50) | {"scene": scene} for scene in scenes]
-        made = pareto_page.figure(rows)
-        save(made, tmp_path / "pareto", "note")
-        made.canvas.draw()  # the forms have dots of other sizes
-        title, legend = made._suptitle.get_window_extent(), made.legends[0].get_window_extent()
-    assert not title.overlaps(legend), f"{title}, {legend}"
-
-
 def test_a_point_launched_once_is_drawn_faint_and_off_the_front() -> None:
     once = row("opt3", 5, 70, beaten_by={"psnr_db": "opt4"}, own_parameters=False)
-    figure = pareto_page.figure([row("opt4", 1, 75), once])
+    figure = tables.figure([row("opt4", 1, 75), once])
     (faint,) = [c for c in figure.axes[0].collections if (5, 70) in map(tuple, c.get_offsets())]
     assert faint.get_alpha() < 0.5
     assert [list(line.get_xdata()) for line in figure.axes[0].lines if len(line.get_xdata())] == [[1]]
@@ -363,125 +254,82 @@ def test_a_point_launched_once_is_drawn_faint_and_off_the_front() -> None:
 
 def test_up_is_nearer_whatever_the_measure() -> None:
     rows = [row("a", 1, 50, false_ppm=0.0, dt_p99=1e-3), row("b", 2, 60, false_ppm=70.0, dt_p99=0.0)]
-    for measure in pareto_page.FIGURES:
+    for measure in tables.FIGURES:
         if measure == "psnr_ideal_db":
             continue
-        axes = pareto_page.figure(rows, measure).axes[0]
-        best = min(rows, key=lambda r: pareto.badness(r, measure))
-        spots = {r["phase"]: axes.transData.transform((1, pareto_page.drawn_at(r, measure)))[1] for r in rows}
-        assert max(spots, key=spots.get) == best["phase"], measure
+        axes = tables.figure(rows, measure).axes[0]
+        best = min(rows, key=lambda r: r.badness(measure))
+        spots = {r.phase: axes.transData.transform((1, tables.drawn_at(r, measure)))[1] for r in rows}
+        assert max(spots, key=spots.get) == best.phase, measure
+
+
+def test_a_time_per_evaluation_stands_only_where_evaluations_are_the_work() -> None:
+    """A program with closed forms has a 1 for each camera ray, and evaluations for some of its rays only."""
+    columns = {column.name: column.text for column in tables.POINTS}
+    names = ("evaluations per camera ray", "per pixel, all rays and normals", "ns per evaluation")
+
+    def shown(phase: str, ray: float, pixel: float, ns: float) -> list[str]:
+        made = row(phase, 1, 50, evals_per_ray=ray, evals_per_pixel=pixel, ns_per_eval=ns)
+        return [columns[name](made) for name in names]
+
+    assert shown("opt4", 50, 60, 3) == shown("opt4+rsqrt", 50, 60, 3) == ["50.0", "60.0", "3.00"]
+    assert shown("opt9_convex", 1, 2, 9) == ["–", "2.00", "–"]
+    assert shown("opt9_convex", 1, 1e-6, 9) == ["–", "–", "–"]
+
+
+def test_a_point_launched_once_wins_nothing() -> None:
+    once = row("once", 1, 90, beaten_by={"psnr_db": "b at 1e-06, 3000 steps"})
+    rows = [A, B, once]
+    assert fronts.front(rows, "psnr_db") == [A, B] and not fronts.reaching(rows, "psnr_db", 80)
+    assert fronts.left_out(rows).startswith("1 of 3") and tables._timed(once).endswith("3000 steps")
 
 
 def test_who_overlaps_the_fastest_is_named() -> None:
+    few = Interval(value=31, low=None, high=None, launches=2, sufficient=False)
     rows = [row("b", 20, 60), row("c", 24, 60), row("d", 30, 60), row("b", 21, 60, own_parameters=False)]
-    winner = next(w for w in pareto.winners([*rows, row("low", 20, 30)]) if w["level_db"] == 60)
-    assert winner["best"] is rows[0]  # [18, 22]: c has [21.6, 26.4], d [27, 33], low is too far off
-    assert winner["not_told_apart_from"] == ["c", "b by other parameters"]
-    assert pareto.sentence(winner).endswith("60.0 dB); not told apart from c, b by other parameters")
+    rows += [row("low", 20, 30), row("e", 31, 60, ns_per_pixel=few)]
+    winner = next(w for w in fronts.winners(rows) if w.level_db == 60)
+    assert winner.best is rows[0]  # [18, 22]: c has [21.6, 26.4], d [27, 33], low is too far off
+    assert winner.not_told_apart_from == ["b by other parameters", "c", "e"]
+    assert fronts.rivals(rows[-1:]) == []  # without an interval nothing is told apart
 
 
-@pytest.mark.parametrize("nothing", [None, math.nan])
-def test_too_few_launches_are_said(nothing: float | None) -> None:
-    few = {"value": 5, "low": nothing, "high": nothing}
-    rows = [row("opt4", 5, 61, ns_per_pixel=few), row("opt3", 6, 61, ns_per_pixel=few)]
-    winner = next(w for w in pareto.winners(rows) if w["level_db"] == 60)
-    said = pareto.sentence(winner)
-    assert "insufficient launches" in said and "[" not in said and "apart from" not in said
-    lone = [row("opt4", 5, 61), rows[1]]
-    assert pareto.rivals(lone, "psnr_db", 60) == ["opt3"]  # without an interval nobody is told apart
+def test_the_summary_names_every_scene_of_a_level_once() -> None:
+    rows = [row("opt3", 20, 70), row("opt4", 1000, 61, scene="trio"), row("opt5", 1010, 61, scene="trio")]
+    rows += [row("opt4", 5, 55), row("opt4", 7, 30, scene="cubes")]
+    said = fronts.summary(fronts.winners(rows), rows)
+    assert len(said) == len(fronts.LEVELS) and said[1].count("opt4 on scene0 (5 ns/pixel)") == 1
+    assert all(part in said[2] for part in ("opt3 on scene0", "opt4 or opt5 on trio", "on cubes"))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("value", ["inf", "nan", "0", "-1", "9e-10", "1.1e9", "near"])
-def test_a_hit_distance_that_no_loader_takes_is_an_argument_error(value: str) -> None:
-    done = started.run([sys.executable, *SCRIPT, f"--hit-distance={value}"])
-    assert done.returncode == cli.BAD_INPUT and "must be a length of 1e-9 to 1e9" in done.stderr
-
-
-@pytest.mark.slow
-def test_a_folder_that_cannot_be_written_to_is_said_at_once(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    for name in ("pareto", "toolchains", "stability", "functions"):
-        command = [sys.executable, SCRIPT[0], name, "--run", tmp_path / "file" / "run"]
-        # Measuring all of these takes minutes: only a check before it ends in time.
-        done = started.run(command, timeout=20)
-        assert done.returncode == cli.BAD_INPUT and "cannot be written to" in done.stderr, name
+def pareto(*words: str) -> cli.Outcome:
+    return commands.called("pareto", ["--phase", "opt1", "-n", "16", *words])[0]
 
 
 def test_no_row_at_all_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from study.experiments.pareto import command
-
-    refused = [{"phase": "opt1", "scene": "scene0", "reason": "refused"}]
+    refused = [Skipped(phase="opt1", scene="scene0", reason="refused")]
     monkeypatch.setattr(measuring, "study_scene", lambda *_: ([], refused))
-    argv = ["stepwise pareto", "--phase", "opt1", "--scene", "scene0", "-n", "16", "--run", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", argv)
-    with pytest.raises(cli.StudyError, match="nothing was measured") as caught:
-        command.main()
+    with pytest.raises(cli.StudyError, match="refused") as caught:
+        pareto("--scene", "scene0", "--run", str(tmp_path))
     assert caught.value.exit_status == cli.BAD_INPUT and not list(tmp_path.iterdir())
 
 
 def test_a_killed_run_leaves_the_scenes_that_were_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from study.experiments.pareto import command
-
     def study_scene(scene, *_):
         if scene.name == "trio":
             raise KeyboardInterrupt
-        pace = {"value": 5.0, "low": 4.0, "high": 6.0, "launches": 6, "sufficient": True}
-        return [row("opt4", 5, 61, n=16, scene=scene.name, ns_per_pixel=pace)], []
+        rows = [row("opt4", 500, 61, scene=scene.name), row("opt5", 505, 61, scene=scene.name)]
+        return [*rows, row("opt4", 900, 20, scene=scene.name, beaten_by={"psnr_db": "x"})], []
 
     monkeypatch.setattr(measuring, "study_scene", study_scene)
-    words = ["stepwise pareto", "--scene", "scene0", "trio", "cubes", "-n", "16", "--phase", "baseline"]
-    monkeypatch.setattr(sys, "argv", [*words, "--run", str(tmp_path)])
     with pytest.raises(KeyboardInterrupt):
-        command.main()
-    kept = pareto.read(tmp_path / pareto.FILE)
-    assert [r["scene"] for r in kept["rows"]] == ["scene0"] and kept["unfinished"] == ["trio", "cubes"]
-    assert len(kept["winners"]) == len(kept["sentences"]) > 0
-    assert "The run ended before trio, cubes." in pareto_page.note(kept)
-    assert "ended before" not in pareto_page.note(kept | {"unfinished": []})
-
-
-def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
-
-    once = row("opt4", 900, 20, own_parameters=False, beaten_by={"psnr_db": "opt4 at 0.5, 9 steps"})
-    rows = [row("opt4", 500, 61), row("opt5", 505, 61), once]
-    for each in rows:
-        each |= {"evals_per_ray": 50.0, "ns_per_eval": 10.0, "false_hits_ppm": 0.0, "false_misses_ppm": 0.0}
-    result = {"n": 90, "antialias_n": 45, "launches": 6, "rows": rows, "skipped": []}
-    result["winners"] = pareto.winners(rows)
-    complete.write(tmp_path / "pareto.json", result)
-    (tmp_path / "figures").mkdir()
-    (tmp_path / "figures" / "pareto.png").write_bytes(b"")
-    found = pareto_chapter.headline(tmp_path)
-    text = " ".join(cell for one in found.parts for line in one.table.cells for cell, _ in line)
-    assert "opt4 500.0 [450.0,\u00a0550.0]; or opt5" in text and "none" in text
-    assert "once: beaten by opt4 at 0.5, 9 steps" in text
-    assert "At 60 dB to the paper's shadow the fastest is: opt4 or opt5 on" in found.parts[0].foot
-    note = found.drawn["pareto"].note
-    assert "1 of 3 points are faint: they were launched once only" in note
-    assert "one thread, also of phases that could use more" in note
-    assert (
-        "at 50 dB or more" in found.answer and "opt4 (500 [450, 550] ns per pixel, 61.0 dB)" in found.answer
-    )
-
-
-def test_the_note_says_how_the_mandelbulb_is_judged() -> None:
-    said = pareto_page.note({"n": 90, "launches": 6})
-    assert "ground truth is converged, not proved" in said and "4×4 means at n = 90" in said
-
-
-def test_a_time_per_evaluation_stands_only_where_evaluations_are_the_work():
-    """A program with closed forms has a 1 for each camera ray, and evaluations for some of its rays only."""
-    columns = {column.name: column.text for column in pareto_page.POINTS}
-    names = ("evaluations per camera ray", "per pixel, all rays and normals", "ns per evaluation")
-
-    def shown(phase: str, **counts: float) -> list[str]:
-        row = {"phase": phase, "evals_per_ray": 50.0, "evals_per_pixel": 60.0, "ns_per_eval": 3.0} | counts
-        return [columns[name](row) for name in names]
-
-    assert shown("opt4") == shown("opt4+rsqrt") == ["50.0", "60.0", "3.00"]
-    closed = {"evals_per_ray": 1.0, "evals_per_pixel": 2.0, "ns_per_eval": 9.0}
-    assert shown("opt9_convex", **closed) == ["–", "2.00", "–"]
-    assert shown("opt9_convex", **closed | {"evals_per_pixel": 1e-6}) == ["–", "–", "–"]
+        pareto("--scene", "scene0", "trio", "cubes", "--run", str(tmp_path))
+    kept = Pareto.load(tmp_path / "pareto.json")
+    assert {r.scene for r in kept.rows} == {"scene0"} and kept.unfinished == ["trio", "cubes"]
+    found = chapter.headline(tmp_path)
+    cells = [cell for one in found.parts for line in one.table.cells for cell, _ in line]
+    assert "opt4 500.0 [450.0,\u00a0550.0]; or opt5" in cells and "none" in cells
+    assert "trio, cubes" in found.drawn["pareto"].note and "1 of 3" in found.drawn["pareto"].note
+    assert "50 dB" in found.answer and "(500 [450, 550] ns per pixel, 61.0 dB)" in found.answer

@@ -134,4 +134,4 @@ def test_nothing_that_reads_a_run_takes_a_shard_for_the_whole(tmp_path) -> None:
     shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "run")
     (tmp_path / "run" / "accuracy.json").unlink(missing_ok=True)
     (tmp_path / "run" / "accuracy.shard-1-of-2.json").write_text('{"rows": [1]}')
-    assert accuracy.read(tmp_path / "run")["rows"] == []
+    assert accuracy.rows(tmp_path / "run") == []

@@ -9,9 +9,8 @@ from typing import Any
 
 import pandas as pd
 
-from study.experiments.pareto import fronts as pareto
-from study.experiments.pareto import tables
-from study.experiments.pareto.fronts import Row
+from study.experiments.pareto import fronts, tables
+from study.experiments.pareto.schema import TRUTHS, Row
 from study.pictures.draw import look, shape
 
 
@@ -28,15 +27,15 @@ def _digits(value: float | None) -> float | None:
 def _point(row: Row, scenes: list[str], phases: list[str], measures: list[str]) -> list[Any]:
     """Scene, phase, ns/pixel, its interval or null, hit distance, step cap, whether by the scene's own
     parameters, whether launched once, then an error a measure."""
-    low, high = pareto.ends_of(row) or (None, None)
+    low, high = row.ends or (None, None)
     return [
-        scenes.index(row["scene"]),
-        phases.index(row["phase"]),
-        *map(_digits, (pareto.pace_of(row), low, high)),
-        row["hit_distance"],
-        row["max_steps"],
-        int(row["own_parameters"]),
-        int(not pareto.timed(row)),
+        scenes.index(row.scene),
+        phases.index(row.phase),
+        *map(_digits, (row.pace, low, high)),
+        row.hit_distance,
+        row.max_steps,
+        int(row.own_parameters),
+        int(not row.timed),
         *(_height(row, measure) for measure in measures),
     ]
 
@@ -53,16 +52,16 @@ def looks(phases: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 def points(rows: Sequence[Row]) -> dict[str, Any]:
     """All that the chart needs: names, looks, and an array a point."""
-    scenes, phases = (list(dict.fromkeys(row[key] for row in rows)) for key in ("scene", "phase"))
+    scenes, phases = (list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("scene", "phase"))
     measures = []
-    for name in pareto.MEASURES:
+    for name in fronts.MEASURES:
         if any(_height(row, name) is not None for row in rows):
             measures.append(name)
     about = []
     for name in measures:
-        title, unit = pareto.MEASURES[name]
+        title, unit = fronts.MEASURES[name]
         errors = [error for row in rows if (error := _height(row, name)) is not None and error > 0]
-        decibels = name in pareto.TRUTHS
+        decibels = name in TRUTHS
         about.append({"name": title, "unit": unit, "decibels": decibels})
         about[-1]["least"] = min(errors, default=1.0)
     made = [_point(row, scenes, phases, measures) for row in rows]

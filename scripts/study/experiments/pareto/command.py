@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from collections.abc import Callable
-from pathlib import Path
 
-import matplotlib
-
-from study.core import cli, machine, registry, run, store, temporary
-from study.core.cli import StudyError
+from study.core import cli, registry, run, show, store, temporary
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.experiments import running
-from study.experiments.pareto import fronts as pareto
+from study.experiments.pareto import fronts, tables
 from study.experiments.pareto import measure as measuring
-from study.experiments.pareto import tables as pareto_page
-from study.pictures.draw import STYLE, save
+from study.experiments.pareto.schema import FILE, Pareto
+from study.numbers.schema import Skipped
 
 DESCRIPTION = """\
 Speed against error. Every program draws every hit distance and step cap, and each picture is held against
@@ -28,6 +24,8 @@ its time, by every measure (PSNR to either truth, false hits and misses, |Δt|).
 those of the full timing. With the scene's own parameters every program is timed in full. Launches are in
 random order, on one thread even of phases that could use more. A launch times one frame, behind a warm-up
 frame where that takes under 0.25 s."""
+
+STATUSES = {1: "a picture has samples that are not finite"}
 
 
 def length(text: str) -> float:
@@ -41,9 +39,8 @@ def length(text: str) -> float:
     return value
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
-    add = parser.add_argument
+def options(parser: argparse.ArgumentParser) -> None:
+    add, whole = parser.add_argument, cli.at_least(1)
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
     switches = [name for name in measuring.SWITCHES if name.partition("+")[0] in ladder]
     about = "default: the ladder, and the ablations that switch an approximation"
@@ -51,16 +48,15 @@ def arguments() -> argparse.Namespace:
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: every scene")
     about = "besides the scene's own; default: %(default)s"
     add("--hit-distance", nargs="+", type=length, default=list(measuring.HIT_DISTANCES), help=about)
-    add("--max-steps", nargs="+", type=cli.at_least(1), default=list(measuring.STEPS), help=about)
+    add("--max-steps", nargs="+", type=whole, default=list(measuring.STEPS), help=about)
     sizes = ", ".join(map(str, measuring.HEIGHTS))
     about = f"height in pixels; default: the first of {sizes} that the budget has time for"
-    add("-n", type=cli.at_least(1), metavar="HEIGHT", help=about)
+    add("-n", type=whole, metavar="HEIGHT", help=about)
     about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
-    add("--antialias-n", type=cli.at_least(1), metavar="HEIGHT", help=about)
+    add("--antialias-n", type=whole, metavar="HEIGHT", help=about)
     running.budget(parser, 600)
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     running.options(parser, "pareto.json and figures/", "pareto")
-    return parser.parse_args()
 
 
 def heights(args: argparse.Namespace, specs: list[Spec], scenes: list[Scene]) -> tuple[int, int]:
@@ -76,84 +72,58 @@ def heights(args: argparse.Namespace, specs: list[Spec], scenes: list[Scene]) ->
     return pair
 
 
-def measure(
-    args: argparse.Namespace, specs: list[Spec], scenes: list[Scene], keep: Callable[[dict], None]
-) -> dict:
-    """What pareto.json has of the measurement itself: rows, what was refused, seconds by scene.
-
-    `keep` is given it after each scene, with the scenes that are still to come as `unfinished`.
-    """
+def measured(
+    args: argparse.Namespace, specs: list[Spec], scenes: list[Scene], keep: Callable[[Pareto], None]
+) -> Pareto:
+    """`keep` is given it after each scene, with the scenes that are still to come as `unfinished`."""
     size = heights(args, specs, scenes)
-    rows: list[dict] = []
-    skipped: list[dict] = []
-    seconds = {}
+    result = Pareto(**running.about(args), n=size[0], antialias_n=size[1], rows=[])
     with temporary.folder() as scratch:
         for scene in scenes:
             begun = time.monotonic()
             points = measuring.grid(scene, specs, args.hit_distance, args.max_steps)
             settings = size, args.launches, args.seed, args.cpu
             found, missing = measuring.study_scene(scene, points, *settings, scratch)
-            rows, skipped = rows + found, skipped + missing
-            seconds[scene.name] = round(time.monotonic() - begun, 1)
-            cli.say(f"{scene.name}: {len(found)} points, {seconds[scene.name]:.0f} s")
-            left = [one.name for one in scenes if one.name not in seconds]
-            about = {"n": size[0], "antialias_n": size[1], "seconds": dict(seconds), "unfinished": left}
-            result = about | {"rows": rows, "skipped": skipped}
+            result.rows += found
+            result.skipped += missing
+            result.seconds[scene.name] = round(time.monotonic() - begun, 1)
+            cli.say(f"{scene.name}: {len(found)} points, {result.seconds[scene.name]:.0f} s")
+            result.unfinished = [one.name for one in scenes if one.name not in result.seconds]
+            result.winners = fronts.winners(result.rows)
             keep(result)
     return result
 
 
-def concluded(result: dict) -> dict:
-    """With what its rows support."""
-    rows = result["rows"]
-    winners = pareto.winners(rows)
-    sentences = [pareto.sentence(winner) for winner in winners]
-    return result | {"winners": winners, "sentences": sentences, "summary": pareto.summary(winners, rows)}
-
-
-def figures(result: dict, folder: Path) -> list[Path]:
-    """One figure per measure that any row has."""
-    made = []
-    with matplotlib.rc_context(STYLE):
-        for measure, name in pareto_page.FIGURES.items():
-            rows = [row for row in result["rows"] if not math.isnan(pareto.badness(row, measure))]
-            if rows:
-                note = pareto_page.note(result, measure)
-                made += save(pareto_page.figure(rows, measure), folder / name, note)
-    return made
-
-
-def main() -> int:
-    args = arguments()
+def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     specs = [Spec.parse(name) for name in dict.fromkeys(args.phase)]
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
-    lacking = {spec: registry.missing_isa(spec) for spec in specs}
+    lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
     run.cpu_set(args.cpu, 1)
     able = [spec for spec in specs if not lacking[spec]]
     if not able:
         raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
-    result = {"schema": 1, "launches": args.launches, "seed": args.seed, "cpu": args.cpu}
-    result["context"] = machine.context()
 
-    def keep(found: dict) -> None:
+    def keep(found: Pareto) -> None:
         """A run that is killed leaves the scenes that were done; the page says which were not."""
-        if found["rows"]:
-            store.write_json(folder / pareto.FILE, concluded(result | found))
+        if found.rows:
+            store.write_json(folder / FILE, cli.plain(found))
 
-    result |= measure(args, able, scenes, keep)
-    rows, skipped = result["rows"], result["skipped"]
+    result = measured(args, able, scenes, keep)
     for spec in specs:
-        if what := " ".join(lacking[spec]):
+        if what := lacking[spec]:
             reason = f"this CPU lacks {what}"
-            skipped.append({"phase": str(spec), "scene": "any scene", "reason": reason})
-    if not rows:
-        pareto.say_missing(skipped)
-        raise StudyError("nothing was measured: every point was refused, for the reasons above")
-    result = concluded(result)
-    store.write_json(folder / pareto.FILE, result)
-    drawn = figures(result, folder / "figures")
-    pareto.say_missing(skipped)
-    bad = [row for row in rows if row["non_finite"]]
-    failed = [f"{row['phase']} on {row['scene']} at {row['hit_distance']:g}: not finite" for row in bad]
-    return running.end(args, result, [*result["sentences"], *result["summary"], *drawn], failed)
+            result.skipped.append(Skipped(phase=str(spec), scene="any scene", reason=reason))
+    remarks = dict.fromkeys(f"skipped {s.phase} on {s.scene}: {s.reason}" for s in result.skipped)
+    if not result.rows:
+        raise StudyError("\n".join([*remarks, "nothing was measured: every point was refused"]))
+    keep(result)
+    drawn = running.draw(folder, tables.drawings(result))
+    failed = [
+        f"{row.phase} on {row.scene} at {row.hit_distance:g}: not finite"
+        for row in result.rows
+        if row.non_finite
+    ]
+    table = show.markdown(show.table(result.winners, tables.WINNERS))
+    lines = [table, *fronts.summary(result.winners, result.rows), *drawn]
+    return Outcome(result, lines, folder, list(remarks), failed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.pareto import chapter
+from study.experiments.pareto import chapter, command
 from study.experiments.pareto.schema import SCHEMAS
 
 QUICK = ["-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
@@ -26,5 +26,6 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     cut="One scene and three phases at height 64, two hit distances, one step limit.",
+    command=command,
     sections=[(120, lambda data: chapter.headline(data.path))],
 )

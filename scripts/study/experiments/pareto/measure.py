@@ -20,10 +20,12 @@ import numpy as np
 
 from study.bounds import work
 from study.core import progress, run
-from study.core.registry import Scene, Spec
+from study.core.registry import BASE, Scene, Spec
 from study.core.run import DriverError
-from study.experiments.pareto.fronts import BASE, FACTOR, MEASURES, TRUTHS, WITHIN, Row, badness
+from study.experiments.pareto.fronts import FACTOR, MEASURES, WITHIN
+from study.experiments.pareto.schema import TRUTHS, Row
 from study.numbers import stats
+from study.numbers.schema import Interval, Skipped
 from study.pictures import images
 from study.truth import judging, truth
 
@@ -79,7 +81,7 @@ def grid(
 
 
 def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folder: Path) -> Row:
-    """Errors of the point's picture against truth's, and the evaluations of its camera rays.
+    """The point's row without its time: errors to truth's picture, and the evaluations of its camera rays.
 
     Fractals: `exact` is converged only, so PSNR is that of 4 × 4 averaged pictures of `height`, and hits are
     not judged. Raises DriverError.
@@ -92,18 +94,26 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
     )
     made = images.read(out)
     out.unlink()
-    found: Row = {
-        "threads": said["threads"],
-        "evals_per_ray": float(np.mean(made["evals"], dtype=np.float64)),
-        "non_finite": images.non_finite(made),
-    }
     metrics = judging.metrics(exact, made, fractal=scene.fractal)
-    if scene.fractal:
-        found |= {name: metrics["antialiased"][name] for name in TRUTHS}
-        return found | {"depth_agree_fraction": metrics["depth_agree_fraction"]}
     names = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", *TRUTHS)
-    found |= {name: metrics[name] for name in names}
-    return found | {"false_ppm": found["false_hits_ppm"] + found["false_misses_ppm"]}
+    found = {name: metrics[name] for name in names}
+    if scene.fractal:
+        found = {name: metrics["antialiased"][name] for name in TRUTHS}
+        found["depth_agree_fraction"] = metrics["depth_agree_fraction"]
+    else:
+        found["false_ppm"] = found["false_hits_ppm"] + found["false_misses_ppm"]
+    return Row(
+        scene=scene.name,
+        phase=str(point.spec),
+        **point.march,
+        own_parameters=(point.hit_distance, point.max_steps) == own(scene),
+        converged_only=scene.fractal,
+        ns_per_pixel=Interval.of(stats.median_interval([])),
+        threads=said["threads"],
+        evals_per_ray=float(np.mean(made["evals"], dtype=np.float64)),
+        non_finite=images.non_finite(made),
+        **found,
+    )
 
 
 def evaluations(point: Point, scene: Scene, height: int) -> float | None:
@@ -124,7 +134,7 @@ def evaluations(point: Point, scene: Scene, height: int) -> float | None:
 
 def judge(
     points: Sequence[Point], scene: Scene, height: int, folder: Path
-) -> tuple[dict[Point, Row], list[Row]]:
+) -> tuple[dict[Point, Row], list[Skipped]]:
     """Errors of every point, on every core; and what was refused, with its reason."""
     factor = FACTOR if scene.fractal else 1
     width, _ = scene.size(height)
@@ -140,7 +150,7 @@ def judge(
         about = progress.each(pool.map(one, points), f"errors {scene.name}", len(points))
         made = dict(zip(points, about, strict=True))
     skipped = [
-        {"phase": str(point.spec), "scene": scene.name, "reason": error.message}
+        Skipped(phase=str(point.spec), scene=scene.name, reason=error.message)
         for point, error in made.items()
         if isinstance(error, DriverError)
     ]
@@ -187,7 +197,7 @@ def beaten(found: Mapping[Point, Row], once: Mapping[Point, float]) -> dict[Poin
     must be so by every measure that has a figure; a picture that is not finite, or without any figure, is on
     no front and needs nobody.
     """
-    bad = {m: {p: badness(row, m) for p, row in found.items()} for m in MEASURES}
+    bad = {m: {p: row.badness(m) for p, row in found.items()} for m in MEASURES}
     out = {}
     for point in found:
         by: dict[str, Point] = {}
@@ -211,7 +221,7 @@ def study_scene(
     seed: int,
     cpu: int,
     folder: Path,
-) -> tuple[list[Row], list[Row]]:
+) -> tuple[list[Row], list[Skipped]]:
     """Rows of a scene, and what could not be had with its reason. `heights`: timed; of averaged fractals."""
     height = heights[0]
     found, skipped = judge(points, scene, heights[1] if scene.fractal else height, folder)
@@ -226,20 +236,15 @@ def study_scene(
     base = times.get(Point(scene.name, Spec.parse(BASE), *own(scene)))
     width, _ = scene.size(height)
     pixels = width * height
-    return [
-        {
-            **{"scene": scene.name, "phase": str(point.spec), "n": height, **point.march},
-            "own_parameters": (point.hit_distance, point.max_steps) == own(scene),
-            "converged_only": scene.fractal,
-            "beaten_by": None if point in chosen else {m: str(by) for m, by in out[point].items()},
-            "ns_per_pixel": (pace := stats.median_interval([ns / pixels for ns in times[point]])),
-            "speedup": stats.ratio_interval(base, times[point]) if base else None,
-            **metrics,
-            "evals_per_pixel": (evals := counted.get(point)),
-            "ns_per_eval": pace.value / evals if evals else None,
-        }
-        for point, metrics in found.items()
-    ], skipped
+    for point, row in found.items():
+        pace = stats.median_interval([ns / pixels for ns in times[point]])
+        evals = counted.get(point)
+        row.n, row.ns_per_pixel = height, Interval.of(pace)
+        row.speedup = Interval.of(stats.ratio_interval(base, times[point])) if base else None
+        row.beaten_by = None if point in chosen else {m: str(by) for m, by in out[point].items()}
+        row.evals_per_pixel = math.nan if evals is None else evals
+        row.ns_per_eval = pace.value / evals if evals else math.nan
+    return list(found.values()), skipped
 
 
 def trial(specs: Sequence[Spec], scenes: Sequence[Scene]) -> dict[tuple[Spec, str], float]:

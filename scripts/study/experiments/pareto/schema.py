@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+import math
+from typing import Annotated, Any, ClassVar
 
-from study.core.schema import ABSENT, Absent, Record, key
+import msgspec
+
+from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured, Skipped
+
+TRUTHS = {"psnr_db": "the paper's shadow", "psnr_ideal_db": "the ideal shadow"}
 
 
 class Row(Record, kw_only=True):
@@ -13,39 +18,65 @@ class Row(Record, kw_only=True):
 
     scene: Annotated[str, key("", "its name")]
     phase: Annotated[str, key("", "with its switch: opt4+rsqrt")]
-    n: Annotated[int | Absent, key("pixels", "height of the timed picture")] = ABSENT
+    n: Annotated[int | None, key("pixels", "height of the timed picture")] = None
     hit_distance: Annotated[float, key("scene units", "as used")]
     max_steps: Annotated[int, key("evaluations", "as used")]
-    own_parameters: Annotated[bool | Absent, key("", "whether both are the scene's own")] = ABSENT
-    converged_only: Annotated[bool | Absent, key("", "a fractal: its hits are not judged")] = ABSENT
+    own_parameters: Annotated[bool, key("", "whether both are the scene's own")] = False
+    converged_only: Annotated[bool, key("", "a fractal: its hits are not judged")] = False
     beaten_by: Annotated[
-        dict[str, str] | Absent | None, key("", "null: timed in full; else measure → the point that beats it")
-    ] = ABSENT
+        dict[str, str] | None, key("", "null: timed in full; else measure → the point that beats it")
+    ] = None
     ns_per_pixel: Annotated[Interval, key("ns", "one launch has no interval")]
-    speedup: Annotated[
-        Interval | Absent | None, key("×", "over baseline with the scene's own parameters")
-    ] = ABSENT
-    threads: Annotated[int | Absent, key("threads", "as the driver said")] = ABSENT
+    speedup: Annotated[Interval | None, key("×", "over baseline with the scene's own parameters")] = None
+    threads: Annotated[int | None, key("threads", "as the driver said")] = None
     evals_per_ray: Annotated[
-        float | Absent | None, key("evaluations", "of the whole scene's distance, mean over camera rays")
-    ] = ABSENT
+        float, key("evaluations", "of the whole scene's distance, mean over camera rays")
+    ] = math.nan
     evals_per_pixel: Annotated[
-        float | Absent | None, key("evaluations", "of all rays and normals, lanes at work; null: not counted")
-    ] = ABSENT
-    ns_per_eval: Annotated[float | Absent | None, key("ns", "`ns_per_pixel` / `evals_per_pixel`")] = ABSENT
-    non_finite: Annotated[int | Absent, key("samples", "NaN or infinite where none may be")] = ABSENT
-    false_hits_ppm: Annotated[float | Absent | None, key("ppm", "of proved pixels")] = ABSENT
-    false_misses_ppm: Annotated[float | Absent | None, key("ppm", "of proved pixels")] = ABSENT
-    false_ppm: Annotated[float | Absent | None, key("ppm", "the two together")] = ABSENT
-    wrong_shape_ppm: Annotated[float | Absent | None, key("ppm", "of proved pixels")] = ABSENT
-    dt_p99: Annotated[float | Absent | None, key("scene units", "99th percentile of |Δt|")] = ABSENT
-    dt_max: Annotated[float | Absent | None, key("scene units", "its maximum")] = ABSENT
+        float, key("evaluations", "of all rays and normals, lanes at work; null: not counted")
+    ] = math.nan
+    ns_per_eval: Annotated[float, key("ns", "`ns_per_pixel` / `evals_per_pixel`")] = math.nan
+    non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")] = 0
+    false_hits_ppm: Annotated[float, key("ppm", "of proved pixels")] = math.nan
+    false_misses_ppm: Annotated[float, key("ppm", "of proved pixels")] = math.nan
+    false_ppm: Annotated[float, key("ppm", "the two together")] = math.nan
+    wrong_shape_ppm: Annotated[float, key("ppm", "of proved pixels")] = math.nan
+    dt_p99: Annotated[float, key("scene units", "99th percentile of |Δt|")] = math.nan
+    dt_max: Annotated[float, key("scene units", "its maximum")] = math.nan
     psnr_db: Annotated[
-        float | Absent | None,
-        key("dB", "to truth; of fractals averaged pictures; null: infinite, if all is finite"),
-    ] = ABSENT
-    psnr_ideal_db: Annotated[float | Absent | None, key("dB", "to truth with the ideal shadow")] = ABSENT
-    depth_agree_fraction: Annotated[float | Absent | None, key("share of pixels", "of fractals")] = ABSENT
+        float, key("dB", "to truth; of fractals averaged pictures; null: infinite, if all is finite")
+    ] = math.nan
+    psnr_ideal_db: Annotated[float, key("dB", "to truth with the ideal shadow")] = math.nan
+    depth_agree_fraction: Annotated[float, key("share of pixels", "of fractals")] = math.nan
+
+    @property
+    def pace(self) -> float:
+        """Nanoseconds a pixel."""
+        return math.nan if self.ns_per_pixel.value is None else self.ns_per_pixel.value
+
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """95 % interval of the pace; None of too few launches."""
+        low, high = self.ns_per_pixel.low, self.ns_per_pixel.high
+        return None if low is None or high is None or math.isnan(low + high) else (low, high)
+
+    @property
+    def timed(self) -> bool:
+        """Whether it was in the running after the first launch."""
+        return self.beaten_by is None
+
+    def badness(self, measure: str) -> float:
+        """An error that is better when smaller, whatever the measure; NaN where there is none."""
+        if self.non_finite:
+            return math.nan
+        value = getattr(self, measure)
+        return -value if measure in TRUTHS else value
+
+    @property
+    def parameters(self) -> str:
+        if self.own_parameters:
+            return "own parameters"
+        return f"hit {self.hit_distance:g}, cap {self.max_steps}"
 
 
 class Winner(Record, kw_only=True):
@@ -56,10 +87,10 @@ class Winner(Record, kw_only=True):
     metric: Annotated[str, key("", "that its level is of")]
     level_db: Annotated[float, key("dB", "to be reached")]
     best: Annotated[Row | None, key("", "the row; null: none reaches it")]
-    n: Annotated[int | Absent | None, key("pixels", "height of the picture")] = ABSENT
-    not_told_apart_from: Annotated[
-        list[str] | Absent, key("", "programs whose interval overlaps its own")
-    ] = ABSENT
+    n: Annotated[int | None, key("pixels", "height of the picture")] = None
+    not_told_apart_from: Annotated[list[str], key("", "programs whose interval overlaps its own")] = (
+        msgspec.field(default_factory=list)
+    )
 
 
 class Pareto(Measured, kw_only=True):
@@ -71,17 +102,34 @@ class Pareto(Measured, kw_only=True):
     """
 
     made_by: ClassVar[str] = "pareto"
-    n: Annotated[int | Absent, key("pixels", "height of the pictures")] = ABSENT
-    antialias_n: Annotated[int | Absent | None, key("pixels", "height of fractals' averaged pictures")] = (
-        ABSENT
+    n: Annotated[int | None, key("pixels", "height of the pictures")] = None
+    antialias_n: Annotated[int | None, key("pixels", "height of fractals' averaged pictures")] = None
+    seconds: Annotated[dict[str, float], key("s", "wall time by scene")] = msgspec.field(default_factory=dict)
+    unfinished: Annotated[list[str], key("", "scenes that a killed run did not come to")] = msgspec.field(
+        default_factory=list
     )
-    seconds: Annotated[dict[str, float] | Absent, key("s", "wall time by scene")] = ABSENT
-    unfinished: Annotated[list[str] | Absent, key("", "scenes that a killed run did not come to")] = ABSENT
     rows: Annotated[list[Row], key("", "the points", min_length=1)]
-    skipped: Annotated[list[Skipped] | Absent, key("", "programs that could not run")] = ABSENT
-    winners: Annotated[list[Winner] | Absent, key("", "by scene, truth and level")] = ABSENT
-    sentences: Annotated[list[str] | Absent, key("", "the winners in words")] = ABSENT
-    summary: Annotated[list[str] | Absent, key("", "the same over all scenes")] = ABSENT
+    skipped: Annotated[list[Skipped], key("", "programs that could not run")] = msgspec.field(
+        default_factory=list
+    )
+    winners: Annotated[list[Winner], key("", "by scene, truth and level")] = msgspec.field(
+        default_factory=list
+    )
+    sentences: Annotated[list[str], key("", "the winners in words")] = msgspec.field(default_factory=list)
+    summary: Annotated[list[str], key("", "the same over all scenes")] = msgspec.field(default_factory=list)
+
+    @classmethod
+    def current(cls, data: Any) -> Any:
+        """Rows without what has no value. A null PSNR is infinite, but of a picture that is not finite."""
+        bests = [winner["best"] for winner in data.get("winners", []) if winner["best"]]
+        for row in [*data["rows"], *bests]:
+            for name in [name for name, value in row.items() if value is None]:
+                if name in TRUTHS and not row.get("non_finite"):
+                    row[name] = math.inf
+                elif name not in ("beaten_by", "speedup"):
+                    del row[name]
+        return data
 
 
-SCHEMAS = {"pareto.json": Pareto}
+FILE = "pareto.json"
+SCHEMAS = {FILE: Pareto}

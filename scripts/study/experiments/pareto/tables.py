@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -13,23 +15,22 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
-from study.core import machine, registry, show
+from study.core import cli, machine, registry, show
 from study.core.show import Column
-from study.experiments.pareto import fronts as pareto
-from study.experiments.pareto.fronts import Row
+from study.experiments.pareto import fronts
+from study.experiments.pareto.schema import TRUTHS, Pareto, Row, Winner
 from study.numbers import paper
 from study.pictures import labels
-from study.pictures.draw import legend, look, panels, plain_log
-from study.pictures.hover import tell
+from study.pictures.draw import Drawing, legend, look, panels, plain_log
 
 TOP = 120  # dB: what is nearer is drawn here; floats of a colour near 1 hold no more than 150
 PAPER = {"marker": "*", "s": 170, "color": "#d62728", "edgecolor": "black", "zorder": 6}
-# Names of the files; the first is the headline.
+# Names of the files and captions; the first is the headline.
 FIGURES = {
-    "psnr_db": "pareto",
-    "psnr_ideal_db": "pareto-ideal",
-    "false_ppm": "pareto-hits",
-    "dt_p99": "pareto-distance",
+    "psnr_db": ("pareto", "Speed against error to ground truth; the front is the line"),
+    "psnr_ideal_db": ("pareto-ideal", "The same with the ideal shadow"),
+    "false_ppm": ("pareto-hits", "Speed against false hits and misses"),
+    "dt_p99": ("pareto-distance", "Speed against |Δt|"),
 }
 FIRST = next(iter(FIGURES))
 
@@ -39,31 +40,22 @@ def paper_point(scene: str, rows: Sequence[Row]) -> tuple[float, float] | None:
 
     Its error is against its own baseline at n = 720, of linear values as the axis.
     """
-    base = [r for r in rows if r["phase"] == pareto.BASE and r["own_parameters"]]
+    base = [r for r in rows if r.phase == registry.BASE and r.own_parameters]
     theirs = paper.ladder().set_index(["scene", "phase"])
     if not base or (scene, "opt4") not in theirs.index:
         return None
     row = theirs.loc[(scene, "opt4")]
-    return pareto.pace_of(base[0]) / row["rerun"], row["rerun_psnr_db"]
+    return base[0].pace / row["rerun"], row["rerun_psnr_db"]
 
 
 def drawn_at(row: Row, measure: str) -> float:
     """Where a row is drawn: decibels no higher than TOP, other errors as they are."""
-    bad = pareto.badness(row, measure)
-    return min(-bad, TOP) if measure in pareto.TRUTHS else bad
+    bad = row.badness(measure)
+    return min(-bad, TOP) if measure in TRUTHS else bad
 
 
 def _scatter(axes: Axes, rows: Sequence[Row], measure: str, **style: Any) -> None:
-    drawn = axes.scatter([pareto.pace_of(r) for r in rows], [drawn_at(r, measure) for r in rows], **style)
-    tell(drawn, [_said(r, measure) for r in rows])
-
-
-def _said(row: Row, measure: str) -> str:
-    how = f"hit {row['hit_distance']:g}, cap {row['max_steps']}"
-    how = "own parameters" if row["own_parameters"] else how
-    at = "≥ " * (measure in pareto.TRUTHS and drawn_at(row, measure) >= TOP)
-    error = f"{at}{show.number(drawn_at(row, measure))}"
-    return f"{row['phase']}, {how}: {_ns(row)} ns/pixel, {', '.join(pareto.MEASURES[measure])}: {error}"
+    axes.scatter([r.pace for r in rows], [drawn_at(r, measure) for r in rows], **style)
 
 
 def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
@@ -72,9 +64,9 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
     Dots are faint where launched once. A mark that is hollow has a word beside it: which root.
     """
     hollow = "+" in name
-    once = [r for r in rows if not pareto.timed(r)]
-    full = [r for r in rows if pareto.timed(r) and not r["own_parameters"]]
-    mine = [r for r in rows if pareto.timed(r) and r["own_parameters"]]
+    once = [r for r in rows if not r.timed]
+    full = [r for r in rows if r.timed and not r.own_parameters]
+    mine = [r for r in rows if r.timed and r.own_parameters]
     dot = {"marker": "o", "s": 12, "linewidth": 0.0, "color": style["color"]}
     _scatter(axes, once, measure, alpha=0.25, zorder=2, **dot)
     _scatter(axes, full, measure, alpha=0.9, zorder=4, **dot)
@@ -85,7 +77,7 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
     label = f"{base} with an approximated root" if hollow else name
     _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
     for row in mine if hollow and measure == FIRST else ():
-        labels.name(axes, pareto.pace_of(row), drawn_at(row, measure), word, style["color"], 7)
+        labels.name(axes, row.pace, drawn_at(row, measure), word, style["color"], 7)
 
 
 def _draws_ideal(name: str) -> bool:
@@ -96,19 +88,19 @@ def _draws_ideal(name: str) -> bool:
 def _by_ideal(axes: Axes, rows: Sequence[Row], looks: dict) -> None:
     """A second, hollow mark of a phase that draws the ideal shadow: its error to that picture."""
     for row in rows:
-        if not row["own_parameters"] or not _draws_ideal(row["phase"]):
+        if not row.own_parameters or not _draws_ideal(row.phase):
             continue
         if math.isnan(at := drawn_at(row, "psnr_ideal_db")):
             continue
-        style = looks[row["phase"], 1]
+        style = looks[row.phase, 1]
         mark = {"marker": style["marker"], "facecolor": "white", "edgecolor": style["color"]}
         _scatter(axes, [row], "psnr_ideal_db", s=75, linewidth=1.2, zorder=5, **mark)
-        labels.name(axes, pareto.pace_of(row), at, "with the ideal shadow", style["color"], 7)
+        labels.name(axes, row.pace, at, "with the ideal shadow", style["color"], 7)
 
 
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
     """Up is nearer: an error that is better when smaller goes down the axis; zeros have a place."""
-    if measure in pareto.TRUTHS:
+    if measure in TRUTHS:
         axes.yaxis.set_major_locator(FixedLocator(range(0, TOP + 1, 20)))
         axes.set_ylim(0, TOP + 6)
         return
@@ -119,13 +111,13 @@ def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
 
 
 def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dict) -> None:
-    names = list(dict.fromkeys(r["phase"] for r in rows))
+    names = list(dict.fromkeys(r.phase for r in rows))
     for name in names:
-        points = [r for r in rows if r["phase"] == name]
+        points = [r for r in rows if r.phase == name]
         _points(axes, points, measure, name, looks[name.partition("+")[0], 1])
-    line = pareto.front(rows, measure)
+    line = fronts.front(rows, measure)
     axes.plot(
-        [pareto.pace_of(r) for r in line],
+        [r.pace for r in line],
         [drawn_at(r, measure) for r in line],
         color="#555555",
         linewidth=1.2,
@@ -134,13 +126,12 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
         label="front: nothing is both faster and nearer",
     )
     if measure == FIRST and (there := paper_point(scene, rows)):
-        drawn = axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
-        tell(drawn, f"the paper's opt4: {show.number(there[0])} ns/pixel, {show.number(there[1])} dB")
+        axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
     if measure == FIRST:
         _by_ideal(axes, rows, looks)
-    fractal = any(r["converged_only"] for r in rows)
+    fractal = any(r.converged_only for r in rows)
     axes.set_title(f"{scene} (4×4 means)" if fractal else scene)
-    axes.set(xscale="log", xlabel="time, ns per pixel", ylabel=", ".join(pareto.MEASURES[measure]))
+    axes.set(xscale="log", xlabel="time, ns per pixel", ylabel=", ".join(fronts.MEASURES[measure]))
     plain_log(axes.xaxis)
     _vertical(axes, measure, rows)
 
@@ -150,7 +141,7 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
 
     Marks: the scene's own parameters; dots: others.
     """
-    frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
+    frame = pd.DataFrame([{"scene": r.scene, "phase": r.phase, "threads": 1} for r in rows])
     # A switch looks like its phase, drawn hollow: the shape says which phase it is of.
     looks = look(frame.assign(phase=frame["phase"].str.partition("+")[0]))
     made, grid = panels(frame, 4.4, 5.4)
@@ -158,10 +149,10 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
     # over one panel it would go on into the legend beside it
     lines = textwrap.wrap(title, 60) if len(grid) == 1 else [title]
     made.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12)
-    paces = [pareto.pace_of(r) for r in rows if pareto.pace_of(r) > 0]
+    paces = [r.pace for r in rows if r.pace > 0]
     for scene, axes in grid.items():
-        mine = [r for r in rows if r["scene"] == scene and not math.isnan(pareto.badness(r, measure))]
-        if measure in pareto.TRUTHS:
+        mine = [r for r in rows if r.scene == scene and not math.isnan(r.badness(measure))]
+        if measure in TRUTHS:
             mine = [r for r in mine if drawn_at(r, measure) > 0]
         _panel(axes, scene, mine, measure, looks)
         axes.set_xlim(min(paces) / 1.5, max(paces) * 1.5)
@@ -183,35 +174,25 @@ ABOUT = {  # of one figure alone
 }
 
 
-def _unfinished(result: dict[str, Any]) -> str:
-    left = ", ".join(result.get("unfinished") or ())
-    return f"The run ended before {left}. " if left else ""
-
-
-def note(result: dict[str, Any], measure: str = FIRST) -> str:
-    cpu = machine.name(result.get("context"))
-    averaged = result.get("antialias_n", result["n"])
+def note(result: Pareto, measure: str = FIRST) -> str:
+    left = ", ".join(result.unfinished)
+    left = f"The run ended before {left}. " if left else ""
     named = ", named beside it" if measure == FIRST else ""
     return (
-        f"{cpu}; n = {result['n']}; medians of {result['launches']} launches in turn, on one thread, also "
-        "of phases that could use more. Marks: a phase with the scene's own parameters. Dots: with other "
-        f"hit distances and step caps. Hollow: with an approximated root{named}. "
-        f"{pareto.left_out(result.get('rows', ()))} {_unfinished(result)}"
+        f"{machine.name(cli.plain(result.context))}; n = {result.n}; medians of {result.launches} launches "
+        "in turn, on one thread, also of phases that could use more. Marks: a phase with the scene's own "
+        f"parameters. Dots: with other hit distances and step caps. Hollow: with an approximated root{named}."
+        f" {fronts.left_out(result.rows)} {left}"
         "A fractal's ground truth is converged, not proved; its pictures are 4×4 means "
-        f"at n = {averaged}. {ABOUT.get(measure, '')}"
+        f"at n = {result.antialias_n or result.n}. {ABOUT.get(measure, '')}"
     ).strip()
 
 
-def _decibels(name: str):
-    def text(row: Row) -> str:
-        if name not in row:
-            return show.NOTHING
-        level = pareto.level_of(row, name)
-        if row["non_finite"] and not math.isfinite(level):
-            return "not finite"
-        return "∞" if level == math.inf else show.number(level)
-
-    return text
+def _decibels(row: Row, name: str) -> str:
+    value = getattr(row, name)
+    if row.non_finite and not math.isfinite(value):
+        return "not finite"
+    return "∞" if value == math.inf else show.number(value)
 
 
 _ns = show.spread_of("ns_per_pixel", digits=4)
@@ -219,85 +200,103 @@ _ns = show.spread_of("ns_per_pixel", digits=4)
 
 def _timed(row: Row) -> str:
     """How often a point was launched, and where once only, what beats it by the first of its measures."""
-    launches = row["ns_per_pixel"].get("launches")
-    if pareto.timed(row):
-        return show.NOTHING if launches is None else f"{launches} launches"
-    by = next(iter(row["beaten_by"].values()), None)
+    if row.beaten_by is None:
+        return f"{row.ns_per_pixel.launches} launches"
+    by = next(iter(row.beaten_by.values()), None)
     return f"once: beaten by {by}" if by else "once: no figure to stand on a front with"
 
 
+@dataclass(frozen=True)
+class Place:
+    """The winner of each level of a scene and truth."""
+
+    scene: str
+    truth: str
+    levels: dict[float, Winner]
+
+
 def _level(level: int) -> Column:
-    def text(row: Row) -> str:
-        winner = row[level]
-        if not winner["best"]:
+    def text(place: Place) -> str:
+        winner = place.levels[level]
+        if not winner.best:
             return "none"
-        near = [name for name in winner["not_told_apart_from"] if "by other parameters" not in name]
+        near = [name for name in winner.not_told_apart_from if "by other parameters" not in name]
         others = f"; or {', '.join(near)}" if near else ""
-        return f"{winner['best']['phase']} {_ns(winner['best'])}{others}"
+        return f"{winner.best.phase} {_ns(winner.best)}{others}"
 
     return Column("fastest of at least this PSNR, ns/pixel", f"{level} dB [95 %]", text)
 
 
-def by_level(winners: Sequence[Row]) -> list[Row]:
+def by_level(winners: Sequence[Winner]) -> list[Place]:
     """Winners as a row per scene and truth, with the winner of each level."""
-    found: dict[tuple[str, str], Row] = {}
+    found: dict[tuple[str, str], dict[float, Winner]] = {}
     for winner in winners:
-        place = winner["scene"], pareto.TRUTHS[winner["metric"]]
-        row = found.setdefault(place, {"scene": place[0], "truth": place[1]})
-        row[winner["level_db"]] = winner
-    return list(found.values())
+        found.setdefault((winner.scene, TRUTHS[winner.metric]), {})[winner.level_db] = winner
+    return [Place(*place, levels) for place, levels in found.items()]
 
 
 LEVELS = [
-    Column("", "scene", lambda r: r["scene"]),
-    Column("", "against", lambda r: r["truth"]),
-    *map(_level, pareto.LEVELS),
+    Column("", "scene", lambda r: r.scene),
+    Column("", "against", lambda r: r.truth),
+    *map(_level, fronts.LEVELS),
 ]
 
 
 def _of_camera_rays(row: Row) -> str:
     """None of a program with closed forms: the 1 for each of its camera rays is no count."""
-    return show.NOTHING if registry.is_exact(row["phase"]) else show.number(row["evals_per_ray"])
+    return show.NOTHING if registry.is_exact(row.phase) else show.number(row.evals_per_ray)
 
 
-def _counted(key: str) -> Callable[[Row], str]:
+def _counted(row: Row, value: float) -> str:
     """An older file has none of a Mandelbulb's own estimates: 0.1 a pixel beside 85 steps of a camera ray."""
-    return lambda r: show.number(
-        r.get(key) if 10 * (r.get("evals_per_pixel") or 0) >= (r["evals_per_ray"] or 0) else None
-    )
+    return show.number(value) if 10 * row.evals_per_pixel >= row.evals_per_ray else show.NOTHING
 
 
 def _of_evaluations(row: Row) -> str:
     """Time per evaluation; none of a program with closed forms: evaluations are not all of its work."""
-    return show.NOTHING if registry.is_exact(row["phase"]) else _counted("ns_per_eval")(row)
+    return show.NOTHING if registry.is_exact(row.phase) else _counted(row, row.ns_per_eval)
 
 
 POINTS = [
-    Column("", "scene", lambda r: r["scene"]),
-    Column("", "program", lambda r: r["phase"]),
-    Column("", "hit distance", lambda r: f"{r['hit_distance']:g}"),
-    Column("", "step cap", lambda r: str(r["max_steps"])),
+    Column("", "scene", lambda r: r.scene),
+    Column("", "program", lambda r: r.phase),
+    Column("", "hit distance", lambda r: f"{r.hit_distance:g}"),
+    Column("", "step cap", lambda r: str(r.max_steps)),
     Column("", "ns/pixel [95 %]", _ns),
     Column("work", "evaluations per camera ray", _of_camera_rays),
-    Column("work", "per pixel, all rays and normals", _counted("evals_per_pixel")),
+    Column("work", "per pixel, all rays and normals", lambda r: _counted(r, r.evals_per_pixel)),
     Column("work", "ns per evaluation", _of_evaluations),
-    Column("error to ground truth", "false hits, ppm", lambda r: show.number(r.get("false_hits_ppm"))),
-    Column("error to ground truth", "false misses, ppm", lambda r: show.number(r.get("false_misses_ppm"))),
-    Column("error to ground truth", "|Δt| p99", lambda r: show.number(r.get("dt_p99"))),
-    Column("error to ground truth", "PSNR dB, estimator", _decibels("psnr_db")),
-    Column("error to ground truth", "PSNR dB, ideal", _decibels("psnr_ideal_db")),
+    Column("error to ground truth", "false hits, ppm", show.plain("false_hits_ppm")),
+    Column("error to ground truth", "false misses, ppm", show.plain("false_misses_ppm")),
+    Column("error to ground truth", "|Δt| p99", show.plain("dt_p99")),
+    Column("error to ground truth", "PSNR dB, estimator", lambda r: _decibels(r, "psnr_db")),
+    Column("error to ground truth", "PSNR dB, ideal", lambda r: _decibels(r, "psnr_ideal_db")),
     Column("", "timed", _timed),
 ]
+
+
+def _of_best(text: Callable[[Row], str], lacking: str = show.NOTHING) -> Callable[[Winner], str]:
+    return lambda winner: text(winner.best) if winner.best else lacking
+
+
 WINNERS = [
-    Column("", "scene", lambda r: r["scene"]),
-    Column("", "ground truth with", lambda r: r["truth"]),
-    Column("", "at least, dB", lambda r: str(r["level_db"])),
-    Column("", "fastest", lambda r: r["best"]["phase"] if r["best"] else "none reaches it"),
-    Column("", "ns/pixel [95 %]", lambda r: _ns(r["best"]) if r["best"] else show.NOTHING),
-    Column(
-        "", "not told apart from", lambda r: ", ".join(r.get("not_told_apart_from") or ()) or show.NOTHING
-    ),
-    Column("", "hit distance", lambda r: f"{r['best']['hit_distance']:g}" if r["best"] else show.NOTHING),
-    Column("", "step cap", lambda r: str(r["best"]["max_steps"]) if r["best"] else show.NOTHING),
-    Column("", "its PSNR, dB", lambda r: _decibels(r["metric"])(r["best"]) if r["best"] else show.NOTHING),
+    Column("", "scene", lambda r: r.scene),
+    Column("", "ground truth with", lambda r: r.truth),
+    Column("", "at least, dB", lambda r: f"{r.level_db:g}"),
+    Column("", "fastest", _of_best(lambda r: r.phase, "none reaches it")),
+    Column("", "ns/pixel [95 %]", _of_best(_ns)),
+    Column("", "not told apart from", lambda r: ", ".join(r.not_told_apart_from) or show.NOTHING),
+    Column("", "hit distance", _of_best(lambda r: f"{r.hit_distance:g}")),
+    Column("", "step cap", _of_best(lambda r: str(r.max_steps))),
+    Column("", "its PSNR, dB", lambda r: _decibels(r.best, r.metric) if r.best else show.NOTHING),
 ]
+
+
+def drawings(result: Pareto) -> dict[str, Drawing]:
+    """File name → figure of each measure that any row has."""
+    made = {}
+    for measure, (name, caption) in FIGURES.items():
+        able = [row for row in result.rows if not math.isnan(row.badness(measure))]
+        if able:
+            made[name] = Drawing(caption, note(result, measure), partial(figure, able, measure))
+    return made
