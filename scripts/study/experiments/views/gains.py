@@ -1,159 +1,139 @@
-"""What the times of further views say of a rung: median and worst gain over its parent, and a verdict."""
+"""What the times of further views say of a phase: median and worst gain over its parent, and a verdict."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from study.experiments.views.measure import BASE, Row
+from study.experiments.views.schema import Furthest, Gain, Row
 from study.measuring.views import OWN
 from study.numbers import stats
-from study.numbers.stats import Interval
+from study.numbers.schema import Interval
 
+BASE = "baseline"  # the reference where truth would take too long
 NO_KERNEL = "no kernel: its parent's code"
 EVERYWHERE, MEDIAN = "wins on every view", "wins in the median"
 ALONE, SCENE_ALONE = "wins on the tuned views alone", "wins on its own view alone"
 FEW = "too few launches"
 RESAMPLES = 2000
+Known = Mapping[tuple[str | None, str, str], Row]  # by phase, scene and view
 
 
-def level(row: Row, name: str = "psnr_db") -> float:
-    """PSNR in dB: JSON's null is infinite where the RMSE is a number, else NaN."""
-    value, rmse = row.get(name), row.get(name.replace("psnr", "rmse").removesuffix("_db"))
-    return float(value) if value is not None else math.nan if rmse is None else math.inf
-
-
-def ends(row: Row) -> tuple[float, float, float]:
-    """The ratio to the parent and its interval; NaN for what is not there."""
-    found = row["ratio"]
-    some = vars(found) if isinstance(found, Interval) else found
-    return tuple(math.nan if some[key] is None else some[key] for key in ("value", "low", "high"))
-
-
-def general(row: Row) -> bool:
-    """Whether it ran its general code, its parent's: a ratio beside 1 is noise then, and no gain."""
-    return bool(row.get("general"))
-
-
-def wins(row: Row) -> bool:
-    return not general(row) and ends(row)[1] > 1
-
-
-def loses(row: Row) -> bool:
-    return ends(row)[2] < 1
-
-
-def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed: int = 1) -> Interval:
-    """Median over views of median(parent) / median(rung), each view's rounds resampled. NaN of none."""
+def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed: int = 1) -> stats.Interval:
+    """Median over views of median(parent) / median(phase), each view's rounds resampled. NaN of none."""
     if not pairs:
-        return Interval(math.nan, math.nan, math.nan, 0, False)
+        return stats.Interval(math.nan, math.nan, math.nan, 0, False)
     value = float(np.median([np.median(base) / np.median(own) for base, own in pairs]))
     launches = min(len(some) for pair in pairs for some in pair)
     if launches < stats.ENOUGH:
-        return Interval(value, math.nan, math.nan, launches, False)
+        return stats.Interval(value, math.nan, math.nan, launches, False)
     random = np.random.default_rng(seed)
     drawn = np.median([stats.resampled_ratios(*pair, random, RESAMPLES) for pair in pairs], axis=0)
-    return Interval(value, *map(float, np.percentile(drawn, [2.5, 97.5])), launches, True)
+    return stats.Interval(value, *map(float, np.percentile(drawn, [2.5, 97.5])), launches, True)
 
 
-def verdict(tuned: Sequence[Row], others: Sequence[Row], median: Interval, slower: int | None = None) -> str:
-    """In words, with the intervals asked: what a rung's gain is elsewhere than where it was tuned.
+def verdict(tuned: Sequence[Row], others: Sequence[Row], median: stats.Interval, slower: int) -> str:
+    """In words, with the intervals asked: what a phase's gain is elsewhere than where it was tuned.
 
-    `slower`: on how many views, those of its general code among them; default: of `others`.
+    `slower`: on how many views, those of its general code among them.
     """
     if not tuned or not others:
         return "tuned views not measured" if others else "other views not measured"
     if not median.sufficient:
         return FEW
-    slower = sum(map(loses, others)) if slower is None else slower
     if median.low > 1:
-        if all(map(wins, [*tuned, *others])):
+        if all(row.wins for row in (*tuned, *others)):
             return EVERYWHERE
-        faster = f"{MEDIAN}: faster on {sum(map(wins, others))} of {len(others)}"
+        faster = f"{MEDIAN}: faster on {sum(row.wins for row in others)} of {len(others)}"
         return f"{faster}, slower on {slower}" if slower else f"{faster}, shown slower on none"
-    if any(map(wins, tuned)):
+    if any(row.wins for row in tuned):
         return ALONE
     return "slower in the median" if median.high < 1 else "no gain"
 
 
-def rungs(rows: Sequence[Row]) -> list[Row]:
-    """One row a rung: tuned views' ratios, median and worst of the others, errors beside the parent's."""
-    times = {(r["phase"], r["scene"], r["view"]): r for r in rows}
+def over_views(rows: Sequence[Row]) -> list[Gain]:
+    """One row a phase: tuned views' ratios, median and worst of the others, errors beside the parent's."""
+    known: Known = {(row.phase, row.scene, row.view): row for row in rows}
     made = []
-    for phase in dict.fromkeys(r["phase"] for r in rows if r["parent"]):
-        mine = [r for r in rows if r["phase"] == phase and r["ratio"]]
-        if not mine:
-            continue
-        tuned, others = [r for r in mine if r["tuned"]], [r for r in mine if not r["tuned"]]
-        own = [r for r in others if not general(r)]
-        pairs = [(times[r["parent"], r["scene"], r["view"]]["ns"], r["ns"]) for r in own]
-        median = median_ratio(pairs)
-        worst = min([r for r in others if not general(r) or loses(r)], key=lambda r: ends(r)[0], default=None)
+    for phase in dict.fromkeys(row.phase for row in rows if row.ratio):
+        mine = [row for row in rows if row.phase == phase and row.ratio]
+        tuned, others = [row for row in mine if row.tuned], [row for row in mine if not row.tuned]
+        own = [row for row in others if not row.general]
+        median = median_ratio([(known[row.parent, row.scene, row.view].ns, row.ns) for row in own])
+        bad = [row for row in others if not row.general or row.loses]
+        worst = min(bad, key=lambda row: row.ends[0], default=None)
+        slower = sum(row.loses for row in others)
         made.append(
-            {
-                **{"phase": phase, "parent": mine[0]["parent"], "views": len(others)},
-                "tuned": {r["scene"]: r["ratio"] for r in tuned},
-                "median": median,
-                **{"worst": worst and worst["ratio"], "worst_scene": worst and worst["scene"]},
-                **{"worst_view": worst and worst["view"], "slower": sum(map(loses, others))},
-                "to_truth": _lowest(mine, times, "truth"),
-                "to_base": _lowest(mine, times, BASE),
-                "wrong_ppm": max(
-                    (r["wrong_ppm"] for r in mine if r.get("wrong_ppm") is not None), default=None
-                ),
-                "general": len(others) - len(own),
-                "verdict": verdict(tuned, own, median, sum(map(loses, others))),
-            }
+            Gain(
+                phase=phase,
+                parent=mine[0].parent or "",
+                views=len(others),
+                tuned={row.scene: row.ratio for row in tuned},
+                median=Interval.of(median),
+                worst=worst.ratio if worst else None,
+                worst_scene=worst.scene if worst else None,
+                worst_view=worst.view if worst else None,
+                slower=slower,
+                to_truth=_lowest(mine, known, "truth"),
+                to_base=_lowest(mine, known, BASE),
+                wrong_ppm=max((row.wrong_ppm for row in mine if row.wrong_ppm is not None), default=None),
+                general=len(others) - len(own),
+                verdict=verdict(tuned, own, median, slower),
+            )
         )
     return made
 
 
-def _lowest(rows: Sequence[Row], times: dict[tuple, Row], reference: str) -> Row | None:
-    """Where a rung is furthest from the reference: PSNR (null: identical), its parent's there, which view."""
-    some = [r for r in rows if r.get("reference") == reference]
-    bad = [r for r in some if math.isnan(level(r))]
-    low = bad[0] if bad else min(some, key=level, default=None)
+def _lowest(rows: Sequence[Row], known: Known, reference: str) -> Furthest | None:
+    """Where a phase is furthest from the reference, and its parent there; PSNR is null where identical."""
+    some = [row for row in rows if row.reference == reference]
+    bad = [row for row in some if math.isnan(row.level)]
+    low = bad[0] if bad else min(some, key=lambda row: row.level, default=None)
     if low is None:
         return None
-    parent = times[low["parent"], low["scene"], low["view"]]
-    same = parent.get("reference") == reference
-    return {
-        **{"scene": low["scene"], "view": low["view"], "no_value": bool(bad), "psnr_db": level(low)},
-        "parent_db": level(parent) if same else None,
-        "parent_is_reference": not same,
-    }
+    parent = known[low.parent, low.scene, low.view]
+    same = parent.reference == reference
+    return Furthest(
+        scene=low.scene,
+        view=low.view,
+        no_value=bool(bad),
+        psnr_db=low.psnr_db,
+        parent_db=parent.psnr_db if same else None,
+        parent_is_reference=not same,
+    )
 
 
-def by_scene(rows: Sequence[Row]) -> list[Row]:
-    """One row a rung and scene: the ratio of every view, and whether its own view is the only one gained."""
-    made = []
-    for phase, scene in dict.fromkeys((r["phase"], r["scene"]) for r in rows if r["ratio"]):
-        mine = {r["view"]: r for r in rows if (r["phase"], r["scene"]) == (phase, scene) and r["ratio"]}
-        others = [row for name, row in mine.items() if name != OWN]
-        own = mine.get(OWN)
-        alone = own is not None and others and wins(own) and not any(map(wins, others))
-        first = next(iter(mine.values()))
-        made.append(
-            {
-                **{"phase": phase, "parent": first["parent"], "scene": scene},
-                "views": {name: row["ratio"] for name, row in mine.items()},
-                "psnr": {name: None if math.isinf(level(row)) else level(row) for name, row in mine.items()},
-                "general": [name for name, row in mine.items() if general(row)],
-                "verdict": _scene_verdict(mine, bool(alone)),
-            }
-        )
-    return made
+@dataclass(frozen=True)
+class OnScene:
+    """A phase on one scene: its row of each view."""
+
+    phase: str
+    scene: str
+    views: Mapping[str, Row]
+
+    @property
+    def verdict(self) -> str:
+        """Whether its own view is the only one gained, where it is slower, and where it ran its parent's
+        code."""
+        rows = self.views.values()
+        others = [row for row in rows if row.view != OWN]
+        own = self.views.get(OWN)
+        slower = ", ".join(row.view for row in rows if row.loses)
+        said = [f"slower on {slower}"] if slower else []
+        if own and others and own.wins and not any(row.wins for row in others):
+            said = [SCENE_ALONE]
+        if without := [row.view for row in rows if row.general]:
+            said.append(NO_KERNEL + ("" if len(without) == len(rows) else f" on {', '.join(without)}"))
+        return "; ".join(said)
 
 
-def _scene_verdict(views: dict[str, Row], alone: bool) -> str:
-    slower, without = _names(views), [name for name, row in views.items() if general(row)]
-    said = [SCENE_ALONE] if alone else [f"slower on {slower}"] if slower else []
-    if without:
-        said.append(NO_KERNEL + ("" if len(without) == len(views) else f" on {', '.join(without)}"))
-    return "; ".join(said)
-
-
-def _names(views: dict[str, Row]) -> str:
-    return ", ".join(name for name, row in views.items() if loses(row))
+def by_scene(rows: Sequence[Row]) -> list[OnScene]:
+    """One a phase and scene."""
+    found: dict[tuple[str, str], dict[str, Row]] = {}
+    for row in rows:
+        if row.ratio:
+            found.setdefault((row.phase, row.scene), {})[row.view] = row
+    return [OnScene(phase, scene, views) for (phase, scene), views in found.items()]

@@ -1,44 +1,40 @@
-"""Every rung against its parent on every view of every scene: which rungs fit the time, errors, times.
+"""Every phase against its parent on every view of every scene: which fit the time, errors, times.
 
-From the newest rung down, as long as the seconds last, first the views that constants may be tuned on, then
-all others: small pictures of each view, which are held against truth (or what stands for it) and tell what a
-launch will take; then all launches, interleaved. A frame's time needs no clocks' rates, so none are measured:
-they would take a hundred times as long as a frame.
+From the newest phase down, as long as the seconds last: small pictures of each view, which are held against
+truth (or what stands for it) and tell what a launch will take; then all launches, interleaved.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from study.core import cli, progress, registry, run
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import DriverError
-from study.experiments.views.schema import Views
+from study.experiments.views.gains import BASE
+from study.experiments.views.schema import LeftOut, Row
+from study.measuring import errors
+from study.measuring.errors import Errors
+from study.measuring.launches import milliseconds
 from study.measuring.views import View
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
+from study.numbers.schema import Interval
 from study.pictures import images
-from study.truth import judging, truth
+from study.truth import truth
 
-FILE = "views.json"
-BASE = "baseline"  # the reference where truth would take too long
-FACTOR = judging.FACTOR  # of the averaged pictures of fractals: their single samples are chaotic
 LONG = 0.25  # s: caches settle within such a frame
 LEAST, MOST_REPS = 0.02, 200  # s of a launch's timed frames at least, and how many that may become
 OVERHEAD = 0.03  # s of a launch beside its frames
 TRUTH_SHARE, TRUTH_PER_PIXEL = 0.3, 5e-4  # of the seconds; s, what a view's truth is taken for beforehand
-Row = dict[str, Any]
 Point = tuple[Spec, View]
+Pair = tuple[Spec, Spec]  # a phase and its parent
 
 
 @dataclass
@@ -58,26 +54,25 @@ class Settings:
 
 @dataclass
 class Plan:
-    """Rungs taken (with their parents' names), a first frame's seconds per pixel by point, what was not."""
+    """Phases taken with their parents, a first frame's seconds per pixel by point, and what was not taken."""
 
-    rungs: list[tuple[Spec, Spec]] = field(default_factory=list)
+    pairs: list[Pair] = field(default_factory=list)
     pace: dict[Point, float] = field(default_factory=dict)
-    left_out: list[Row] = field(default_factory=list)
-    failures: list[Row] = field(default_factory=list)
+    left_out: list[LeftOut] = field(default_factory=list)
+    failures: list[LeftOut] = field(default_factory=list)
 
     @property
     def specs(self) -> list[Spec]:
-        return list(dict.fromkeys(spec for rung, parent in self.rungs for spec in (parent, rung)))
+        return list(dict.fromkeys(spec for phase, parent in self.pairs for spec in (parent, phase)))
 
 
-def parents(names: Sequence[str]) -> list[tuple[Spec, Spec]]:
-    """(rung, parent) of each name whose parent is timed. Raises StudyError for a name that is no phase."""
+def parents(names: Iterable[str]) -> list[Pair]:
+    """Each phase with its parent, where that is timed. Raises StudyError for a name that is no phase."""
     found = []
-    for name in dict.fromkeys(names):
-        spec = Spec.parse(name)
-        parent = registry.find_phase(spec.phase).parent
-        if parent in registry.ladder() and registry.find_phase(spec.phase).family != registry.TRUTH:
-            found.append((spec, Spec.parse(parent)))
+    for spec in map(Spec.parse, dict.fromkeys(names)):
+        phase = registry.find_phase(spec.phase)
+        if phase.parent in registry.ladder() and phase.family != registry.TRUTH:
+            found.append((spec, Spec.parse(phase.parent)))
     return found
 
 
@@ -88,72 +83,46 @@ def frames_of(seconds: float, reps: int) -> tuple[int, int]:
     return 1, max(reps, min(MOST_REPS, math.ceil(LEAST / seconds)))
 
 
-def cost(pace: float, pixels: int, settings: Settings) -> float:
+def cost(pace: float, view: View, settings: Settings) -> float:
     """Seconds of all launches of a point whose frames take `pace` s a pixel."""
-    frames = sum(frames_of(pace * pixels, settings.reps))
-    return settings.launches * (frames * pace * pixels + OVERHEAD)
+    seconds = pace * math.prod(view.size(settings.n))
+    return settings.launches * (sum(frames_of(seconds, settings.reps)) * seconds + OVERHEAD)
 
 
 def choose(
-    rungs: Sequence[tuple[Spec, Spec]],
-    views: Sequence[View],
-    settings: Settings,
-    first: Callable[[Spec, View], float],
-    clock: Callable[[], float] = time.monotonic,
+    pairs: Sequence[Pair], views: Sequence[View], settings: Settings, first: Callable[[Spec, View], float]
 ) -> Plan:
-    """Takes rungs from the last on while the seconds last, the last one always: on the tuned views, then
-    those rungs on all others.
+    """Takes phases from the last on while the seconds last, the last one always.
 
-    `first` renders the small picture and returns seconds a pixel. A rung's refusal (DriverError with the
+    `first` renders the small picture and returns seconds a pixel. A phase's refusal (DriverError with the
     status for it) leaves out that view, a crash is a failure.
     """
-    plan, begun, ahead = Plan(), clock(), 0.0
-    able = []
-    for rung, parent in rungs:
-        lacking = [" ".join(found) for s in (rung, parent) if (found := registry.missing_isa(s))]
-        if lacking:
-            plan.left_out.append({"phase": str(rung), "reason": f"this CPU lacks {lacking[0]}"})
-        else:
-            able.append((rung, parent))
-    tuned = [view for view in views if view.tuned]
-    others = [view for view in views if not view.tuned]
-    for some, about in ((tuned, {}), (others, {"scene": "other", "view": "views"} if tuned else {})):
-        if not some:
+    plan, begun, ahead = Plan(), time.monotonic(), 0.0
+    known: set[Spec] = set()
+    for number, pair in enumerate(reversed(pairs)):
+        if lacking := [" ".join(found) for spec in pair if (found := registry.missing_isa(spec))]:
+            plan.left_out.append(LeftOut(phase=str(pair[0]), reason=f"this CPU lacks {lacking[0]}"))
             continue
-        known: set[Spec] = set()
-        for number, (rung, parent) in enumerate(reversed(able)):
-            pace: dict[Point, float] = {}
-            needed = sum(
-                _tried(spec, some, settings, first, plan, pace)
-                for spec in (rung, parent)
-                if spec not in known
-            )
-            if number and clock() - begun + ahead + needed > settings.seconds:
-                reason = (
-                    f"{clock() - begun + ahead + needed:.0f} s would be needed with it, "
-                    f"{settings.seconds:.0f} s there are"
-                )
-                able, without = able[len(able) - number :], able[: len(able) - number]
-                plan.left_out += [{"phase": str(other), **about, "reason": reason} for other, _ in without]
-                break
-            ahead += needed
-            known |= {rung, parent}
-            plan.pace |= pace
-            if (rung, parent) not in plan.rungs:
-                plan.rungs.insert(0, (rung, parent))
+        pace: dict[Point, float] = {}
+        for spec in set(pair) - known:
+            pace |= _tried(spec, views, settings.jobs, first, plan)
+        ahead += sum(cost(one, view, settings) for (_, view), one in pace.items())
+        needed = time.monotonic() - begun + ahead
+        if plan.pairs and needed > settings.seconds:
+            reason = f"{needed:.0f} s would be needed with it, {settings.seconds:.0f} s there are"
+            without = pairs[: len(pairs) - number]
+            plan.left_out += [LeftOut(phase=str(phase), reason=reason) for phase, _ in without]
+            break
+        known |= set(pair)
+        plan.pace |= pace
+        plan.pairs.insert(0, pair)
     return plan
 
 
 def _tried(
-    spec: Spec,
-    views: Iterable[View],
-    settings: Settings,
-    first: Callable[[Spec, View], float],
-    plan: Plan,
-    known: dict[Point, float],
-) -> float:
-    """Small pictures of every view, their pace into `known`; the seconds that their launches will take."""
-    seconds = 0.0
+    spec: Spec, views: Sequence[View], jobs: int, first: Callable[[Spec, View], float], plan: Plan
+) -> dict[Point, float]:
+    """Small pictures of every view: their pace."""
 
     def one(view: View) -> float | DriverError:
         try:
@@ -161,36 +130,31 @@ def _tried(
         except DriverError as error:
             return error
 
-    some = list(views)
-    with ThreadPoolExecutor(settings.jobs) as pool:
-        for view, pace in zip(some, pool.map(one, some), strict=True):
+    found = {}
+    with ThreadPoolExecutor(jobs) as pool:
+        for view, pace in zip(views, pool.map(one, views), strict=True):
             if isinstance(pace, DriverError):
-                what = {"phase": str(spec), "scene": view.base, "view": view.name, "reason": pace.message}
                 skipped = pace.status in (run.NO_ISA, run.UNSUPPORTED)
-                (plan.left_out if skipped else plan.failures).append(what)
-                continue
-            known[spec, view] = pace
-            width, height = view.size(settings.n)
-            seconds += cost(pace, width * height, settings)
-    return seconds
+                kept = plan.left_out if skipped else plan.failures
+                kept.append(LeftOut(phase=str(spec), scene=view.base, view=view.name, reason=pace.message))
+            else:
+                found[spec, view] = pace
+    return found
 
 
 def measure(points: Mapping[Point, float], settings: Settings) -> dict[Point, list[float]]:
-    """Nanoseconds of a frame (median of a launch's timed ones) per launch, every point once a round."""
+    """Milliseconds of a frame (median of a launch's timed ones) per launch, every point once a round."""
 
     def once(point: Point, padding: int) -> float:
         spec, view = point
-        width, height = view.size(settings.n)
-        warmup, reps = frames_of(points[point] * width * height, settings.reps)
-        how = {"cpu": settings.cpu, "env_bytes": padding, "warmup": warmup, "reps": reps}
-        how["timed"] = False
-        with contextlib.closing(run.frames(spec, view.scene.path, height, width, **how)) as made:
-            return float(np.median([frame["ns"] for frame in made if not frame["warmup"]]))
+        size = view.size(settings.n)
+        warmup, reps = frames_of(points[point] * math.prod(size), settings.reps)
+        return milliseconds(spec, view.scene, size, reps, padding, cpu=settings.cpu, warmup=warmup)
 
     return run.interleaved(list(points), settings.launches, settings.seed, settings.cpu, once, "time views")
 
 
-class Errors:
+class Pictures:
     """Small pictures, and their errors: to truth while its seconds last (fractals: never), then to the
     baseline; a fractal's 4 × 4 averaged, as one sample of it is chaotic."""
 
@@ -200,7 +164,7 @@ class Errors:
         self.general: dict[Point, str] = {}  # why there is no kernel, of phases that generate some
 
     def size(self, view: View) -> tuple[int, int]:
-        return view.size(self.settings.error_n * (FACTOR if view.scene.fractal else 1))
+        return view.size(self.settings.error_n * (errors.FACTOR if view.scene.fractal else 1))
 
     def path(self, spec: Spec, view: View) -> Path:
         return self.settings.scratch / f"{view.scene.name}-{spec}.exr"
@@ -219,96 +183,70 @@ class Errors:
         begun, others = time.monotonic(), []
         for view in progress.each(sorted(views, key=lambda v: not v.tuned), "references"):
             size = self.size(view)
-            if not view.scene.fractal:
-                left = seconds - (time.monotonic() - begun)
-                if truth.path_of(view.scene, size).exists() or left > TRUTH_PER_PIXEL * size[0] * size[1]:
-                    self.references[view] = "truth", truth.picture(view.scene, size)
-                    continue
-            others.append(view)
+            left = seconds - (time.monotonic() - begun)
+            cheap = truth.path_of(view.scene, size).exists() or left > TRUTH_PER_PIXEL * math.prod(size)
+            if not view.scene.fractal and cheap:
+                self.references[view] = "truth", truth.picture(view.scene, size)
+            else:
+                others.append(view)
         base = Spec.parse(BASE)
         with ThreadPoolExecutor(self.settings.jobs) as pool:
             list(pool.map(lambda view: self.first(base, view), others))
         self.references |= {view: (BASE, images.read(self.path(base, view))) for view in others}
 
-    def of(self, spec: Spec, view: View) -> Row:
-        """reference, psnr_db, psnr_ideal_db, wrong_ppm, depth_agree_fraction, non_finite."""
+    def errors(self, spec: Spec, view: View) -> Errors:
         name, reference = self.references[view]
         if name == str(spec):
             return {"reference": None, "non_finite": 0}
-        return {
-            "reference": name,
-            **against(reference, images.read(self.path(spec, view)), name == "truth", view.scene.fractal),
-        }
+        image = images.read(self.path(spec, view))
+        if name == "truth":
+            return {"reference": name} | errors.to_truth(reference, image)
+        found = errors.to_picture(reference, image, view.scene.fractal)
+        keys = ["psnr_db", "rmse", "wrong_ppm", "non_finite"]
+        keys += ["depth_agree_fraction"] if view.scene.fractal else []
+        return {"reference": name} | {key: found[key] for key in keys}
 
 
-def against(reference: images.Picture, image: images.Picture, exact: bool, fractal: bool) -> Row:
-    """Errors of a picture to truth's (`exact`) or another's. PSNR in dB of linear colours; NaN: none."""
-    bad = images.non_finite(image)
-    if exact:
-        found = judging.metrics(reference, image)
-        wrong = sum(found[f"{name}_ppm"] for name in ("false_hits", "false_misses", "wrong_shape"))
-        kept = {name: found[name] for name in ("psnr_db", "rmse", "psnr_ideal_db", "rmse_ideal")}
-        return kept | {"wrong_ppm": wrong, "depth_agree_fraction": None, "non_finite": bad}
-    geometry = images.geometry(reference, image)
-    pair = [
-        images.box_average(images.rgb(p), FACTOR) if fractal else images.rgb(p) for p in (reference, image)
-    ]
-    colours = images.colour_errors(*pair, with_flip=False)
-    return {
-        **{name: colours[name] for name in ("psnr_db", "rmse")},
-        "wrong_ppm": geometry["mask_mismatch_ppm"] + geometry["id_mismatch_ppm"],
-        "depth_agree_fraction": geometry["depth_agree_fraction"] if fractal else None,
-        "non_finite": bad,
-    }
-
-
-def rows(plan: Plan, times: Mapping[Point, list[float]], errors: Errors, settings: Settings) -> list[Row]:
+def rows(
+    plan: Plan, times: Mapping[Point, Sequence[float]], pictures: Pictures, settings: Settings
+) -> list[Row]:
     """One per program and view; `ratio` to its parent where that was timed there too."""
-    parent_of = {rung: parent for rung, parent in plan.rungs}
+    parent_of = dict(plan.pairs)
     made = []
     for spec in plan.specs:
-        for view in dict.fromkeys(view for _, view in times):
-            if (spec, view) not in times:
-                continue
+        parent = parent_of.get(spec)
+        for view in dict.fromkeys(view for own, view in times if own == spec):
+            ms, base = times[spec, view], times.get((parent, view)) if parent else None
             width, height = view.size(settings.n)
-            ns, base = times[spec, view], times.get((parent_of.get(spec, spec), view))
-            parent = parent_of.get(spec)
             made.append(
-                {
-                    **{"phase": str(spec), "parent": parent and str(parent), "scene": view.base},
-                    **{"view": view.name, "change": view.change, "tuned": view.tuned},
-                    **{"width": width, "n": height, "ns": ns},
-                    "general": errors.general.get((spec, view)),
-                    "ms": stats.median_interval([one * 1e-6 for one in ns]),
-                    "ratio": stats.ratio_interval(base, ns) if parent and base else None,
-                    **errors.of(spec, view),
-                }
+                Row(
+                    phase=str(spec),
+                    parent=str(parent) if parent else None,
+                    scene=view.base,
+                    view=view.name,
+                    change=view.change,
+                    tuned=view.tuned,
+                    width=width,
+                    n=height,
+                    ns=[one * 1e6 for one in ms],
+                    general=pictures.general.get((spec, view)),
+                    ms=Interval.of(stats.median_interval(ms)),
+                    ratio=Interval.of(stats.ratio_interval(base, ms)) if base else None,
+                    **pictures.errors(spec, view),
+                )
             )
     return made
 
 
-def study(rungs: Sequence[tuple[Spec, Spec]], views: Sequence[View], settings: Settings) -> Row:
-    """Everything in about `settings.seconds`: rows, left_out, failures. Raises StudyError if nothing ran."""
+def study(pairs: Sequence[Pair], views: Sequence[View], settings: Settings) -> tuple[list[Row], Plan]:
+    """Everything in about `settings.seconds`. Raises StudyError if nothing ran."""
     begun = time.monotonic()
-    errors = Errors(settings)
-    errors.find_references(views, TRUTH_SHARE * settings.seconds)
-    left = Settings(**{**vars(settings), "seconds": settings.seconds - (time.monotonic() - begun)})
-    plan = choose(rungs, views, left, errors.first)
-    points = {point: pace for point, pace in plan.pace.items() if point[0] in plan.specs}
-    if not points:
-        reason = (plan.failures + plan.left_out)[0]["reason"] if plan.failures + plan.left_out else "no rung"
-        raise StudyError(f"nothing was measured: {reason}", cli.CANNOT_RUN)
-    cli.say(f"{len(plan.rungs)} rungs on {len(views)} views: {len(points)} points")
-    times = measure(points, settings)
-    return {
-        "rows": rows(plan, times, errors, settings),
-        "left_out": plan.left_out,
-        "failures": plan.failures,
-    }
-
-
-def read(path: Path) -> Row:
-    """A run's views.json; without that file no row. Raises StudyError for another thing's JSON."""
-    if not path.exists():
-        return {"rows": [], "left_out": [], "failures": []}
-    return Views.read(path)
+    pictures = Pictures(settings)
+    pictures.find_references(views, TRUTH_SHARE * settings.seconds)
+    settings.seconds -= time.monotonic() - begun
+    plan = choose(pairs, views, settings, pictures.first)
+    if not plan.pace:
+        reasons = [one.reason for one in (*plan.failures, *plan.left_out)]
+        raise StudyError(f"nothing was measured: {(reasons or ['no phase'])[0]}", cli.CANNOT_RUN)
+    cli.say(f"{len(plan.pairs)} phases on {len(views)} views: {len(plan.pace)} points")
+    return rows(plan, measure(plan.pace, settings), pictures, settings), plan

@@ -1,131 +1,191 @@
-"""The tables of further views, made from views.json alone."""
+"""The tables and the figure of further views, made from views.json alone."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.views.gains import ALONE, EVERYWHERE, MEDIAN, SCENE_ALONE, by_scene, level
-from study.experiments.views.measure import BASE, Row
-from study.measuring.views import OWN
+from study.experiments.section import Found, Part, part
+from study.experiments.views.gains import ALONE, BASE, EVERYWHERE, MEDIAN, SCENE_ALONE, OnScene, by_scene
+from study.experiments.views.schema import Furthest, Gain, LeftOut, Row, Views, decibels
+from study.measuring.views import CLEAR, OWN
+from study.numbers.schema import Interval
+from study.pictures.draw import Drawing
 
 
-def _text(found: Any) -> str:
+def _text(found: Interval | None) -> str:
     return show.spread(found, 3, "×")
 
 
-def _tuned(row: Row) -> str:
-    return "; ".join(f"{scene} {_text(found)}" for scene, found in row["tuned"].items()) or show.NOTHING
+def _tuned(row: Gain) -> str:
+    return "; ".join(f"{scene} {_text(found)}" for scene, found in row.tuned.items()) or show.NOTHING
 
 
-def _worst(row: Row) -> str:
-    return (
-        show.NOTHING
-        if not row["worst"]
-        else f"{_text(row['worst'])} {row['worst_scene']} {row['worst_view']}"
-    )
+def _worst(row: Gain) -> str:
+    return f"{_text(row.worst)} {row.worst_scene} {row.worst_view}" if row.worst else show.NOTHING
 
 
-def _db(name: str) -> Callable[[Row], str]:
-    def text(row: Row) -> str:
-        low = row[name]
-        if low is None:
-            return show.NOTHING
-        if low["no_value"]:
-            return f"not finite: {low['scene']} {low['view']}"
-        own = "identical" if _infinite(low["psnr_db"]) else show.number(low["psnr_db"])
-        parent = low["parent_db"]
-        beside = (
-            "its parent is the reference"
-            if low["parent_is_reference"]
-            else "parent " + ("identical" if _infinite(parent) else show.number(parent))
-        )
-        return f"{own} ({beside}): {low['scene']} {low['view']}"
-
-    return text
+def _db(low: Furthest | None) -> str:
+    if low is None:
+        return show.NOTHING
+    if low.no_value:
+        return f"not finite: {low.scene} {low.view}"
+    own, parent = ("identical" if x is None else show.number(x) for x in (low.psnr_db, low.parent_db))
+    beside = "its parent is the reference" if low.parent_is_reference else f"parent {parent}"
+    return f"{own} ({beside}): {low.scene} {low.view}"
 
 
-def _infinite(value: float | None) -> bool:
-    return value is None or math.isinf(value)  # JSON has null for it; what has no value has no_value
-
-
-def _mark(row: Row) -> str:
-    text = row["verdict"]
+def _mark(row: Gain | OnScene) -> str:
+    text = row.verdict
     if text == ALONE or text.startswith((SCENE_ALONE, "slower")):
         return "bad"
     return "good" if text == EVERYWHERE or (text.startswith(MEDIAN) and text.endswith("none")) else ""
 
 
-RUNGS = [
-    Column("", "phase", lambda r: r["phase"]),
-    Column("", "parent", lambda r: r["parent"]),
+GAINS = [
+    Column("", "phase", lambda r: r.phase),
+    Column("", "parent", lambda r: r.parent),
     Column("times as fast as its parent", "tuned views [95 %]", _tuned),
-    Column("times as fast as its parent", "median of the other views [95 %]", show.spread_of("median", "×")),
+    Column("times as fast as its parent", "median of the other views [95 %]", lambda r: _text(r.median)),
     Column("times as fast as its parent", "worst case [95 %]", _worst),
-    Column("times as fast as its parent", "slower on", lambda r: f"{r['slower']} of {r['views']}"),
-    Column(
-        "times as fast as its parent", "of them by its parent's code", lambda r: str(r.get("general") or 0)
-    ),
-    Column("", "verdict", lambda r: r["verdict"], _mark),
-    Column("lowest PSNR of all views, dB", "to ground truth", _db("to_truth")),
-    Column("lowest PSNR of all views, dB", f"to {BASE} (fractals: 4×4 averaged)", _db("to_base")),
+    Column("times as fast as its parent", "slower on", lambda r: f"{r.slower} of {r.views}"),
+    Column("times as fast as its parent", "of them by its parent's code", lambda r: str(r.general)),
+    Column("", "verdict", lambda r: r.verdict, _mark),
+    Column("lowest PSNR of all views, dB", "to ground truth", lambda r: _db(r.to_truth)),
+    Column("lowest PSNR of all views, dB", f"to {BASE} (fractals: 4×4 averaged)", lambda r: _db(r.to_base)),
     Column("", "most wrong hits, ppm", show.plain("wrong_ppm")),
 ]
 
 
-def _of_view(name: str) -> Callable[[Row], str]:
-    return lambda row: _text(row["views"].get(name))
-
-
-def _psnrs(row: Row) -> str:
-    return ", ".join("∞" if one is None else show.number(one) for one in row["psnr"].values())
+def _of_view(name: str) -> Callable[[OnScene], str]:
+    return lambda row: _text(row.views[name].ratio) if name in row.views else show.NOTHING
 
 
 SCENES = [
-    Column("", "phase", lambda r: r["phase"]),
-    Column("", "scene", lambda r: r["scene"]),
+    Column("", "phase", lambda r: r.phase),
+    Column("", "scene", lambda r: r.scene),
     *[
         Column("times as fast as its parent", f"{name} [95 %]", _of_view(name))
         for name in (OWN, "left", "right", "near")
     ],
-    Column("", "PSNR of each, dB", _psnrs),
-    Column("", "verdict", lambda r: r["verdict"], _mark),
+    Column("", "PSNR of each, dB", lambda r: ", ".join(show.number(one.level) for one in r.views.values())),
+    Column("", "verdict", lambda r: r.verdict, _mark),
 ]
 POINTS = [
-    Column("", "program", lambda r: r["phase"]),
+    Column("", "program", lambda r: r.phase),
     Column("", "scene", show.picture),
-    Column("", "view", lambda r: f"{r['view']}: {r['change']}"),
+    Column("", "view", lambda r: f"{r.view}: {r.change}"),
     Column("", "ms a frame [95 %]", show.spread_of("ms")),
     Column("", "× parent [95 %]", show.spread_of("ratio", "×")),
-    Column("", "code", lambda r: r.get("general") or ""),
-    Column("error", "reference", lambda r: r["reference"] or "is it itself"),
-    Column("error", "PSNR, dB", lambda r: show.NOTHING if not r["reference"] else show.number(level(r))),
-    Column("error", "ideal shadow, dB", lambda r: show.number(level(r, "psnr_ideal_db"))),
+    Column("", "code", lambda r: r.general or ""),
+    Column("error", "reference", lambda r: r.reference or "is it itself"),
+    Column("error", "PSNR, dB", lambda r: show.number(r.level) if r.reference else show.NOTHING),
+    Column("error", "ideal shadow, dB", lambda r: show.number(decibels(r.psnr_ideal_db, r.rmse_ideal))),
     Column("error", "wrong hit, ppm", show.plain("wrong_ppm")),
-    Column("error", "depth agrees", lambda r: show.share(r.get("depth_agree_fraction"))),
+    Column("error", "depth agrees", lambda r: show.share(r.depth_agree_fraction)),
 ]
 LEFT_OUT = [
-    Column("", "program", lambda r: r["phase"]),
-    Column("", "scene and view", lambda r: f"{r['scene']} {r['view']}" if "scene" in r else "all"),
-    Column("", "why", lambda r: r["reason"]),
+    Column("", "program", lambda r: r.phase),
+    Column("", "scene and view", lambda r: where(r) or "all"),
+    Column("", "why", lambda r: r.reason),
 ]
 
 
-def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column]]]:
-    """Name, caption, rows and columns."""
-    left_out = [*result["failures"], *result["left_out"]]
-    size = f"times at n = {result['n']}, errors at n = {result['error_n']}"
+def where(row: LeftOut) -> str:
+    return f"{row.scene} {row.view}" if row.scene else ""
+
+
+def parts(result: Views) -> list[Part]:
+    size = f"times at n = {result.n}, errors at n = {result.error_n}"
+    caption = f"Each phase against its parent, on views it was not tuned on; {size}"
+    left_out = [*result.failures, *result.left_out]
     return [
-        (
-            "views",
-            f"Each phase against its parent, on views it was not tuned on; {size}",
-            result["rungs"],
-            RUNGS,
-        ),
-        ("views-scenes", f"The same scene by scene; {size}", by_scene(result["rows"]), SCENES),
-        ("views-points", "Every program on every view", result["rows"], POINTS),
-        ("views-left-out", "Not measured", left_out, LEFT_OUT),
+        *part("views", caption, result.rungs, GAINS),
+        *part("views-scenes", f"The same scene by scene; {size}", by_scene(result.rows), SCENES),
+        *part("views-points", "Every program on every view", result.rows, POINTS),
+        *part("views-left-out", "Not measured", left_out, LEFT_OUT),
     ]
+
+
+def ratios(result: Views) -> Figure:
+    """A column a phase: a mark for each view, the median of the others as a bar."""
+    found = result.rungs
+    figure = Figure(figsize=(max(8, 1.5 * len(found) + 2.6), 4.4), layout="constrained")
+    title = "Gain of each phase over its parent, view by view; by name: the view of least gain (scene, place)"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    axes = figure.subplots()
+    axes.axhline(1, color="#888888", linewidth=1)
+    for place, gain in enumerate(found):
+        named = (lambda text: text) if place == 0 else (lambda text: "")  # for the legend, once
+        mine = [row for row in result.rows if row.phase == gain.phase and row.ratio]
+        others, tuned = ([row.ends[0] for row in mine if row.tuned is flag] for flag in (False, True))
+        aside = place + 0.5 * (np.arange(len(others)) / max(1, len(others) - 1) - 0.5)
+        dots = {"s": 16, "color": "#56B4E9", "linewidth": 0, "zorder": 2}
+        axes.scatter(aside, others, **dots, label=named("another view"))
+        marks = {"s": 46, "marker": "D", "color": "#D55E00", "zorder": 3}
+        axes.scatter(
+            [place - 0.36 + 0.08 * i for i in range(len(tuned))], tuned, **marks, label=named("a tuned view")
+        )
+        middle = gain.median.ends[0] if gain.median else math.nan
+        about = {"color": "black", "linewidth": 2, "zorder": 4, "label": named("median of the other views")}
+        axes.plot([place - 0.3, place + 0.3], [middle] * 2, **about)
+        if gain.worst:
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.85}
+            under = {"textcoords": "offset points", "ha": "center", "va": "top", "bbox": box}
+            text = f"{gain.worst_scene}\n{gain.worst_view}"
+            axes.annotate(text, (place, min(others)), (0, -5), fontsize=7.5, **under)
+    axes.set_xticks(range(len(found)), [f"{one.phase}\nover {one.parent}" for one in found], fontsize=8.5)
+    axes.set(yscale="log", ylabel="times as fast as its parent", xlim=(-0.6, len(found) - 0.4))
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, 0.9) / (high / low) ** 0.12, max(high, 1.12))  # room for the worst one's name
+    few = high / low < 6
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 1.25, 1.5, 2, 3, 5, 7) if few else (1, 2, 5)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}×"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    return figure
+
+
+def drawings(result: Views) -> dict[str, Drawing]:
+    caption = "Gain of each phase over its parent on every view"
+    drawn = Drawing(caption, note(result), lambda: ratios(result))
+    return {"views-ratios": drawn} if result.rungs else {}
+
+
+def answer(result: Views) -> str:
+    """How many phases gain in the median of views that nothing was tuned on, and the least of all gains."""
+    found = [(one.median.ends, one) for one in result.rungs if one.median]
+    found = [(ends, one) for ends, one in found if math.isfinite(ends[1])]
+    if not found:
+        return ""
+    least = min(found, key=lambda pair: pair[0][0])[1]
+    gaining = sum(ends[1] > 1 for ends, _ in found)
+    return (
+        f"{gaining} of {len(found)} phases are faster than their parent in the median of views that nothing "
+        f"was tuned on; the least gain is {least.phase}'s, {_text(least.median)}."
+    )
+
+
+def note(result: Views) -> str:
+    return (
+        f"{result.machine}; one thread, n = {result.n}, median of {result.launches} interleaved launches. "
+        "Constants may be tuned on the own views of scene0 and mandelbulb; the others are only measured. "
+        "Each scene is also seen after 40° round the mean distance of its shapes to either side, and from "
+        f"0.6 of that distance (less where a shape would be within {CLEAR:g} of the way). Errors: pictures "
+        f"at n = {result.error_n}, linear RGB, to ground truth while the time lasts, else to {BASE}. "
+        "A phase that generates kernels runs its parent's code where it has none: no gain, and in no median."
+    )
+
+
+def found(result: Views) -> Found:
+    return Found(parts(result), answer(result), drawings(result))
+
+
+def failed(row: Row) -> str:
+    return f"{row.phase} on {row.scene} {row.view}: {row.non_finite} samples not finite"
