@@ -9,9 +9,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from study.core import show
 from study.pictures.draw import BAD, plain_log
-from study.pictures.hover import tell
 
 FINE, LESS, QUIET = "#0072B2", BAD, "#8C8C8C"
 
@@ -36,12 +34,6 @@ def of(found: dict, panel: str, label: str, text: str = "", even: bool = False) 
     return Dot(panel, label, value, low, high, text, colour)
 
 
-def _said(row: Dot) -> str:
-    if not math.isfinite(row.low):
-        return show.number(row.value)
-    return show.interval({"v": row.value, "v_low": row.low, "v_high": row.high}, "v", 3)
-
-
 def draw(rows: Sequence[Dot], title: str, axis: str, even: bool = False, columns: int = 2) -> Figure:
     """On a logarithmic axis. `even`: with a line at 1. Values that are not above 0 are left out."""
     rows = [row for row in rows if row.value > 0]
@@ -61,8 +53,7 @@ def draw(rows: Sequence[Dot], title: str, axis: str, even: bool = False, columns
         for place, row in enumerate(mine):
             if math.isfinite(row.low) and math.isfinite(row.high):
                 axes.plot([row.low, row.high], [place] * 2, color=row.colour, linewidth=2.2)
-            dot = axes.plot([row.value], [place], "o", color=row.colour, markersize=6)
-            tell(dot, f"{name}, {row.label}: {_said(row)}, {axis}{'; ' * bool(row.text)}{row.text}")
+            axes.plot([row.value], [place], "o", color=row.colour, markersize=6)
             end = row.high if math.isfinite(row.high) else row.value
             near = {"textcoords": "offset points", "fontsize": 8, "va": "center"}
             axes.annotate(row.text, (end, place), (7, 0), **near)

@@ -17,17 +17,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, LogFormatterMathtext, LogLocator, NullFormatter
-from PIL import Image
-from PIL.PngImagePlugin import PngInfo
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from study.core import store
 from study.core.cli import StudyError
-from study.pictures import contents, hover, labels
+from study.pictures import labels
 
 # Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
 # than any of it: no two rungs share one. Markers and hatches say the same in print.
@@ -113,7 +108,7 @@ def _number(phase: str) -> int | None:
     return int(found[1]) if found else None
 
 
-PASSES, MOST_DOTS = 8, 3000  # of a layout; across a figure
+PASSES = 3  # of a layout
 
 
 def panels(
@@ -130,97 +125,37 @@ def panels(
     return figure, dict(zip(scenes, grid.flat, strict=False))
 
 
-def _lay_out(figure: Figure) -> None:
-    """Once for both forms, which took half of the time each: till nothing moves by a dot, or PASSES are made.
-    What stands beside its axes comes home after some only."""
-    engine, before = figure.get_layout_engine(), None
-    for _ in range(PASSES if engine else 0):
-        engine.execute(figure)
-        now = np.array([axes.get_position().bounds for axes in figure.axes])
-        if before is not None and np.abs(now - before).max(initial=0) < 1 / MOST_DOTS:
-            break
-        before = now
-    figure.set_layout_engine("none")
-
-
 def save(figure: Figure, stem: Path, note: str) -> list[Path]:
-    """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure.
-
-    In the SVG letters are text, and marks have what study.pictures.hover was told of them as titles.
-    The PNG of lines and text has a palette of 256 colours: half the bytes and less. It keeps the figure's
-    numbers and words (study.pictures.contents).
-    """
-    said = _ready(figure, note)
+    """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure."""
+    _ready(figure, note)
+    files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
     try:
         stem.parent.mkdir(parents=True, exist_ok=True)
-        drawn = io.StringIO()
-        told = hover.numbered(figure)
-        figure.savefig(drawn, format="svg", metadata={"Date": None})
-        store.write_text(stem.with_suffix(".svg"), hover.titled(drawn.getvalue(), told))
-        made = _pixels(figure, 130)
-        made.save(stem.with_suffix(".png"), optimize=True, pnginfo=said)
+        figure.savefig(files[0], metadata={"Date": None})
+        figure.savefig(files[1], dpi=130)
     except OSError as error:
         raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
-    return [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+    return files
 
 
 def thumbnail(figure: Figure, note: str) -> bytes:
     """The figure as a PNG of half the size, for a page that has many."""
     _ready(figure, note)
     made = io.BytesIO()
-    _pixels(figure, 75).save(made, format="png", optimize=True)
+    figure.savefig(made, format="png", dpi=75)
     return made.getvalue()
 
 
-def _ready(figure: Figure, note: str) -> PngInfo:
-    """Puts the note under the figure and everything in its place; the figure's numbers and words.
-
-    A name with two dollar signs is no formula; Matplotlib's own labels of logarithmic axes are.
-    """
+def _ready(figure: Figure, note: str) -> None:
+    """Puts the note under the figure and everything in its place, once for both forms."""
     across = int(figure.get_figwidth() * 17)  # characters of this size
     note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
-    said = contents.chunk(figure)  # before names are moved about
     FigureCanvasAgg(figure)
-    powers = _powers(figure)
-    for text in figure.findobj(Text):
-        text.set_parse_math(text in powers)
     labels.settle(figure)
-    _lay_out(figure)
-    return said
-
-
-def _powers(figure: Figure) -> set[Text]:
-    """Labels at ticks that Matplotlib itself numbers by powers of ten; they are empty till it draws."""
-    axes = [axis for one in figure.axes for axis in (one.xaxis, one.yaxis)]
-    numbered = [one for one in axes if isinstance(one.get_major_formatter(), LogFormatterMathtext)]
-    ticks = [tick for axis in numbered for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())]
-    return {label for tick in ticks for label in (tick.label1, tick.label2)}
-
-
-def _pixels(figure: Figure, dpi: int) -> Image.Image:
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=dpi)
-    return _few_colours(Image.open(drawn).convert("RGB"))
-
-
-def _few_colours(picture: Image.Image) -> Image.Image:
-    """With those of the phases and its commonest, 256 in all, others as the nearest of these; as it is if
-    that are under 97 % of the pixels."""
-    pixels = np.asarray(picture).reshape(-1, 3).astype(np.uint32) @ np.uint32([1 << 16, 1 << 8, 1])
-    packed = np.unique(pixels)  # numbers: rows of three take seconds
-    place = np.searchsorted(packed, pixels)
-    count = np.bincount(place)
-    common = np.argsort(-count, kind="stable")[: 256 - len(COLOURS)]
-    if count[common].sum() < 0.97 * len(pixels):
-        return picture
-    colours = packed[:, None] >> np.uint32([16, 8, 0]) & 255
-    own = [[round(255 * part) for part in to_rgb(colour)] for colour in COLOURS]
-    kept = np.concatenate([colours[common].astype(int), own])
-    nearest = np.array([((kept - colour) ** 2).sum(axis=1).argmin() for colour in colours.astype(int)])
-    made = Image.fromarray(nearest[place].astype(np.uint8).reshape(picture.height, picture.width))
-    made.putpalette(kept.astype(np.uint8).tobytes())
-    return made
+    for _ in range(PASSES):  # what stands beside its axes comes home after some only
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")
 
 
 def bars_of(group: pd.DataFrame, name: str) -> np.ndarray:

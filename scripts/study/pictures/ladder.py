@@ -15,11 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
 from study.core import cli, machine, registry, show
-from study.core.show import Row
 from study.numbers import ladder
 from study.numbers.analysis import Data
 from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
-from study.pictures.hover import tell
 
 SAME = 150  # dB; a difference below is less than what float holds of a colour near 1
 
@@ -41,25 +39,15 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
     )
 
 
-def against_n(
-    rows: pd.DataFrame, name: str, unit: str, title: str, says: Callable[[Row], str] | None = None
-) -> Figure:
-    """One panel per scene, log-log, a line per phase; `name`: column with _low and _high.
-
-    `says`: what a point says under the pointer; its number with the interval if none is given.
-    """
-
-    def number(row: Row) -> str:
-        label = looks[row["phase"], row["threads"]]["label"]
-        return f"{label}, {row['scene']}, n = {row['height']}\n{show.interval(row, name)} {unit}"
-
+def against_n(rows: pd.DataFrame, name: str, unit: str, title: str) -> Figure:
+    """One panel per scene, log-log, a line per phase; `name`: column with _low and _high."""
     figure, grid = panels(rows, 3.6)
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     looks = look(rows)
     for scene, axes in grid.items():
         for key, group in rows[rows["scene"] == scene].groupby(["phase", "threads"], sort=False):
             style, group = looks[key], group.sort_values("height")
-            drawn = axes.errorbar(
+            axes.errorbar(
                 group["height"],
                 group[name],
                 yerr=bars_of(group, name),
@@ -68,7 +56,6 @@ def against_n(
                 markerfacecolor="white" if style["hollow"] else style["color"],
                 **{key: style[key] for key in ("color", "marker", "linestyle", "label")},
             )
-            tell(drawn, [(says or number)(row) for row in group.to_dict("records")])
         axes.set(title=scene, xscale="log", yscale="log", xlabel="n: picture height, pixels", ylabel=unit)
         heights = sorted(rows[rows["scene"] == scene]["height"].unique())
         axes.set_xlim(heights[0] / 1.2, heights[-1] * 1.2)
@@ -113,7 +100,7 @@ def speedups(rows: pd.DataFrame) -> Figure:
         for (i, row), style in zip(group.iterrows(), styles, strict=True):
             colour = style["color"]
             axes.plot([LEFT, row["speedup"]], [i, i], ":", color="#999999", linewidth=1, zorder=1)
-            drawn = axes.errorbar(
+            axes.errorbar(
                 row["speedup"],
                 i,
                 xerr=ends[:, [i]],
@@ -123,7 +110,6 @@ def speedups(rows: pd.DataFrame) -> Figure:
                 markersize=8,
                 markerfacecolor="white" if style["hollow"] else colour,
             )
-            tell(drawn, _gain(row, style["label"]))
             beside = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 9}
             axes.text(1.15, i, f"{show.number(row['speedup'])}×", **beside, ha="right")
             axes.text(1.19, i, error_text(row), **beside, color=text_colour(row))
@@ -143,15 +129,6 @@ def speedups(rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def _gain(row: pd.Series, label: str) -> str:
-    """What the ladder says of a phase under the pointer."""
-    return (
-        f"{label}, {row['scene']}, {row['width']}×{row['height']}\n"
-        f"{show.interval(row, 'speedup', 3, '×')} baseline's speed, {show.interval(row, 'ms')} ms a frame\n"
-        f"PSNR to baseline: {error_text(row)}; to ground truth: {truth_text(row)}"
-    )
-
-
 def paper_marks(axes: Axes, group: pd.DataFrame) -> None:
     """The paper's own speed-ups above and below the point, outlined so that they show on it."""
     for name, marker, size, face, shift, label in (
@@ -161,11 +138,9 @@ def paper_marks(axes: Axes, group: pd.DataFrame) -> None:
     ):
         there = group[group[name].notna() & (group["phase"] != ladder.BASE)]
         at = there[name], there.index + shift
-        tell(axes.scatter(*at, marker=marker, s=size + 40, color="white", zorder=3))
+        axes.scatter(*at, marker=marker, s=size + 40, color="white", zorder=3)
         style = {"marker": marker, "s": size, "color": face, "edgecolor": "black", "zorder": 4}
-        drawn = axes.scatter(*at, **style, label=label if len(there) else None)
-        rows = there.to_dict("records")
-        tell(drawn, [f"the paper's {r['phase']}, {r['scene']}: {show.times(r[name])} {label}" for r in rows])
+        axes.scatter(*at, **style, label=label if len(there) else None)
 
 
 def truth_text(row: pd.Series) -> str:
@@ -190,17 +165,6 @@ def text_colour(row: pd.Series) -> str:
     return BAD if show.gate_mark(row) == "bad" else "#222222"
 
 
-def _changed(row: pd.Series, label: str) -> str:
-    """What a point of speed against error says under the pointer."""
-    return (
-        f"{label}, {row['scene']}, {row['width']}×{row['height']}\n"
-        f"{show.interval(row, 'ns_per_pixel')} ns/pixel\n"
-        f"PSNR to baseline, dB: linear {show.psnr(row, 'psnr_db')}, display "
-        f"{show.psnr(row, 'psnr_display_db')}, 4×4 averaged {show.psnr(row, 'antialiased_psnr_db')}\n"
-        f"tolerance: {show.gate(row)}"
-    )
-
-
 def error(rows: pd.DataFrame) -> Figure:
     """Each phase a point: ns/pixel against PSNR to baseline, in each space. Those from SAME up on a rail."""
     rows = rows[rows["headline"] & (rows["psnr_db"].notna() | (rows["phase"] == ladder.BASE))]
@@ -223,10 +187,9 @@ def error(rows: pd.DataFrame) -> Figure:
             places = [rail] * 3 if row["phase"] == ladder.BASE else np.where(places >= SAME, rail, places)
             low, high = (np.nan_to_num(abs(row[f"ns_per_pixel_{end}"] - pace)) for end in ("low", "high"))
             axes.plot(places, [pace] * 3, color=style["color"], linewidth=1)
-            says = _changed(row, style["label"])
-            tell(axes.plot(places[1], pace, "|", color=style["color"], markersize=10), says)
-            tell(axes.plot(places[2], pace, "+", color=style["color"], markersize=10), says)
-            drawn = axes.errorbar(
+            axes.plot(places[1], pace, "|", color=style["color"], markersize=10)
+            axes.plot(places[2], pace, "+", color=style["color"], markersize=10)
+            axes.errorbar(
                 places[0],
                 pace,
                 yerr=[[low], [high]],
@@ -236,9 +199,8 @@ def error(rows: pd.DataFrame) -> Figure:
                 markerfacecolor="white" if style["hollow"] else style["color"],
                 **{key: style[key] for key in ("color", "marker", "label")},
             )
-            tell(drawn, says)
             if show.gate_mark(row) == "bad":
-                tell(axes.plot(places[0], pace, **RING))
+                axes.plot(places[0], pace, **RING)
         axes.axvline((top + rail) / 2, color="#999999", linewidth=0.8, linestyle=(0, (4, 3)))
         step = 10 if top - left < 80 else 20
         ticks = range(step * math.ceil(left / step), int(top) + 1, step)

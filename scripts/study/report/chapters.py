@@ -17,7 +17,6 @@ from study.numbers import analysis, columns, paper, verdicts
 from study.numbers.analysis import Data
 from study.pictures import embed
 from study.pictures.draw import Drawing
-from study.pictures.hover import tell
 from study.report import compared, facts, lessons
 
 PICTURES = {  # of stepwise pictures
@@ -60,7 +59,6 @@ def _draw(found: Sequence[Mapping[str, Any]]) -> Figure:
         many = [counts[name][word] for name in counts]
         if any(many):
             bars = axes.barh(list(counts), many, 0.7, list(left.values()), color=colour, label=word)
-            tell(bars, [f"{name}: {one} claims “{word}”" for name, one in zip(counts, many, strict=True)])
             axes.bar_label(bars, [str(one) if one else "" for one in many], label_type="center", fontsize=8)
         left = {name: left[name] + counts[name][word] for name in counts}
     axes.invert_yaxis()

@@ -11,13 +11,12 @@ from pathlib import Path
 from study.core import store
 from study.core.cli import StudyError
 from study.experiments.section import Section, reading
-from study.pictures import embed, hover
+from study.pictures import embed
 from study.pictures.draw import Drawing
 from study.pictures.processes import in_processes
 
-Shown = dict[str, str]  # name, caption, and uri or svg; neither where the page has no room for it
+Shown = dict[str, str]  # name, caption, and uri where the page has room for it
 MOST = 6_000_000  # bytes of a page
-LONGEST = 300_000  # bytes of an SVG in it
 
 
 def read(path: Path) -> bytes:
@@ -32,11 +31,6 @@ def picture(path: Path) -> str:
     """A rendered picture's data URI. The PNG itself lies beside the page."""
     with embed.reading(path):
         return embed.rendered(read(path))
-
-
-def inline(path: Path) -> str:
-    """An SVG for use inside a page. Pictures in <img> show no hover text."""
-    return hover.short(read(path).decode("utf-8"), path.stem)
 
 
 def content(section: Section) -> str:
@@ -71,17 +65,11 @@ def draw(sections: Sequence[Section], folder: Path, reuse: bool = False) -> None
 
 
 def figures(section: Section, folder: Path) -> list[Shown]:
-    """A chapter's figures, which `draw` has drawn: as SVG, or as PNG what is made of pictures, or of so many
-    marks that its SVG is longer than LONGEST."""
-    made = []
-    for name, drawing in section.drawn.items():
-        shown = {"name": name, "caption": drawing.caption}
-        svg = inline(folder / f"{name}.svg")
-        if "<image" in svg or len(svg) > LONGEST:
-            made.append({**shown, "uri": embed.exact(read(folder / f"{name}.png"))})
-        else:
-            made.append({**shown, "svg": svg})
-    return made
+    """A chapter's figures, which `draw` has drawn."""
+    return [
+        {"name": name, "caption": drawing.caption, "uri": embed.exact(read(folder / f"{name}.png"))}
+        for name, drawing in section.drawn.items()
+    ]
 
 
 def fewer(chapters: Iterable[Sequence[Shown]], excess: int) -> str:
@@ -96,7 +84,6 @@ def fewer(chapters: Iterable[Sequence[Shown]], excess: int) -> str:
                 break
             excess -= _length(item)
             names.append(item["name"])
-            item.pop("svg", None)
             item.pop("uri", None)
     if excess > 0:
         raise StudyError(
@@ -107,7 +94,7 @@ def fewer(chapters: Iterable[Sequence[Shown]], excess: int) -> str:
 
 
 def _length(item: Shown) -> int:
-    return len(item.get("svg", item.get("uri", "")).encode())
+    return len(item.get("uri", ""))
 
 
 def copied(wanted: Mapping[Path, str], folder: Path) -> list[Shown]:

@@ -16,7 +16,6 @@ from study.numbers import history
 from study.numbers.analysis import Data
 from study.numbers.history import Point
 from study.pictures.draw import BAD, Drawing
-from study.pictures.hover import tell
 
 COLUMNS = [Column("", title, lambda row, key=key: str(row[key])) for key, title in history.COLUMNS]
 TITLE = "Over time"
@@ -25,12 +24,6 @@ FOOT = (
     "A step is a change by 5 % or more of the same work on a machine of the same kind, whose 95 % interval "
     "excludes 1. Hosts and hours of such machines differ: × baseline is of one run, and moves less."
 )
-
-
-def _said(point: Point) -> str:
-    over = f"{point.over_base.text('.4g')} × baseline, " if point.over_base else ""
-    what = f"{point.made}, {point.commit}, {point.run}, {point.scene} {point.size}"
-    return f"{what}\n{over}{point.ms.text()} ms"
 
 
 def _draw(points: Sequence[Point], phase: str) -> Figure:
@@ -51,12 +44,11 @@ def _draw(points: Sequence[Point], phase: str) -> Figure:
                 if point.over_base:
                     bars[0].append(point.over_base.value - point.over_base.low)
                     bars[1].append(point.over_base.high - point.over_base.value)
-            drawn = axes.errorbar(at, middle, yerr=bars, capsize=3, marker="o", label=label)
-            tell(drawn, [_said(point) for point in some])
+            axes.errorbar(at, middle, yerr=bars, capsize=3, marker="o", label=label)
             for place, point in zip(at, some, strict=True):
                 if point.step and point.over_base:
                     ring = {"mfc": "none", "mec": BAD, "markersize": 14, "mew": 2}
-                    tell(axes.plot(place, point.over_base.value, "o", **ring))
+                    axes.plot(place, point.over_base.value, "o", **ring)
         axes.set_title(scene, fontsize=10)
         axes.set_xticks(range(len(days)), [day[:10] for day in days], fontsize=8)
         axes.set_ylabel("× baseline")

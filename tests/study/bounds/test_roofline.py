@@ -12,7 +12,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 import complete
 import emitted
@@ -33,7 +32,6 @@ from study.experiments.roofline import tables as roof_tables
 from study.numbers import analysis
 from study.pictures import labels
 from study.pictures.draw import RING, STYLE, save
-from study.report import figures
 
 ROOT = Path(__file__).parents[3]
 PIXELS = {90: 160 * 90, 180: 320 * 180}
@@ -242,8 +240,6 @@ def test_hardware_counts_have_libm_inside_no_bytes_and_no_roof_of_their_mix(run:
     assert cells[4:6] == ["–", "–"]
     assert cells[11:14] == ["–", "–", "– (100\u00a0% of the FLOPs have no ceiling)"]
     assert cells[14:20] == ["–"] * 6
-    svg = (run / "figures" / "roofline.svg").read_text()
-    assert "<title>opt3, scene0, n = 180" in svg and "<title>opt4, scene0" not in svg
 
 
 def test_no_resource_sets_a_roof_that_is_none(run: Path) -> None:
@@ -521,7 +517,6 @@ def test_what_is_above_its_roof_is_marked(run: Path) -> None:
         assert bool(marked) == above
         assert ("(above its roof!)" in roof_tables.tables(table, limits)["roofline"][1]) == above
         one = row(run, "opt4", 180)
-        assert ("above its roof" in roofline_figures.hover(one)) == above
         shown = roof.headline(table[table["intensity"] > 0])
         figure = roofline_figures.roofline(shown, limits)
         rings = [line for line in figure.axes[0].lines if line.get_markersize() == RING["markersize"]]
@@ -626,7 +621,7 @@ def test_tables_have_the_papers_values_and_no_nan(run: Path) -> None:
 
 
 @pytest.mark.slow
-def test_figures_are_the_same_each_time_and_have_hover_text(run: Path, tmp_path: Path) -> None:
+def test_figures_are_the_same_each_time(run: Path, tmp_path: Path) -> None:
     for out in ("one", "two"):
         assert script(run, "-o", tmp_path / out).returncode == 0
     one = sorted((tmp_path / "one" / "figures").iterdir())
@@ -638,29 +633,6 @@ def test_figures_are_the_same_each_time_and_have_hover_text(run: Path, tmp_path:
     ]
     for path in one:
         assert path.read_bytes() == (tmp_path / "two" / "figures" / path.name).read_bytes()
-    for path in one[1::2]:
-        titles = [e.text for e in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}title")]
-        opt4 = next(text for text in titles if text.startswith("opt4, scene0, n = 180"))
-        assert "2.000 [" in opt4 and "2.00 flop/byte" in opt4 and "6.25\u00a0% of the FMA roof" in opt4
-        points = [text for text in titles if "counted by" in text]
-        assert len(points) == (2 if path.stem == "roofline" else len(rows_of(run)))
-
-
-@pytest.mark.slow
-def test_an_svg_for_the_page_is_whole_and_keeps_its_ids_to_itself(run: Path) -> None:
-    script(run)
-    pages = [figures.inline(run / "figures" / f"{name}.svg") for name in roofline_figures.CAPTIONS]
-    ids = []
-    for page, name in zip(pages, roofline_figures.CAPTIONS, strict=True):
-        root = ElementTree.fromstring(page)
-        own = {element.get("id") for element in root.iter()} - {None}
-        used = set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", page))
-        assert used <= own and all(one.startswith(f"{name}-") for one in own)
-        assert page.startswith("<svg") and "<title>" in page
-        ids.append(own)
-    assert not ids[0] & ids[1]
-    with pytest.raises(StudyError, match=r"none.svg"):
-        figures.inline(run / "none.svg")
 
 
 def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import complete
-import marked
 import numpy as np
 import pytest
 from PIL import Image
@@ -231,7 +230,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         plots = {"speedup-ladder": ladder_figures.speedups, "runtime": ladder_figures.runtime}
         patch.setattr(ladder_figures, "PLOTS", plots)
-        marked.checked(patch)
         patch.setattr(pareto_tables, "FIGURES", {"psnr_db": "pareto"})
         patch.setattr(machines, "PUBLISHED", folder / "published")
         text = report.page(analysis.load(run, strict=False), folder / "out" / "index.html")

@@ -19,7 +19,6 @@ from study.experiments.ablations import measure as ablations
 from study.experiments.section import Section, part, reading
 from study.numbers import verdicts
 from study.pictures.draw import BAD, Drawing
-from study.pictures.hover import tell
 
 DOCUMENT = registry.ROOT / "docs" / "what-did-not-pay.md"
 COLUMNS = ("idea", "phase", "expected", "measured", "machine", "why")  # of its one table
@@ -101,8 +100,7 @@ def draw(rows: Sequence[Row]) -> Figure:
         colour = BAD if row["outcome"] == SLOWER else "#E69F00" if row["outcome"] != PAYS else "#009E73"
         if math.isfinite(low):
             axes.plot([low, high], [place] * 2, color=colour, linewidth=2.2)
-        drawn = axes.plot([value], [place], "o", color=colour, markersize=6)
-        tell(drawn, f"{row['ablation']}, {row['scene']}: {_gain(row)}, {row['outcome']}")
+        axes.plot([value], [place], "o", color=colour, markersize=6)
         before, after = (_db(name)(row) for name in ("against_psnr_db", "psnr_db"))
         unit = "" if before == "identical" else " dB"
         same = f"as before: {before}{unit}" if before == after else f"{before} → {after} dB"

@@ -14,7 +14,6 @@ from study.experiments.fixed.measure import Row
 from study.experiments.moving import measure as moving
 from study.experiments.section import Part, part
 from study.pictures.draw import COLOURS, Drawing, plain_log
-from study.pictures.hover import tell
 
 FIGURE, FRAMES = "fixed-bits", "fixed-frames"
 
@@ -245,8 +244,7 @@ def draw(result: Row) -> Figure:
         for colour, (roots, name) in zip(COLOURS, names.items(), strict=False):
             mine = [r for r in result["sweep"] if r["roots"] == roots and r.get(key)]
             at = [r["bits"] for r in mine], [r[key] for r in mine]
-            drawn = panel.plot(*at, "o-", color=colour, label=name)
-            tell(drawn, [f"{name}, {r['bits']} bits: {show.number(r[key])}, {label}" for r in mine])
+            panel.plot(*at, "o-", color=colour, label=name)
         floats = fixed.widest((r["case"] for r in result["rows"]), "fixed_float")
         level = next((r for r in result["rows"] if r["case"] == floats), None)
         if level and level[key]:

@@ -14,7 +14,6 @@ from study.experiments.flight.measure import FILE, Row
 from study.experiments.flight.schema import Flight
 from study.experiments.section import Found, Section, chapter, part
 from study.pictures.draw import COLOURS, Drawing
-from study.pictures.hover import tell
 
 NAMES = {
     "rods": "rods, as in the article",
@@ -132,11 +131,9 @@ def _draw(row: Row, article: float) -> Figure:
         seconds = [at for at, _ in made]
         label = made[0][1]["phase"] if name == "fastest" else words
         style = {"color": COLOURS[number], "markersize": 4, "label": label}
-        says = [f"{label}, {at:.3g} s: {1e3 / way['ms']:.3g} frames a second" for at, way in made]
-        tell(speed.plot(seconds, rates(row, name), "o-", **style), says)
+        speed.plot(seconds, rates(row, name), "o-", **style)
         near = [math.nan if way["psnr_db"] is None else way["psnr_db"] for _, way in made]
-        says = [f"{label}, {at:.3g} s: {db:.3g} dB" for at, db in zip(seconds, near, strict=True)]
-        tell(error.plot(seconds, near, "o-", **style), says)
+        error.plot(seconds, near, "o-", **style)
     if "mandelbox" in row["scene"]:  # the article's own scene
         label = "the article's figure, of no stated size"
         speed.axhline(article, color="#888888", linestyle=":", label=label)

@@ -13,7 +13,6 @@ from study.core import machine, show
 from study.core.show import Column
 from study.experiments.frames.measure import AWAY_ONCE, HALF, PHASE, Row
 from study.pictures.draw import Drawing, plain_log
-from study.pictures.hover import tell
 
 FIGURE = "frames"
 
@@ -124,9 +123,7 @@ def draw(result: Row) -> Figure:
         for place, one in enumerate(mine):
             ms = np.concatenate([np.asarray(launch, float) for launch in one["ms"]])
             aside = place + 0.22 * (dice.random(len(ms)) * 2 - 1)
-            drawn = axes.scatter(ms, aside, s=7, color="#56B4E9", linewidth=0, alpha=0.6, zorder=2)
-            median = f"median {show.number(one['median_ms'])} ms, 99 % {_p99(one)} ms"
-            tell(drawn, f"{one['phase']}, {kind[0]}: {len(ms)} frames, {median}; {_rate(one)} frames/s")
+            axes.scatter(ms, aside, s=7, color="#56B4E9", linewidth=0, alpha=0.6, zorder=2)
             axes.plot(
                 [one["median_ms"]] * 2, [place - 0.34, place + 0.34], color="black", linewidth=2, zorder=3
             )

@@ -18,7 +18,6 @@ from study.core import machine, show
 from study.experiments.functions import measure as functions
 from study.experiments.functions.tables import TITLES, judged
 from study.pictures.draw import COLOURS, MARKERS, Drawing, plain_log, save
-from study.pictures.hover import tell
 
 Row = dict[str, Any]
 FAMILIES = ("libm", "instruction", "bit trick", "own", "libmvec", "SLEEF")
@@ -68,7 +67,7 @@ def _panel(axes: Axes, rows: Sequence[Row], title: str, time: str) -> None:
     front = sorted((r for r in rows if functions.on_front(r, rows, time)), key=lambda r: r["max_ulp"])
     for row in rows:
         colour, marker = LOOKS[row["family"]]
-        drawn = axes.scatter(
+        axes.scatter(
             row["max_ulp"],
             row[time]["value"],
             s=SIZES[row["isa"]],
@@ -78,8 +77,6 @@ def _panel(axes: Axes, rows: Sequence[Row], title: str, time: str) -> None:
             linewidth=1.1,
             zorder=4 if row in front else 3,
         )
-        ns = show.spread(row[time], 3, " ns")
-        tell(drawn, f"{title}: {row['name']}, {row['isa']}: {ns}, {show.number(row['max_ulp'])} ulp")
     axes.plot(
         [r["max_ulp"] for r in front],
         [r[time]["value"] for r in front],
@@ -150,7 +147,7 @@ def normalise_figure(result: Row) -> Figure:
         lines.setdefault((row["isa"], row["name"], row["layout"]), []).append(row)
     for (isa, name, layout), rows in lines.items():
         bare = name == "no arithmetic"
-        drawn = axes.plot(
+        axes.plot(
             [r["bytes"] / 1e6 for r in rows],
             [r["ns"]["value"] for r in rows],
             color=COLOURS[widths[isa]],
@@ -160,8 +157,6 @@ def normalise_figure(result: Row) -> Figure:
             linewidth=1.4,
             label=f"{isa}, {name}" + (f", {layout}" if isa == "scalar" else ""),
         )
-        said = [(show.number(r["bytes"] / 1e6), show.spread(r["ns"], 3, " ns")) for r in rows]
-        tell(drawn, [f"{isa}, {name}, {layout}: {ns} a vector, {size} MB" for size, ns in said])
     axes.set(xscale="log", yscale="log", xlabel="MB of vectors (12 bytes each)", ylabel="ns per vector")
     plain_log(axes.xaxis)
     plain_log(axes.yaxis)

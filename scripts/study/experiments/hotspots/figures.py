@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from study.core import show
 from study.experiments.hotspots.tables import REST, Row
-from study.pictures.hover import tell
 
 SHOWN = 5  # functions of a phase; the others are one piece
 SHADES = ("#0072B2", "#3D94C6", "#76B3D6", "#A9CFE5", "#D3E6F1")
@@ -35,15 +33,13 @@ def draw(rows: Sequence[Row]) -> Figure:
         left = 0.0
         for shade, row in enumerate(top(rows, name)):
             share = row["percent"]
-            bar = axes.barh(place, share, 0.8, left, color=SHADES[shade], edgecolor="white")
-            tell(bar, f"{name}, {row['scene']}: {row['function']}, {show.number(share)} % of the frame")
+            axes.barh(place, share, 0.8, left, color=SHADES[shade], edgecolor="white")
             text = row["function"]
             if len(text) * 0.82 + 1 < share:
                 ink = "white" if shade < 2 else "black"
                 axes.text(left + share / 2, place, text, fontsize=7.5, color=ink, ha="center", va="center")
             left += share
-        bar = axes.barh(place, max(0.0, 100 - left), 0.8, left, color=OTHERS, edgecolor="white")
-        tell(bar, f"{name}: other functions, {show.number(max(0.0, 100 - left))} % of the frame")
+        axes.barh(place, max(0.0, 100 - left), 0.8, left, color=OTHERS, edgecolor="white")
         axes.text(99, place, f"others {max(0.0, 100 - left):.0f} %", fontsize=7.5, ha="right", va="center")
     axes.set_yticks(range(len(names)), names, fontsize=9)
     axes.set(xlim=(0, 100), ylim=(len(names) - 0.5, -0.5), xlabel="% of the frame")

@@ -6,11 +6,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from study.core import show
 from study.experiments.packets.measure import EMBREE, ENOUGH_DB, Row
 from study.experiments.packets.tables import WAYS, variant
 from study.pictures.draw import COLOURS, HATCHES, MARKERS, Drawing, plain_log
-from study.pictures.hover import tell
 
 FIGURE, EQUAL = "packets-rays", "packets-equal-error"
 
@@ -45,7 +43,7 @@ def draw_rays(result: Row) -> Figure:
             at = [
                 place + (i - (len(bars) - 1) / 2) / (len(bars) + 1) for place, one in enumerate(found) if one
             ]
-            drawn = panel.bar(
+            panel.bar(
                 at,
                 [one["mrays"] for one in found if one],
                 1 / (len(bars) + 1),
@@ -53,12 +51,6 @@ def draw_rays(result: Row) -> Figure:
                 hatch=HATCHES[i],
                 edgecolor="white",
             )
-            said = [
-                f"{labels[bar]}, {name}, {row['kind']}: {show.number(one['mrays'])} million rays a second"
-                for row, one in zip(rows, found, strict=True)
-                if one
-            ]
-            tell(drawn, said)
         panel.set(yscale="log", title=name)
         panel.set_xticks(range(len(rows)), [r["kind"] for r in rows], fontsize=9)
         plain_log(panel.yaxis)
@@ -93,8 +85,7 @@ def draw_equal(result: Row) -> Figure:
                 continue
             shown = 160 if row["psnr_db"] is None else row["psnr_db"]
             ms = row["threads"][0]["ms"]
-            said = f"{row['phase']}, {drawn['scene']}: {show.number(ms)} ms a frame, {show.number(shown)} dB"
-            tell(panel.plot([ms], [shown], **looks[row["phase"]]), said)
+            panel.plot([ms], [shown], **looks[row["phase"]])
         panel.axhline(ENOUGH_DB, color="#888888", linestyle=":", linewidth=1)
         panel.set(xscale="log", title=drawn["scene"], xlabel="ms a frame, one thread", ylim=(20, 165))
         panel.margins(x=0.25)

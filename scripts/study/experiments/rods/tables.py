@@ -13,7 +13,6 @@ from study.core.show import Column
 from study.experiments.rods import measure as rods
 from study.experiments.rods.measure import Row
 from study.pictures.draw import COLOURS, Drawing, plain_log
-from study.pictures.hover import tell
 
 TRADE = "rods-trade"
 JUDGED = 0.9995  # of the pixels: less is said
@@ -318,9 +317,7 @@ def draw(result: Row) -> Figure:
                 "marker": "o",
                 "markersize": 4,
             }
-            drawn = panel.plot([r["ms"] for r in mine], [r[key] for r in mine], **line)
-            said = [(r["max_steps"], show.number(r["ms"]), show.number(r[key])) for r in mine]
-            tell(drawn, [f"{down} down, {cap} steps: {ms} ms, {label}: {v}" for cap, ms, v in said])
+            panel.plot([r["ms"] for r in mine], [r[key] for r in mine], **line)
             if panel is panels[0]:
                 name = f"{down} down" + (", step less the radius" if step == "safe" else "")
                 marks.append(Line2D([], [], label=name, **line))
@@ -328,9 +325,7 @@ def draw(result: Row) -> Figure:
                     panel.annotate(f"{r['max_steps']} steps", (r["ms"], r[key]), fontsize=8, xytext=(4, 4),
                                    textcoords="offset points")  # fmt: skip
         own = result["own"]["pixels"]
-        ms, value = show.number(own["ms"]), show.number(own[key])
-        star = panel.plot([own["ms"]], [own[key]], "k*", markersize=11)
-        tell(star, f"per pixel, 20 steps: {ms} ms, {label}: {value}")
+        panel.plot([own["ms"]], [own[key]], "k*", markersize=11)
         panel.set(xscale="log", yscale="log", xlabel="ms, the march alone", ylabel=label)
         plain_log(panel.xaxis)
     marks.append(

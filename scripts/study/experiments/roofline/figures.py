@@ -15,14 +15,12 @@ from matplotlib.lines import Line2D
 
 from study.bounds import roof, roof_shares
 from study.bounds.ceilings import LEVELS, Ceilings
-from study.bounds.roof import Row
 from study.core import cli, machine, show
 from study.experiments.roofline import tables as roof_tables
 from study.numbers.analysis import Data
 from study.pictures import labels
 from study.pictures import ladder as ladder_figures
 from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
-from study.pictures.hover import tell
 
 CAPTIONS = {
     "roofline": "Every phase below the measured roofs of one core, by bytes as the core sees them; the dash "
@@ -42,26 +40,6 @@ OFF = 0.75  # natural logarithm: how far a slope's name keeps from points and ot
 
 # Solid, dashed, dotted …: levels are told apart without colour.
 LEVEL_LINES = dict(zip(LEVELS, ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5))), strict=True))
-
-
-def hover(row: Row | pd.Series) -> str:
-    """What the page says of a point under the pointer."""
-    lines = [
-        f"{row['phase']}, {row['scene']}, n = {row['n']}",
-        f"{show.interval(row, 'flops_per_core_cycle')} flop/core cycle",
-    ]
-    if row["intensity"] > 0:
-        lines.append(f"{show.number(row['intensity'])} flop/byte")
-    for name, text in (
-        ("share_of_fma_roof", f"of the FMA roof ({row['precision']}, {row['bits']} bits)"),
-        ("share_of_fma_peak", f"of what the ports allow ({show.number(row['fma_peak'])} flop/core cycle)"),
-        ("share_of_mix_roof", f"of the roof of its own operations ({row['mix_bound']})"),
-        ("share_of_least_roof", f"of the lower of that and L1's ({row['least_bound']})"),
-    ):
-        if row[name] > 0:
-            why = roof_tables.doubtful(row, name)
-            lines.append(f"{show.percent(row[name])} {text}{f' ({why}!)' if why else ''}")
-    return "\n".join([*lines, f"counted by: {roof_tables.counted_by(row)}"])
 
 
 def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float, str]]:
@@ -197,29 +175,27 @@ def point(axes: Axes, row: pd.Series, style: dict) -> None:
     x, y, least = row["intensity"], row["flops_per_core_cycle"], row["least_roof"]
     if least > 0:
         axes.plot([x, x], [y, least], color=style["color"], linewidth=0.8, linestyle=":")
-        dash = axes.plot(x, least, marker="_", color=style["color"], markersize=14, mew=2.2)
-        tell(dash, f"{row['phase']}, {row['scene']}: its own limit, {show.number(least)} flop/core cycle")
+        axes.plot(x, least, marker="_", color=style["color"], markersize=14, mew=2.2)
     ends = bars_of(row.to_frame().T.infer_objects(), "flops_per_core_cycle")
     axes.errorbar(x, y, yerr=ends, color=style["color"], capsize=3, linestyle="none")
     face = "white" if style["hollow"] else style["color"]
     drawn = {"color": style["color"], "markerfacecolor": face, "markersize": 9, "linestyle": "none"}
-    tell(axes.plot(x, y, marker=style["marker"], label=style["label"], zorder=5, **drawn), hover(row))
+    axes.plot(x, y, marker=style["marker"], label=style["label"], zorder=5, **drawn)
     if row["share_of_fma_roof"] > 1 or row["share_of_mix_roof"] > 1:
-        tell(axes.plot(x, y, **RING))
+        axes.plot(x, y, **RING)
 
 
 def performance(table: pd.DataFrame) -> Figure:
     """The paper's Fig. 6 in form: flop per core cycle against n; its own values as stars on the right."""
     title = "Performance against picture height; stars: the paper's own (i7-7700, its convention)"
-    figure = ladder_figures.against_n(table, "flops_per_core_cycle", "flop per core cycle", title, hover)
+    figure = ladder_figures.against_n(table, "flops_per_core_cycle", "flop per core cycle", title)
     looks = look(table)
     for axes, scene in zip(figure.axes, dict.fromkeys(table["scene"]), strict=False):
         for _, row in table[(table["scene"] == scene) & (table["paper_flops_per_cycle"] > 0)].iterrows():
             star = {"color": looks[row["phase"], row["threads"]]["color"], "markeredgecolor": "black"}
             at = {"transform": axes.get_yaxis_transform(), "clip_on": False, "markersize": 11}
             value = row["paper_flops_per_cycle"]
-            drawn = axes.plot(1.02, value, marker="*", linestyle="none", **star, **at)
-            tell(drawn, f"the paper's {row['phase']}, {scene}: {show.number(value)} flop/cycle")
+            axes.plot(1.02, value, marker="*", linestyle="none", **star, **at)
         plain_log(axes.yaxis)
     return figure
 
