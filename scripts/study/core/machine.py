@@ -12,7 +12,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from study.core.host import checkout, energy, quotas, topology
+from study.core.run_schema import Context, Limits
 
 LIBRARIES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "Jinja2", "tqdm", "flip-evaluator")
 
@@ -109,15 +112,15 @@ def cpu(cpuinfo: str | None = None) -> dict[str, Any]:
     }
 
 
-def name(context: Mapping[str, Any] | None) -> str:
+def name(context: Context | Mapping[str, Any] | None) -> str:
     """The CPU of a context.json, and what it is (a virtual machine's may be called just "AMD EPYC"): by its
     common name, else by family and model.
     """
-    found = (context or {}).get("cpu") or {}
-    known = found.get("microarchitecture")
-    if not known and found.get("family"):
-        known = f"family {found['family']} model {found.get('model_number')}"
-    model = found.get("model")
+    found = msgspec.convert(context or {}, Context).cpu
+    known = found.microarchitecture
+    if not known and found.family:
+        known = f"family {found.family} model {found.model_number}"
+    model = found.model
     return f"{model} ({known})" if model and known else model or known or "unknown CPU"
 
 
@@ -134,22 +137,22 @@ def steal_ticks() -> int:
     return int(fields[8]) if len(fields) > 8 else 0
 
 
-def differs(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+def differs(then: Context, now: Context) -> list[str]:
     """What is another machine's between two contexts, in words: none, if a run can go on."""
     said = []
     for key in ("model", "microcode", "logical_cpus", "usable_cpus", "cores"):
-        one, other = ((context.get("cpu") or {}).get(key) for context in (then, now))
+        one, other = getattr(then.cpu, key), getattr(now.cpu, key)
         if one != other:
             said.append(f"{key.replace('_', ' ')} {one}, here {other}")
     for key in ("machine", "kernel", "hypervisor"):
-        if then.get(key) != now.get(key):
-            said.append(f"{key} {then.get(key)}, here {now.get(key)}")
-    one, other = (context.get("memory_kib") or 0 for context in (then, now))
+        one, other = getattr(then, key), getattr(now, key)
+        if one != other:
+            said.append(f"{key} {one}, here {other}")
+    one, other = then.memory_kib or 0, now.memory_kib or 0
     if abs(one - other) > 0.01 * max(one, other):  # a kernel keeps some of it, from boot to boot not the same
         said.append(f"memory {one / 2**20:.1f} GiB, here {other / 2**20:.1f} GiB")
-    quotas_then, quotas_now = ((context.get("limits") or {}).get("cpus") for context in (then, now))
-    if "limits" in then and quotas_then != quotas_now:
-        said.append(f"quota of CPUs {quotas_then}, here {quotas_now}")
+    if then.limits != Limits() and then.limits.cpus != now.limits.cpus:
+        said.append(f"quota of CPUs {then.limits.cpus}, here {now.limits.cpus}")
     return said
 
 
@@ -167,10 +170,10 @@ def _hypervisor() -> str | None:
     return next(filter(None, names), "yes, name unknown")
 
 
-def context(pinned: int = topology.FASTEST) -> dict[str, Any]:
+def context(pinned: int = topology.FASTEST) -> Context:
     """Everything a figure of this run stands on; `pinned`: of one thread. Unreadable things are None."""
     memory = re.search(r"MemTotal:\s+(\d+)", _text("/proc/meminfo") or "")
-    return {
+    found = {
         "schema": 1,
         "time": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "machine": slug(),
@@ -193,3 +196,4 @@ def context(pinned: int = topology.FASTEST) -> dict[str, Any]:
         "load_average": os.getloadavg(),
         "steal_ticks": steal_ticks(),
     }
+    return msgspec.convert(found, Context)

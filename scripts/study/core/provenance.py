@@ -18,12 +18,11 @@ from study.core.cli import StudyError
 from study.core.host import checkout
 from study.core.run_schema import Context
 
-About = Mapping[str, Any]  # the content of a context.json
 SPREADS = ("launches", "ns")  # keys of a row that hold a time per process launch
 CONTEXT = "context.json"  # is its own context
 
 
-def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, About]:
+def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, Context]:
     """Of each JSON file at the top of a run (of those named) that says where it was made: name without
     suffix → context, in order of time. Raises StudyError for a broken file."""
     files = sorted(path.glob("*.json")) if names is None else [path / name for name in names]
@@ -34,26 +33,25 @@ def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, About]
             continue
         context = content if file.name == CONTEXT else content.get("context")
         if isinstance(context, Mapping):
-            Context.of(context, str(file))
-            found[file.stem] = context
-    return dict(sorted(found.items(), key=lambda item: str(item[1].get("time") or "")))
+            found[file.stem] = Context.of(context, str(file))
+    return dict(sorted(found.items(), key=lambda item: item[1].time or ""))
 
 
-def commit(context: About) -> str:
+def commit(context: Context) -> str:
     """The first ten digits, and whether sources were changed."""
-    return checkout.said(context.get("git"))
+    return checkout.said(context.git)
 
 
-def place(context: About) -> str:
+def place(context: Context) -> str:
     """CPU and compiler."""
-    return f"{machine.name(context)}; {context.get('compiler') or 'unknown compiler'}"
+    return f"{machine.name(context)}; {context.compiler or 'unknown compiler'}"
 
 
-def line(found: Mapping[str, About]) -> str:
+def line(found: Mapping[str, Context]) -> str:
     """CPU and compiler, then each commit, once for all files that share them, with the time of each file."""
     alike: dict[str, dict[str, list[str]]] = {}
     for name, context in found.items():
-        said = f"{name} {str(context.get('time') or 'at an unknown time')[:16]}"
+        said = f"{name} {(context.time or 'at an unknown time')[:16]}"
         alike.setdefault(place(context), {}).setdefault(commit(context), []).append(said)
     return "; and on ".join(
         f"{where}; " + "; ".join(f"{made_of} ({', '.join(files)})" for made_of, files in by_commit.items())
@@ -72,9 +70,7 @@ def commits(path: Path) -> dict[str, list[str]]:
 def need_clean(path: Path, allowed: bool) -> None:
     """Raises StudyError if a file of a run is of changed or unknown sources and that is not `allowed`."""
     unclean = {
-        commit(one): (one.get("git") or {}).get("unknown")
-        for one in contexts(path).values()
-        if not checkout.is_clean(one.get("git"))
+        commit(one): one.git.unknown for one in contexts(path).values() if not checkout.is_clean(one.git)
     }
     if unclean and not allowed:
         said = "; ".join(f"{what} ({why})" if why else what for what, why in unclean.items())
@@ -101,18 +97,17 @@ def spread(content: Any) -> tuple[float, float] | None:
     return (float(np.median(ratios)), max(ratios)) if ratios else None
 
 
-def stolen(found: Mapping[str, About]) -> float | None:
+def stolen(found: Mapping[str, Context]) -> float | None:
     """Share of all CPUs' time that the hypervisor took between the first and the last file's begin, of those
     that the same boot of the same machine made. None: not known."""
     time, all_ticks, seconds = datetime.datetime.fromisoformat, 0, 0.0
-    for one, next_one in itertools.pairwise(found.values()):
-        ticks = [context.get("steal_ticks") for context in (one, next_one)]
-        cpus = (one.get("cpu") or {}).get("usable_cpus")
-        if None in ticks or ticks[1] < ticks[0] or not cpus or place(one) != place(next_one):
+    for one, other in itertools.pairwise(found.values()):
+        before, after, cpus = one.steal_ticks, other.steal_ticks, one.cpu.usable_cpus
+        if before is None or after is None or after < before or not cpus or place(one) != place(other):
             continue
-        if one.get("time") and next_one.get("time"):
-            all_ticks += ticks[1] - ticks[0]
-            seconds += cpus * (time(next_one["time"]) - time(one["time"])).total_seconds()
+        if one.time and other.time:
+            all_ticks += after - before
+            seconds += cpus * (time(other.time) - time(one.time)).total_seconds()
     return all_ticks / 100 / seconds if seconds > 0 else None
 
 

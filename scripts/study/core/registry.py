@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import functools
 import os
@@ -12,23 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from study.core import patches
 from study.core.cli import StudyError
 from study.core.json_files import read_json
+from study.core.run_schema import Variant
 
 BASE = "baseline"  # what speed-ups are over
 ROOT = Path(__file__).resolve().parents[3]
-OPTIONAL = {
-    "planes",
-    "variants",
-    "each_variant",
-    "exact_hits",
-    "display",
-    "embedded",
-    "approximate",
-    "derives",
-    "without",
-}  # keys of phase.json that may be left out
 NO_ARITHMETIC = {"-pthread"}  # flags
 # Of structs, gcc's alone; which compiler is told them: common/build/phase_info.py.
 COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
@@ -38,14 +29,13 @@ SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
 FRACTALS = frozenset({"mandelbulb", "mandelbox"})  # shapes whose distance is an estimate
 
 
-@dataclass(frozen=True)
-class Phase:
-    """One phase.json (see core.patches). `isa` are flag names of /proc/cpuinfo; `path` is the folder."""
+class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One phases/NAME/phase.json. `isa` are flag names of /proc/cpuinfo; `path` is the folder."""
 
     name: str
     title: str
     family: str
-    order: int
+    order: int | float
     parent: str | None
     idea: str
     paper: str | None
@@ -56,12 +46,12 @@ class Phase:
     algorithm: str
     cflags: str
     tolerance: dict[str, Any]
-    path: Path
-    planes: list[str] = dataclasses.field(default_factory=list)  # channels of its own, with --aov
-    # Built for several numbers of lanes (driver/variant.h): [{lanes, isa, flags}], widest first; `lanes` is
-    # the widest, `isa` what all need. `each_variant`: the files that are built for each.
-    variants: list[dict[str, Any]] = dataclasses.field(default_factory=list)
-    each_variant: list[str] = dataclasses.field(default_factory=list)
+    path: Path = ROOT
+    planes: list[str] = []  # channels of its own, with --aov
+    # Built for several numbers of lanes (driver/variant.h), widest first; `lanes` is the widest, `isa` what
+    # all need. `each_variant`: the files that are built for each.
+    variants: list[Variant] = []
+    each_variant: list[str] = []
     # Solids and planes are hit where they are, not where a march ends: conformance holds a scene whose step
     # cap or hit distance shapes the marched picture against truth's picture instead of the reference's.
     exact_hits: bool = False
@@ -71,10 +61,10 @@ class Phase:
     # how much further from truth than baseline it may be (scripts/stepwise accuracy).
     approximate: bool = False
     # Files of a source that the program has in it and compiles at run time (common/build/phase_info.py).
-    embedded: list[str] = dataclasses.field(default_factory=list)
+    embedded: list[str] = []
     # Its folder holds what differs from this phase's files; `without` names those left out (core.patches).
     derives: str | None = None
-    without: list[str] = dataclasses.field(default_factory=list)
+    without: list[str] = []
 
     @property
     def draws_ideal(self) -> bool:
@@ -162,23 +152,13 @@ def phases(root: Path = ROOT) -> dict[str, Phase]:
         path = folder / "phase.json"
         _read_json(path)
         try:
-            data = patches.about(path.parent.name, root)
-        except patches.PatchError as error:
-            raise StudyError(str(error)) from None
-        keys = {field.name for field in dataclasses.fields(Phase)} - {"path"}
-        wrong = sorted(keys - OPTIONAL - data.keys()) + sorted(data.keys() - keys)
-        if wrong:
-            state = (
-                "is missing" if wrong[0] in keys else f"is unknown; the keys are {', '.join(sorted(keys))}"
-            )
-            raise StudyError(f"{path}: key '{wrong[0]}' {state}")
-        if data["name"] != path.parent.name:
-            raise StudyError(f"{path}: name is '{data['name']}', must be the folder's '{path.parent.name}'")
-        found.append(Phase(**data, path=path.parent))
-    try:
-        found.sort(key=lambda phase: (phase.family, phase.order, phase.name))
-    except TypeError:
-        raise StudyError("phase.json: order must be a number") from None
+            phase = msgspec.convert(patches.about(folder.name, root) | {"path": folder}, Phase)
+        except (patches.PatchError, msgspec.ValidationError) as error:
+            raise StudyError(str(error) if "phase.json" in str(error) else f"{path}: {error}") from None
+        if phase.name != folder.name:
+            raise StudyError(f"{path}: name is '{phase.name}', must be the folder's '{folder.name}'")
+        found.append(phase)
+    found.sort(key=lambda phase: (phase.family, phase.order, phase.name))
     return {phase.name: phase for phase in found}
 
 
@@ -238,7 +218,9 @@ def _ablation(name: str, root: Path) -> Phase:
     if title not in (known := patches.titles(base, root)):
         raise _unknown(f"ablation of {base}", title, known)
     try:
-        return Phase(**patches.described(name, root), path=root / "build" / name / "source")
+        return msgspec.convert(
+            patches.described(name, root) | {"path": root / "build" / name / "source"}, Phase
+        )
     except patches.PatchError as error:
         raise StudyError(str(error)) from None
 
@@ -287,21 +269,21 @@ def missing_isa(what: Phase | Spec) -> list[str]:
     return [flag for flag in dict.fromkeys(need) if flag not in have]
 
 
-def variant_here(phase: Phase) -> dict[str, Any]:
-    """{lanes, isa, flags} of the phase's variant that this CPU runs: the widest it has (driver/variant.h)."""
+def variant_here(phase: Phase) -> Variant:
+    """The phase's variant that this CPU runs: the widest it has (driver/variant.h)."""
     have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
-    alone = {"lanes": phase.lanes, "isa": [], "flags": ""}
-    return next((one for one in phase.variants if have.issuperset(one["isa"])), alone)
+    alone = Variant(lanes=phase.lanes, flags="")
+    return next((one for one in phase.variants if have.issuperset(one.isa)), alone)
 
 
-def arithmetic_flags(flags: str, variants: Iterable[dict[str, Any]] = ()) -> str:
+def arithmetic_flags(flags: str, variants: Iterable[Variant] = ()) -> str:
     """Compiler flags without those that change no arithmetic, and without a variant's own: what it shares.
 
     Two builds of one source by equal ones are one program as far as its speed and its picture go, but for how
     a variant copies its lanes, which clang is not told (common/build/phase_info.py).
     """
     flags = _of_arithmetic(flags)
-    for own in (_of_arithmetic(one["flags"]) for one in variants):
+    for own in (_of_arithmetic(one.flags) for one in variants):
         if own and flags.endswith(own):
             return flags.removesuffix(own).rstrip()
     return flags

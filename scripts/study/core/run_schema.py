@@ -6,196 +6,219 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
-from study.core.schema import ABSENT, Absent, File, Record, key
+from study.core.schema import File, Record, key
 
 
 class Cpu(Record, kw_only=True):
     """The CPU, as Linux tells it."""
 
-    model: Annotated[str | Absent | None, key("", "its name")] = ABSENT
-    vendor: Annotated[str | Absent | None, key("", "its maker")] = ABSENT
-    family: Annotated[int | Absent | None, key("", "by CPUID")] = ABSENT
-    model_number: Annotated[int | Absent | None, key("", "by CPUID")] = ABSENT
-    stepping: Annotated[int | Absent | None, key("", "by CPUID")] = ABSENT
-    microcode: Annotated[str | Absent | None, key("", "its version")] = ABSENT
-    microarchitecture: Annotated[str | Absent | None, key("", "from family and model")] = ABSENT
-    cores: Annotated[int | Absent | None, key("cores", "physical cores")] = ABSENT
-    logical_cpus: Annotated[int | Absent | None, key("CPUs", "of the machine")] = ABSENT
-    usable_cpus: Annotated[int | Absent | None, key("CPUs", "that the process may use")] = ABSENT
-    flags: Annotated[list[str] | Absent, key("", "instruction sets and features")] = ABSENT
+    model: Annotated[str | None, key("", "its name")] = None
+    vendor: Annotated[str | None, key("", "its maker")] = None
+    family: Annotated[int | None, key("", "by CPUID")] = None
+    model_number: Annotated[int | None, key("", "by CPUID")] = None
+    stepping: Annotated[int | None, key("", "by CPUID")] = None
+    microcode: Annotated[str | None, key("", "its version")] = None
+    microarchitecture: Annotated[str | None, key("", "from family and model")] = None
+    cores: Annotated[int | None, key("cores", "physical cores")] = None
+    logical_cpus: Annotated[int | None, key("CPUs", "of the machine")] = None
+    usable_cpus: Annotated[int | None, key("CPUs", "that the process may use")] = None
+    flags: Annotated[list[str], key("", "instruction sets and features")] = []
 
 
 class Cache(Record, kw_only=True):
     """A cache, as Linux tells it."""
 
-    level: Annotated[str | Absent | None, key("", "1, 2 or 3")] = ABSENT
-    type: Annotated[str | Absent | None, key("", "Data, Instruction or Unified")] = ABSENT
-    size: Annotated[str | Absent | None, key("", "with its unit: 48K")] = ABSENT
-    ways: Annotated[str | Absent | None, key("ways", "associativity")] = ABSENT
-    shared_by: Annotated[str | Absent | None, key("", "CPUs that share it: 0-1")] = ABSENT
+    level: Annotated[str | None, key("", "1, 2 or 3")] = None
+    type: Annotated[str | None, key("", "Data, Instruction or Unified")] = None
+    size: Annotated[str | None, key("", "with its unit: 48K")] = None
+    ways: Annotated[str | None, key("ways", "associativity")] = None
+    shared_by: Annotated[str | None, key("", "CPUs that share it: 0-1")] = None
 
 
 class Git(Record, kw_only=True):
     """The sources."""
 
-    commit: Annotated[str | Absent | None, key("", "hash of the commit")] = ABSENT
-    dirty: Annotated[bool | Absent | None, key("", "whether sources were changed; null: not known")] = ABSENT
-    diff_sha256: Annotated[str | Absent | None, key("", "of that change; null: none")] = ABSENT
-    unknown: Annotated[str | Absent | None, key("", "why something of it is not known")] = ABSENT
-    kind: Annotated[str | Absent | None, key("", "clone, worktree, submodule, archive")] = ABSENT
+    commit: Annotated[str | None, key("", "hash of the commit")] = None
+    dirty: Annotated[bool | None, key("", "whether sources were changed; null: not known")] = None
+    diff_sha256: Annotated[str | None, key("", "of that change; null: none")] = None
+    unknown: Annotated[str | None, key("", "why something of it is not known")] = None
+    kind: Annotated[str | None, key("", "clone, worktree, submodule, archive")] = None
 
 
 class Pinned(Record, kw_only=True):
     """The CPU that processes of one thread ran on."""
 
-    cpu: Annotated[int | Absent | None, key("", "its number")] = ABSENT
-    core_type: Annotated[str | Absent | None, key("", "P-core or E-core; null: all cores are alike")] = ABSENT
-    siblings: Annotated[list[int] | Absent, key("", "CPUs of its core, itself among them")] = ABSENT
-    max_khz: Annotated[int | Absent | None, key("kHz", "highest frequency; null: not told")] = ABSENT
-    governor: Annotated[str | Absent | None, key("", "how its clock is chosen")] = ABSENT
+    cpu: Annotated[int | None, key("", "its number")] = None
+    core_type: Annotated[str | None, key("", "P-core or E-core; null: all cores are alike")] = None
+    siblings: Annotated[list[int], key("", "CPUs of its core, itself among them")] = []
+    max_khz: Annotated[int | None, key("kHz", "highest frequency; null: not told")] = None
+    governor: Annotated[str | None, key("", "how its clock is chosen")] = None
 
 
 class Limits(Record, kw_only=True):
     """What the container may use, by its control groups."""
 
-    cpus: Annotated[float | Absent | None, key("CPUs", "worth of time at once; null: no limit")] = ABSENT
-    memory_bytes: Annotated[int | Absent | None, key("bytes", "null: no limit")] = ABSENT
-    throttled: Annotated[int | Absent | None, key("times", "the quota was used up since the start")] = ABSENT
+    cpus: Annotated[float | None, key("CPUs", "worth of time at once; null: no limit")] = None
+    memory_bytes: Annotated[int | None, key("bytes", "null: no limit")] = None
+    throttled: Annotated[int | None, key("times", "the quota was used up since the start")] = None
 
 
 class End(Record, kw_only=True):
     """The machine when the sweep ended."""
 
-    time: Annotated[str | Absent | None, key("UTC", "ISO 8601")] = ABSENT
-    load_average: Annotated[list[float] | Absent | None, key("processes", "over 1, 5 and 15 minutes")] = (
-        ABSENT
-    )
-    steal_ticks: Annotated[int | Absent | None, key("1/100 s", "as in context.json")] = ABSENT
-    limits: Annotated[Limits | Absent | None, key("", "as in context.json")] = ABSENT
+    time: Annotated[str | None, key("UTC", "ISO 8601")] = None
+    load_average: Annotated[list[float] | None, key("processes", "over 1, 5 and 15 minutes")] = None
+    steal_ticks: Annotated[int | None, key("1/100 s", "as in context.json")] = None
+    limits: Annotated[Limits, key("", "as in context.json")] = msgspec.field(default_factory=Limits)
 
 
 class Context(File, kw_only=True):
     """What a run stands on: machine, toolchain, commit, noise. Files of experiments hold one of their own."""
 
     made_by: ClassVar[str] = "sweep"
-    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
-    time: Annotated[str | Absent | None, key("UTC", "when it was written; ISO 8601")] = ABSENT
-    machine: Annotated[str | Absent | None, key("", "short name, made from the CPU's")] = ABSENT
-    cpu: Annotated[Cpu | Absent | None, key("", "the CPU")] = ABSENT
-    pinned: Annotated[Pinned | Absent | None, key("", "the CPU of one thread")] = ABSENT
-    limits: Annotated[Limits | Absent | None, key("", "of the container")] = ABSENT
-    no_energy: Annotated[str | Absent | None, key("", "why there is no J per frame; null: there is")] = ABSENT
-    caches: Annotated[list[Cache] | Absent | None, key("", "its caches")] = ABSENT
-    memory_kib: Annotated[int | Absent | None, key("KiB", "of the machine")] = ABSENT
-    kernel: Annotated[str | Absent | None, key("", "version of the operating system's kernel")] = ABSENT
-    system: Annotated[str | Absent | None, key("", "operating system")] = ABSENT
-    hypervisor: Annotated[str | Absent | None, key("", "name; null: none is seen")] = ABSENT
-    governor: Annotated[str | Absent | None, key("", "how the clock is chosen; null: not told")] = ABSENT
-    no_turbo: Annotated[Any | Absent, key("", "whether turbo is off; null: not told")] = ABSENT
-    compiler: Annotated[str | Absent | None, key("", "name and version")] = ABSENT
-    libc: Annotated[str | Absent | None, key("", "name and version")] = ABSENT
-    python: Annotated[str | Absent | None, key("", "version")] = ABSENT
-    libraries: Annotated[dict[str, str | None] | Absent, key("", "Python package → version")] = ABSENT
-    git: Annotated[Git | Absent | None, key("", "the sources")] = ABSENT
-    load_average: Annotated[list[float] | Absent | None, key("processes", "over 1, 5 and 15 minutes")] = (
-        ABSENT
-    )
+    schema: Annotated[Literal[1] | None, key("", "version of the form")] = None
+    time: Annotated[str | None, key("UTC", "when it was written; ISO 8601")] = None
+    machine: Annotated[str | None, key("", "short name, made from the CPU's")] = None
+    cpu: Annotated[Cpu, key("", "the CPU")] = msgspec.field(default_factory=Cpu)
+    pinned: Annotated[Pinned, key("", "the CPU of one thread")] = msgspec.field(default_factory=Pinned)
+    limits: Annotated[Limits, key("", "of the container")] = msgspec.field(default_factory=Limits)
+    no_energy: Annotated[str | None, key("", "why there is no J per frame; null: there is")] = None
+    caches: Annotated[list[Cache], key("", "its caches")] = []
+    memory_kib: Annotated[int | None, key("KiB", "of the machine")] = None
+    kernel: Annotated[str | None, key("", "version of the operating system's kernel")] = None
+    system: Annotated[str | None, key("", "operating system")] = None
+    hypervisor: Annotated[str | None, key("", "name; null: none is seen")] = None
+    governor: Annotated[str | None, key("", "how the clock is chosen; null: not told")] = None
+    no_turbo: Annotated[Any | None, key("", "whether turbo is off; null: not told")] = None
+    compiler: Annotated[str | None, key("", "name and version")] = None
+    libc: Annotated[str | None, key("", "name and version")] = None
+    python: Annotated[str | None, key("", "version")] = None
+    libraries: Annotated[dict[str, str | None], key("", "Python package → version")] = {}
+    git: Annotated[Git, key("", "the sources")] = msgspec.field(default_factory=Git)
+    load_average: Annotated[list[float] | None, key("processes", "over 1, 5 and 15 minutes")] = None
     steal_ticks: Annotated[
-        int | Absent | None, key("1/100 s", "time the hypervisor took from all CPUs since boot")
-    ] = ABSENT
-    end: Annotated[End | Absent | None, key("", "of a sweep: the machine at its end")] = ABSENT
+        int | None, key("1/100 s", "time the hypervisor took from all CPUs since boot")
+    ] = None
+    end: Annotated[End | None, key("", "of a sweep: the machine at its end")] = None
 
 
 class Configuration(Record, kw_only=True):
     """A program, a scene, a size and a number of threads, timed together in every round."""
 
-    config: Annotated[str | Absent, key("", "hash of what was asked for, as in frames.jsonl")] = ABSENT
-    spec: Annotated[str | Absent, key("", "phase, or phase@phase whose compiler flags built it")] = ABSENT
+    config: Annotated[str, key("", "hash of what was asked for, as in frames.jsonl")] = ""
+    spec: Annotated[str, key("", "phase, or phase@phase whose compiler flags built it")] = ""
     phase: Annotated[str, key("", "the source tree")]
-    flags_from: Annotated[str | Absent, key("", "the phase whose compiler flags built it")] = ABSENT
+    flags_from: Annotated[str, key("", "the phase whose compiler flags built it")] = ""
     scene: Annotated[str, key("", "its name")]
-    scene_hash: Annotated[str | Absent, key("", "of its content, as in frames.jsonl")] = ABSENT
-    width: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
-    height: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
-    threads: Annotated[int | Absent, key("threads", "asked for")] = ABSENT
-    estimate_s: Annotated[float | Absent, key("s", "expected duration of a launch")] = ABSENT
-    once: Annotated[bool | Absent, key("", "one cold frame a launch: it takes longer than `long`")] = ABSENT
+    scene_hash: Annotated[str, key("", "of its content, as in frames.jsonl")] = ""
+    width: Annotated[int, key("pixels", "of the picture")] = 0
+    height: Annotated[int, key("pixels", "of the picture")] = 0
+    threads: Annotated[int, key("threads", "asked for")] = 1
+    estimate_s: Annotated[float, key("s", "expected duration of a launch")] = 0
+    once: Annotated[bool, key("", "one cold frame a launch: it takes longer than `long`")] = False
+
+    @property
+    def group(self) -> tuple[str, int, int]:
+        """Configurations that are compared with each other: same scene and size."""
+        return self.scene, self.width, self.height
+
+    def __str__(self) -> str:
+        threads = f" threads={self.threads}" if self.threads > 1 else ""
+        return f"{self.spec} {self.scene} {self.width}x{self.height}{threads}"
+
+
+class Left(Record, kw_only=True):
+    """What cannot run here, or crashed."""
+
+    spec: Annotated[str, key("", "program")] = ""
+    scene: Annotated[str | None, key("", "its name; null: all")] = None
+    width: Annotated[int | None, key("pixels", "of the picture")] = None
+    height: Annotated[int | None, key("pixels", "of the picture")] = None
+    threads: Annotated[int | None, key("threads", "asked for")] = None
+    reason: Annotated[str | None, key("", "why it cannot run")] = None
+    launch: Annotated[int | None, key("", "that crashed")] = None
+    status: Annotated[int | None, key("", "exit status of the driver; negative: a signal")] = None
+    message: Annotated[str | None, key("", "what the driver said")] = None
+    time: Annotated[str | None, key("UTC", "ISO 8601")] = None
+
+
+class Short(Record, kw_only=True):
+    """A configuration that the budget left short."""
+
+    name: Annotated[str, key("", "program, scene, size and threads")]
+    config: Annotated[str, key("", "its hash")]
+    launches: Annotated[int, key("launches", "that there are")]
 
 
 class Variant(Record, kw_only=True):
     """A phase's sources built for another number of lanes."""
 
     flags: Annotated[str, key("", "of the compiler, after the phase's")]
-    lanes: Annotated[int | Absent, key("lanes", "rays at once")] = ABSENT
-    isa: Annotated[list[str] | Absent, key("", "what it needs beyond the phase's")] = ABSENT
+    lanes: Annotated[int, key("lanes", "rays at once")] = 0
+    isa: Annotated[list[str], key("", "what it needs beyond the phase's")] = []
 
 
 class PhaseJson(Record, kw_only=True):
     """A phase.json (`class Phase` in scripts/study/core/registry.py)."""
 
-    name: Annotated[str | Absent, key("", "of the phase")] = ABSENT
-    title: Annotated[str | Absent | None, key("", "in a few words")] = ABSENT
-    family: Annotated[str | Absent | None, key("", "ladder, systems or truth")] = ABSENT
-    order: Annotated[float | Absent | None, key("", "place in its family")] = ABSENT
-    parent: Annotated[str | Absent | None, key("", "what it changes")] = ABSENT
-    idea: Annotated[str | Absent | None, key("", "in a sentence")] = ABSENT
-    paper: Annotated[str | Absent | None, key("", "the paper's name for it")] = ABSENT
-    isa: Annotated[list[str] | Absent | None, key("", "instruction sets that it needs")] = ABSENT
-    precision: Annotated[str | Absent | None, key("", "float or double")] = ABSENT
-    lanes: Annotated[int | Absent | None, key("lanes", "rays at once, at the most")] = ABSENT
-    threads: Annotated[bool | Absent | None, key("", "whether it takes several")] = ABSENT
-    algorithm: Annotated[str | Absent | None, key("", "its name")] = ABSENT
-    cflags: Annotated[str | Absent | None, key("", "of the compiler")] = ABSENT
-    variants: Annotated[list[Variant] | Absent | None, key("", "builds by lanes, widest first")] = ABSENT
+    name: Annotated[str | None, key("", "of the phase")] = None
+    title: Annotated[str | None, key("", "in a few words")] = None
+    family: Annotated[str | None, key("", "ladder, systems or truth")] = None
+    order: Annotated[float | None, key("", "place in its family")] = None
+    parent: Annotated[str | None, key("", "what it changes")] = None
+    idea: Annotated[str | None, key("", "in a sentence")] = None
+    paper: Annotated[str | None, key("", "the paper's name for it")] = None
+    isa: Annotated[list[str] | None, key("", "instruction sets that it needs")] = None
+    precision: Annotated[str | None, key("", "float or double")] = None
+    lanes: Annotated[int | None, key("lanes", "rays at once, at the most")] = None
+    threads: Annotated[bool | None, key("", "whether it takes several")] = None
+    algorithm: Annotated[str | None, key("", "its name")] = None
+    cflags: Annotated[str | None, key("", "of the compiler")] = None
+    variants: Annotated[list[Variant], key("", "builds by lanes, widest first")] = []
 
 
 class Plan(File, kw_only=True):
     """What a sweep set out to measure."""
 
     made_by: ClassVar[str] = "sweep"
-    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
-    seed: Annotated[int | Absent | None, key("", "of the order and of the padding")] = ABSENT
-    cpu: Annotated[int | Absent | None, key("", "CPU that processes of one thread are pinned to")] = ABSENT
-    launches: Annotated[int | Absent | None, key("launches", "of each configuration")] = ABSENT
-    reps: Annotated[int | Absent | None, key("frames", "timed in a launch")] = ABSENT
-    warmup: Annotated[int | Absent | None, key("frames", "before them, in no statistic")] = ABSENT
+    schema: Annotated[Literal[1], key("", "version of the form")] = 1
+    seed: Annotated[int, key("", "of the order and of the padding")] = 0
+    cpu: Annotated[int | None, key("", "CPU that processes of one thread are pinned to")] = None
+    launches: Annotated[int, key("launches", "of each configuration")] = 0
+    reps: Annotated[int, key("frames", "timed in a launch")] = 0
+    warmup: Annotated[int, key("frames", "before them, in no statistic")] = 0
     long: Annotated[
-        float | Absent | None, key("s", "a longer frame is timed alone, without warm-up; null: none is")
-    ] = ABSENT
-    budget_s: Annotated[float | Absent | None, key("s", "after which no round begins; null: no limit")] = (
-        ABSENT
-    )
-    hit_distance: Annotated[float | Absent | None, key("scene units", "null: each scene's own")] = ABSENT
-    max_steps: Annotated[int | Absent | None, key("evaluations", "null: each scene's own")] = ABSENT
-    began: Annotated[str | Absent | None, key("UTC", "ISO 8601")] = ABSENT
-    finished: Annotated[str | Absent | None, key("UTC", "ISO 8601; null: not yet")] = ABSENT
-    phases: Annotated[
-        dict[str, PhaseJson] | list[PhaseJson] | Absent | None,
-        key("", "phase → its phase.json as it was"),
-    ] = ABSENT
-    binaries: Annotated[dict[str, str] | Absent, key("", "program → SHA-256")] = ABSENT
-    configurations: Annotated[list[Configuration] | Absent | None, key("", "what is timed")] = ABSENT
-    skipped: Annotated[list[dict[str, Any]] | Absent, key("", "what cannot run here; `reason`")] = ABSENT
-    failures: Annotated[list[dict[str, Any]] | Absent, key("", "what crashed: `status`, `message`")] = ABSENT
-    not_reached: Annotated[list[Any] | Absent, key("", "configurations the budget left out")] = ABSENT
+        float | None, key("s", "a longer frame is timed alone, without warm-up; null: none is")
+    ] = None
+    budget_s: Annotated[float | None, key("s", "after which no round begins; null: no limit")] = None
+    hit_distance: Annotated[float | None, key("scene units", "null: each scene's own")] = None
+    max_steps: Annotated[int | None, key("evaluations", "null: each scene's own")] = None
+    began: Annotated[str, key("UTC", "ISO 8601")] = ""
+    finished: Annotated[str | None, key("UTC", "ISO 8601; null: not yet")] = None
+    phases: Annotated[dict[str, PhaseJson], key("", "phase → its phase.json as it was")] = {}
+    binaries: Annotated[dict[str, str], key("", "program → SHA-256")] = {}
+    configurations: Annotated[list[Configuration], key("", "what is timed")] = []
+    skipped: Annotated[list[Left], key("", "what cannot run here")] = []
+    failures: Annotated[list[Left], key("", "what crashed")] = []
+    not_reached: Annotated[list[Short], key("", "configurations the budget left out")] = []
 
 
 class Frame(File, kw_only=True):
     """One timed frame. Analysis drops a line that was cut off in mid-write; the frame is measured again."""
 
     made_by: ClassVar[str] = "sweep"
-    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
+    schema: Annotated[Literal[1] | None, key("", "version of the form")] = None
     config: Annotated[str, key("", "hash of what was asked for: program, scene, size, threads, overrides")]
     launch: Annotated[int, key("", "number of the process launch within this configuration", ge=0)]
     round: Annotated[
-        Annotated[int, msgspec.Meta(ge=0)] | Absent,
+        Annotated[int, msgspec.Meta(ge=0)] | None,
         key("", "round of the sweep: every configuration once, in random order; launches are paired by it"),
-    ] = ABSENT
+    ] = None
     frame: Annotated[
         int, key("", "number in its launch, from 0; warm-up from −K to −1; or the animation's frame")
     ]
     warmup: Annotated[bool, key("", "a frame that no statistic uses")]
-    first: Annotated[bool | Absent, key("", "the first of its process, warm-up or not")] = ABSENT
+    first: Annotated[bool | None, key("", "the first of its process, warm-up or not")] = None
     phase: Annotated[str, key("", "the source tree")]
     flags_from: Annotated[str, key("", "the phase whose compiler flags built it; as a rule the same")]
     scene: Annotated[str, key("", "its name")]
@@ -205,76 +228,76 @@ class Frame(File, kw_only=True):
     threads: Annotated[int, key("threads", "that drew it", ge=1)]
     isa: Annotated[str, key("", "instruction sets of the code that ran")]
     precision: Annotated[str, key("", "float or double")]
-    lanes: Annotated[int | Absent, key("lanes", "rays at once, of the variant that ran")] = ABSENT
+    lanes: Annotated[int | None, key("lanes", "rays at once, of the variant that ran")] = None
     flags: Annotated[str, key("", "of the compiler")]
     compiler: Annotated[str, key("", "name and version")]
     libc: Annotated[str, key("", "version")]
-    hit_distance: Annotated[float | Absent, key("scene units", "as used")] = ABSENT
-    max_steps: Annotated[int | Absent, key("evaluations", "step cap, as used")] = ABSENT
-    overridden: Annotated[bool | Absent | None, key("", "the command line changed one of the two")] = ABSENT
+    hit_distance: Annotated[float | None, key("scene units", "as used")] = None
+    max_steps: Annotated[int | None, key("evaluations", "step cap, as used")] = None
+    overridden: Annotated[bool | None, key("", "the command line changed one of the two")] = None
     ns: Annotated[
         int, key("ns", "wall time of `phase_render` (CLOCK_MONOTONIC_RAW), with an update before it", ge=1)
     ]
-    update_ns: Annotated[int | Absent, key("ns", "`phase_update`'s share; 0 where nothing moves")] = ABSENT
-    scene_time: Annotated[float | Absent, key("s", "where an animation is: frame/60")] = ABSENT
+    update_ns: Annotated[int | None, key("ns", "`phase_update`'s share; 0 where nothing moves")] = None
+    scene_time: Annotated[float | None, key("s", "where an animation is: frame/60")] = None
     tsc_cycles: Annotated[int, key("TSC cycles", "the same time by fenced RDTSC")]
     tsc_hz: Annotated[float, key("Hz", "TSC rate, calibrated in this process; 0: STEPWISE_UNTIMED")]
     core_hz_before: Annotated[float, key("Hz", "core clock right before the frame")]
     core_hz_after: Annotated[float, key("Hz", "core clock right after it")]
     core_hz_load: Annotated[
-        float | Absent,
+        float | None,
         key("Hz", "core clock under vector FMAs of the phase's width, once a process; 0: scalar"),
-    ] = ABSENT
+    ] = None
     core_cycles: Annotated[
         float, key("core cycles", "ns · mean(core_hz_before, core_hz_after) / 1e9: an estimate")
     ]
     prepare_ns: Annotated[int, key("ns", "set-up (`phase_prepare`), once a process")]
-    image: Annotated[str | Absent | None, key("", "picture that was written; null: none")] = ABSENT
+    image: Annotated[str | None, key("", "picture that was written; null: none")] = None
     settings: Annotated[
-        str | Absent | None, key("", "what a phase did that is told how to work (STEPWISE_RODS …); else null")
-    ] = ABSENT
+        str | None, key("", "what a phase did that is told how to work (STEPWISE_RODS …); else null")
+    ] = None
     display: Annotated[
-        str | Absent | None, key("", "who presents frames as displayed: `phase` or `driver`; else null")
-    ] = ABSENT
+        str | None, key("", "who presents frames as displayed: `phase` or `driver`; else null")
+    ] = None
     kernel: Annotated[
-        str | Absent | None, key("", "`generated`, or `general: ` and why; null: the phase generates no code")
-    ] = ABSENT
-    kernel_hash: Annotated[str | Absent | None, key("", "its name in the cache")] = ABSENT
-    kernel_compiler: Annotated[str | Absent | None, key("", "what compiled it")] = ABSENT
-    kernel_generate_ns: Annotated[int | Absent | None, key("ns", "of prepare_ns: writing the source")] = (
-        ABSENT
-    )
+        str | None, key("", "`generated`, or `general: ` and why; null: the phase generates no code")
+    ] = None
+    kernel_hash: Annotated[str | None, key("", "its name in the cache")] = None
+    kernel_compiler: Annotated[str | None, key("", "what compiled it")] = None
+    kernel_generate_ns: Annotated[int | None, key("ns", "of prepare_ns: writing the source")] = None
     kernel_compile_ns: Annotated[
-        int | Absent | None, key("ns", "of prepare_ns: compiling it, even if that failed; 0: in the cache")
-    ] = ABSENT
-    kernel_load_ns: Annotated[int | Absent | None, key("ns", "of prepare_ns: checking and loading it")] = (
-        ABSENT
-    )
+        int | None, key("ns", "of prepare_ns: compiling it, even if that failed; 0: in the cache")
+    ] = None
+    kernel_load_ns: Annotated[int | None, key("ns", "of prepare_ns: checking and loading it")] = None
     present_ns: Annotated[int, key("ns", "gamma and 8 bits of this frame, not in ns")]
     timer_overhead_cycles: Annotated[
-        int | Absent, key("TSC cycles", "smallest difference of an empty pair of readings")
-    ] = ABSENT
-    steal_ticks: Annotated[
-        int | Absent, key("1/100 s", "taken by the hypervisor from all CPUs meanwhile")
-    ] = ABSENT
-    ctx_voluntary: Annotated[int | Absent, key("switches", "voluntary, during the frame")] = ABSENT
-    ctx_involuntary: Annotated[int | Absent, key("switches", "involuntary, during the frame")] = ABSENT
-    faults_minor: Annotated[int | Absent, key("faults", "minor page faults during the frame")] = ABSENT
-    faults_major: Annotated[int | Absent, key("faults", "major page faults during the frame")] = ABSENT
-    max_rss_kib: Annotated[int | Absent, key("KiB", "peak resident memory of the process so far")] = ABSENT
-    cpu: Annotated[int | Absent | None, key("", "CPU it was pinned to; −1: not pinned")] = ABSENT
+        int | None, key("TSC cycles", "smallest difference of an empty pair of readings")
+    ] = None
+    steal_ticks: Annotated[int | None, key("1/100 s", "taken by the hypervisor from all CPUs meanwhile")] = (
+        None
+    )
+    ctx_voluntary: Annotated[int | None, key("switches", "voluntary, during the frame")] = None
+    ctx_involuntary: Annotated[int | None, key("switches", "involuntary, during the frame")] = None
+    faults_minor: Annotated[int | None, key("faults", "minor page faults during the frame")] = None
+    faults_major: Annotated[int | None, key("faults", "major page faults during the frame")] = None
+    max_rss_kib: Annotated[int | None, key("KiB", "peak resident memory of the process so far")] = None
+    cpu: Annotated[int | None, key("", "CPU it was pinned to; −1: not pinned")] = None
     joules: Annotated[
-        float | Absent | None,
+        float | None,
         key(
             "J per frame",
             "at a process's last frame: energy of all packages (RAPL) from the end of its warm-up, or from "
             "its start if it had none, divided by its timed frames",
         ),
-    ] = ABSENT
-    env_bytes: Annotated[int | Absent, key("bytes", "padding of this launch's environment (layout bias)")] = (
-        ABSENT
+    ] = None
+    env_bytes: Annotated[int | None, key("bytes", "padding of this launch's environment (layout bias)")] = (
+        None
     )
-    time: Annotated[str | Absent, key("UTC", "when the line was written; ISO 8601")] = ABSENT
+    time: Annotated[str | None, key("UTC", "when the line was written; ISO 8601")] = None
+
+    @property
+    def spec(self) -> str:
+        return self.phase if self.phase == self.flags_from else f"{self.phase}@{self.flags_from}"
 
 
 class About(File, kw_only=True):
@@ -293,7 +316,7 @@ class Cuts(File, kw_only=True):
     """What a quick study cut of each experiment. Without an entry the experiment is whole."""
 
     made_by: ClassVar[str] = "study"
-    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
+    schema: Annotated[Literal[1] | None, key("", "version of the form")] = None
     cut: Annotated[dict[str, str], key("", "experiment → a sentence: what the run has of it")]
 
 

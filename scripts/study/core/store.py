@@ -13,10 +13,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from study.core import cli, temporary
 from study.core.cli import StudyError
 from study.core.host import checkout
-from study.core.json_files import content, parsed
+from study.core.json_files import content
 from study.core.json_files import read_json as read_json
 from study.core.json_files import stored as stored
 from study.core.registry import ROOT
@@ -67,7 +69,7 @@ def write_json(path: Path, value: Any) -> None:
 
 def short_commit() -> str:
     """Seven digits of the checked-out commit, or `nocommit` outside a repository."""
-    found = checkout.state()["commit"]
+    found = checkout.state().commit
     return found[:7] if found else "nocommit"
 
 
@@ -118,14 +120,14 @@ class Run:
         return str(self.path)
 
     @functools.cached_property
-    def context(self) -> dict[str, Any]:
+    def context(self) -> Context:
         """Machine, toolchain, commit (context.json)."""
-        return Context.read(self.path / "context.json")
+        return Context.load(self.path / "context.json")
 
     @property
-    def plan(self) -> dict[str, Any]:
+    def plan(self) -> Plan:
         """Configurations, seed, budget, notes (plan.json), as on disk now."""
-        return Plan.read(self.path / "plan.json")
+        return Plan.load(self.path / "plan.json")
 
     def _folder(self, name: str) -> Path:
         folder = self.path / name
@@ -198,30 +200,32 @@ class Run:
             os.close(self._file)
             self._file = None
 
-    def frames(self) -> pd.DataFrame:
-        """One row per frame, columns as in results/keys/frames.jsonl.md plus `spec` (opt2 or opt2@opt4).
+    def lines(self) -> list[Frame]:
+        """Every frame. Without a frames.jsonl of frames.jsonl.gz, as published runs have it.
 
-        Without a frames.jsonl it is read from frames.jsonl.gz, as published runs have it. A torn last line is
-        dropped with a remark on stderr; any other broken line is a StudyError that names file and line.
+        A torn last line is dropped with a remark on stderr; any other broken line is a StudyError that names
+        file and line.
         """
-        import pandas as pd  # a quarter of a second, which the build of every counted phase need not wait for
-
         path = stored(self.frames_path)
         data = content(path) if path.exists() else b""
         whole = whole_lines(data)
         if whole < len(data):
             cli.say(f"{self.frames_path}: last line is cut off ({len(data) - whole} bytes dropped)")
-        rows = []
+        rows, decoder = [], msgspec.json.Decoder(Frame)
         for number, line in enumerate(data[:whole].splitlines(), 1):
             try:
-                row = parsed(line, "")
-            except StudyError:
-                raise StudyError(f"{self.frames_path}:{number}: not a whole JSON object; {AGAIN}") from None
-            row = Frame.checked(row, f"{self.frames_path}:{number}")
-            other = "" if row["phase"] == row["flags_from"] else f"@{row['flags_from']}"
-            row["spec"] = row["phase"] + other
-            rows.append(row)
-        return pd.DataFrame(rows)
+                rows.append(decoder.decode(line))
+            except msgspec.DecodeError as error:
+                raise StudyError(f"{self.frames_path}:{number}: {error}; {AGAIN}") from None
+        return rows
+
+    def frames(self) -> pd.DataFrame:
+        """`lines` as a table: columns as in results/keys/frames.jsonl.md, which one of them has at least,
+        plus `spec` (opt2 or opt2@opt4)."""
+        import pandas as pd  # a quarter of a second, which the build of every counted phase need not wait for
+
+        made = pd.DataFrame([msgspec.structs.asdict(one) | {"spec": one.spec} for one in self.lines()])
+        return made.dropna(axis="columns", how="all")
 
 
 def whole_lines(data: bytes) -> int:

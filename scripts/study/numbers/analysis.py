@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pandas as pd
 
 from study.core import store
 from study.core.cli import StudyError
-from study.core.registry import arithmetic_flags
-from study.core.run_schema import Context, Plan
-from study.core.schema import BROKEN, File
+from study.core.registry import Phase, arithmetic_flags
+from study.core.run_schema import Context, PhaseJson, Plan
+from study.core.schema import BROKEN as BROKEN
 from study.numbers import stats
 from study.numbers.schema import Verify
 from study.numbers.stats import Interval
@@ -69,8 +69,8 @@ class Data:
     """A run as far as its files are there; `notes` has a sentence for each thing that is not."""
 
     path: Path
-    context: dict[str, Any]
-    plan: dict[str, Any]
+    context: Context
+    plan: Plan
     frames: pd.DataFrame
     cells: list[Cell]
     pairs: list[dict[str, Any]]
@@ -94,39 +94,26 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
     run = store.Run(Path(path)) if path else store.latest()
     if not run.path.is_dir():
         raise StudyError(f"{run.path}: no such run; a run is a folder like results/MACHINE/RUN")
-    notes: list[str] = []
-
-    def optional(name: str, kind: type[File], without: str) -> dict[str, Any]:
-        file = run.path / name
-        if not file.exists():
-            notes.append(f"{name} is missing: {without}.")
-            return {}
-        return kind.read(file)
-
-    context = optional("context.json", Context, "the machine and the commit are unknown")
-    plan = optional("plan.json", Plan, "what was to be measured is unknown")
-    verify = optional("verify.json", Verify, "no error stands beside the speeds; run scripts/stepwise verify")
-    with _content_of(run.frames_path):
-        frames = _usable(run, notes)
+    context = Context.load_if_there(run.path / "context.json")
+    plan = Plan.load_if_there(run.path / "plan.json")
+    verify = Verify.load_if_there(run.path / "verify.json")
+    notes = [
+        f"{name} is missing: {without}."
+        for found, name, without in (
+            (context, "context.json", "the machine and the commit are unknown"),
+            (plan, "plan.json", "what was to be measured is unknown"),
+            (verify, "verify.json", "no error stands beside the speeds; run scripts/stepwise verify"),
+        )
+        if found is None
+    ]
+    frames = _usable(run, notes)
     if frames.empty:
         notes.append("frames.jsonl has no timed frame: there are no speeds; run scripts/stepwise sweep.")
         if strict:
             raise StudyError(f"{run.path}: no timed frame in frames.jsonl; run scripts/stepwise sweep first")
-    with _content_of(run.path / "verify.json"):
-        pairs = [_flat(pair) for pair in verify.get("pairs") or []]
-    with _content_of(f"{run.path / 'plan.json'} or {run.frames_path}"):
-        cells = cells_of(frames, plan)
-    return Data(run.path, context, plan, frames, cells, pairs, notes)
-
-
-@contextlib.contextmanager
-def _content_of(files: Path | str) -> Iterator[None]:
-    """Whatever the content of `files` makes fail becomes a StudyError that names them."""
-    try:
-        yield
-    except BROKEN as error:
-        why = " ".join(repr(error).split())
-        raise StudyError(f"{files}: not what results/README.md says ({why})") from error
+    plan = plan or Plan()
+    pairs = [_flat(msgspec.to_builtins(pair)) for pair in (verify.pairs if verify else None) or []]
+    return Data(run.path, context or Context(), plan, frames, cells_of(frames, plan), pairs, notes)
 
 
 def _usable(run: store.Run, notes: list[str]) -> pd.DataFrame:
@@ -144,23 +131,20 @@ def _usable(run: store.Run, notes: list[str]) -> pd.DataFrame:
     return frames if (~frames["warmup"].astype(bool)).any() else frames.iloc[:0]
 
 
-def described(plan: Mapping) -> dict[str, dict[str, Any]]:
-    """Phase → its phase.json as the plan recorded it, by rung. Empty if it did not."""
-    phases = plan.get("phases") or []
-    phases = phases.values() if isinstance(phases, Mapping) else phases
-    found = [phase for phase in phases if isinstance(phase, Mapping) and "name" in phase]
-    found.sort(key=lambda phase: (str(phase.get("family")), phase.get("order") or 0))
-    return {phase["name"]: dict(phase) for phase in found}
+def described(plan: Plan) -> dict[str, PhaseJson]:
+    """Phase → its phase.json as the plan recorded it, in order."""
+    order = sorted(plan.phases.items(), key=lambda each: (str(each[1].family), each[1].order or 0))
+    return dict(order)
 
 
-def cells_of(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
+def cells_of(frames: pd.DataFrame, plan: Plan) -> list[Cell]:
     """By scene and phase in the order of the plan (phases it does not have: from slow to fast), then size."""
     if frames.empty:
         return []
-    about, configurations = described(plan), plan.get("configurations") or []
+    about = described(plan)
     pace = (frames["ns"] / (frames["width"] * frames["height"])).groupby(frames["phase"]).median()
-    phases = [*about, *(c["phase"] for c in configurations), *pace.sort_values(ascending=False).index]
-    scenes = [*(c["scene"] for c in configurations), *sorted(frames["scene"].unique())]
+    phases = [*about, *(c.phase for c in plan.configurations), *pace.sort_values(ascending=False).index]
+    scenes = [*(c.scene for c in plan.configurations), *sorted(frames["scene"].unique())]
     frames = frames.assign(
         core_hz=(frames["core_hz_before"] + frames["core_hz_after"]) / 2,
         presented_ns=frames["ns"] + frames["present_ns"],
@@ -191,7 +175,7 @@ def cells_of(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
         values.index = pd.Index(launch["round"].first(), name="round")
         facts = {name: group[name].iloc[-1] if name in group else None for name in FACTS}
         facts["kernel"] = kernel_said(group)
-        facts["algorithm"] = about.get(group["phase"].iloc[-1], {}).get("algorithm")
+        facts["algorithm"] = about.get(group["phase"].iloc[-1], PhaseJson()).algorithm
         facts["unwarmed"] = not group["warmup"].any()
         cells.append(Cell(*key, facts, values, group["config"].iloc[-1]))
     return sorted(
@@ -230,13 +214,14 @@ def _flat(pair: dict[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def flags(cell: Cell, about: Mapping[str, Mapping[str, Any]]) -> str:
+def flags(cell: Cell, about: Mapping[str, Phase | PhaseJson]) -> str:
     """What the compiler was told that changes arithmetic; of a phase with variants what all of them share.
     `about`: phase → its phase.json."""
-    return arithmetic_flags(cell.facts["flags"] or "", about.get(cell.phase, {}).get("variants") or ())
+    variants = about[cell.phase].variants if cell.phase in about else []
+    return arithmetic_flags(cell.facts["flags"] or "", variants)
 
 
-def second_base(cell: Cell, cells: Iterable[Cell], about: Mapping[str, Mapping[str, Any]]) -> Cell | None:
+def second_base(cell: Cell, cells: Iterable[Cell], about: Mapping[str, Phase | PhaseJson]) -> Cell | None:
     """opt2 on one thread, built with the flags of `cell`: what its code gains alone."""
     mine = [c for c in cells if (c.phase, c.threads, c.picture) == (SECOND_BASE, 1, cell.picture)]
     return next((c for c in mine if flags(c, about) == flags(cell, about)), None)

@@ -10,6 +10,7 @@ import pandas as pd
 
 from study.core.cli import StudyError
 from study.core.registry import BASE, arithmetic_flags, phases
+from study.core.run_schema import Plan
 from study.numbers import analysis, stats
 from study.numbers.analysis import Cell
 
@@ -32,8 +33,7 @@ def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
 
     A base has the same scene and size, and the same threads or else one thread.
     """
-    cells, known = analysis.cells_of(frames, {}), phases()
-    about = {name: vars(phase) for name, phase in known.items()}
+    cells, known = analysis.cells_of(frames, Plan()), phases()
     order = {name: number for number, name in enumerate(known)}
 
     def over(cell: Cell, base: str | None) -> stats.Interval | None:
@@ -45,7 +45,7 @@ def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
     cells.sort(key=lambda c: (c.scene, c.height, c.width, c.threads, order.get(c.phase, 99), c.spec))
     for cell in cells:
         ns, parent = cell.values["ns"], known[cell.spec].parent if cell.spec in known else None
-        second = analysis.second_base(cell, cells, about)
+        second = analysis.second_base(cell, cells, known)
         other = second.spec if second and second.spec != cell.spec else None
         over_parent = over(cell, parent)
         names = ("config", "spec", "phase", "scene", "width", "height", "threads")

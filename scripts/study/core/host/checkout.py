@@ -5,11 +5,10 @@ from __future__ import annotations
 import hashlib
 import os
 import subprocess
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from study.core.registry import ROOT
+from study.core.run_schema import Git
 
 ARCHIVED = ".git_archival.txt"  # git archive puts the commit into it (.gitattributes)
 _OF_A_HOOK = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")  # they would name another repository
@@ -50,21 +49,20 @@ def _archived() -> str | None:
     return text if len(text) == 40 and all(sign in "0123456789abcdef" for sign in text) else None
 
 
-def state() -> dict[str, Any]:
+def state() -> Git:
     """Commit; whether the tree differs from it (None: not known), with a SHA-256 over what differs or is new;
     `unknown`: why something is not known; `kind` of checkout."""
     if why := _unknown():
-        kind = "archive" if _archived() else None
-        return {"commit": _archived(), "dirty": None, "diff_sha256": None, "unknown": why, "kind": kind}
+        return Git(commit=_archived(), unknown=why, kind="archive" if _archived() else None)
     status, _ = _git("status", "--porcelain")
     dirty = None if status is None else bool(status)
-    return {
-        "commit": _git("rev-parse", "--verify", "-q", "HEAD")[0] or None,
-        "dirty": dirty,
-        "diff_sha256": _digest() if dirty else None,
-        "unknown": "git status fails" if dirty is None else None,
-        "kind": _kind(),
-    }
+    return Git(
+        commit=_git("rev-parse", "--verify", "-q", "HEAD")[0] or None,
+        dirty=dirty,
+        diff_sha256=_digest() if dirty else None,
+        unknown="git status fails" if dirty is None else None,
+        kind=_kind(),
+    )
 
 
 def _kind() -> str:
@@ -86,17 +84,15 @@ def _digest() -> str:
     return digest.hexdigest()
 
 
-def said(git: Mapping[str, Any] | None) -> str:
-    """Of a context's `git`: ten digits, and whether sources were changed; "unknown" is not "clean"."""
-    git = git or {}
-    commit = git.get("commit")
-    if not commit:
+def said(git: Git) -> str:
+    """Ten digits, and whether sources were changed; "unknown" is not "clean"."""
+    if not git.commit:
         return "unknown commit"
-    if git.get("dirty") is None:
-        return f"{commit[:10]}, changed or not is unknown"
-    return commit[:10] + (" with uncommitted changes" if git["dirty"] else "")
+    if git.dirty is None:
+        return f"{git.commit[:10]}, changed or not is unknown"
+    return git.commit[:10] + (" with uncommitted changes" if git.dirty else "")
 
 
-def is_clean(git: Mapping[str, Any] | None) -> bool:
+def is_clean(git: Git) -> bool:
     """A known commit, known to be all there was."""
-    return bool(git and git.get("commit")) and git.get("dirty") is False
+    return bool(git.commit) and git.dirty is False

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+
+from study.core.run_schema import Context, Limits
 
 CGROUP, MOUNTED = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
 
@@ -47,8 +47,7 @@ def throttled() -> int | None:
     return sum(counts) if counts else None
 
 
-def limits() -> dict[str, Any]:
-    """`cpus`: worth of time, `memory_bytes`: None without a limit. `throttled`: as above."""
+def limits() -> Limits:
     cpus = [n for n in map(_cpus, _groups("cpu")) if n is not None]
     memory = [
         int(text)
@@ -56,28 +55,17 @@ def limits() -> dict[str, Any]:
         for name in ("memory.max", "memory.limit_in_bytes")
         if (text := _text(group / name)).isdigit() and int(text) < 1 << 60  # version 1: no limit is 2^63
     ]
-    return {
-        "cpus": min(cpus, default=None),
-        "memory_bytes": min(memory, default=None),
-        "throttled": throttled(),
-    }
+    return Limits(cpus=min(cpus, default=None), memory_bytes=min(memory, default=None), throttled=throttled())
 
 
-def notices(context: Mapping[str, Any]) -> list[str]:
+def notices(context: Context) -> list[str]:
     """What a run's context says of quotas that its times must not be read without."""
-    before, after = ((one or {}).get("limits") or {} for one in (context, context.get("end")))
     said = []
-    usable = (context.get("cpu") or {}).get("usable_cpus")
-    if before.get("cpus") is not None and usable and before["cpus"] < usable:
-        said.append(
-            f"this container may use {before['cpus']:g} CPUs' time (its quota) on {usable} CPUs: "
-            + (
-                "times of more threads are the quota's"
-                if before["cpus"] >= 1
-                else "all times are the quota's"
-            )
-        )
-    counts = [one.get("throttled") for one in (before, after)]
-    if None not in counts and counts[1] > counts[0]:
-        said.append(f"throttled {counts[1] - counts[0]} times while it was measured (nr_throttled)")
+    usable, quota = context.cpu.usable_cpus, context.limits.cpus
+    if quota is not None and usable and quota < usable:
+        whose = "times of more threads are the quota's" if quota >= 1 else "all times are the quota's"
+        said.append(f"this container may use {quota:g} CPUs' time (its quota) on {usable} CPUs: {whose}")
+    before, after = context.limits.throttled, context.end.limits.throttled if context.end else None
+    if before is not None and after is not None and after > before:
+        said.append(f"throttled {after - before} times while it was measured (nr_throttled)")
     return said
