@@ -73,7 +73,7 @@ def measure(build: Path, phases: list[str], scenes: list[str]) -> dict[str, str]
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         for name in phases:
             phase = registry.find_phase(name)
-            widths = [one["lanes"] for one in phase.variants] or [phase.lanes]
+            widths = [one.lanes for one in phase.variants] or [phase.lanes]
             for lanes in widths:
                 limit = LIMITS[lanes] if phase.variants else ""
                 for scene in scenes:

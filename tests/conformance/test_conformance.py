@@ -443,12 +443,12 @@ def test_record(phase: str) -> None:
     assert not record.keys() & frames[0].keys() - {"tsc_hz"}, f"{run}: keys of both kinds"
     expected = {"schema": 1, "phase": phase, "flags_from": phase, "scene": name, "width": 16, "height": 9}
     here = registry.variant_here(declared)
-    expected |= {"threads": 1, "precision": declared.precision, "lanes": here["lanes"], "image": None}
+    expected |= {"threads": 1, "precision": declared.precision, "lanes": here.lanes, "image": None}
     expected |= {
-        "isa": "+".join(sorted({*declared.isa, *here["isa"]})) or "x86-64",
+        "isa": "+".join(sorted({*declared.isa, *here.isa})) or "x86-64",
         "overridden": False,
     }
-    flags = " ".join(filter(None, [declared.cflags, here["flags"]]))
+    flags = " ".join(filter(None, [declared.cflags, here.flags]))
     for key, value in expected.items():
         assert record[key] == value and lines[0][key] == value, (
             f"{run}: {key} is {record[key]!r}, not {value!r}"

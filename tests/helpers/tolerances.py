@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+import msgspec
 
 from study.core import registry
 from study.core.registry import ROOT, Phase, Scene
@@ -12,7 +12,7 @@ FRACTAL = Scene("mandelbulb", ROOT / "common/scenes/mandelbulb.json", {}, True)
 
 
 def phase(tolerance: dict, name: str = "opt9", isa: tuple[str, ...] = ()) -> Phase:
-    return dataclasses.replace(registry.find_phase("opt1"), name=name, tolerance=tolerance, isa=list(isa))
+    return msgspec.structs.replace(registry.find_phase("opt1"), name=name, tolerance=tolerance, isa=list(isa))
 
 
 def bound(reason: str = "measured", **bounds: object) -> dict:

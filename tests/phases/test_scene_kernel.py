@@ -694,7 +694,7 @@ def test_a_compiler_that_does_not_know_how_gcc_copies(shop: Workshop, tmp_path: 
     fresh = {"STEPWISE_CACHE": str(tmp_path / "cache"), "STEPWISE_CC": str(other)}
     facts, said, _ = shop.run("two_spheres", **fresh)
     assert facts["generated"] and not said
-    told = registry.variant_here(registry.phases()[PHASE])["flags"]
+    told = registry.variant_here(registry.phases()[PHASE]).flags
     assert asked.read_text().split() == ["asked"] * (1 + ("-mmove-max=" in told))
     broken = shop.script("broken", f"echo asked >> '{asked}'; echo 'error: no space'; exit 1")
     asked.unlink()

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 PHASE = "opt6_wide"
 COUNTS = ("flops", "by_function", "by_class", "executed", "useful")  # of flops.c
-VARIANTS = {f"lanes{one['lanes']}": set(one["isa"]) for one in registry.find_phase(PHASE).variants}
+VARIANTS = {f"lanes{one.lanes}": set(one.isa) for one in registry.find_phase(PHASE).variants}
 
 
 def instructions(program: Path, name: str) -> list[str]:

@@ -199,7 +199,7 @@ def test_one_lane_eight_and_sixteen_draw_the_same_bits(draw, name, words):
     eight, other = draw("fixed_simd", name, words, (53, 37), True)
     same(one, eight)
     assert (record["lanes"], other["lanes"]) == (1, 8) and record["settings"] == other["settings"]
-    if registry.variant_here(registry.phases()["fixed_simd"])["lanes"] == 16:
+    if registry.variant_here(registry.phases()["fixed_simd"]).lanes == 16:
         same(one, draw("fixed_simd", name, words, (53, 37))[0])
 
 

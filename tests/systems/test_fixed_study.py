@@ -338,7 +338,7 @@ def test_all_of_it_small(tmp_path):
     result = json.loads((tmp_path / fixed.FILE).read_text())
     assert result == emitted.result(done.stdout)
     simd = registry.find_phase("fixed_simd")
-    most = 1 if registry.missing_isa(simd) else registry.variant_here(simd)["lanes"]
+    most = 1 if registry.missing_isa(simd) else registry.variant_here(simd).lanes
     assert [row["case"] for row in result["rows"]] == IN_LANES[most]
     assert len(result["sweep"]) == 3 * len(fixed.BITS) and any("refused" in row for row in result["sweep"])
     assert result["clearing"][0]["wrongly_cleared_ppm"] == 0 < result["clearing"][1]["wrongly_cleared_ppm"]

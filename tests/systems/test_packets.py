@@ -404,4 +404,4 @@ def test_a_setting_that_is_none_is_refused(words, written):
 def test_it_stands_beside_the_ladder():
     phase = registry.find_phase("packets")
     assert "packets" not in registry.ladder() and phase.family == registry.SYSTEMS and phase.exact_hits
-    assert [one["lanes"] for one in phase.variants] == [16, 8, 4] and phase.variants[-1]["isa"] == []
+    assert [one.lanes for one in phase.variants] == [16, 8, 4] and phase.variants[-1].isa == []

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from study.bounds import peaks, schema
-from study.core import machine, run, store
+from study.core import cli, machine, run, store
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 
@@ -191,7 +191,7 @@ def other_cpu(
 
 def refuse(folder: Path, context: Mapping[str, Any]) -> None:
     """StudyError if the run in `folder` was made on another machine than this one."""
-    here, there = machine.cpu(), context.get("cpu") or {}
+    here, there = cli.plain(machine.cpu()), context.get("cpu") or {}
     if other_cpu(here, there):
         raise StudyError(
             f"{folder}: a run of another machine, {describe(there, math.nan)}; its ceilings cannot be "

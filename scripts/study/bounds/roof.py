@@ -20,7 +20,7 @@ import pandas as pd
 from study.bounds import ceilings
 from study.bounds.ceilings import Ceilings
 from study.bounds.roof_shares import ELEMENT, SHARES, below, under_load
-from study.core import store
+from study.core import cli, store
 from study.core.cli import StudyError
 from study.counting import paper_rule, schema
 from study.counting.counts import Counts, Measured
@@ -81,7 +81,7 @@ def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, l
 def foreign(data: Data, limits: Ceilings | None) -> str | None:
     """Why the ceilings are another machine's than the one that the frames were timed on, or None."""
     rate = float(data.frames["tsc_hz"].median()) if len(data.frames) else math.nan
-    return limits.foreign(data.context, rate) if limits else None
+    return limits.foreign(cli.plain(data.context), rate) if limits else None
 
 
 def remarks(table: pd.DataFrame) -> list[str]:
@@ -257,7 +257,7 @@ def rows(data: Data, counted: Counted, limits: Ceilings | None) -> pd.DataFrame:
     `foreign_ceilings`, `foreign_counts`: why they are not of what was timed.
     """
     table = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
-    cpu, other = data.context.get("cpu") or {}, foreign(data, limits)
+    cpu, other = cli.plain(data.context.cpu), foreign(data, limits)
     made = []
     for cell in data.cells:
         if cell.threads != 1:

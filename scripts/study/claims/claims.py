@@ -239,7 +239,7 @@ def _threads(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
     if not pairs:
         return missing(f"frames of {phase} on more than one thread beside {base}")
     cell, before = max(pairs, key=lambda pair: (pair[0].threads, pair[0].pixels))
-    ratio, cores = cell.over(before), (data.context.get("cpu") or {}).get("logical_cpus")
+    ratio, cores = cell.over(before), data.context.cpu.logical_cpus
     there = f"{cores} CPUs" if cores else "an unknown number of CPUs"
     text = f"{cell.threads} threads over {base}: {_times(ratio)} at n = {cell.height}, on {there}"
     alone = data.cell(scene, phase, cell.height, cell.width)

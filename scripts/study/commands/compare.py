@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from study.bounds import ceilings
-from study.core import cli, provenance, store
+from study.core import cli, store
 from study.core.cli import StudyError
 from study.core.registry import BASE
 from study.core.store import Run
@@ -87,9 +87,7 @@ def read(letter: str, path: Path, leave_out: bool) -> Side:
     """StudyError for a folder that is no run, has no timed frame or a broken context."""
     run = Run.open(path)
     frames = run.frames()
-    if run.context is None:
-        raise StudyError(f"{run.path / 'context.json'}: should be a JSON object")
-    provenance.check(run.context, run.path / "context.json")
+    _ = run.context
     if frames.empty or frames["warmup"].all():
         raise StudyError(f"{run}: no timed frame; measure with scripts/stepwise sweep --run {run} --resume")
     off = clocks.off(frames)
@@ -124,8 +122,8 @@ def other_sizes(base: pd.DataFrame, other: pd.DataFrame) -> dict[str, str]:
 
 def other_machine(base: Side, other: Side) -> str | None:
     """Why two runs are of two machines: CPU, CPUs, TSC rate, kind of core. None: nothing says so."""
-    kinds = [(side.run.context.get("pinned") or {}).get("core_type") for side in (base, other)]
-    cpus = [side.run.context.get("cpu") or {} for side in (base, other)]
+    kinds = [side.run.context.pinned.core_type for side in (base, other)]
+    cpus = [cli.plain(side.run.context.cpu) for side in (base, other)]
     rates = [float(clocks.clocked(side.frames)["tsc_hz"].median()) for side in (base, other)]
     counts = [cpu.get("logical_cpus") for cpu in cpus]
     if not ceilings.other_cpu(*cpus, rates) and (None in counts or counts[0] == counts[1]):
@@ -258,7 +256,7 @@ def faults(base: Side, other: Side) -> list[Fault]:
 
 def facts(side: Side) -> dict[str, Any]:
     """What may explain a difference: from the context, and flags and compiler of each spec."""
-    context = side.run.context
+    context = cli.plain(side.run.context)
     found = {name: context.get(name) for name in CONTEXT}
     for part, names in CONTEXT_PARTS.items():
         found |= {f"{part}.{name}": (context.get(part) or {}).get(name) for name in names}

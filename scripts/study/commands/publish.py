@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 
 from study.core import cli, machine, provenance, store, temporary
 from study.core.cli import StudyError
-from study.core.run_schema import RUN_TOML, About
+from study.core.run_schema import RUN_TOML, About, Context
 from study.experiments import experiment
 from study.experiments.rods import measure as rods
 from study.numbers import analysis
@@ -113,9 +113,9 @@ def copy_compared(run: Path, folder: Path) -> list[str]:
 
 def about(folder: Path, commands: list[str], caveat: str) -> str:
     """run.toml: what a reader must know of the run before its numbers."""
-    context = store.read_json(folder / "context.json") if (folder / "context.json").exists() else {}
-    said = {"machine": machine.name(context), "compiler": context.get("compiler") or "unknown"}
-    said |= {"time": context.get("time") or "unknown", "commit": ", ".join(provenance.commits(folder))}
+    context = Context.load_if_there(folder / "context.json") or Context()
+    said = {"machine": machine.name(context), "compiler": context.compiler or "unknown"}
+    said |= {"time": context.time or "unknown", "commit": ", ".join(provenance.commits(folder))}
     said |= {"commands": commands, "caveat": caveat}
     return "".join(f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in said.items())
 

@@ -57,7 +57,7 @@ def make(data: Data, rows: pd.DataFrame, sections: Sequence[Section] | None = No
 def machine_line(data: Data) -> str:
     """CPU, compiler, commit and date of a run in one sentence."""
     context = data.context
-    return f"{provenance.place(context)}; {provenance.commit(context)}; {context.get('time') or ''}"
+    return f"{provenance.place(context)}; {provenance.commit(context)}; {context.time or ''}"
 
 
 def readme(text: str, data: Data, rows: pd.DataFrame) -> str:

@@ -14,6 +14,7 @@ import difflib
 import importlib
 import io
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +42,7 @@ OPTIONS = {  # one meaning in every command that has it: placeholder and what it
     "--json": (None, "one JSON object on standard output, always with these keys: `command`, `status`"
                " (`ok` or `failed`), `run` (its folder or null) and `result`"),
 }  # fmt: skip
+begun = time.monotonic()  # the command that runs
 USAGE = """\
 scripts/stepwise NAME [options]     runs a command; NAME -h explains it
 scripts/stepwise list               the commands"""
@@ -87,6 +89,8 @@ def parser_for(name: str, body: Any) -> argparse.ArgumentParser:
 
 def called(name: str, words: Sequence[str | Path]) -> tuple[Outcome, bool]:
     """A command in this process, and whether --json was given. SystemExit for bad arguments; StudyError."""
+    global begun
+    begun = time.monotonic()
     body: Any = importlib.import_module(find_all()[name].module)
     if not hasattr(body, "options"):
         return _legacy(find_all()[name], body, list(map(str, words))), False

@@ -292,6 +292,20 @@ def execute(
     return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes, more=more)), arguments[0])
 
 
+@contextlib.contextmanager
+def off(cpu: int | None) -> Iterator[None]:
+    """Meanwhile this process, which only waits and writes, keeps off the CPU that is measured on."""
+    here = os.sched_getaffinity(0)
+    try:
+        if others := set(USABLE) - {cpu}:
+            with contextlib.suppress(OSError):  # no longer allowed there: the first launch says so
+                os.sched_setaffinity(0, others)
+        yield
+    finally:
+        with contextlib.suppress(OSError):  # the cpuset has changed: the kernel has moved this process
+            os.sched_setaffinity(0, here)
+
+
 def interleaved(
     what: Sequence[T],
     launches: int,
@@ -308,15 +322,9 @@ def interleaved(
     values: dict[T, list[float]] = {item: [] for item in what}
     dice = random.Random(seed)
     order = [item for _ in range(launches) for item in dice.sample(list(what), len(what))]
-    here = os.sched_getaffinity(0)
-    if others := set(USABLE) - {cpu}:
-        os.sched_setaffinity(0, others)
-    try:
+    with off(cpu):
         for item in progress.each(order, about):
             values[item].append(once(item, dice.randint(0, 4096)))
-    finally:
-        with contextlib.suppress(OSError):  # the cpuset has changed: the kernel has moved this process
-            os.sched_setaffinity(0, here)
     return values
 
 

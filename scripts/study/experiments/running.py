@@ -9,13 +9,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from study.core import cli, machine, registry, store
-from study.core.run_schema import Context
+from study.core import cli, commands, machine, registry, store
 from study.pictures.draw import Drawing
 
-BEGUN = time.monotonic()  # of the command
+
+def took() -> float:
+    """Seconds since the command began."""
+    return time.monotonic() - commands.begun
 
 
 def options(parser: argparse.ArgumentParser, files: str, home: str, least: int = 1, seed: str = "") -> None:
@@ -48,7 +48,7 @@ def folder(args: argparse.Namespace) -> Path:
 
 def write(path: Path, about: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
     """The result as its file has it: settings, how long it took, the machine, and what was found."""
-    told = {"took_s": time.monotonic() - BEGUN, "context": machine.context()}
+    told = {"took_s": took(), "context": machine.context()}
     result = cli.plain({"schema": 1, **about, **told, **found})
     store.write_json(path, result)
     return result
@@ -56,9 +56,9 @@ def write(path: Path, about: Mapping[str, Any], found: Mapping[str, Any]) -> dic
 
 def about(args: argparse.Namespace) -> dict[str, Any]:
     """What a Measured says of how it was made: settings, how long it took, the machine."""
-    context = msgspec.convert(machine.context(), Context)
+    context = machine.context()
     made = {"schema": 1, "launches": args.launches, "seed": args.seed, "cpu": getattr(args, "cpu", None)}
-    return {**made, "took_s": time.monotonic() - BEGUN, "context": context}
+    return {**made, "took_s": took(), "context": context}
 
 
 def draw(path: Path, drawings: Mapping[str, Drawing]) -> list[Path]:

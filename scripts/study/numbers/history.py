@@ -61,16 +61,16 @@ def runs(results: Path = RESULTS) -> list[Run]:
     folders = [path.parent for path in results.glob("*/*/plan.json")]
     found = [Run(folder) for folder in folders]
     return sorted(
-        (run for run in found if run.context and stored(run.frames_path).exists()),
-        key=lambda run: str(run.context.get("time")),
+        (run for run in found if stored(run.frames_path).exists()),
+        key=lambda run: str(run.context.time),
     )
 
 
 def machine(run: Run) -> str:
     """What the times of two runs must have in common: kind of the CPU, and how many there are."""
-    cpu = run.context.get("cpu") or {}
-    names = [cpu.get("microarchitecture"), cpu.get("model")]
-    return f"{', '.join(str(name) for name in names if name)}; {cpu.get('logical_cpus', '?')} CPUs"
+    cpu = run.context.cpu
+    names = [cpu.microarchitecture, cpu.model]
+    return f"{', '.join(name for name in names if name)}; {cpu.logical_cpus or '?'} CPUs"
 
 
 def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[Point]:
@@ -90,12 +90,12 @@ def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[
             before = last.get(work)
             change = None if before is None else stats.ratio_interval(before, ns, rounds=False)
             last[work] = ns
-            git = run.context.get("git") or {}
+            git = run.context.git
             made.append(
                 Point(
                     machine(run),
-                    str(run.context.get("time"))[:16],
-                    str(git.get("commit") or "unknown")[:9] + ("+" if git.get("dirty") else ""),
+                    str(run.context.time)[:16],
+                    (git.commit or "unknown")[:9] + ("+" if git.dirty else ""),
                     "/".join(run.path.parts[-2:]),
                     *where,
                     int(lanes) if lanes and lanes == lanes else None,

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
-from study.core import cli, machine, show
+from study.core import machine, show
 from study.core.run_schema import Context
 from study.core.schema import ABSENT, Absent, File, Record, key
 from study.numbers import stats
@@ -72,7 +72,7 @@ class Measured(Result, kw_only=True):
     @property
     def machine(self) -> str:
         """The name of its CPU."""
-        return machine.name(cli.plain(self.context) if self.context else None)
+        return machine.name(self.context or None)
 
 
 class PictureErrors(Record, kw_only=True):

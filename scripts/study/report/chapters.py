@@ -7,11 +7,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import msgspec
 import pandas as pd
 from matplotlib.figure import Figure
 
 from study.claims import claims
 from study.core import html, patches, registry
+from study.core.registry import Phase
+from study.core.run_schema import PhaseJson
 from study.experiments.section import Section, part
 from study.numbers import analysis, columns, paper, verdicts
 from study.numbers.analysis import Data
@@ -112,21 +115,17 @@ def described(data: Data) -> list[dict[str, Any]]:
     """What each phase of the run is, as recorded with it, and its NOTES.md as it is now. Of one that is built
     for several numbers of lanes, what ran: lanes, instruction sets, flags.
     """
-    about = analysis.described(data.plan)
+    about: dict[str, Phase | PhaseJson] = {**analysis.described(data.plan)}
     if not about:
         measured = {cell.spec.partition("@")[0] for cell in data.cells}
-        about = {name: vars(phase) for name, phase in registry.phases().items() if name in measured}
+        about = {name: phase for name, phase in registry.phases().items() if name in measured}
     ran = {cell.spec: cell.facts for cell in data.cells}
     made = []
-    for name, phase in about.items():
-        if phase.get("variants") and name in ran:
+    for name, one in about.items():
+        phase = msgspec.structs.asdict(one)
+        if one.variants and name in ran:
             own = ran[name]
-            phase = {
-                **phase,
-                "lanes": int(own["lanes"]),
-                "isa": own["isa"].split("+"),
-                "cflags": own["flags"],
-            }
+            phase |= {"lanes": int(own["lanes"]), "isa": own["isa"].split("+"), "cflags": own["flags"]}
         file = patches.folders().get(name, registry.ROOT) / "NOTES.md"
         notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
         figure = file.with_name(lessons.NAME)

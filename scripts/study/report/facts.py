@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
 from typing import Any
 
 from study.core import machine as machines
 from study.core import registry
 from study.core.host import checkout, quotas
+from study.core.run_schema import Context, Git, Left, Plan
 from study.numbers import analysis
 from study.numbers.analysis import Data
 
@@ -17,15 +17,15 @@ WIDE = 16  # lanes of the newest CPUs
 
 def short_name(data: Data) -> str:
     """The run's machine; of a run whose phases had fewer lanes than that CPU has, with its vectors."""
-    found = data.context.get("cpu") or {}
-    short = found.get("microarchitecture") or machines.name(data.context)
+    cpu = data.context.cpu
+    short = cpu.microarchitecture or machines.name(data.context)
     if not {"phase", "lanes"} <= set(data.frames):
         return short
-    flags = set(found.get("flags") or ())
+    flags = set(cpu.flags)
     wide = [
         phase
         for phase, known in registry.ladder().items()
-        if any(one["lanes"] >= WIDE and flags.issuperset(one["isa"]) for one in known.variants)
+        if any(one.lanes >= WIDE and flags.issuperset(one.isa) for one in known.variants)
     ]
     lanes = data.frames[data.frames["phase"].isin(wide)]["lanes"].max()
     return f"{short}, AVX2 alone" if lanes < WIDE else short
@@ -34,29 +34,28 @@ def short_name(data: Data) -> str:
 def machine(data: Data) -> list[tuple[str, str]]:
     """Label and text of everything known; unknown things are left out."""
     context = data.context
-    cpu, git = context.get("cpu") or {}, context.get("git") or {}
-    count = f"{cpu['logical_cpus']} logical CPUs" if cpu.get("logical_cpus") else None
-    caches = [f"L{c.get('level')} {c.get('type')} {c.get('size')}" for c in context.get("caches") or []]
-    libraries = context.get("libraries") or {}
-    changes = "none" if checkout.is_clean(git) else git.get("unknown") or ("unknown" if git else None)
-    if git.get("dirty"):
-        changes = f"yes, SHA-256 {git.get('diff_sha256')}"
+    cpu, git, there = context.cpu, context.git, context != Context()
+    count = f"{cpu.logical_cpus} logical CPUs" if cpu.logical_cpus else None
+    caches = [f"L{cache.level} {cache.type} {cache.size}" for cache in context.caches]
+    changes = "none" if checkout.is_clean(git) else git.unknown or ("unknown" if git != Git() else None)
+    if git.dirty:
+        changes = f"yes, SHA-256 {git.diff_sha256}"
     known = {
-        "CPU": _join(cpu.get("model"), cpu.get("microarchitecture"), count),
+        "CPU": _join(cpu.model, cpu.microarchitecture, count),
         "caches": _join(*caches),
-        "memory": f"{context['memory_kib'] / 2**20:.1f} GiB" if context.get("memory_kib") else None,
-        "system": _join(context.get("system"), context.get("kernel")),
-        "hypervisor": context.get("hypervisor"),
-        "frequency governor": context.get("governor") or ("not readable" if context else None),
+        "memory": f"{context.memory_kib / 2**20:.1f} GiB" if context.memory_kib else None,
+        "system": _join(context.system, context.kernel),
+        "hypervisor": context.hypervisor,
+        "frequency governor": context.governor or ("not readable" if there else None),
         **_measured(data),
-        "Python": context.get("python"),
-        "libraries": _join(*(f"{name} {version}" for name, version in libraries.items() if version)),
-        "commit": git.get("commit"),
+        "Python": context.python,
+        "libraries": _join(*(f"{name} {version}" for name, version in context.libraries.items() if version)),
+        "commit": git.commit,
         "uncommitted changes": changes,
-        "measured": context.get("time"),
+        "measured": context.time,
         "limits": "; ".join(quotas.notices(context)) or None,
-        "energy": context.get("no_energy"),
-        "load average before": _join(*(f"{load:.2f}" for load in context.get("load_average") or [])),
+        "energy": context.no_energy,
+        "load average before": _join(*(f"{load:.2f}" for load in context.load_average or [])),
     }
     return [(label, str(text)) for label, text in known.items() if text]
 
@@ -69,7 +68,7 @@ def _measured(data: Data) -> dict[str, str | None]:
     """Toolchain, clocks and noise as the frames have them."""
     frames = data.frames
     if frames.empty:
-        return {"compiler": data.context.get("compiler"), "libc": data.context.get("libc")}
+        return {"compiler": data.context.compiler, "libc": data.context.libc}
     core = (frames["core_hz_before"] + frames["core_hz_after"]) / 2e9
     noise = analysis.noise(data)
     stolen = noise.get("steal_ticks", 0) / 100
@@ -88,19 +87,19 @@ def _measured(data: Data) -> dict[str, str | None]:
 
 def skipped(data: Data) -> list[str]:
     """A sentence for each thing that was planned and is not there."""
-    found = [f"{_subject(item)}: {item.get('reason')}" for item in data.plan.get("skipped") or []]
-    found += [f"{_subject(item)} crashed: {item.get('message')}" for item in data.plan.get("failures") or []]
-    short: dict[object, list[str]] = {}
-    for item in data.plan.get("not_reached") or []:
-        short.setdefault(item.get("launches"), []).append(str(item.get("name")))
+    found = [f"{_subject(item)}: {item.reason}" for item in data.plan.skipped]
+    found += [f"{_subject(item)} crashed: {item.message}" for item in data.plan.failures]
+    short: dict[int, list[str]] = {}
+    for item in data.plan.not_reached:
+        short.setdefault(item.launches, []).append(item.name)
     for launches, names in short.items():
         found.append(f"{launches} launches were all that the budget allowed: {'; '.join(names)}")
     return found
 
 
-def _subject(item: Mapping) -> str:
-    size = f"{item['width']}×{item['height']}" if "width" in item else None
-    return " ".join(str(part) for part in (item.get("spec"), item.get("scene"), size) if part)
+def _subject(item: Left) -> str:
+    size = f"{item.width}×{item.height}" if item.width else None
+    return " ".join(part for part in (item.spec, item.scene, size) if part)
 
 
 def commands(data: Data) -> list[str]:
@@ -114,17 +113,20 @@ def commands(data: Data) -> list[str]:
     return [sweep, f"scripts/stepwise verify --run RUN{size}", *rest]
 
 
-def command(plan: Mapping) -> str:
+def command(plan: Plan) -> str:
     """The sweep that measures the same again, from what the plan recorded."""
-    asked = plan.get("configurations") or []
+    asked = plan.configurations
     parts = ["scripts/stepwise sweep"]
     for option, values in (
-        ("--phase", [c.get("spec") for c in asked]),
-        ("--scene", [c.get("scene") for c in asked]),
-        ("-n", [f"{c['width']}x{c['height']}" for c in asked if "width" in c]),
-        ("--threads", [c.get("threads") for c in asked]),
-        *((f"--{key}", [plan.get(key)]) for key in ("launches", "reps", "warmup", "long", "seed", "cpu")),
-        ("--budget", [plan.get("budget_s")]),
+        ("--phase", [c.spec or None for c in asked]),
+        ("--scene", [c.scene for c in asked]),
+        ("-n", [f"{c.width}x{c.height}" for c in asked if c.width]),
+        ("--threads", [c.threads for c in asked]),
+        *(
+            (f"--{key}", [getattr(plan, key)])
+            for key in ("launches", "reps", "warmup", "long", "seed", "cpu")
+        ),
+        ("--budget", [plan.budget_s]),
     ):
         given = [shlex.quote(str(value)) for value in dict.fromkeys(values) if value is not None]
         parts += [option, *given] if given else []

@@ -149,7 +149,7 @@ def machines_block(runs: Sequence[Data]) -> str:
     The ratio to baseline is shown where baseline was held beside the paper's program.
     """
     parts = []
-    newest = {facts.short_name(data): data for data in sorted(runs, key=lambda data: data.context["time"])}
+    newest = {facts.short_name(data): data for data in sorted(runs, key=lambda data: data.context.time or "")}
     for here, data in sorted(newest.items()):
         found = by_phase(ladder.rows(data, 720))
         if not found:

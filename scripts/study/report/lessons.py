@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 from study.bounds import work
 from study.core import machine, registry, store
 from study.core.cli import StudyError
+from study.core.store import Run
 from study.numbers import analysis, ladder
 
 REFERENCE = registry.ROOT / "results" / "reference"
@@ -342,7 +343,7 @@ def figure(name: str) -> Row | None:
     title, panels = PANELS[name]
     made = [panel(phase) for panel in panels]
     run = {threads: THREADS, large_times: LARGE}.get(panels[0], RUN)
-    said = [machine.name(store.read_json(run / "context.json"))]
+    said = [machine.name(Run(run).context)]
     if any(panel["unit"] in ("ms", "million a second") for panel in made) and run != THREADS:
         said[0] += ", one thread"
     if any(value[1] is not None for panel in made for row in panel["rows"] for value in row["values"]):

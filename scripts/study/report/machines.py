@@ -63,8 +63,7 @@ def _of(data: Data, rows: pd.DataFrame, checked: bool) -> Found:
 
 def _pictures(run: Run, wanted: Sequence[Picture]) -> dict[str, Picture]:
     """Scene → its picture in a run: of the wanted size, else its largest one; not of scenes that it lacks."""
-    timed = [one for one in run.plan.get("configurations") or [] if one.get("height")]
-    there = {(one["scene"], one["width"], one["height"]) for one in timed}
+    there = {one.group for one in run.plan.configurations if one.height}
     found = {}
     for picture in wanted:
         mine = [one for one in there if one[0] == picture[0]]
@@ -94,7 +93,7 @@ def _others(own: Path, wanted: Sequence[Picture]) -> list[Found]:
     for several in candidates.values():
         best = max(worth for worth, *_ in several)
         chosen += [(path, pictures) for worth, path, pictures in several if worth == best]
-    chosen.sort(key=lambda one: str(Run(one[0]).context.get("time")))
+    chosen.sort(key=lambda one: str(Run(one[0]).context.time))
     found: dict[str, Found] = {}
     for one in in_processes([partial(_read, *each) for each in chosen]):
         known = found.get(one["name"])

@@ -126,5 +126,5 @@ def content(
         ],
         "median": stats.MEDIAN.text(),
         "ratio": stats.RATIO.text(),
-        "time": str(data.context.get("time", ""))[:10],
+        "time": (data.context.time or "")[:10],
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import subprocess
 import sys
@@ -11,6 +10,7 @@ import time
 from pathlib import Path
 
 import emitted
+import msgspec
 import pytest
 import started
 
@@ -72,7 +72,7 @@ def test_an_ablation_beside_its_phase_as_json(tried):
 def test_a_phase_outside_its_tolerance_ends_with_status_1_and_says_which(tried, monkeypatch):
     """opt4's floats, if they had to be identical to baseline's doubles."""
     demanding = {"smooth": {"identical": True, "reason": "a test"}}
-    strict = dataclasses.replace(registry.phases()["opt4"], tolerance=demanding)
+    strict = msgspec.structs.replace(registry.phases()["opt4"], tolerance=demanding)
     monkeypatch.setitem(registry.phases(ROOT), "opt4", strict)
     status, out = tried("opt4")
     lines = out.splitlines()

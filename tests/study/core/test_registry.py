@@ -145,7 +145,7 @@ def test_width_is_16_9_unless_the_scene_is_square(scene, height, width, size):
 WIDE = [
     name
     for name, phase in registry.phases().items()
-    if any("-mmove-max=" in v["flags"] for v in phase.variants)
+    if any("-mmove-max=" in v.flags for v in phase.variants)
 ]
 
 
@@ -168,10 +168,10 @@ def test_lanes_are_copied_whole_by_gcc_and_others_are_not_told(name, compiler, k
     made = json.loads((tmp_path / "flags.json").read_text())
     phase = registry.phases()[name]
     for variant in phase.variants:
-        own = made["flags"][f"lanes{variant['lanes']}"]
-        assert (f"-mmove-max={32 * variant['lanes']} " in own) == knows
-        assert ("-mavx512f " in own) == (variant["lanes"] == 16)
-        words = [word for word in variant["flags"].split() if knows or not word.startswith(registry.COPIES)]
+        own = made["flags"][f"lanes{variant.lanes}"]
+        assert (f"-mmove-max={32 * variant.lanes} " in own) == knows
+        assert ("-mavx512f " in own) == (variant.lanes == 16)
+        words = [word for word in variant.flags.split() if knows or not word.startswith(registry.COPIES)]
         assert own.split(" -DLANES=")[0] == " ".join(words)
         told = f"{phase.cflags} {own.partition('-DLANES')[0]}"
         assert registry.arithmetic_flags(told, phase.variants) == "-O3 -mavx2 -mfma -ffp-contract=off"

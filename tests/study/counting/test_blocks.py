@@ -174,9 +174,9 @@ def joined(name: str, plain: Path, folder: Path) -> Path:
 def test_the_code_counted_is_the_code_shipped(compiler, phase, tmp_path):
     folder = make(compiler, f"{phase}/phase.o", f"{phase}/blocks/phase.o") / phase
     left_out = {
-        f"lanes{one['lanes']}.o"
+        f"lanes{one.lanes}.o"
         for one in find_phase(phase).variants
-        if not registry.cpu_flags().issuperset(one["isa"])
+        if not registry.cpu_flags().issuperset(one.isa)
     }
     shipped = sorted((folder / "objects").glob("*.o"))
     timed = left_out if compiler == "gcc" else set()  # clang's have only those that run (rules.mk)
@@ -302,7 +302,7 @@ def patches_drawn(phase: str) -> int:
 def test_a_ray_has_one_direction(measured, tmp_path):
     one = measured["calls"]
     phase = find_phase(one.phase)
-    lanes = variant_here(phase)["lanes"]
+    lanes = variant_here(phase).lanes
     wide, high = (4, lanes // 4) if phase.variants else (lanes, 1)  # pixels of a packet
     packets = -(-30 // high) * -(-54 // wide)
     rays = one.functions["get_direction"].calls

@@ -132,7 +132,7 @@ def test_functions_add_up(counted, phase, name):
     for one in functions:
         assert {"calls", "lanes", "paper", "machine"} <= one.keys()
         assert one["calls"] == one["parts"].get("call", 0) and one["useful"] <= one["machine"]
-        assert 0 <= one["lanes"] <= one["calls"] * registry.variant_here(DECLARED[phase])["lanes"]
+        assert 0 <= one["lanes"] <= one["calls"] * registry.variant_here(DECLARED[phase]).lanes
     if DECLARED[phase].lanes == 1:
         assert all(one["lanes"] == one["calls"] for one in functions)
         assert made["useful"] == made["executed"]
@@ -387,7 +387,7 @@ def preprocessed(folder: Path, phase: str) -> dict[str, list[str]]:
     for source in sorted((folder / phase).rglob("*.c")):
         flags = DECLARED[phase].cflags.split()
         for one in DECLARED[phase].variants[:1]:
-            flags += [*one["flags"].split(), f"-DLANES={one['lanes']}", "-DVARIANT(a)=variant_##a"]
+            flags += [*one.flags.split(), f"-DLANES={one.lanes}", "-DVARIANT(a)=variant_##a"]
         includes = [
             f"-I{ROOT / 'common'}",
             "-iquote",

@@ -1,6 +1,5 @@
 """Declared against measured: folding, comparing, Table 1's arithmetic, the files of a run, bad input."""
 
-import dataclasses
 import gzip
 import math
 import os
@@ -12,6 +11,7 @@ from collections import Counter
 
 import complete
 import emitted
+import msgspec
 import pytest
 import started
 
@@ -188,7 +188,7 @@ def math_rows(monkeypatch, tmp_path, edges: dict, lanes: int = 1, variant: str =
         "COST(f, call, 1, 0, 0, 0, 0, 0, 0, 0, 0, 3)\nCOST(g, call, 1, 0, 0, 0, 0, 0, 0, 0, 0, 1)\n"
     )
     (tmp_path / "residues.def").write_text("RESIDUE(both, f, call, call, -1, -1) // fabs\n")
-    phase = dataclasses.replace(registry.find_phase("baseline"), path=tmp_path, lanes=lanes)
+    phase = msgspec.structs.replace(registry.find_phase("baseline"), path=tmp_path, lanes=lanes)
     monkeypatch.setattr(registry, "find_phase", lambda name: phase)
     one = stated(1) | {"by_function": {"f": {"parts": {"call": 10}}, "g": {"parts": {"call": 5}}}}
     found = libm.compare(one, measured({"f": counts(10, 1), "g": counts(5, 1)}, edges, variant=variant))
@@ -320,7 +320,7 @@ def test_a_scalar_total_with_libm_inside_is_not_judged(no_residues, monkeypatch)
     by = measured({"a": counts(1, 15000)}, variant="shipped", backend="pmu")
     one = stated(10000, a=10000)
     for lanes, failed in ((1, 0), (8, 1)):
-        phase = dataclasses.replace(registry.find_phase("opt4"), lanes=lanes)
+        phase = msgspec.structs.replace(registry.find_phase("opt4"), lanes=lanes)
         monkeypatch.setattr(registry, "find_phase", lambda name, phase=phase: phase)
         rows = flops.compare(one, by)
         assert rows[0]["relative_difference"] == pytest.approx(-1 / 3) and len(flops.failures(rows)) == failed
@@ -354,7 +354,7 @@ def test_residues_are_parts_times_lanes_times_flops(tmp_path, monkeypatch):
         "// why\nRESIDUE(calls, f, call, mul, 3, 3) // a\n"
         "RESIDUE(both, f, call, fma, -1, 1)\nRESIDUE(shipped, g, call, add, 0, 2)\n"
     )
-    phase = dataclasses.replace(registry.find_phase("opt4"), path=tmp_path)
+    phase = msgspec.structs.replace(registry.find_phase("opt4"), path=tmp_path)
     monkeypatch.setattr(registry, "find_phase", lambda name: phase)
     one = {"phase": "opt4", "by_function": {name: {"parts": {"call": 10}} for name in ("f", "g")}}
     assert flops.explained(one, "calls") == {"f": {"mul": (240, 240), "fma": (-160, 160)}}
@@ -577,7 +577,7 @@ def test_costs_def_reads_as_the_compiler_reads_it(phase):
     scene = registry.find_scene("two_spheres" if beside else "trio")
     made = flops.declared(Spec(phase, phase), scene, 12)
     declared = {(c.function, c.part): c for c in costs.read(registry.find_phase(phase).file("costs.def"))}
-    lanes = registry.variant_here(registry.find_phase(phase))["lanes"]
+    lanes = registry.variant_here(registry.find_phase(phase)).lanes
     parts = {(f, p): n for f, one in made["by_function"].items() for p, n in one["parts"].items()}
     assert parts.keys() == declared.keys()
     for kind, total in made["by_class"].items():

@@ -193,7 +193,7 @@ def test_clang_takes_it_and_gcc_the_counting_source(name, compiler, parsed):
     phase = registry.find_phase(name)
     flags = [*phase.cflags.split(), "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-Icommon"]
     counting = ["-DSTEPWISE_COUNT"] if compiler == "gcc" else []
-    for lanes, own in [(v["lanes"], own_flags(v["flags"])) for v in phase.variants] or [(None, [])]:
+    for lanes, own in [(v.lanes, own_flags(v.flags)) for v in phase.variants] or [(None, [])]:
         if lanes:  # as common/build/phase_info.py has it
             own += [f"-DLANES={lanes}", f"-DVARIANT(a)=lanes{lanes}_##a"]
         words = ["-std=c11", "-D_GNU_SOURCE", *flags, *own, *counting]

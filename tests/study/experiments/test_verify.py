@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import emitted
+import msgspec
 import numpy as np
 import pytest
 import started
@@ -152,7 +153,7 @@ def test_one_pair(driver, command, tmp_path):
 def test_the_parents_row_stands_beside_and_is_not_judged(driver, command, monkeypatch):
     """opt4 is off by 0.01 in red and fails; its child opt1 here is judged alone."""
     monkeypatch.setitem(
-        registry.phases(), "opt1", dataclasses.replace(registry.phases()["opt1"], parent="opt4")
+        registry.phases(), "opt1", msgspec.structs.replace(registry.phases()["opt1"], parent="opt4")
     )
     status, out, err = command("--phase", "opt1", "--scene", "trio", "--json")
     pairs = emitted.result(out)["pairs"]
@@ -243,7 +244,7 @@ def rung(driver, monkeypatch):
     """Puts a rung with these tolerances behind opt4, whose picture is opt4's: off by 0.01 in red."""
 
     def put(tolerance: dict, order: int = 6) -> None:
-        made = dataclasses.replace(phase(tolerance, "opt9"), order=order)
+        made = msgspec.structs.replace(phase(tolerance, "opt9"), order=order)
         monkeypatch.setitem(registry.phases(), "opt9", made)
         driver.pictures["opt9"] = driver.pictures["opt4"]
 

@@ -66,7 +66,7 @@ def able() -> dict[str, tuple[str, str, int]]:
     for name, (phase, words, lanes) in CASES.items():
         about = registry.find_phase(phase)
         with settings(words, lanes):
-            if registry.cpu_supports(about) and registry.variant_here(about)["lanes"] == lanes:
+            if registry.cpu_supports(about) and registry.variant_here(about).lanes == lanes:
                 found[name] = (phase, words, lanes)
     return found
 

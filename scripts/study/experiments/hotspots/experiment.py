@@ -30,7 +30,7 @@ def calls(study: Study) -> list[Call]:
 
 
 def section(data: Data) -> Section:
-    name = (data.context.get("cpu") or {}).get("microarchitecture")
+    name = data.context.cpu.microarchitecture
     return chapter.hot(data.path, name)
 
 

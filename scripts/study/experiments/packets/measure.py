@@ -50,7 +50,7 @@ ENOUGH_DB = 80.0  # an RMS error of 1/39 of a display level, which nobody sees: 
 def able(limit: str) -> bool:
     """Whether this CPU has more lanes than that limit leaves, or as many: else it would be timed twice."""
     variants = registry.find_phase("packets").variants
-    here = registry.variant_here(find_phase("packets"))["lanes"]
+    here = registry.variant_here(find_phase("packets")).lanes
     lanes = {"": here, "avx2": 8, "none": 4}[limit]
     return lanes <= here and (limit == "" or lanes < here) and len(variants) == 3
 

@@ -3,53 +3,27 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import datetime
 import hashlib
 import itertools
 import json
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from study.core import cli, progress, run
 from study.core.build import build
 from study.core.registry import ROOT, Spec, cpu_supports, find_phase, find_scene, missing_isa, phases
 from study.core.run import DriverError
+from study.core.run_schema import Configuration, Left, PhaseJson, Plan
 from study.numbers import summary
 from study.numbers.analysis import GENERATED, SECOND_BASE
 
 CALIBRATION_HEIGHT = 45
 NEAR = 10  # times --long: up to that a frame is timed at its own size before it counts as long
-
-
-@dataclass(frozen=True)
-class Config:
-    """What one launch measures. `estimate_s`: seconds that a launch was expected to take; `once`: a single
-    frame without warm-up, being a long one."""
-
-    config: str
-    spec: str
-    phase: str
-    flags_from: str
-    scene: str
-    scene_hash: str
-    width: int
-    height: int
-    threads: int
-    estimate_s: float
-    once: bool = False
-
-    @property
-    def group(self) -> tuple[str, int, int]:
-        """Configurations that are compared with each other: same scene and size."""
-        return self.scene, self.width, self.height
-
-    def __str__(self) -> str:
-        threads = f" threads={self.threads}" if self.threads > 1 else ""
-        return f"{self.spec} {self.scene} {self.width}x{self.height}{threads}"
 
 
 def now() -> str:
@@ -60,9 +34,9 @@ def sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def overrides(plan: dict[str, Any]) -> dict[str, Any]:
+def overrides(plan: Plan | argparse.Namespace) -> dict[str, Any]:
     """The scene's limits that the command line changed (None: as the scene says)."""
-    return {key: plan[key] for key in ("hit_distance", "max_steps")}
+    return {"hit_distance": plan.hit_distance, "max_steps": plan.max_steps}
 
 
 def wanted_specs(names: Iterable[str], second_base: bool) -> list[Spec]:
@@ -91,53 +65,47 @@ def wanted_specs(names: Iterable[str], second_base: bool) -> list[Spec]:
     return list(found.values())
 
 
-def skip(plan: dict[str, Any], what: dict[str, Any], reason: str) -> None:
+def skip(plan: Plan, left: Left) -> None:
     """Record in the plan what cannot run here, and say so."""
-    plan["skipped"].append(what | {"reason": reason})
-    cli.say(f"skipped: {' '.join(str(value) for value in what.values())}: {reason}")
+    plan.skipped.append(left)
+    what = [left.spec, left.scene, left.threads]
+    cli.say(f"skipped: {' '.join(str(word) for word in what if word)}: {left.reason}")
 
 
-def fail(plan: dict[str, Any], what: dict[str, Any], error: DriverError) -> None:
+def fail(plan: Plan, left: Left, error: DriverError) -> None:
     """Record a crash in the plan, and say so."""
-    plan["failures"].append(what | {"status": error.status, "message": error.message, "time": now()})
-    cli.say(f"failed: {what['spec']} {what['scene']}: {error.message}")
+    about = {"status": error.status, "message": error.message, "time": now()}
+    plan.failures.append(msgspec.structs.replace(left, **about))
+    cli.say(f"failed: {left.spec} {left.scene}: {error.message}")
 
 
-def make_plan(options: argparse.Namespace) -> dict[str, Any]:
+def make_plan(args: argparse.Namespace) -> Plan:
     """The plan of a new run (plan.json), from the options of a sweep.
 
     Builds every spec and renders every scene once, tiny: what this CPU or a phase refuses is skipped
     with the reason, the rest gets an expected duration in proportion to its pixels; what would by that be
     too long for more than a frame, but not by far, that of a first frame of its size.
     """
-    plan: dict[str, Any] = {"schema": 1}
-    plan |= {key: getattr(options, key) for key in ("seed", "cpu", "launches", "reps", "warmup", "long")}
-    plan |= {"budget_s": options.budget, **overrides(vars(options)), "began": now(), "finished": None}
-    plan |= {
-        "phases": {},
-        "binaries": {},
-        "configurations": [],
-        "skipped": [],
-        "failures": [],
-        "not_reached": [],
-    }
+    same = ("seed", "cpu", "launches", "reps", "warmup", "long", "hit_distance", "max_steps")
+    plan = Plan(**{key: getattr(args, key) for key in same}, budget_s=args.budget, began=now())
     specs = []
-    for spec in wanted_specs(options.phase, options.second_base):
-        if cpu_supports(spec):
-            plan["binaries"][str(spec)] = sha256(build(spec))
-            specs.append(spec)
-            for name in (spec.phase, spec.flags_from):  # as they were: analysis reads the run alone
-                phase = find_phase(name)
-                place = phase.path.relative_to(ROOT)
-                plan["phases"][name] = dataclasses.asdict(phase) | {"path": str(place)}
-        else:
-            skip(plan, {"spec": str(spec)}, f"this CPU lacks {', '.join(missing_isa(spec))}")
-    scenes = [find_scene(name) for name in dict.fromkeys(options.scene)]
-    cases = list(itertools.product(specs, scenes, dict.fromkeys(options.threads)))
+    for spec in wanted_specs(args.phase, args.second_base):
+        if not cpu_supports(spec):
+            lacking = f"this CPU lacks {', '.join(missing_isa(spec))}"
+            skip(plan, Left(spec=str(spec), reason=lacking))
+            continue
+        plan.binaries[str(spec)] = sha256(build(spec))
+        specs.append(spec)
+        for name in (spec.phase, spec.flags_from):  # as they were: analysis reads the run alone
+            phase = find_phase(name)
+            made = msgspec.structs.asdict(phase) | {"path": str(phase.path.relative_to(ROOT))}
+            plan.phases[name] = msgspec.convert(made, PhaseJson)
+    scenes = [find_scene(name) for name in dict.fromkeys(args.scene)]
+    cases = list(itertools.product(specs, scenes, dict.fromkeys(args.threads)))
     for spec, scene, threads in progress.each(cases, "calibrate"):
         tiny, _ = scene.size(CALIBRATION_HEIGHT)
-        case = {"spec": str(spec), "scene": scene.name, "threads": threads}
-        how = {"threads": threads, "cpu": options.cpu, **overrides(plan)}
+        case = Left(spec=str(spec), scene=scene.name, threads=threads)
+        how = {"threads": threads, "cpu": args.cpu, **overrides(plan)}
         begin = time.perf_counter()
         try:
             picture = run.render(spec, scene.path, CALIBRATION_HEIGHT, tiny, **how)
@@ -145,7 +113,7 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
             if error.status == cli.BAD_INPUT:
                 raise
             if error.status in (run.NO_ISA, run.UNSUPPORTED):
-                skip(plan, case, error.message)
+                skip(plan, msgspec.structs.replace(case, reason=error.message))
             else:
                 fail(plan, case, error)
             continue
@@ -154,30 +122,33 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
         frame = picture["frames"][0]["ns"] / 1e9
         compiling = (picture.get("kernel_compile_ns") or 0) / 1e9  # once: the launches find it in the cache
         start = max(time.perf_counter() - begin - frame - compiling, 0)
-        for width, height in dict.fromkeys(scene.size(height, width) for width, height in options.n):
+        for width, height in dict.fromkeys(scene.size(height, width) for width, height in args.n):
             seconds = frame * width * height / (picture["width"] * picture["height"])
-            if options.long is not None and options.long < seconds < NEAR * options.long:
+            if args.long is not None and args.long < seconds < NEAR * args.long:
                 alone = how | {"reps": 1, "warmup": 0}
                 try:  # a tiny frame's is no good guess of what costs per picture, tile or thread
                     seconds = run.render(spec, scene.path, height, width, **alone)["frames"][0]["ns"] / 1e9
                 except DriverError as error:
                     fail(plan, case, error)
                     continue
-            once = options.long is not None and seconds > options.long
-            frames = 1 if once else options.reps + options.warmup
+            once = args.long is not None and seconds > args.long
+            frames = 1 if once else args.reps + args.warmup
             of_scene = [scene.name, picture["scene_hash"]]  # two scenes may have one content
             asked = [spec.phase, spec.flags_from, *of_scene, width, height, threads]
             asked += overrides(plan).values()
-            config = Config(
-                config=hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:12],
-                **case,
-                phase=spec.phase,
-                flags_from=spec.flags_from,
-                scene_hash=picture["scene_hash"],
-                width=width,
-                height=height,
-                estimate_s=round(start + seconds * frames, 4),
-                once=once,
+            plan.configurations.append(
+                Configuration(
+                    config=hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:12],
+                    spec=str(spec),
+                    phase=spec.phase,
+                    flags_from=spec.flags_from,
+                    scene=scene.name,
+                    scene_hash=picture["scene_hash"],
+                    width=width,
+                    height=height,
+                    threads=threads,
+                    estimate_s=round(start + seconds * frames, 4),
+                    once=once,
+                )
             )
-            plan["configurations"].append(dataclasses.asdict(config))
     return plan
