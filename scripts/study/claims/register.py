@@ -20,7 +20,7 @@ from study.claims import compilers
 from study.claims.compilers import known
 from study.core import show
 from study.counting import flops, paper_rule
-from study.experiments.ablations import measure as ablations
+from study.experiments.ablations.schema import Ablations
 from study.experiments.fixed import measure as fixed
 from study.experiments.functions.schema import Functions
 from study.experiments.hotspots.schema import Hotspots
@@ -211,18 +211,18 @@ def _share_falls(data: Data, claim: Claim) -> Found:
 
 
 def _ablation(data: Data, claim: Claim) -> Found:
-    for row in ablations.read(data.path / "ablations.json")["rows"]:
-        if (row["ablation"], row["scene"]) != (claim["phase"], claim["scene"]):
+    result = Ablations.load_if_there(data.path / "ablations.json")
+    for row in result.rows if result else ():
+        if (row.ablation, row.scene) != (claim["phase"], claim["scene"]):
             continue
-        gain = Interval(**row["gain"])
-        psnr = row["psnr_db"]
-        picture = "not finite" if row["non_finite"] else "identical picture"  # JSON's null is either
-        picture = picture if psnr is None else f"{psnr:.1f} dB to baseline"
+        gain = Interval(*row.gain.ends, row.gain.launches, row.gain.sufficient)
+        picture = "not finite" if row.non_finite else "identical picture"  # JSON's null is either
+        picture = picture if row.psnr_db is None else f"{row.psnr_db:.1f} dB to baseline"
         text = f"{gain.text().replace(' ', '× ', 1)}, {picture}"
-        verdict, why = held(row["paper"], gain, row["failed"])
+        verdict, why = held(row.paper, gain, row.failed)
         if not verdict:
             return Found(text, NEVER, "the step's patch states no claim of the paper's")
-        return sized(figure(gain, text, verdict, why, row["height"]), claim["n"])
+        return sized(figure(gain, text, verdict, why, row.height), claim["n"])
     return missing(f"ablation {claim['phase']} on {claim['scene']}")
 
 

@@ -143,9 +143,7 @@ def test_width_is_16_9_unless_the_scene_is_square(scene, height, width, size):
 
 
 WIDE = [
-    name
-    for name, phase in registry.phases().items()
-    if any("-mmove-max=" in v.flags for v in phase.variants)
+    name for name, phase in registry.phases().items() if any("-mmove-max=" in v.flags for v in phase.variants)
 ]
 
 

@@ -19,7 +19,6 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments import experiment, section
 from study.experiments.ablations import chapter as ablations_chapter
-from study.experiments.ablations import measure as ablations
 from study.experiments.flops import chapter as flops_chapter
 from study.experiments.hotspots import chapter as hotspots_chapter
 from study.experiments.hotspots import tables as hotspots
@@ -225,10 +224,6 @@ def test_hotspots_refuses_a_broken_file_before_it_samples(
     with pytest.raises(StudyError, match=r"hotspots\.json"):
         script.main()
     assert (run / "hotspots.json").read_text() == before
-
-
-def test_ablations_without_a_file_are_none(tmp_path: Path) -> None:
-    assert ablations.read(tmp_path / "ablations.json") == {"rows": [], "skipped": [], "failures": []}
 
 
 # What is shown

@@ -3,65 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from study.core import show
-from study.core.show import Column, Row
+from study.core.show import Column
 from study.experiments.ablations import ideas
 from study.experiments.ablations import measure as ablations
-from study.experiments.section import Part, Section, part, reading
+from study.experiments.ablations.schema import FILE, SCHEMAS, Ablations, Row
+from study.experiments.section import Part, Section, part
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
-_gain = show.spread_of("gain", "×")
+gain = show.spread_of("gain", "×")
 
 
-def _psnr(name: str) -> Callable[[Row], str]:
+def decibels(name: str) -> Callable[[Row], str]:
     """Of a step's picture: no number stands for an infinite one in JSON."""
-    return lambda row: "identical" if row[name] is None else show.number(row[name])
+    return lambda row: "identical" if (value := getattr(row, name)) is None else show.number(value)
 
 
+VERDICT = Column("", "tolerance", lambda r: r.verdict, lambda r: "bad" if r.verdict == "OUTSIDE" else "")
 STEPS = [
-    Column("", "step", lambda r: r["ablation"]),
-    Column("", "added or removed", lambda r: r["step"]),
-    Column("", "against", lambda r: r["against"]),
+    Column("", "step", lambda r: r.ablation),
+    Column("", "added or removed", lambda r: r.step),
+    Column("", "against", lambda r: r.against),
     Column("", "scene", show.picture),
-    Column("", "the step's gain [95\u00a0%]", _gain),
-    Column("", "the paper", lambda r: r["paper"].partition(" (")[0]),
+    Column("", "the step's gain [95\u00a0%]", gain),
+    Column("", "the paper", lambda r: r.paper.partition(" (")[0]),
     Column("", "the paper's claim", ablations.said),
     Column("", "FLOPs with it over without", show.plain("flops_ratio", 3)),
-    Column("error against baseline", "PSNR linear, dB", _psnr("psnr_db")),
-    Column("error against baseline", "of what it is compared with", _psnr("against_psnr_db")),
-    Column("error against baseline", "pixels off > 1/255", lambda r: show.percent(r["fraction_over_1_255"])),
-    Column("", "tolerance", lambda r: r["verdict"], lambda r: "bad" if r["verdict"] == "OUTSIDE" else ""),
-    Column("", "what", lambda r: r["what"]),
+    Column("error against baseline", "PSNR linear, dB", decibels("psnr_db")),
+    Column("error against baseline", "of what it is compared with", decibels("against_psnr_db")),
+    Column("error against baseline", "pixels off > 1/255", lambda r: show.percent(r.fraction_over_1_255)),
+    VERDICT,
+    Column("", "what", lambda r: r.what),
 ]
-
-
 STEPS_ABOUT = (
     "n = {n}, {launches} launches of one frame on one thread, interleaved. A step is a patch of its phase "
     "(phases/NAME/ablations). The gain is the step's, whichever side has it."
 )
-
-
 IDEAS = [
-    Column("", "idea", lambda r: r["idea"]),
-    Column("", "taken out of", lambda r: r["against"]),
+    Column("", "idea", lambda r: r.idea),
+    Column("", "taken out of", lambda r: r.against),
     Column("", "scene", show.picture),
-    Column("", "gain of the idea [95\u00a0%]", _gain),
+    Column("", "gain of the idea [95\u00a0%]", gain),
     Column("picture without the idea", "PSNR to the phase's own, dB", ideas.change),
     Column("picture without the idea", "largest difference", show.plain("change_max_abs", 2)),
-    Column("error of the phase and without the idea", "against", lambda r: r["reference"]),
-    Column("error of the phase and without the idea", "PSNR of the phase, dB", _psnr("against_psnr_db")),
-    Column("error of the phase and without the idea", "without the idea", _psnr("psnr_db")),
-    Column("", "lines", lambda r: str(r["lines"])),
-    Column("", "tolerance", lambda r: r["verdict"], lambda r: "bad" if r["verdict"] == "OUTSIDE" else ""),
-    Column("", "without the idea", lambda r: r["what"]),
+    Column("error of the phase and without the idea", "against", lambda r: r.reference),
+    Column("error of the phase and without the idea", "PSNR of the phase, dB", decibels("against_psnr_db")),
+    Column("error of the phase and without the idea", "without the idea", decibels("psnr_db")),
+    Column("", "lines", lambda r: str(r.lines)),
+    VERDICT,
+    Column("", "without the idea", lambda r: r.what),
 ]
-
-
 IDEAS_ABOUT = (
     "n = {n}, {launches} launches of one frame on one thread, interleaved. A patch takes the idea out.\n"
     "The gains of a phase's ideas do not multiply to the phase's own, for they share work.\n"
@@ -69,13 +66,32 @@ IDEAS_ABOUT = (
 )
 
 
-def _drawing(result: Row, name: str, title: str, about: str) -> Drawing:
-    """A dot for each gain. `name`: the column that says what gains."""
+@dataclass(frozen=True)
+class Kind:
+    """A table of the chapter: its file, what a row is called and by which attribute, columns, foot."""
+
+    file: str
+    word: str
+    name: str
+    caption: str
+    columns: list[Column]
+    about: str
+
+
+KINDS = (
+    Kind(ideas.FILE, "idea", "idea", "Each idea alone, against its phase without it", IDEAS, IDEAS_ABOUT),
+    Kind(FILE, "step", "ablation", "Each step alone, against the code without it", STEPS, STEPS_ABOUT),
+)
+
+
+def _drawing(result: Ablations, kind: Kind, about: str) -> Drawing:
+    """A dot for each gain."""
+    title = f"What each {kind.word} gains, and the PSNR that it changes"
 
     def make() -> Figure:
         rows = [
-            dots.of(row["gain"], row["scene"], f"{row[name]} ({row['against']})", _changed(row), True)
-            for row in result["rows"]
+            dots.of(row.gain, row.scene, f"{getattr(row, kind.name)} ({row.against})", _changed(row), True)
+            for row in result.rows
         ]
         return dots.draw(rows, title, "time without it over time with it", True)
 
@@ -84,42 +100,22 @@ def _drawing(result: Row, name: str, title: str, about: str) -> Drawing:
 
 def _changed(row: Row) -> str:
     """PSNR to baseline before and after, where it changes."""
-    before, after = _psnr("against_psnr_db")(row), _psnr("psnr_db")(row)
+    before, after = decibels("against_psnr_db")(row), decibels("psnr_db")(row)
     return "" if before == after else f"{before} → {after} dB"
 
 
-def _answer(rows: list[Row], name: str, kind: str) -> str:
+def _answer(rows: list[Row], kind: Kind) -> str:
     """The largest gain, and how many are gains by their whole interval."""
-    able = [row for row in rows if row["gain"]["low"] is not None]
+    able = [(row.gain.value or 0, row.gain.low, row) for row in rows if row.gain.low is not None]
     if not able:
         return ""
-    best = max(able, key=lambda row: row["gain"]["value"])
-    some = sum(row["gain"]["low"] > 1 for row in able)
+    best = max(able, key=lambda one: one[0])[2]
+    some = sum(low > 1 for _, low, _ in able)
     return (
-        f"The largest gain of a single {kind} is {_gain(best)}: “{best[name]}” against {best['against']} on "
-        f"{best['scene']}; {some} of {len(able)} {kind}s and scenes gain by their whole interval."
+        f"The largest gain of a single {kind.word} is {gain(best)}: “{getattr(best, kind.name)}” against "
+        f"{best.against} on {best.scene}; {some} of {len(able)} {kind.word}s and scenes gain by their whole "
+        "interval."
     )
-
-
-def _left_out(result: Row) -> str:
-    return "\n".join(
-        f"not measured: {one['ablation']}: {one['reason']}"
-        for one in [*result["skipped"], *result["failures"]]
-    )
-
-
-TABLES = (  # file, command, column of what gains, what that is, caption, columns, how to read them
-    (
-        ideas.FILE,
-        "ideas",
-        *("idea", "idea", "Each idea alone, against its phase without it", IDEAS, IDEAS_ABOUT),
-    ),
-    (
-        "ablations.json",
-        "ablations",
-        *("ablation", "step", "Each step alone, against the code without it", STEPS, STEPS_ABOUT),
-    ),
-)
 
 
 def steps(path: Path) -> Section:
@@ -127,19 +123,15 @@ def steps(path: Path) -> Section:
     parts: list[Part] = []
     said: list[str] = []
     drawn: dict[str, Drawing] = {}
-    for file, script, name, kind, caption, shown, about in TABLES:
-        with reading(path / file, f"scripts/stepwise {script} --run {path}"):
-            result = ablations.read(path / file)
-            rows = result["rows"]
-            if not rows:
-                continue
-            note = about.format(**result)
-            stem = file.removesuffix(".json")
-            parts += part(stem, caption, rows, shown, f"{note}\n{_left_out(result)}".strip())
-            said.append(_answer(rows, name, kind))
-            drawn[stem] = _drawing(
-                result, name, f"What each {kind} gains, and the PSNR that it changes", note
-            )
-    about_it = {"file": path / "ablations.json", "script": "scripts/stepwise ablations", "drawn": drawn}
+    for kind in KINDS:
+        result = SCHEMAS[kind.file].load_if_there(path / kind.file)
+        if result and result.rows:
+            note = kind.about.format(n=result.n, launches=result.launches)
+            left_out = "\n".join(f"not measured: {one}" for one in [*result.skipped, *result.failures])
+            stem = kind.file.removesuffix(".json")
+            parts += part(stem, kind.caption, result.rows, kind.columns, f"{note}\n{left_out}".strip())
+            said.append(_answer(result.rows, kind))
+            drawn[stem] = _drawing(result, kind, note)
+    about = {"file": path / FILE, "script": "scripts/stepwise ablations", "drawn": drawn}
     title = "What single steps are worth"
-    return Section("ablations", title, "make ablations", parts, answer=" ".join(said), **about_it)
+    return Section("ablations", title, "make ablations", parts, answer=" ".join(said), **about)

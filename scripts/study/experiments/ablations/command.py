@@ -7,14 +7,15 @@ import os
 import secrets
 from pathlib import Path
 
-from study.core import cli, machine, registry, run, store
-from study.core.cli import StudyError
+from study.core import cli, registry, run, show, store
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
-from study.experiments.ablations import ideas
+from study.experiments import running
+from study.experiments.ablations import chapter, ideas
 from study.experiments.ablations import measure as ablations
 from study.experiments.ablations.measure import Ablation, Case
-from study.numbers import summary
+from study.experiments.ablations.schema import SCHEMAS, Flops, Reason, Row
 from study.pictures.gallery import Gallery
 
 DESCRIPTION = """\
@@ -23,32 +24,31 @@ Each is built, its picture held against the baseline's by the phase's tolerance,
 that it is compared with: every program once a round, in random order, one frame per process launch. The gain
 is the step's: the time without it over the time with it. With --ideas: the patches that take an idea out of
 its phase, each on the scenes that it names; their table stands in the report and in the phases' lessons."""
-
+STATUSES = {
+    1: "an ablation does not apply, build or run, or is outside its tolerance",
+    3: "nothing could run on this CPU",
+}
 SCENES = ("scene0", "mandelbulb")
+SIZES = {False: (120, 10), True: (360, 20)}  # height, launches; ideas: the fastest phase's frame takes ms
 
 
-def arguments(argv: list[str] | None = None) -> argparse.Namespace:
-    statuses = {1: "an ablation does not apply, build or run, or is outside its tolerance"}
-    parser = cli.parser(DESCRIPTION, statuses | {3: "nothing could run on this CPU"})
-    add = parser.add_argument
+def options(parser: argparse.ArgumentParser) -> None:
+    add, whole = parser.add_argument, cli.at_least(1)
+    cores = len(os.sched_getaffinity(0))
+    (height, launches), (tall, many) = SIZES[False], SIZES[True]
     add("--phase", nargs="+", metavar="PHASE", help="opt2, or an ablation like opt2+horizontal; default: all")
     add("--ideas", action="store_true", help="only ideas of phases, into ideas.json; no FLOPs")
     about = f"default: {' '.join(SCENES)}; with --ideas: those that each patch names"
     add("--scene", nargs="+", metavar="SCENE", help=about)
-    add("-n", type=cli.at_least(1), default=120, metavar="HEIGHT", help="height in pixels; default: 120")
-    add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
-    add("--seed", type=int, help="of order and padding; default: random")
+    about = f"height in pixels; default: {height}, with --ideas {tall}"
+    add("-n", type=whole, metavar="HEIGHT", help=about)
+    about = f"process launches of each; default: {launches}, with --ideas {many}"
+    add("--launches", type=whole, help=about)
+    add("--seed", type=int, default=secrets.randbelow(2**32), help="of order and padding; default: random")
+    add("--run", type=Path, metavar="DIR", help="for ablations.json or ideas.json; default: build/ablations")
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     add("--no-flops", action="store_true", help="do not count FLOPs (saves the counting builds)")
-    add("--run", type=Path, metavar="DIR", help="for ablations.json or ideas.json; default: build/ablations")
-    cores = len(os.sched_getaffinity(0))
-    add(
-        "--jobs",
-        type=cli.at_least(1),
-        default=cores,
-        help="built and verified at a time; default: CPUs",
-    )
-    return parser.parse_args(argv)
+    add("--jobs", type=whole, default=cores, help="built and verified at a time; default: CPUs")
 
 
 class Study:
@@ -62,16 +62,16 @@ class Study:
         self.found, broken = ablations.find(args.phase)
         if args.ideas or not args.phase:
             self.found = [one for one in self.found if bool(one.idea) == args.ideas]
-        self.failures = [{"ablation": name, "reason": str(error)} for name, error in broken.items()]
-        self.skipped: list[dict[str, str]] = []
+        self.failures = [Reason(ablation=name, reason=str(error)) for name, error in broken.items()]
+        self.skipped: list[Reason] = []
         lacking = " ".join(registry.missing_isa(Spec.parse(registry.BASE)))
         if lacking:
             raise StudyError(f"{registry.BASE} cannot run: this CPU lacks {lacking}", cli.CANNOT_RUN)
         self._drop_unable()
         self._drop_unbuilt()
 
-    def _drop(self, ablation: Ablation, reason: str, into: list[dict[str, str]]) -> None:
-        into.append({"ablation": str(ablation.spec), "reason": reason})
+    def _drop(self, ablation: Ablation, reason: str, into: list[Reason]) -> None:
+        into.append(Reason(ablation=str(ablation.spec), reason=reason))
         self.found.remove(ablation)
 
     def _drop_unable(self) -> None:
@@ -116,19 +116,23 @@ class Study:
         for case in [(ablation.reference, scene.name), *self._cases(ablation, scene)]:
             if error := refused.get(case):
                 into = self.skipped if error.status in (run.NO_ISA, run.UNSUPPORTED) else self.failures
-                into.append({"ablation": str(ablation.spec), "reason": f"{case[0]} on {case[1]}: {error}"})
+                why = f"{case[0]} on {case[1]}: {error}"
+                into.append(Reason(ablation=str(ablation.spec), reason=why))
                 return True
         return False
 
-    def _flops(self, pairs: list[tuple[Ablation, Scene]], cases: list[Case]) -> list[dict]:
-        """FLOPs by case: declared ones of all, measured ones of what has no declared costs."""
+    def _flops(self, pairs: list[tuple[Ablation, Scene]], cases: list[Case]) -> list[dict[Case, Flops]]:
+        """FLOPs by case for each pair: declared ones, or measured where one of the two declares none."""
         if self.args.no_flops:
-            return [{}, {}]
-        without = dict.fromkeys(case for a, s in pairs if a.costs for case in self._cases(a, s))
+            return [{} for _ in pairs]
         declared = ablations.count(cases, self.args.n, self.args.jobs)
-        return [declared, ablations.measure_flops(without, self.args.n)]
+        lacking = [a.costs or not declared.keys() >= {*self._cases(a, s)} for a, s in pairs]
+        both = zip(pairs, lacking, strict=True)
+        without = [case for pair, lacks in both if lacks for case in self._cases(*pair)]
+        measured = ablations.measure_flops(dict.fromkeys(without), self.args.n)
+        return [measured if lacks else declared for lacks in lacking]
 
-    def measure(self) -> list[dict]:
+    def measure(self) -> list[Row]:
         """All rows. Raises DriverError."""
         args, pairs = self.args, self.pairs()
         cases: list[Case] = list(dict.fromkeys(case for pair in pairs for case in self._cases(*pair)))
@@ -151,57 +155,37 @@ class Study:
             (who, case): ablations.error_of(gallery, who, case[0], ideas.find_scene(case[1]), sizes[case[1]])
             for who, case in judged
         }
-        declared, measured = self._flops(pairs, cases)
+        flops = self._flops(pairs, cases)
         times = ablations.measure(cases, args.n, args.launches, args.seed, args.cpu)
         return [
-            ablations.row(a, s, sizes[s.name], times, metrics, measured if a.costs else declared)
-            for a, s in pairs
+            ablations.row(a, s, sizes[s.name], times, metrics, counted)
+            for (a, s), counted in zip(pairs, flops, strict=True)
         ]
 
 
-def main() -> int:
-    args = arguments()
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
+def measure(args: argparse.Namespace) -> Outcome:
+    height, launches = SIZES[args.ideas]
+    args.n, args.launches = args.n or height, args.launches or launches
     args.no_flops = args.no_flops or args.ideas
     study = Study(args)
     if not study.pairs():
-        for item in study.failures[1:]:
-            cli.say(f"FAIL {item['ablation']}: {item['reason']}")
         if study.failures:
-            raise StudyError(study.failures[0]["reason"])
+            raise StudyError("\n".join(map(str, study.failures)))
         if study.skipped:
-            raise StudyError(f"nothing to measure: {study.skipped[0]['reason']}", cli.CANNOT_RUN)
+            raise StudyError(f"nothing to measure: {study.skipped[0].reason}", cli.CANNOT_RUN)
         raise StudyError(f"no ablation of these matters on {', '.join(args.scene or SCENES)}")
     rows = study.measure()
-    settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "cpu")}
-    result = {"schema": 1, "reference": registry.BASE, **settings, "context": machine.context(), "rows": rows}
-    result |= {"skipped": study.skipped, "failures": study.failures}
+    kind = chapter.KINDS[0 if args.ideas else 1]
+    about = {"reference": registry.BASE, "n": args.n, **running.about(args)}
+    result = SCHEMAS[kind.file](**about, rows=rows, skipped=study.skipped, failures=study.failures)
     folder = args.run or registry.ROOT / "build" / "ablations"
-    path = folder / (ideas.FILE if args.ideas else "ablations.json")
-    store.write_json(path, result)
-    report(result, folder, args.json)
-    outside = any(row["verdict"] == "OUTSIDE" for row in rows)
-    return cli.FAILED if outside or study.failures else cli.OK
-
-
-def report(result: dict, folder: Path, as_json: bool) -> None:
-    """The table, or everything as JSON; then what each step is, and what failed."""
-    rows = result["rows"]
-    if as_json:
-        cli.emit(result, folder)
-    else:
-        print(summary.table(ablations.shown(rows), ablations.COLUMNS) if rows else "nothing was measured")
-        print(
-            f"n = {result['n']}, {result['launches']} launches of one frame. The gain is the step's, "
-            "whichever side has it; FLOPs ×: machine FLOPs with the step over those without it. "
-            "Errors: linear RGB against baseline, or against a phase that has no tolerance to baseline."
-        )
-        for row in {row["ablation"]: row for row in rows}.values():
-            print(f"{row['ablation']}: {row['what']}. Paper: {row['paper']}")
-    for row in rows:
-        if row["verdict"] == "OUTSIDE":
-            cli.say(f"FAIL {row['ablation']} on {row['scene']}: {'; '.join(row['failed'])}")
-    for item in result["failures"]:
-        cli.say(f"FAIL {item['ablation']}: {item['reason']}")
-    for item in result["skipped"]:
-        cli.say(f"skipped {item['ablation']}: {item['reason']}")
+    store.write_json(folder / kind.file, cli.plain(result))
+    table = show.markdown(show.table(rows, kind.columns)) if rows else "nothing was measured"
+    failed = [
+        f"{row.ablation} on {row.scene}: {'; '.join(row.failed)}" for row in rows if row.verdict == "OUTSIDE"
+    ]
+    failed += map(str, study.failures)
+    remarks = [f"skipped {one}" for one in study.skipped]
+    return Outcome(
+        result, [table, kind.about.format(n=args.n, launches=args.launches)], folder, remarks, failed
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.experiments.ablations import chapter, negative
+from study.experiments.ablations import chapter, command, ideas, negative
 from study.experiments.ablations.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
@@ -27,6 +27,8 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     cut="Steps of the first three phases on scene0 at height 60, six launches, no FLOPs.",
+    command=command,
+    lesson=ideas.lesson,
     sections=[
         (410, lambda data: chapter.steps(data.path)),
         (420, lambda data: negative.section(data.path)),

@@ -1,7 +1,7 @@
 """The ideas of a phase: what each gains, what it changes in the picture, and how many lines hold it.
 
 An idea is an ablation whose head says `idea` (core.patches): the patch takes that idea out of its phase. All
-ideas together are timed by `stepwise ideas`, which writes FILE into a run. The report shows all
+ideas together are timed by `stepwise ablations --ideas`, which writes FILE into a run. The report shows all
 rows, and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
 """
 
@@ -10,24 +10,22 @@ from __future__ import annotations
 import dataclasses
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from study.core import generated_scenes as scaling_scenes
 from study.core import patches, registry, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene
-from study.experiments.ablations.schema import Ideas
+from study.experiments.ablations.schema import IDEAS_FILE as FILE
+from study.experiments.ablations.schema import Ideas, Row
 
-FILE = "ideas.json"
 REFERENCE = ROOT / "results" / "reference"
 MADE = re.compile(rf"({'|'.join(scaling_scenes.ARRANGEMENTS)})-(\d+)")  # scenes made to order
 SEED = 1
 BEGIN = "<!-- ideas: stepwise lessons -->"  # stands in a lesson before its table
 WIDTH = 100  # columns of a lesson
 HEADER = ("idea", "scene", "gain [95 %]", "PSNR of the two pictures", "lines of code")
-Row = Mapping[str, Any]
 
 
 def find_scene(name: str, root: Path = ROOT) -> Scene:
@@ -87,17 +85,17 @@ def of(phase: str, root: Path = ROOT) -> list[patches.Patch]:
 
 def change(row: Row) -> str:
     """What the idea does to the picture: how far the patched phase's picture is from the phase's own."""
-    if row["change_psnr_db"] is None:
-        return "identical" if row["change_max_abs"] == 0 else "undefined"
-    return f"{row['change_psnr_db']:.0f} dB"
+    if row.change_psnr_db is None:
+        return "identical" if row.change_max_abs == 0 else "undefined"
+    return f"{row.change_psnr_db:.0f} dB"
 
 
 def published(phase: str, folder: Path = REFERENCE) -> Path | None:
     """The newest published run that has a row for every idea of the phase. None if there is no such run."""
     wanted = {patch.name for patch in of(phase)}
     for run in sorted(folder.glob("*"), key=_date, reverse=True):
-        path = store.stored(run / FILE)
-        if path.exists() and wanted <= {row["ablation"] for row in Ideas.read(path)["rows"]}:
+        result = Ideas.load_if_there(run / FILE)
+        if result and wanted <= {row.ablation for row in result.rows}:
             return run
     return None
 
@@ -105,10 +103,6 @@ def published(phase: str, folder: Path = REFERENCE) -> Path | None:
 def _date(run: Path) -> tuple[str, str]:
     date = re.search(r"\d{4}-\d\d-\d\d", run.name)
     return (date[0] if date else "", run.name)
-
-
-def _interval(gain: Row) -> str:
-    return show.spread(gain).replace("\u00a0", " ")
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -120,20 +114,22 @@ def table(phase: str, run: Path | None) -> list[str]:
 
     `run`: the published run. None: the gains are not known, and a dash stands for each.
     """
-    result = Ideas.read(run / FILE) if run else {"rows": []}
-    rows = {(row["ablation"], row["scene"]): row for row in result["rows"]}
+    about = "Each idea taken out alone: time without it over time with it (`stepwise ablations --ideas`"
+    rows: dict[tuple[str, str], Row] = {}
+    if run:
+        result = Ideas.load(run / FILE)
+        rows = {(row.ablation, row.scene): row for row in result.rows}
+        known = result.context and result.context.cpu and result.context.cpu.microarchitecture
+        cpu = f"{known}, " if known else ""
+        about += f", run `results/reference/{run.name}`; {cpu}one thread, height {result.n}"
     found = []
     for patch in of(phase):
         scene = patch.head["scenes"].split()[0]
-        row = rows.get((patch.name, scene))
-        gain = row["gain"]["value"] if row else 0.0
-        told = [_interval(row["gain"]), change(row), str(row["lines"])] if row else ["–", "–", "–"]
+        gain, told = 0.0, ["–", "–", "–"]
+        if row := rows.get((patch.name, scene)):
+            gain = row.gain.value or 0.0
+            told = [show.spread(row.gain).replace("\u00a0", " "), change(row), str(row.lines)]
         found.append((-gain, _line([patch.head["idea"], scene, *told])))
-    about = "Each idea taken out alone: time without it over time with it (`make ideas`"
-    if run:
-        known = (result.get("context") or {}).get("cpu", {}).get("microarchitecture")
-        cpu = f"{known}, " if known else ""
-        about += f", run `results/reference/{run.name}`; {cpu}one thread, height {result['n']}"
     lines = textwrap.wrap(f"{about}).", WIDTH, break_long_words=False, break_on_hyphens=False)
     return [*lines, "", _line(HEADER), _line(["---"] * len(HEADER)), *(line for _, line in sorted(found))]
 

@@ -10,26 +10,26 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.core import cli, patches, progress, registry, run, show
+from study.core import cli, patches, progress, registry, run
 from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.core.run import DriverError
 from study.counting import blocks
 from study.experiments.ablations import ideas
-from study.experiments.ablations.schema import Ablations, Ideas
+from study.experiments.ablations.schema import Flops, Row
 from study.numbers import stats, verdicts
+from study.numbers.schema import Interval
 from study.pictures import gate, images
 from study.pictures.gallery import Gallery, Size
 
 FACTOR = 4  # of the anti-aliased comparison of fractal scenes, each way
-ERRORS = ("psnr_db", "fraction_over_1_255", "max_abs", "mask_mismatch_ppm", "non_finite")
 Case = tuple[Spec, str]  # a program and the name of a scene
 
 
@@ -66,14 +66,13 @@ class Ablation:
         return verdicts.WITHIN if gain.sufficient else verdicts.FEW
 
 
-def said(row: Mapping[str, Any]) -> str:
+def said(row: Row) -> str:
     """A row's claim; of a step that the paper gave up also why that holds: too wrong, no faster, or both."""
-    if row["claim"] != verdicts.HOLDS or row["paper_value"] is not None:
-        return row["claim"]
-    high = row["gain"]["high"] if isinstance(row["gain"], Mapping) else row["gain"].high
-    why = ["too wrong"] * bool(row["paper"].startswith("not satisfying") and row["failed"])
-    why += ["no faster"] * bool(high <= verdicts.NO_GAIN)
-    return f"{row['claim']}: {' and '.join(why)}"
+    if row.claim != verdicts.HOLDS or row.paper_value is not None:
+        return row.claim
+    why = ["too wrong"] * bool(row.paper.startswith("not satisfying") and row.failed)
+    why += ["no faster"] * (row.gain.high is not None and row.gain.high <= verdicts.NO_GAIN)
+    return f"{row.claim}: {' and '.join(why)}"
 
 
 def _read(name: str, root: Path) -> list[Ablation]:
@@ -178,16 +177,15 @@ def judge(ablation: Ablation, scene: Scene, metrics: dict[str, Any]) -> tuple[st
     return ("identical" if metrics["identical"] else "within"), {}
 
 
-def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, dict[str, int]]:
-    """{"paper": FLOPs of one frame, "machine": …} by the counting builds; what has none is left out."""
+def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, Flops]:
+    """FLOPs of one frame by the counting builds; what has none or declares none is left out."""
 
-    def one(case: Case) -> dict[str, int] | None:
+    def one(case: Case) -> Flops | None:
         scene = ideas.find_scene(case[1])
+        size = height, scene.size(height)[0]
         try:
-            found = run.render(
-                case[0], scene.path, height, scene.size(height)[0], target="render-count", timed=False
-            )
-            return found["flops"]
+            found = run.render(case[0], scene.path, *size, target="render-count", timed=False)
+            return Flops(**found["flops"]) if found["flops"]["machine"] else None
         except DriverError as error:
             cli.say(f"no FLOPs of {case[0]} on {case[1]}: {error}")
         except StudyError:  # does not build, which was said
@@ -199,16 +197,20 @@ def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, dict[str,
     return {case: n for case, n in zip(cases, counts, strict=True) if n is not None}
 
 
-def measure_flops(cases: Iterable[Case], height: int) -> dict[Case, dict[str, int]]:
-    """Machine FLOPs by the assembly block counters, for what no costs.def describes."""
-    found: dict[Case, dict[str, int]] = {}
+def measure_flops(cases: Iterable[Case], height: int) -> dict[Case, Flops]:
+    """Machine FLOPs by the assembly block counters, for what declares none."""
+    found: dict[Case, Flops] = {}
     for spec, name in cases:
         try:
             done = blocks.measure(spec, ideas.find_scene(name).path, height)
-            found[spec, name] = {"machine": done.total.machine}
+            found[spec, name] = Flops(machine=done.total.machine)
         except StudyError as error:
             cli.say(f"no FLOPs of {spec} on {name}: {error}")
     return found
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def row(
@@ -217,8 +219,8 @@ def row(
     size: Size,
     times: dict[Case, list[float]],
     metrics: dict[tuple[Spec, Case], dict[str, Any]],
-    flops: dict[Case, dict[str, int]],
-) -> dict[str, Any]:
+    flops: dict[Case, Flops],
+) -> Row:
     """One line of the table. `flops_ratio`: machine FLOPs with the step over those without it.
 
     `metrics`: by reference and case. `flops`: declared, or measured where the ablation's costs are not
@@ -230,76 +232,38 @@ def row(
     error, unpatched = metrics[ablation.reference, mine], metrics[ablation.reference, base]
     moved = metrics[ablation.against, mine]
     verdict, failed = judge(ablation, scene, error)
-    counted = without in flops and with_it in flops
-    return {
-        "ablation": str(ablation.spec),
-        "against": str(ablation.against),
-        "scene": scene.name,
-        "width": size[0],
-        "height": size[1],
-        "step": "added" if ablation.added else "removed",
-        "what": ablation.what,
-        "paper": ablation.paper,
-        "paper_value": ablation.claim,
-        "gain": gain,
-        "claim": ablation.holds(gain, failed),
-        "ms": stats.median_interval([ns / 1e6 for ns in times[mine]]),
-        "against_ms": stats.median_interval([ns / 1e6 for ns in times[base]]),
-        "reference": str(ablation.reference),
-        **{key: error[key] for key in ERRORS},
-        "identical": error["identical"],
-        "against_psnr_db": unpatched["psnr_db"],
-        **{f"change_{key}": moved[key] for key in ("psnr_db", "max_abs")},
-        "idea": ablation.idea,
-        "lines": ideas.code_lines(str(ablation.spec)) if ablation.idea else None,
-        "verdict": verdict,
-        "failed": [f"{name}: {why}" for name, why in failed.items()],
-        "error": ablation.error,
-        "flops_by": (blocks.BACKEND if ablation.costs else "declared costs") if counted else None,
-        "flops": flops[mine] if counted else None,
-        "against_flops": flops[base] if counted else None,
-        "flops_ratio": flops[with_it]["machine"] / flops[without]["machine"] if counted else None,
-    }
-
-
-def read(path: Path) -> dict[str, Any]:
-    """A run's ablations.json or ideas.json; without that file no row.
-
-    Raises StudyError for another thing's JSON.
-    """
-    lists = ("rows", "skipped", "failures")
-    if not path.exists():
-        return {name: [] for name in lists}
-    return (Ideas if path.name == ideas.FILE else Ablations).read(path)
-
-
-def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows as people read them: short claims, decibels in words where there are none."""
-
-    def decibels(value: float) -> str:
-        return "∞" if value == math.inf else f"{value:.1f}"
-
-    return [
-        {
-            **row,
-            "claim": said(row),
-            "short": row["paper"].partition(" (")[0],
-            "psnr": decibels(row["psnr_db"]),
-            "picture": show.picture(row),
-            "against_psnr": decibels(row["against_psnr_db"]),
-            "over": f"{100 * row['fraction_over_1_255']:.3g}",
-            "flops_text": None if row["flops_ratio"] is None else f"{row['flops_ratio']:.3f}",
-        }
-        for row in rows
-    ]
-
-
-COLUMNS = [("ablation", "ablation"), ("step", "step"), ("against", "against"), ("picture", "scene")]
-COLUMNS += [("gain", "step's gain × [95 %]"), ("short", "paper"), ("claim", "paper's claim")]
-COLUMNS += [
-    ("psnr", "PSNR dB"),
-    ("against_psnr", "of against"),
-    ("over", "off > 1/255 %"),
-    ("verdict", "verdict"),
-]
-COLUMNS += [("flops_text", "FLOPs ×")]
+    made = Row(
+        ablation=str(ablation.spec),
+        against=str(ablation.against),
+        scene=scene.name,
+        width=size[0],
+        height=size[1],
+        step="added" if ablation.added else "removed",
+        what=ablation.what,
+        paper=ablation.paper,
+        paper_value=ablation.claim,
+        gain=Interval.of(gain),
+        claim=ablation.holds(gain, failed),
+        ms=Interval.of(stats.median_interval([ns / 1e6 for ns in times[mine]])),
+        against_ms=Interval.of(stats.median_interval([ns / 1e6 for ns in times[base]])),
+        reference=str(ablation.reference),
+        psnr_db=_finite(error["psnr_db"]),
+        fraction_over_1_255=_finite(error["fraction_over_1_255"]),
+        max_abs=_finite(error["max_abs"]),
+        mask_mismatch_ppm=error["mask_mismatch_ppm"],
+        non_finite=error["non_finite"],
+        identical=error["identical"],
+        against_psnr_db=_finite(unpatched["psnr_db"]),
+        change_psnr_db=_finite(moved["psnr_db"]),
+        change_max_abs=_finite(moved["max_abs"]),
+        idea=ablation.idea,
+        lines=ideas.code_lines(str(ablation.spec)) if ablation.idea else None,
+        verdict=verdict,
+        failed=[f"{name}: {why}" for name, why in failed.items()],
+        error=ablation.error,
+    )
+    if without in flops and with_it in flops:
+        made.flops, made.against_flops = flops[mine], flops[base]
+        made.flops_by = blocks.BACKEND if made.flops.paper is None else "declared costs"
+        made.flops_ratio = flops[with_it].machine / flops[without].machine
+    return made

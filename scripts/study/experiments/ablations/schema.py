@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, Record, key
+from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured
 
 
@@ -12,7 +12,7 @@ class Flops(Record, kw_only=True):
     """FLOPs of one frame, by two conventions (docs/method.md)."""
 
     machine: Annotated[int, key("FLOP", "the machine's")]
-    paper: Annotated[int | Absent, key("FLOP", "the paper's; absent where they were measured")] = ABSENT
+    paper: Annotated[int | None, key("FLOP", "the paper's; absent where they were measured")] = None
 
 
 class Row(Record, kw_only=True):
@@ -21,50 +21,42 @@ class Row(Record, kw_only=True):
     ablation: Annotated[str, key("", "phase+patch")]
     against: Annotated[str, key("", "the program without the patch, as a rule")]
     scene: Annotated[str, key("", "its name")]
-    width: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
-    height: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
+    width: Annotated[int, key("pixels", "of the picture")] = 0
+    height: Annotated[int, key("pixels", "of the picture")] = 0
     step: Annotated[str, key("", "`added` or `removed` by the patch")]
     what: Annotated[str, key("", "the step, from the patch's head")]
-    idea: Annotated[str | Absent | None, key("", "the phase's idea that it takes out, from the head")] = (
-        ABSENT
-    )
-    lines: Annotated[
-        int | Absent | None, key("lines", "of the code that holds the idea, or of the patch")
-    ] = ABSENT
+    idea: Annotated[str | None, key("", "the phase's idea that it takes out, from the head")] = None
+    lines: Annotated[int | None, key("lines", "of the code that holds the idea, or of the patch")] = None
     paper: Annotated[str, key("", "what the paper says of it")]
-    paper_value: Annotated[float | Absent | None, key("×", "its figure; null: none")] = ABSENT
+    paper_value: Annotated[float | None, key("×", "its figure; null: none")] = None
     gain: Annotated[Interval, key("×", "time without the step over time with it")]
-    claim: Annotated[str | Absent, key("", "whether the paper's figure holds here")] = ABSENT
+    claim: Annotated[str, key("", "whether the paper's figure holds here")] = ""
     ms: Annotated[Interval, key("ms", "of the patched program")]
     against_ms: Annotated[Interval, key("ms", "of the other")]
     reference: Annotated[
-        str | Absent,
+        str | None,
         key("", "whose picture the errors are to: baseline's, or the phase's own if truth judges it"),
-    ] = ABSENT
+    ] = None
     psnr_db: Annotated[float | None, key("dB", "linear RGB; null: infinite")]
     fraction_over_1_255: Annotated[float | None, key("share of pixels", "any channel off by over 1/255")]
-    max_abs: Annotated[float | Absent | None, key("linear RGB", "largest difference")] = ABSENT
-    mask_mismatch_ppm: Annotated[float | Absent | None, key("ppm", "hit against miss")] = ABSENT
-    non_finite: Annotated[int | Absent, key("samples", "NaN or infinite where none may be")] = ABSENT
-    identical: Annotated[bool | Absent, key("", "equal bit for bit")] = ABSENT
-    against_psnr_db: Annotated[float | Absent | None, key("dB", "of the other program")] = ABSENT
+    max_abs: Annotated[float | None, key("linear RGB", "largest difference")] = None
+    mask_mismatch_ppm: Annotated[float | None, key("ppm", "hit against miss")] = None
+    non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")] = 0
+    identical: Annotated[bool, key("", "equal bit for bit")] = False
+    against_psnr_db: Annotated[float | None, key("dB", "of the other program")] = None
     change_psnr_db: Annotated[
-        float | Absent | None, key("dB", "between the pictures of the two programs; null: equal")
-    ] = ABSENT
-    change_max_abs: Annotated[float | Absent | None, key("linear RGB", "the same: largest difference")] = (
-        ABSENT
-    )
+        float | None, key("dB", "between the pictures of the two programs; null: equal")
+    ] = None
+    change_max_abs: Annotated[float | None, key("linear RGB", "the same: largest difference")] = None
     verdict: Annotated[
         str, key("", "`identical`, `within` its tolerance, `approximate` (declared) or `OUTSIDE`")
     ]
     failed: Annotated[list[str], key("", "metrics outside of the tolerance")]
-    error: Annotated[str | Absent | None, key("", "the error that the patch declares; null: none")] = ABSENT
-    flops_by: Annotated[str | Absent | None, key("", "who counted")] = ABSENT
-    flops: Annotated[Flops | Absent | None, key("", "of the patched program")] = ABSENT
-    against_flops: Annotated[Flops | Absent | None, key("", "of the other")] = ABSENT
-    flops_ratio: Annotated[float | Absent | None, key("×", "machine FLOPs with the step over without")] = (
-        ABSENT
-    )
+    error: Annotated[str | None, key("", "the error that the patch declares; null: none")] = None
+    flops_by: Annotated[str | None, key("", "who counted")] = None
+    flops: Annotated[Flops | None, key("", "of the patched program")] = None
+    against_flops: Annotated[Flops | None, key("", "of the other")] = None
+    flops_ratio: Annotated[float | None, key("×", "machine FLOPs with the step over without")] = None
 
 
 class Reason(Record, kw_only=True):
@@ -73,13 +65,16 @@ class Reason(Record, kw_only=True):
     ablation: Annotated[str, key("", "phase+patch")]
     reason: Annotated[str, key("", "why")]
 
+    def __str__(self) -> str:
+        return f"{self.ablation}: {self.reason}"
+
 
 class Ablations(Measured, kw_only=True):
     """Single steps put in or taken out: gain, error, FLOPs."""
 
     made_by: ClassVar[str] = "ablations"
-    reference: Annotated[str | Absent, key("", "baseline")] = ABSENT
-    n: Annotated[int | Absent, key("pixels", "height of the pictures")] = ABSENT
+    reference: Annotated[str | None, key("", "baseline")] = None
+    n: Annotated[int, key("pixels", "height of the pictures")] = 0
     rows: Annotated[list[Row], key("", "the steps")]
     skipped: Annotated[list[Reason], key("", "what cannot run here")]
     failures: Annotated[list[Reason], key("", "what crashed or did not build")]
@@ -88,8 +83,8 @@ class Ablations(Measured, kw_only=True):
 class Ideas(Ablations, kw_only=True):
     """Each idea taken out of its phase, on the scenes that its patch names."""
 
-    made_by: ClassVar[str] = "ideas"
+    made_by: ClassVar[str] = "ablations --ideas"
 
 
-SCHEMAS = {"ablations.json": Ablations}
-IDEAS = {"ideas.json": Ideas}
+FILE, IDEAS_FILE = "ablations.json", "ideas.json"
+SCHEMAS = {FILE: Ablations, IDEAS_FILE: Ideas}
