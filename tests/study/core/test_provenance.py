@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import json
-import re
-import types
 from pathlib import Path
 
 import complete
 import made_up
 import pytest
 
-from study.commands import tables as tables_command
 from study.core import provenance
-from study.core.registry import ROOT
+from study.core.run_schema import Context
 from study.experiments.fixed import measure as fixed
 from study.experiments.lattice import measure as lattice
 from study.experiments.rods import measure as rods
-from study.experiments.systems import tables as systems
 
+FILES = [rods.FILE, fixed.FILE, lattice.FILE]
 OLD, NEW = "694a2379e4" + "0" * 30, "da3dd80826" + "1" * 30
 
 
@@ -45,28 +42,19 @@ def mixed(tmp_path) -> Path:
 
 
 def test_each_file_s_own_commit_and_hour_are_said(mixed):
-    found = provenance.contexts(mixed, systems.FILES)
+    found = provenance.contexts(mixed, FILES)
     assert list(found) == ["rods", "fixed"], "in order of time; the others are not there"
     where = "AMD EPYC (Zen 3); gcc 12.2.0; "
     rods_said = "694a2379e4 (rods 2026-11-22T20:24)"
     assert provenance.line(found) == f"{where}{rods_said}; da3dd80826 (fixed 2026-11-22T21:24)"
     write(mixed, lattice.FILE, {"rows": [], "context": context(OLD, "20:54", dirty=True)})
-    changed = provenance.line(provenance.contexts(mixed, systems.FILES))
+    changed = provenance.line(provenance.contexts(mixed, FILES))
     assert "694a2379e4 with uncommitted changes (lattice 2026-11-22T20:54)" in changed
     assert provenance.commits(mixed)[NEW[:10]] == ["fixed"]
     assert provenance.commits(mixed)[OLD[:10]] == ["context", "rods"]
-    elsewhere = context(NEW, "22:00") | {"compiler": "clang 19"}
+    elsewhere = Context.of(context(NEW, "22:00") | {"compiler": "clang 19"}, "")
     said = provenance.line(found | {"packets": elsewhere})
     assert said.endswith("; and on AMD EPYC (Zen 3); clang 19; da3dd80826 (packets 2026-11-22T22:00)")
-
-
-def test_the_page_s_block_has_them_and_not_the_run_s_own(mixed):
-    tables = vars(tables_command)
-    begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
-    data = types.SimpleNamespace(path=mixed, context=json.loads((mixed / "context.json").read_text()))
-    text = tables["systems_page"](f"{begin}\n{end}\n", data)
-    assert "(rods 2026-11-22T20:24); da3dd80826 (fixed 2026-11-22T21:24); all rows:" in text
-    assert "19:34" not in text and "Rows of one process have no interval" in text
 
 
 def test_how_quiet_the_machine_was_by_hand(mixed):
@@ -76,23 +64,9 @@ def test_how_quiet_the_machine_was_by_hand(mixed):
     assert provenance.spread({"rows": content}) == (1.5, 4.0)
     assert provenance.spread({"rows": [], "launches": 6, "all": content}) is None, "a number, and tried ones"
     write(mixed, rods.FILE, json.loads((mixed / rods.FILE).read_text()) | {"more": content})
-    text = provenance.disturbed(mixed, systems.FILES)
-    assert ": rods 1.50 (at most 4.00)" in text
-    assert "the hypervisor took 1.0 % of the CPUs' time" in text
-    assert "Rows of one process have no interval" in text
-    assert text in next(p for p in systems.section(mixed).parts if p.name == "systems").foot
-    assert "one process" not in provenance.disturbed(mixed, [rods.FILE])
+    text = provenance.disturbed(mixed, FILES)
+    assert ": rods 1.50 (at most 4.00)" in text and " 1.0 %" in text
     again = json.loads((mixed / fixed.FILE).read_text()) | {"context": context(NEW, "21:24", 5)}
     write(mixed, fixed.FILE, again)
-    assert "hypervisor" not in provenance.disturbed(mixed, systems.FILES), "the machine was started anew"
-    assert provenance.disturbed(mixed / "none", systems.FILES) == ""
-
-
-def test_the_page_s_block_is_what_the_run_that_it_names_makes():
-    """And not what an older script made, or a hand."""
-    text = (ROOT / "results" / "reference" / "systems.md").read_text(encoding="utf-8")
-    tables = vars(tables_command)
-    block = text.partition(tables["SYSTEMS_BEGIN"])[2].partition(tables["SYSTEMS_END"])[0]
-    path = ROOT / "results" / "reference" / re.search(r"all rows: `([\w.-]+)/tables/`", block)[1]
-    data = types.SimpleNamespace(path=path, context=json.loads((path / "context.json").read_text()))
-    assert tables["systems_page"](text, data) == text
+    assert "hypervisor" not in provenance.disturbed(mixed, FILES), "the machine was started anew"
+    assert provenance.disturbed(mixed / "none", FILES) == ""
