@@ -4,35 +4,35 @@ from __future__ import annotations
 
 import argparse
 
-from study.core import cli, registry
+from study.core import cli, registry, store
 from study.core.build import build
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
 from study.experiments.breakeven import measure as breakeven
-from study.experiments.breakeven import tables as breakeven_page
+from study.experiments.breakeven import tables
+from study.experiments.breakeven.schema import Breakeven
 
 DESCRIPTION = """\
 opt10_scene compiles a kernel for each scene. Its set-up, from an empty cache, and its frames against
 opt9_convex's, interleaved, each launch a process of its own: how many frames until it has paid. Scenes
 without a kernel are named."""
+STATUSES = {cli.FAILED: "a kernel's picture has samples that are not finite"}
+FILE = "breakeven.json"
 SECONDS = 90
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "a kernel's picture has samples that are not finite"})
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--phase", default=breakeven.PHASE, metavar="PHASE", help="default: %(default)s")
     add("--against", default=breakeven.AGAINST, metavar="PHASE", help="default: %(default)s")
-    add("--scene", nargs="+", default=breakeven.scenes(), metavar="SCENE", help="default: %(default)s")
+    add("--scene", nargs="+", default=breakeven.scenes(), metavar="SCENE", help="default: all with a kernel")
     running.height(parser, 720, least=1)
     running.budget(parser, SECONDS)
-    running.options(parser, "breakeven.json", "breakeven")
-    return parser.parse_args()
+    running.options(parser, FILE, "breakeven")
 
 
-def main() -> int:
-    args = arguments()
+def measure(args: argparse.Namespace) -> Outcome:
     specs = Spec.parse(args.against), Spec.parse(args.phase)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
     for spec in specs:
@@ -44,15 +44,17 @@ def main() -> int:
     for spec in specs:
         build(spec)
     settings = breakeven.Settings(args.n, args.launches, args.budget, args.seed)
-    found = breakeven.study(specs, scenes, settings)
-    about = {"launches": args.launches, "seconds": args.budget, "seed": args.seed}
-    result = running.write(folder / breakeven.FILE, about, found)
-    lines = [breakeven_page.sentence(row, result["against"]) for row in result["rows"]]
-    bad = [row for row in result["rows"] if row["generated"] and row["error"]["non_finite"]]
-    return running.end(
-        args,
-        result,
-        [*lines, folder / breakeven.FILE],
-        [f"{row['scene']}: {row['error']['non_finite']} samples not finite" for row in bad],
-        [f"left out {row['scene']}: {row['reason']}" for row in result["left_out"]],
+    rows, left_out = breakeven.study(specs, scenes, settings)
+    result = Breakeven(
+        **running.about(args),
+        seconds=args.budget,
+        phase=args.phase,
+        against=args.against,
+        rows=rows,
+        left_out=left_out,
     )
+    store.write_json(folder / FILE, result)
+    lines = [*(tables.sentence(row, args.against) for row in rows), folder / FILE]
+    bad = [row for row in rows if row.error and row.error.non_finite]
+    failed = [f"{row.scene}: {row.error.non_finite} samples not finite" for row in bad if row.error]
+    return Outcome(result, lines, folder, [f"left out {r.scene}: {r.reason}" for r in left_out], failed)

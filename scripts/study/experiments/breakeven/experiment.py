@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from study.experiments.breakeven import tables
-from study.experiments.breakeven.schema import SCHEMAS
+from study.experiments.breakeven import command, tables
+from study.experiments.breakeven.schema import SCHEMAS, Breakeven
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.section import Section, chapter
+from study.numbers.analysis import Data
 
 
 def calls(study: Study) -> list[Call]:
     few = ["--scene", "scene0", "-n", "360", "--budget", "10"] if study.quick else []
     return [Call("breakeven", [*few, "--run", str(study.run)], may_lack=True)]
+
+
+def section(data: Data) -> Section:
+    file = data.path / command.FILE
+    return chapter("breakeven", "Code generated for a scene", file, Breakeven.load_if_there, tables.found)
 
 
 EXPERIMENT = Experiment(
@@ -20,5 +27,6 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     cut="Scene0 alone, at height 360 instead of 720.",
-    sections=[(150, lambda data: tables.section(data.path))],
+    sections=[(150, section)],
+    command=command,
 )

@@ -6,36 +6,32 @@ launches find it there. No timed frame has set-up in it. Scenes in order, while 
 
 from __future__ import annotations
 
-import contextlib
 import math
-import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from study.core import registry, run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
-from study.experiments.breakeven.schema import Breakeven
-from study.experiments.frames.measure import against
+from study.experiments.breakeven.schema import Row
+from study.measuring import errors
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
-from study.numbers.stats import Interval
+from study.numbers.schema import Interval, PictureErrors, Range, Skipped
 from study.pictures import images
 
-FILE = "breakeven.json"
 PHASE, AGAINST = "opt10_scene", "opt9_convex"
 # The two that constants are tuned on, the crowd, which has no kernel and so costs next to nothing, then those
 # with repeated shapes, then all others. Not mandelbulb_closeup: mandelbulb's kernel, seen from nearer.
 FIRST, SAME_KERNEL = ("scene0", "mandelbulb", "spheres40", "cubes", "lattice"), ("mandelbulb_closeup",)
 WARMUP, MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 1, 10, 2, 0.5  # frames; s that a launch's may take
 SMALL = 180  # height of the pictures that are compared
-NO_TIME = "the seconds were over"
-Row = dict[str, Any]
 
 
 def scenes() -> list[str]:
@@ -51,46 +47,28 @@ class Settings:
     seed: int
 
 
-def break_even(setup_s: float, general_ms: float, generated_ms: float) -> float:
-    """Frames after which set-up and generated frames take less than general ones; inf: never."""
+def break_even(setup_s: float, general_ms: float, generated_ms: float) -> int | None:
+    """Frames after which set-up and generated frames take less than general ones; None: never."""
     gain = (general_ms - generated_ms) / 1e3
-    return math.ceil(setup_s / gain) if gain > 0 else math.inf
+    return math.ceil(setup_s / gain) if gain > 0 else None  # NaN is no gain
 
 
-def break_even_interval(setup_s: float, general: Interval, generated: Interval) -> dict[str, float | None]:
-    """The same of the medians, and of the ends of their intervals that are furthest apart and nearest; null:
-    never, or no interval."""
-    ends = {
-        "value": (general.value, generated.value),
-        "low": (general.high, generated.low),
-        "high": (general.low, generated.high),
-    }
-    made = {name: break_even(setup_s, *pair) for name, pair in ends.items() if not math.isnan(sum(pair))}
-    return {name: made[name] if math.isfinite(made.get(name, math.inf)) else None for name in ends}
+def break_even_range(setup_s: float, general: stats.Interval, generated: stats.Interval) -> Range:
+    """The same of the medians, and of the ends of their intervals that are furthest apart and nearest."""
+    return Range(
+        value=break_even(setup_s, general.value, generated.value),
+        low=break_even(setup_s, general.high, generated.low),
+        high=break_even(setup_s, general.low, generated.high),
+    )
 
 
-@contextlib.contextmanager
-def own_cache() -> Iterator[None]:
-    """A new folder for kernels, for this process and those that it starts."""
-    before = os.environ.get("STEPWISE_CACHE")
-    with temporary.folder() as cache:
-        os.environ["STEPWISE_CACHE"] = str(cache)
-        try:
-            yield
-        finally:
-            os.environ.pop("STEPWISE_CACHE")
-            if before is not None:
-                os.environ["STEPWISE_CACHE"] = before
-
-
-def set_up(spec: Spec, scene: Scene) -> Row:
+def set_up(spec: Spec, scene: Scene, cache: Mapping[str, str]) -> dict[str, Any]:
     """The driver's account of the kernel, made and found again. StudyError: the phase generates none."""
-    made = run.render(spec, scene.path, 36, timed=False)
+    made, found = (run.render(spec, scene.path, 36, timed=False, told=cache) for _ in range(2))
     if made["kernel"] is None:
         raise StudyError(f"{spec} generates no kernels; {PHASE} does")
     if made["kernel"] != GENERATED:
         return {"generated": False, "reason": made["kernel"].removeprefix("general: ")}
-    found = run.render(spec, scene.path, 36, timed=False)
     if found["kernel"] != GENERATED or found["kernel_compile_ns"]:
         return {"generated": False, "reason": "the kernel was not found again where it had been put"}
     return {
@@ -105,15 +83,16 @@ def set_up(spec: Spec, scene: Scene) -> Row:
     }
 
 
-def apart(specs: tuple[Spec, Spec], scene: Scene) -> Row:
+def apart(specs: tuple[Spec, Spec], scene: Scene, cache: Mapping[str, str]) -> PictureErrors:
     """How far the kernel's picture is from the other's, in linear RGB."""
+    height = SMALL * (errors.FACTOR if scene.fractal else 1)
+    made = []
     with temporary.folder() as folder:
-        made = []
-        for i, spec in enumerate(specs):
-            out = folder / f"{i}.exr"
-            run.render(spec, scene.path, SMALL * (4 if scene.fractal else 1), aov=True, out=out, timed=False)
+        for spec in specs:
+            out = folder / f"{spec}.exr"
+            run.render(spec, scene.path, height, aov=True, out=out, timed=False, told=cache)
             made.append(images.read(out))
-    return against(*made, scene.fractal)
+    return msgspec.convert(errors.to_picture(*made, scene.fractal), PictureErrors)
 
 
 def reps_of(seconds: float) -> int:
@@ -121,57 +100,45 @@ def reps_of(seconds: float) -> int:
     return int(min(MOST_FRAMES, max(LEAST_FRAMES, LAUNCH_SECONDS / seconds)))
 
 
-def measure(specs: tuple[Spec, Spec], scene: Scene, settings: Settings) -> Row:
-    """One scene: set-up, ms a frame with intervals, frames to break even, error. Times on one thread."""
+def measure(specs: tuple[Spec, Spec], scene: Scene, settings: Settings, folder: Path) -> Row:
+    """One scene: set-up, ms a frame with intervals, frames to break even, error. Times on one thread.
+    `folder`: of the kernels."""
     wide, high = scene.size(settings.height)
-    found: Row = {"scene": scene.name, "n": high, "width": wide, **set_up(specs[1], scene)}
-    if not found["generated"]:
-        return found
-    cpu = run.FASTEST
+    cache, cpu = {"STEPWISE_CACHE": str(folder)}, run.FASTEST
+    row = Row(scene=scene.name, n=high, width=wide, **set_up(specs[1], scene, cache))
+    if not row.generated:
+        return row
     reps = reps_of(run.render(specs[0], scene.path, high, wide, cpu=cpu)["frames"][0]["ns"] / 1e9)
 
     def once(spec: Spec, padding: int) -> float:
-        how = {"cpu": cpu, "env_bytes": padding, "reps": reps, "warmup": WARMUP}
-        lines = [*run.frames(spec, scene.path, high, wide, **how)]
-        if spec == specs[1] and (lines[0]["kernel"] != GENERATED or lines[0]["kernel_compile_ns"]):
+        how = {"cpu": cpu, "env_bytes": padding, "reps": reps, "warmup": WARMUP, "told": cache}
+        made = run.render(spec, scene.path, high, wide, **how)
+        if spec == specs[1] and (made["kernel"] != GENERATED or made["kernel_compile_ns"]):
             raise StudyError(f"{spec} on {scene.name}: the kernel was not found again in its cache")
-        return float(np.median([line["ns"] for line in lines if not line["warmup"]])) / 1e6
+        return float(np.median([frame["ns"] for frame in made["frames"] if not frame["warmup"]])) / 1e6
 
     times = run.interleaved(specs, settings.launches, settings.seed, cpu, once, scene.name)
     general, generated = (stats.median_interval(times[spec]) for spec in specs)
-    return found | {
-        "general_launches_ms": times[specs[0]],
-        "generated_launches_ms": times[specs[1]],
-        "general_ms": general,
-        "generated_ms": generated,
-        "gain": stats.ratio_interval(times[specs[0]], times[specs[1]]),
-        "break_even_frames": break_even_interval(found["setup_s"], general, generated),
-        "error": apart(specs, scene),
-    }
+    row.general_launches_ms, row.generated_launches_ms = (times[spec] for spec in specs)
+    row.general_ms, row.generated_ms = Interval.of(general), Interval.of(generated)
+    row.gain = Interval.of(stats.ratio_interval(times[specs[0]], times[specs[1]]))
+    row.break_even_frames = break_even_range(row.setup_s or 0, general, generated)
+    row.error = apart(specs, scene, cache)
+    return row
 
 
 def study(
-    specs: tuple[Spec, Spec],
-    scenes: Sequence[Scene],
-    settings: Settings,
-    clock: Callable[[], float] = time.monotonic,
-) -> Row:
-    """`rows` and `left_out`: a scene is begun only if the longest one so far fits the rest of the seconds."""
-    begun, longest = clock(), 0.0
+    specs: tuple[Spec, Spec], scenes: Sequence[Scene], settings: Settings
+) -> tuple[list[Row], list[Skipped]]:
+    """A scene is begun only if the longest one so far fits the rest of the seconds; the others are left."""
+    begun, longest = time.monotonic(), 0.0
     rows, left_out = [], []
     for scene in scenes:
-        start = clock()
+        start = time.monotonic()
         if rows and start - begun + longest > settings.seconds:
-            left_out.append({"scene": scene.name, "reason": NO_TIME})
+            left_out.append(Skipped(scene=scene.name, reason="the seconds were over"))
             continue
-        with own_cache():
-            rows.append(measure(specs, scene, settings))
-        longest = max(longest, clock() - start)
-    return {"phase": str(specs[1]), "against": str(specs[0]), "rows": rows, "left_out": left_out}
-
-
-def read(path: Path) -> Row:
-    """A run's breakeven.json; without that file no row. Raises StudyError for another thing's JSON."""
-    if not path.exists():
-        return {"rows": [], "left_out": []}
-    return Breakeven.read(path)
+        with temporary.folder() as folder:
+            rows.append(measure(specs, scene, settings, folder))
+        longest = max(longest, time.monotonic() - start)
+    return rows, left_out

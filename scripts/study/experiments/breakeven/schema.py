@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, Record, key
+from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured, PictureErrors, Range, Skipped
 
 
@@ -15,42 +15,40 @@ class Row(Record, kw_only=True):
     n: Annotated[int, key("pixels", "height of the picture", ge=1)]
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     generated: Annotated[bool, key("", "whether code was generated for the scene")]
-    reason: Annotated[str | Absent, key("", "why not")] = ABSENT
-    compiler: Annotated[str | Absent, key("", "of the kernel")] = ABSENT
-    hash: Annotated[str | Absent, key("", "the kernel's name in the cache")] = ABSENT
-    compile_s: Annotated[float | Absent, key("s", "compiling, in the first launch: the cache is empty")] = (
-        ABSENT
+    reason: Annotated[str | None, key("", "why not")] = None
+    compiler: Annotated[str | None, key("", "of the kernel")] = None
+    hash: Annotated[str | None, key("", "the kernel's name in the cache")] = None
+    compile_s: Annotated[float | None, key("s", "compiling, in the first launch: the cache is empty")] = None
+    generate_ms: Annotated[float | None, key("ms", "of it writing the source")] = None
+    setup_s: Annotated[float | None, key("s", "all of that launch's set-up (`prepare_ns`)")] = None
+    load_ms: Annotated[float | None, key("ms", "checking and loading the kernel, in the second launch")] = (
+        None
     )
-    generate_ms: Annotated[float | Absent, key("ms", "of it writing the source")] = ABSENT
-    setup_s: Annotated[float | Absent, key("s", "all of that launch's set-up (`prepare_ns`)")] = ABSENT
-    load_ms: Annotated[float | Absent, key("ms", "checking and loading the kernel, in the second launch")] = (
-        ABSENT
-    )
-    setup_found_ms: Annotated[float | Absent, key("ms", "all of the second launch's set-up")] = ABSENT
+    setup_found_ms: Annotated[float | None, key("ms", "all of the second launch's set-up")] = None
     general_launches_ms: Annotated[
-        list[float] | Absent, key("ms", "of `against`, a launch each: median of its frames, without set-up")
-    ] = ABSENT
-    generated_launches_ms: Annotated[list[float] | Absent, key("ms", "the same with the kernel")] = ABSENT
-    general_ms: Annotated[Interval | Absent, key("ms", "of these launches")] = ABSENT
-    generated_ms: Annotated[Interval | Absent, key("ms", "of these launches")] = ABSENT
-    gain: Annotated[Interval | Absent, key("×", "ratio of the medians")] = ABSENT
+        list[float] | None, key("ms", "of `against`, a launch each: median of its frames, without set-up")
+    ] = None
+    generated_launches_ms: Annotated[list[float] | None, key("ms", "the same with the kernel")] = None
+    general_ms: Annotated[Interval | None, key("ms", "of these launches")] = None
+    generated_ms: Annotated[Interval | None, key("ms", "of these launches")] = None
+    gain: Annotated[Interval | None, key("×", "ratio of the medians")] = None
     break_even_frames: Annotated[
-        Range | Absent, key("frames", "`setup_s` over what a frame gains; null: never, or not known")
-    ] = ABSENT
-    error: Annotated[
-        PictureErrors | Absent, key("", "of the kernel's picture to the other's, at n = 180")
-    ] = ABSENT
+        Range | None, key("frames", "`setup_s` over what a frame gains; null: never, or not known")
+    ] = None
+    error: Annotated[PictureErrors | None, key("", "of the kernel's picture to the other's, at n = 180")] = (
+        None
+    )
 
 
 class Breakeven(Measured, kw_only=True):
     """After how many frames code compiled for a scene has paid."""
 
     made_by: ClassVar[str] = "breakeven"
-    seconds: Annotated[float | Absent, key("s", "allowed")] = ABSENT
-    phase: Annotated[str | Absent, key("", "that generates code")] = ABSENT
-    against: Annotated[str | Absent, key("", "the phase without it")] = ABSENT
+    seconds: Annotated[float | None, key("s", "allowed")] = None
+    phase: Annotated[str, key("", "that generates code")]
+    against: Annotated[str, key("", "the phase without it")]
     rows: Annotated[list[Row], key("", "the scenes", min_length=1)]
-    left_out: Annotated[list[Skipped] | Absent, key("", "what the seconds did not suffice for")] = ABSENT
+    left_out: Annotated[list[Skipped], key("", "what the seconds did not suffice for")]
 
 
 SCHEMAS = {"breakeven.json": Breakeven}

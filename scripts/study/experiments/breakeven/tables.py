@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from study.core import machine, show
+from study.core import show
 from study.core.show import Column
-from study.experiments.breakeven.measure import FILE, SMALL, Row, read
-from study.experiments.section import Found, Section, chapter, part
+from study.experiments.breakeven.measure import SMALL
+from study.experiments.breakeven.schema import Breakeven, Row
+from study.experiments.section import Found, part
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
@@ -21,37 +21,37 @@ def _interval(name: str, unit: str = "") -> Callable[[Row], str]:
 
 def frames_needed(row: Row) -> str:
     """With its interval, whose end may be “never”."""
-    found = row.get("break_even_frames")
+    found = row.break_even_frames
     if not found:
         return show.NOTHING
-    if found["value"] is None:
+    if found.value is None:
         return "never"
-    if found["low"] is None:
-        return f"{found['value']:,} (insufficient)"
-    high = "never" if found["high"] is None else f"{found['high']:,}"
-    return f"{found['value']:,} [{found['low']:,}, {high}]"
+    if found.low is None:
+        return f"{found.value:,.0f} (insufficient)"
+    high = "never" if found.high is None else f"{found.high:,.0f}"
+    return f"{found.value:,.0f} [{found.low:,.0f}, {high}]"
 
 
 def _psnr(row: Row) -> str:
-    return show.error_psnr(row.get("error"))
+    return row.error.psnr if row.error else show.NOTHING
 
 
 def sentence(row: Row, against: str) -> str:
     """For a terminal."""
-    head = f"{row['scene']}, {row['width']}×{row['n']}"
-    if not row["generated"]:
-        return f"{head}: no kernel: {row['reason']}"
+    head = f"{row.scene}, {row.width}×{row.n}"
+    if not row.generated:
+        return f"{head}: no kernel: {row.reason}"
     return (
         f"{head}: {against} {_interval('general_ms')(row)} ms, kernel {_interval('generated_ms')(row)} ms "
-        f"({_interval('gain', '×')(row)}; {_psnr(row)} dB apart); compiling takes {row['compile_s']:.2f} s, "
-        f"set-up with the kernel found {row['setup_found_ms']:.2f} ms; breaks even after "
+        f"({_interval('gain', '×')(row)}; {_psnr(row)} dB apart); compiling takes {row.compile_s:.2f} s, "
+        f"set-up with the kernel found {row.setup_found_ms:.2f} ms; breaks even after "
         f"{frames_needed(row)} frames"
     )
 
 
 def columns(against: str) -> list[Column]:
     return [
-        Column("", "scene", lambda r: f"{r['scene']}, {r['width']}×{r['n']}"),
+        Column("", "scene", lambda r: f"{r.scene}, {r.width}×{r.n}"),
         Column("ms a frame, set-up not in it [95 %]", against, _interval("general_ms")),
         Column("ms a frame, set-up not in it [95 %]", "kernel", _interval("generated_ms")),
         Column("", "gain [95 %]", _interval("gain", "×")),
@@ -63,33 +63,17 @@ def columns(against: str) -> list[Column]:
     ]
 
 
-NONE = [
-    Column("", "scene", lambda r: r["scene"]),
-    Column("", "why", lambda r: r["reason"]),
-    Column("", "breaks even after, frames", lambda r: "–" if "n" not in r else "never: no kernel"),
-]
+NONE = [Column("", "scene", lambda r: r.scene), Column("", "why", lambda r: r.reason)]
+NEVER = Column("", "breaks even after, frames", lambda r: "never: no kernel")
 
 
-def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column]]]:
-    """Name, caption, rows and columns."""
-    made = [row for row in result["rows"] if row["generated"]]
-    without = [row for row in result["rows"] if not row["generated"]]
-    caption = "When a kernel generated for a scene has paid for its compilation"
-    return [
-        ("breakeven", caption, made, columns(result.get("against", "general code"))),
-        ("breakeven-none", "No kernel: the general code runs", without, NONE),
-        ("breakeven-left-out", "Not measured", result["left_out"], NONE),
-    ]
-
-
-def note(result: Row) -> str:
-    cpu = machine.name(result.get("context"))
-    compilers = dict.fromkeys(row["compiler"] for row in result["rows"] if row["generated"])
+def note(result: Breakeven) -> str:
+    compilers = dict.fromkeys(row.compiler for row in result.rows if row.compiler)
     by = f"; kernels by {', '.join(compilers)}" if compilers else ""
     return (
-        f"{cpu}; one thread, {result['launches']} interleaved launches{by}. {result['phase']} compiles its "
-        "code anew for a scene, once, while it sets up, and keeps that in a cache: no frame's time has this "
-        f"in it. Pictures of both at n = {SMALL} are compared in linear RGB."
+        f"{result.machine}; one thread, {result.launches} interleaved launches{by}. {result.phase} compiles "
+        "its code anew for a scene, once, while it sets up, and keeps that in a cache: no frame's time has "
+        f"this in it. Pictures of both at n = {SMALL} are compared in linear RGB."
     )
 
 
@@ -99,47 +83,38 @@ FOOT = (
 )
 
 
-def _draw(result: Row) -> Figure:
-    rows = [
-        dots.of(
-            row["gain"],
-            "",
-            f"{row['scene']}, n = {row['n']}",
-            f"paid after {frames_needed(row)} frames",
-            True,
-        )
-        for row in result["rows"]
-        if row["generated"]
-    ]
-    return dots.draw(
-        rows, "Gain of a kernel generated for the scene", "times as fast as the general code", True
-    )
+def draw(rows: list[Row]) -> Figure:
+    shown = []
+    for row in rows:
+        about = f"{row.scene}, n = {row.n}", f"paid after {frames_needed(row)} frames"
+        shown.append(dots.of(show.cells(row.gain), "", *about, True))
+    title = "Gain of a kernel generated for the scene"
+    return dots.draw(shown, title, "times as fast as the general code", True)
 
 
-def answer(result: Row) -> str:
+def answer(rows: list[Row]) -> str:
     """When the first scene's kernel has paid; on how many scenes one gains."""
-    made = [row for row in result["rows"] if row["generated"]]
-    if not made:
-        return ""
-    first = made[0]
-    gaining = sum((row["gain"]["low"] or 0) > 1 for row in made)
+    first = rows[0]
+    gaining = sum(row.gain.ends[1] > 1 for row in rows if row.gain)
     return (
-        f"On {first['scene']} at n = {first['n']} the kernel is {_interval('gain', '×')(first)} as fast as "
+        f"On {first.scene} at n = {first.n} the kernel is {_interval('gain', '×')(first)} as fast as "
         f"the general code, {show.decibels(_psnr(first))} apart. It has paid for its "
-        f"{first['compile_s']:.1f} s of compilation after {frames_needed(first)} frames. "
-        f"Kernels gain on {gaining} of {len(made)} scenes "
-        "and sizes."
+        f"{first.compile_s:.1f} s of compilation after {frames_needed(first)} frames. "
+        f"Kernels gain on {gaining} of {len(rows)} scenes and sizes."
     )
 
 
-def section(path: Path) -> Section:
+def found(result: Breakeven) -> Found:
     """Kernels for scenes: what they gain, what compiling costs, after how many frames it has paid."""
-    return chapter("breakeven", "Code generated for a scene", path / FILE, read, _found)
-
-
-def _found(result: Row) -> Found:
-    feet = {"breakeven": FOOT}
-    parts = [one for table in tables(result) for one in part(*table, feet.get(table[0], ""))]
-    said, caption = answer(result), "What a generated kernel gains, and when it has paid"
-    drawing = Drawing(caption, note(result), lambda: _draw(result))
-    return Found(parts, said, {"breakeven": drawing} if said else {})
+    made = [row for row in result.rows if row.generated]
+    without = [row for row in result.rows if not row.generated]
+    caption = "When a kernel generated for a scene has paid for its compilation"
+    parts = [
+        *part("breakeven", caption, made, columns(result.against), FOOT),
+        *part("breakeven-none", "No kernel: the general code runs", without, [*NONE, NEVER]),
+        *part("breakeven-left-out", "Not measured", result.left_out, NONE),
+    ]
+    if not made:
+        return Found(parts)
+    caption = "What a generated kernel gains, and when it has paid"
+    return Found(parts, answer(made), {"breakeven": Drawing(caption, note(result), lambda: draw(made))})
