@@ -29,7 +29,7 @@ to 320 pixels across for the two scenes that the report compares. Of throttle.js
 that no table shows are left out. run.toml names the machine, the commit, the commands and a caveat.
 
 Then every chapter is read from the copies. It must have the parts, figures and pictures that it has in the
-run, but for figures made of thumbnails. Only then is there a FOLDER. A run that is being measured is refused.
+run. Only then is there a FOLDER. A run that is being measured is refused.
 Of an interrupted run, a cut last line of frames.jsonl is dropped."""
 PICTURE_BYTES = 300_000
 # Megabytes; what reads them takes both forms (store.stored).
@@ -125,7 +125,7 @@ def shown(folder: Path) -> dict[str, Any]:
     return {
         one.id: (
             [(part.name, part.markdown) for part in one.parts],
-            sorted(name for name, drawing in one.drawn.items() if not drawing.of_thumbnails),
+            sorted(one.drawn),
             sorted(path.name for path in one.images if path.is_file()),
         )
         for one in sections(folder)

@@ -6,7 +6,7 @@ import io
 import math
 import re
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,15 +47,11 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown.
-
-    `of_thumbnails`: dozens of small pictures of the run are its content, which no published run keeps.
-    """
+    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown."""
 
     caption: str
     note: str  # stands under it
     make: Callable[[], Figure]
-    of_thumbnails: bool = False
 
     def write(self, stem: Path) -> list[Path]:
         """STEM.svg and STEM.png."""
@@ -180,24 +176,3 @@ def legend(figure: Figure, grid: dict[str, Axes], extra: tuple[Line2D, ...] = ()
         handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     handles |= {line.get_label(): line for line in extra}
     figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=9)
-
-
-def thumbnails(title: str, lines: Sequence[Mapping[Path, str]], room: tuple[float, float]) -> Figure | None:
-    """Small pictures with their titles, a row per line, of the files that are there; None: none is.
-    `room`: inches beside and above them."""
-    rows = [{path: text for path, text in line.items() if path.is_file()} for line in lines]
-    rows = [row for row in rows if row]
-    if not rows:
-        return None
-    across = max(map(len, rows))
-    size = (2.7 * across + room[0], 1.75 * len(rows) + room[1])
-    figure = Figure(figsize=size, layout="constrained")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
-    grid = figure.subplots(len(rows), across, squeeze=False)
-    for axes in grid.flat:
-        axes.set_axis_off()
-    for row, line in zip(rows, grid, strict=True):
-        for (path, text), axes in zip(row.items(), line, strict=False):
-            axes.imshow(matplotlib.image.imread(path))
-            axes.set_title(text, fontsize=8)
-    return figure

@@ -19,11 +19,9 @@ import made_up
 import numpy as np
 import pytest
 import started
-from matplotlib.figure import Figure
 
 from study.commands import publish as publishing
 from study.core import store
-from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import pictures as fixed_pictures
@@ -31,10 +29,8 @@ from study.experiments.packets import measure as packets
 from study.experiments.packets import pictures as packets_pictures
 from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures as rods_pictures
-from study.experiments.section import Section
 from study.experiments.systems import pictures as systems_pictures
 from study.pictures import images
-from study.pictures.draw import Drawing
 
 pytestmark = pytest.mark.slow
 
@@ -144,20 +140,6 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
         == "Gains are of the launches that made the choice, the least of several: they are upper bounds.\n"
     )
     assert foot.strip() in text
-
-
-def test_a_figure_of_thumbnails_may_be_lost_and_no_other(tmp_path, monkeypatch):
-    def shown(folder):
-        names = ["sheet", "plot"] if folder.name == "run" else kept
-        drawn = {name: Drawing("", "", Figure, of_thumbnails=name == "sheet") for name in names}
-        return [Section("views", "Views", "", [], drawn=drawn)]
-
-    monkeypatch.setattr(publishing, "sections", shown)
-    kept = ["plot"]
-    publishing.check(tmp_path / "run", tmp_path / "published")
-    kept = ["sheet"]
-    with pytest.raises(StudyError, match="not as in the run: views"):
-        publishing.check(tmp_path / "run", tmp_path / "published")
 
 
 def test_what_is_there_is_not_written_over(made, tmp_path):
