@@ -1,6 +1,5 @@
 // build/viewer: options, then the window or --headless.
 #include <getopt.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,16 +20,6 @@ static const char USAGE[] =
     "  --list              print the phases that run here\n"
     "exit status: 0 done; 2 bad argument, scene, script or no display; 3 the CPU lacks the\n"
     "             instruction set; 4 the phase does not support the scene; 5 out of memory\n";
-
-int viewer_error(int status, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    fputs("viewer: ", stderr);
-    vfprintf(stderr, format, arguments);
-    fputc('\n', stderr);
-    va_end(arguments);
-    return status;
-}
 
 static int cpus_here(void) {
     struct cpus cpus = {0};

@@ -1,4 +1,4 @@
-// The program: its options, and what main.c calls.
+// The program: its options, what main.c calls, and how both tell errors (error.c).
 #ifndef STEPWISE_VIEWER_VIEWER_H
 #define STEPWISE_VIEWER_VIEWER_H
 

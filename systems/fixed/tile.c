@@ -94,8 +94,7 @@ static void store_aov(const struct shaded *result, size_t first, int count,
         if (frame->plane_count)
             frame->planes[0][pixel] = 0;
         for (int i = 0; i < 3; i++)
-            frame->normal[3 * pixel + (size_t)i] =
-                hit && length > 0 ? (float)(n[i] / length) : 0;
+            frame->normal[3 * pixel + (size_t)i] = hit && length > 0 ? (float)(n[i] / length) : 0;
     }
 }
 

@@ -52,8 +52,7 @@ static double soft_shadow(const double *point, const double *to_light,
         // Straight away from a surface h = 2·previous, and the term is 0/0: it is left out.
         // strength·√d_sq/(t − y) < visibility is seldom true, so it is tested without the root.
         double bound = visibility * (t - y);
-        if (d_sq > 0.0 && t - y > 0.0 &&
-            strength_sq * d_sq < bound * bound) {
+        if (d_sq > 0.0 && t - y > 0.0 && strength_sq * d_sq < bound * bound) {
             visibility = scene->model.shadow_strength * sqrt(d_sq) / (t - y);
         }
         previous = h;

@@ -152,8 +152,7 @@ __attribute__((always_inline)) static inline void bulb_step(struct bulb *w, cons
     w->derivative = 8.0 * (m * m * m * root) * w->derivative + 1.0;
     double x2 = x * x, y2 = y * y, z2 = z * z;
     double k3 = x2 + z2, k4 = k3 - y2;
-    double inv_k3 =
-        k3 > 1e-300 ? 1.0 / k3 : 0.0; // 0 on the axis
+    double inv_k3 = k3 > 1e-300 ? 1.0 / k3 : 0.0; // 0 on the axis
     double k1 = k3 * k3 + y2 * (y2 - 6.0 * k3);
     double cos2 = (x2 - z2) * inv_k3, sin2 = 2.0 * (x * z) * inv_k3;
     double cos4 = 1.0 - 2.0 * sin2 * sin2, sin4 = 2.0 * sin2 * cos2;
@@ -182,9 +181,7 @@ static inline double sdf_mandelbulb(const double *p, const struct primitive *s) 
             break;
     }
     // √m·ln m → 0 at the centre.
-    return w.m > 0.0
-               ? 0.25 * sqrt(w.m) / w.derivative * log(w.m)
-               : 0.0;
+    return w.m > 0.0 ? 0.25 * sqrt(w.m) / w.derivative * log(w.m) : 0.0;
 }
 
 // The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius,

@@ -40,9 +40,7 @@ static void light_at(const double *p, const double *n, const double *direction,
     double mirrored[3];
     vec_reflect(to_light, n, mirrored); // minus the paper's R
     double cos_mirror = vec_dot(mirrored, direction);
-    double specular = cos_mirror > 0.0
-                          ? 0.2 * pow(cos_mirror, material->shininess)
-                          : 0.0;
+    double specular = cos_mirror > 0.0 ? 0.2 * pow(cos_mirror, material->shininess) : 0.0;
     for (int i = 0; i < 3; i++)
         color[i] += emission[i] * (albedo[i] * cos_light + specular) * attenuation;
 }

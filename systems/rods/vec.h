@@ -5,7 +5,6 @@
 
 #include <math.h>
 
-
 static inline void vec_set(const double *a, double *out) {
     for (int i = 0; i < 3; i++)
         out[i] = a[i];

@@ -1,7 +1,5 @@
-// The window: its loop. SDL's window surface is the canvas's copy, so that what a screenshot has is
-// what is seen.
+// The window: its loop.
 #include <math.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,111 +9,7 @@
 #include "viewer/viewer.h"
 #include "viewer/window/window.h"
 
-enum { MESSAGE_MS = 4000, STILL_AFTER_MS = 400, FRAME_NS = 16666667, SECOND = 1000000000 };
-
-void window_say(struct window *w, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(w->message, sizeof w->message, format, arguments);
-    va_end(arguments);
-    w->message_until = SDL_GetTicks() + MESSAGE_MS;
-}
-
-void window_restart(struct window *w) {
-    w->frames = w->renders = (struct times){0};
-    pace_start(&w->pace, w->show->canvas.height);
-}
-
-// Copies the canvas to the window.
-static bool present(struct window *w) {
-    const struct canvas *canvas = &w->show->canvas;
-    SDL_Surface *surface = SDL_GetWindowSurface(w->window);
-    SDL_Surface *drawn =
-        SDL_CreateRGBSurfaceWithFormatFrom(canvas->pixels, canvas->width, canvas->height, 32,
-                                           4 * canvas->width, SDL_PIXELFORMAT_RGB888);
-    bool done = surface && drawn && SDL_BlitSurface(drawn, NULL, surface, NULL) == 0 &&
-                SDL_UpdateWindowSurface(w->window) == 0;
-    SDL_FreeSurface(drawn);
-    return done;
-}
-
-static int by_depth(const void *a, const void *b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-// Scenes are of any size: a third of the way to what one sees (the median depth of a few pixels) in
-// a second. Where nothing is seen: a tenth of the way to the light.
-static double fitting_speed(struct show *show) {
-    enum { COLUMNS = 16, ROWS = 9 };
-    char error[SCENE_ERROR_SIZE];
-    struct view view = camera_view(show->world, &show->camera);
-    float hits[COLUMNS * ROWS];
-    size_t count = 0;
-    if (stage_render(&show->left, &view, show->camera.seconds, COLUMNS, ROWS, true, error))
-        for (int i = 0; i < COLUMNS * ROWS; i++)
-            if (isfinite(show->left.frame.depth[i]))
-                hits[count++] = show->left.frame.depth[i];
-    qsort(hits, count, sizeof *hits, by_depth);
-    double light = 0;
-    for (int i = 0; i < 3; i++)
-        light += pow(show->camera.light[i] - show->camera.position[i], 2);
-    return fmax(count > 0 ? hits[count / 2] / 3 : sqrt(light) / 10, 1e-6);
-}
-
-static void end_throttle(struct window *w) {
-    w->throttle = (struct throttle){0};
-    w->pace.throttled = false;
-    w->pace.adaptive = true;
-    stage_settings(NULL);
-}
-
-// Full resolution by the finest settings, until the throttle is spent.
-static void begin_throttle(struct window *w) {
-    w->throttle = (struct throttle){.on = true};
-    w->pace.throttled = true;
-    w->pace.adaptive = false;
-    stage_settings(throttle_settings(&w->throttle));
-}
-
-// Opens the phase again, for its new settings.
-static void reopen(struct window *w) {
-    char error[SCENE_ERROR_SIZE];
-    if (!show_open(w->show, w->show->left.phase, w->show->world, error))
-        window_say(w, "%s", error);
-}
-
-void window_throttle(struct window *w, bool on) {
-    if (on && strcmp(w->show->left.phase->name, throttle_phase()) != 0) {
-        window_say(w, "the throttle is of %s; P and Shift+P lead there", throttle_phase());
-        return;
-    }
-    end_throttle(w);
-    if (on)
-        begin_throttle(w);
-    reopen(w);
-    window_restart(w);
-}
-
-void window_open(struct window *w, const struct viewer_phase *phase, const struct world *world) {
-    char error[SCENE_ERROR_SIZE], text[256];
-    // Keys wait meanwhile, so say why, on the picture that is there.
-    snprintf(text, sizeof text, "preparing %.60s for %.60s ...%s", phase->name, world->scene.name,
-             phase->kernel ? " a kernel for a scene takes seconds, once" : "");
-    canvas_shade(&w->show->canvas, 0, w->show->canvas.height / 2 - 10, w->show->canvas.width, 34);
-    canvas_text(&w->show->canvas, 20, w->show->canvas.height / 2, 2, 0xffffff, text);
-    present(w);
-    bool other = world != w->show->world;
-    if (w->throttle.on && strcmp(phase->name, throttle_phase()) != 0)
-        end_throttle(w);
-    else if (w->throttle.on && other)
-        begin_throttle(w); // what the scene before needed says nothing of this one
-    if (!show_open(w->show, phase, world, error))
-        window_say(w, "%s", error);
-    else if (other)
-        w->speed = fitting_speed(w->show);
-    window_restart(w);
-}
+enum { STILL_AFTER_MS = 400, FRAME_NS = 16666667, SECOND = 1000000000 };
 
 // The reference may refuse a scene or a size: then the phase is shown alone.
 static void without_reference(struct window *w, const char *error) {
@@ -158,7 +52,7 @@ static bool frame(struct window *w, char *error) {
     if (!render(w, still, error))
         return false;
     window_overlay(w);
-    if (!present(w)) {
+    if (!window_present(w)) {
         snprintf(error, SCENE_ERROR_SIZE, "the window cannot be drawn: %s", SDL_GetError());
         return false;
     }
@@ -173,7 +67,7 @@ static bool frame(struct window *w, char *error) {
     if (w->throttle.on &&
         throttle_frame(&w->throttle, render_ms, w->other_ms, show->height == show->canvas.height)) {
         stage_settings(throttle_settings(&w->throttle));
-        reopen(w);
+        window_reopen(w);
         w->renders = (struct times){0};
     }
     if (pace_frame(&w->pace, render_ms, w->other_ms, still))
@@ -257,7 +151,7 @@ int window_run(const struct viewer_options *options, struct show *show) {
     }
     w.window = SDL_CreateWindow("Stepwise", SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
                                 options->width, options->height, SDL_WINDOW_RESIZABLE);
-    w.speed = fitting_speed(show);
+    w.speed = window_fitting_speed(show);
     w.reference = reference_start();
     window_restart(&w);
     int status = w.window ? run(&w) : viewer_error(BAD_INPUT, "no window: %s", SDL_GetError());

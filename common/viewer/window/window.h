@@ -35,6 +35,8 @@ struct window {
     bool rightward; // the D that is held moves
 };
 
+// The loop (window.c) calls keys and overlay, and all three call the actions below.
+
 // overlay.c: draws text on the canvas.
 void window_overlay(struct window *w);
 
@@ -43,13 +45,20 @@ void window_event(struct window *w, const SDL_Event *event);
 // keys.c: moves camera and light by the keys that are held, for `seconds`.
 void window_held_keys(struct window *w, double seconds);
 
-// window.c: shows a line for four seconds.
+// actions.c: shows a line for four seconds.
 void window_say(struct window *w, const char *format, ...) __attribute__((format(printf, 2, 3)));
-// window.c: opens a phase or a scene; a refusal is said and nothing changes.
+// Opens a phase or a scene; a refusal is said and nothing changes.
 void window_open(struct window *w, const struct viewer_phase *phase, const struct world *world);
-// window.c: turns the throttle on or off.
+// Opens the phase again, for its new settings.
+void window_reopen(struct window *w);
+// Turns the throttle on or off.
 void window_throttle(struct window *w, bool on);
-// window.c: starts measuring anew, after a change of what is drawn.
+// Starts measuring anew, after a change of what is drawn.
 void window_restart(struct window *w);
+// Copies the canvas to the window: SDL's window surface is its copy, so that a screenshot has what is seen.
+bool window_present(struct window *w);
+// Scenes are of any size: a third of the way to what one sees (the median depth of a few pixels) in a second. Where
+// nothing is seen: a tenth of the way to the light.
+double window_fitting_speed(struct show *show);
 
 #endif

@@ -10,6 +10,9 @@
 // Returns a shape in the form that the march needs. `index` is its number in the scene.
 struct primitive prepare_shape(int index, const struct shape *shape, const struct limits *limits);
 
+// Lists the prepared shapes in prepared->all.
+void list_shapes(struct prepared *prepared);
+
 // Memory for as many shapes as the model has. Returns false if it is short. shapes_release() frees it in any case.
 bool shapes_reserve(struct prepared *prepared, const struct model *model);
 void shapes_release(struct prepared *prepared);

@@ -15,11 +15,6 @@ struct phase_state {
     bool sixteen; // 16 lanes, else 8
 };
 
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
-}
-
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct phase_state *state = calloc(1, sizeof *state);
     if (!state)

@@ -82,16 +82,13 @@ distances_to_shape(struct packet_group *group, int shape, int size,
     }
 }
 
-// Begins an evaluation of the scene's distance for packet k. The limit is −∞ where a ray is done.
-static inline void sdf(const struct packet_group *group, int k, struct nearest_so_far *found) {
-    found->least[k] = v_splat(INFINITY);
-    found->limit[k] = v_madd(v_splat(2.0f), group->t[k], group->high[k]);
-}
-
+// Begins an evaluation of the scene's distance. The limit is −∞ where a ray is done.
 __attribute__((always_inline)) static inline void
 reset_nearest(const struct packet_group *group, int size, struct nearest_so_far *found) {
-    for (int k = 0; k < size; k++)
-        sdf(group, k, found);
+    for (int k = 0; k < size; k++) {
+        found->least[k] = v_splat(INFINITY);
+        found->limit[k] = v_madd(v_splat(2.0f), group->t[k], group->high[k]);
+    }
 }
 
 // The shape that was evaluated in the last step, if it was the only one and steady. Until distance + t reaches `until`,

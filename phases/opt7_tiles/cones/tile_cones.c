@@ -121,14 +121,14 @@ struct shape_list list_wanted(const bool *wanted, const struct prepared *scene, 
         same += wanted[all->order[n]];
         steady += n < all->steady && wanted[all->order[n]];
     }
-    return (struct shape_list){count, steady, shapes, order};
+    return (struct shape_list){count, steady, shapes, order, false};
 }
 
 struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *scene, int *shapes) {
-    for (int i = 0; i < scene->model.shape_count; i++)
-        if (wanted[i] && is_fractal(scene->primitives[i].type))
-            return scene->all;
-    return list_wanted(wanted, scene, shapes);
+    struct shape_list all = scene->all;
+    for (int i = 0; i < all.count; i++)
+        all.fractal |= wanted[i] && is_fractal(scene->primitives[i].type);
+    return all.fractal ? all : list_wanted(wanted, scene, shapes);
 }
 
 struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,

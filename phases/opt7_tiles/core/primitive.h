@@ -52,6 +52,7 @@ struct shape_list {
     int count, steady; // steady: how many of the shapes are
     const int *shape;  // in the scene's order
     const int *order;  // of evaluation: steady shapes first, then by type
+    bool fractal;      // a ray may hit a fractal: then the list has all shapes
 };
 
 struct prepared {

@@ -155,7 +155,7 @@ static void draw_lanes(struct cone_area area, vmask there, struct cone_starts st
         }
         struct shape_list list =
             list_of_cone(lane, world->scene, world->scratch, &start.lane[lane]);
-        if (list.shape != world->scene->all.shape) {
+        if (!list.fractal) {
             render_patches(&patch, 1, SMALL_GROUP, origin, v_splat(start.lane[lane]), list, job,
                            world);
             continue;

@@ -60,6 +60,7 @@ struct shape_list {
     int count, steady; // steady: how many of the shapes are
     const int *shape;  // in the scene's order
     const int *order;  // of evaluation: steady shapes first, then by type
+    bool fractal;      // a ray may hit a fractal: then the list has all shapes
 };
 
 // bulb/bulb_single.c marches for hit distances below this: above it a hit depends on step lengths, which it has to

@@ -81,7 +81,7 @@ static void store_background(const struct pixel_rect *patch, const struct job *j
 // Whether a cone's rays may meet a Mandelbulb. Their list has all shapes then, and march_camera_stream() or
 // march_single_bulb() marches them.
 static bool may_meet_bulb(const struct shape_list *list, const struct prepared *scene) {
-    return scene->bulbs > 0 && list->shape == scene->all.shape;
+    return scene->bulbs > 0 && list->fractal;
 }
 
 // Queues the camera rays of a patch for the march that begins with the Mandelbulb. `at` is the patch's first pixel in the

@@ -1,8 +1,6 @@
 // Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/primitives.h"
 
-#include <stdlib.h>
-
 // Beyond this radius the power-8 map's orbits escape: |w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on. There the estimate is at
 // least half of the distance to the ball: tests/phases/test_tiles.py samples it.
 #define BALL_RADIUS 1.15f
@@ -108,17 +106,17 @@ static bool is_single_bulb(const struct prepared *prepared) {
     return prepared->bulbs == 1 && planes <= 1 && model->march.hit_distance < BULB_SINGLE_HIT;
 }
 
+const char *phase_unsupported(const struct scene *scene) {
+    (void)scene;
+    return NULL;
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
-    int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
     prepared->all_bounded = true;
     prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = model->shadows == SHADOWS_HARD ? lit_slope_hard(&model->march)
                                                          : lit_slope_soft(model->shadow_strength);
-    prepared->all.count = model->shape_count;
-    prepared->all.steady = 0;
-    for (int i = 0; i < model->shape_count; i++)
-        each[i] = i;
     for (int i = 0; i < model->shape_count; i++) {
         struct primitive *p = &prepared->primitives[i];
         *p = prepare_shape(i, &model->shapes[i], &model->march);
@@ -128,26 +126,6 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         prepared->all_bounded = prepared->all_bounded && !p->repeated && p->kind != EVAL_POWER;
     }
     prepared->single_bulb = is_single_bulb(prepared);
-    for (int steady = 1; steady >= 0; steady--)
-        for (int type = 0; type < SHAPE_TYPES; type++)
-            for (int i = 0; i < model->shape_count; i++)
-                if (prepared->primitives[i].steady == steady &&
-                    (int)prepared->primitives[i].type == type) {
-                    order[next++] = i;
-                    prepared->all.steady += steady;
-                }
+    list_shapes(prepared);
     return true;
-}
-
-bool shapes_reserve(struct prepared *prepared, const struct model *model) {
-    prepared->primitives = calloc((size_t)model->shape_count, sizeof *prepared->primitives);
-    int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
-    prepared->all.shape = both;
-    prepared->all.order = both ? both + model->shape_count : NULL;
-    return prepared->primitives && both;
-}
-
-void shapes_release(struct prepared *prepared) {
-    free(prepared->primitives);
-    free((void *)prepared->all.shape); // frees `order` too: one block of memory
 }

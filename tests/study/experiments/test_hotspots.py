@@ -205,7 +205,7 @@ def test_inlined_chains_without_the_compilers_headers():
 
 def test_inlined_chains_with_folders_of_a_phase_and_the_vector_library():
     places = {
-        "v_pow": "/a/common/simd/pow.h",
+        "v_pow": "/a/common/simd/powers.h",
         "enter_box": "/a/phases/opt9_convex/hit/solids.h",
         "enter_torus": "/a/build/opt10_scene/source/hit/torus.c",
         "march": "phases/opt4/march.c",
