@@ -10,7 +10,8 @@ import shlex
 
 import shtab
 
-from study.core import cli, commands
+from study.core import commands
+from study.core.cli import Outcome
 from study.core.registry import ROOT
 
 SHELLS = ("bash", "zsh")
@@ -44,13 +45,10 @@ def whole() -> argparse.ArgumentParser:
     return made
 
 
-def main() -> int:
-    parser = cli.parser(__doc__ or "")
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("shell", choices=SHELLS, help="what reads the script")
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> Outcome:
     script = shtab.complete(whole(), args.shell)
-    if args.json:
-        cli.emit({"script": script})
-    else:
-        print(script)
-    return cli.OK
+    return Outcome({"script": script}, [script])

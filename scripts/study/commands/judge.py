@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from study.commands import try_
-from study.core import cli, json_files, registry, run, show
+from study.core import cli, json_files, registry, show
 from study.core.build import build_together
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
+from study.core.run import USABLE
 from study.pictures import images
 from study.pictures.gallery import Gallery
 
@@ -89,10 +90,10 @@ def of_scene(lab: Lab, path: Path, height: int) -> list[Check]:
     """Of the pictures of a scene. Raises StudyError for a scene that a phase cannot draw."""
     scene = registry.scene_at(path)
     specs = [BASE, Spec.parse(lab.start), Spec.parse(lab.breaks)]
-    build_together([(spec, "render") for spec in specs], len(run.USABLE))
+    build_together([(spec, "render") for spec in specs], len(USABLE))
     gallery = Gallery(try_.FOLDER / "images", specs)
     size = scene.size(height)
-    if refused := gallery.render_all([(spec, scene, size) for spec in specs], len(run.USABLE)):
+    if refused := gallery.render_all([(spec, scene, size) for spec in specs], len(USABLE)):
         raise StudyError(str(next(iter(refused.values()))))
     base, exact, broken = (images.read(gallery.path(spec, scene, size)) for spec in specs)
     to_base = [images.compare(base, picture)["psnr_db"] for picture in (exact, broken)]
@@ -104,56 +105,39 @@ def of_scene(lab: Lab, path: Path, height: int) -> list[Check]:
     ]
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(__doc__, {1: "a check of the lab fails"})
+STATUSES = {cli.FAILED: "a check of the lab fails"}
+
+
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("lab", type=int, choices=sorted(labs()), metavar="LAB", help="its number in docs/labs")
     add("--phase", metavar="PHASE", help="your phase, or an ablation")
     add("--file", type=Path, metavar="FILE", help="your scene, where the lab asks for one")
     add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
     add("--launches", type=cli.at_least(6), default=12, help="process launches of each; default: 12")
-    add("--seed", type=int, help="of order and padding; default: random")
-    options = parser.parse_args()
-    lab = labs()[options.lab]
-    if lab.breaks and not options.file:
-        parser.error(
-            f"lab {lab.number} asks for a scene: --file FILE (make judge LAB={lab.number} SCENE=FILE)"
-        )
-    if not lab.breaks and not options.phase:
-        parser.error(
-            f"lab {lab.number} asks for a phase: --phase NAME (make judge LAB={lab.number} NAME=mine)"
-        )
-    return options
+    add("--seed", type=int, default=secrets.randbelow(2**32), help="of order and padding; default: random")
 
 
-def main() -> int:
-    options = arguments()
-    lab = labs()[options.lab]
+def run(args: argparse.Namespace) -> Outcome:
+    lab = labs()[args.lab]
     told = None
     if lab.breaks:
-        checks = of_scene(lab, options.file, options.n)
+        if not args.file:
+            raise StudyError(f"lab {lab.number} asks for a scene: make judge LAB={lab.number} SCENE=FILE")
+        checks = of_scene(lab, args.file, args.n)
     else:
-        seed = secrets.randbelow(2**32) if options.seed is None else options.seed
-        told = try_.measure(
-            argparse.Namespace(
-                name=options.phase,
-                against=lab.start,
-                scene=lab.scene,
-                n=options.n,
-                launches=options.launches,
-                seed=seed,
-            )
-        )
+        if not args.phase:
+            raise StudyError(f"lab {lab.number} asks for a phase: make judge LAB={lab.number} NAME=mine")
+        what = {"name": args.phase, "against": lab.start, "scene": lab.scene}
+        told = try_.compared(argparse.Namespace(**vars(args) | what))
         checks = of_phase(lab, told)
     failing = next((one for one in checks if not one.passed), None)
     hint = lab.hints.get(failing.name, UNSURE) if failing else None
-    if options.json:
-        cli.emit({"lab": lab.number, "checks": checks, "hint": hint, "try": told})
-    else:
-        if told:
-            print(try_.text(told), end="\n\n")
-        print(f"Lab {lab.number}, {lab.title}")
-        for one in checks:
-            print(f"  {'reached' if one.passed else 'MISSED '}  {one.said}")
-        print(f"Hint: {hint}" if hint else "All of it reached.")
-    return cli.FAILED if failing else cli.OK
+    lines = [try_.text(told), ""] if told else []
+    lines += [
+        f"Lab {lab.number}, {lab.title}",
+        *(f"  {'reached' if one.passed else 'MISSED '}  {one.said}" for one in checks),
+        f"Hint: {hint}" if hint else "All of it reached.",
+    ]
+    result = {"lab": lab.number, "checks": checks, "hint": hint, "try": told}
+    return Outcome(result, lines, status=cli.FAILED if failing else cli.OK)

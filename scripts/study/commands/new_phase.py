@@ -13,24 +13,12 @@ import os
 import re
 from pathlib import Path
 
-from study.core import cli, patches, registry, temporary
-from study.core.cli import StudyError
+from study.core import patches, registry, temporary
+from study.core.cli import Outcome, StudyError
 
-BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built too
-    *("accuracy", "asan", "asan-clang", "calibration", "ceilings", "clang", "common", "emulated"),
-    *(
-        "frames",
-        "functions",
-        "hard-fast",
-        "hard-fma",
-        "pdf",
-        "scaling",
-        "systems",
-        "test-opinions",
-        "test-results",
-    ),
-    *("test-scenes", "tests", "toolchains", "tsan", "views"),
-}
+TAKEN = """accuracy asan asan-clang calibration ceilings clang common emulated frames functions hard-fast
+hard-fma pdf scaling systems test-opinions test-results test-scenes tests toolchains tsan views"""
+BUILD_FOLDERS = {*TAKEN.split()}  # what else is made in build/, where a phase would be built too
 
 NOTES = """\
 # {name}: FILL IN the idea in a few words
@@ -152,23 +140,16 @@ def following(name: str, parent: str, whole: bool) -> list[str]:
     ]
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(__doc__)
-    parser.add_argument("--name", required=True, help="of the new phase, like opt4b")
-    parser.add_argument(
-        "--from", required=True, dest="parent", metavar="PHASE", help="its parent, like opt4; or an ablation"
-    )
-    parser.add_argument("--whole", action="store_true", help="copy every source file of the parent")
-    return parser.parse_args()
+def options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--name", required=True, help="of the new phase, like opt4b")
+    about = "its parent, like opt4; or an ablation"
+    add("--from", required=True, dest="parent", metavar="PHASE", help=about)
+    add("--whole", action="store_true", help="copy every source file of the parent")
 
 
-def main() -> int:
-    options = arguments()
-    folder = create(options.name, options.parent, whole=options.whole)
-    shown = folder.relative_to(registry.ROOT)
-    if options.json:
-        cli.emit({"phase": options.name, "parent": options.parent.partition("+")[0], "folder": shown})
-        return cli.OK
-    parent = options.parent.partition("+")[0]
-    print("\n".join(following(options.name, parent, options.whole)))
-    return cli.OK
+def run(args: argparse.Namespace) -> Outcome:
+    folder = create(args.name, args.parent, whole=args.whole).relative_to(registry.ROOT)
+    parent = args.parent.partition("+")[0]
+    result = {"phase": args.name, "parent": parent, "folder": folder}
+    return Outcome(result, following(args.name, parent, args.whole))

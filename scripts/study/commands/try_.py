@@ -9,16 +9,16 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from study.core import cli, patches, registry, run, show
+from study.core import cli, patches, registry, show
+from study.core import run as driver
 from study.core.build import build, build_together
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.counting import flops
 from study.numbers import stats
@@ -53,19 +53,18 @@ class Sides:
         return self.parent, self.mine
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "the phase is outside its tolerance"})
+STATUSES = {cli.FAILED: "the phase is outside its tolerance"}
+
+
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("name", metavar="PHASE", help="a phase, or an ablation like opt2+title")
     add("--against", metavar="PHASE", help="default: the parent that its phase.json names")
     add("--scene", default="scene0", metavar="SCENE", help="default: scene0")
     add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
     add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
-    add("--seed", type=int, help="of order and padding; default: random")
+    add("--seed", type=int, default=secrets.randbelow(2**32), help="of order and padding; default: random")
     add("--watch", action="store_true", help="again at every save, until Ctrl-C")
-    args = parser.parse_args()
-    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
-    return args
 
 
 def sides(name: str, against: str | None) -> Sides:
@@ -88,7 +87,7 @@ def timed_height(both: Sides, scene: Scene) -> int:
     least = SIZES[-1]
     slowest = 0
     for spec in both.both:
-        found = run.render(spec, scene.path, least, scene.size(least)[0], cpu=run.FASTEST)
+        found = driver.render(spec, scene.path, least, scene.size(least)[0], cpu=driver.FASTEST)
         slowest = max(slowest, found["frames"][0]["ns"])
     return next((n for n in SIZES if slowest * (n / least) ** 2 <= FRAME * 1e9), least)
 
@@ -97,19 +96,19 @@ def times(both: Sides, scene: Scene, height: int, launches: int, seed: int) -> d
     """Milliseconds of a frame, per launch the median of three. Raises DriverError."""
 
     def once(spec: Spec, padding: int) -> float:
-        width, cpu = scene.size(height)[0], run.FASTEST
-        made = run.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding, reps=3, warmup=1)
+        width, cpu = scene.size(height)[0], driver.FASTEST
+        made = driver.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding, reps=3, warmup=1)
         with contextlib.closing(made):
             return float(np.median([frame["ns"] / 1e6 for frame in made if not frame["warmup"]]))
 
-    return run.interleaved(both.both, launches, seed, run.FASTEST, once, "time")
+    return driver.interleaved(both.both, launches, seed, driver.FASTEST, once, "time")
 
 
 def counted(spec: Spec, scene: Scene, height: int) -> dict[str, Any] | None:
     """FLOPs, calls and lanes by the counting build; None, with a word, where that cannot be built or run."""
     try:
         return flops.declared(spec, scene, height)
-    except (StudyError, run.DriverError) as error:
+    except (StudyError, driver.DriverError) as error:
         cli.say(f"no counts of {spec}: {str(error).splitlines()[0]}")
         return None
 
@@ -167,12 +166,12 @@ def share(counts: dict[str, Any]) -> float:
     return sum(one["lanes"] for one in counts["by_function"].values()) / executed if executed else math.nan
 
 
-def measure(args: argparse.Namespace) -> dict[str, Any]:
+def compared(args: argparse.Namespace) -> dict[str, Any]:
     """Everything that is shown, as JSON types and stats.Interval."""
     both, scene = sides(args.name, args.against), registry.find_scene(args.scene)
     needed = [*both.both, BASE]
     targets = [(spec, target) for spec in both.both for target in ("render", "render-count")]
-    build_together([*targets, (BASE, "render")], len(run.USABLE))
+    build_together([*targets, (BASE, "render")], len(driver.USABLE))
     for spec in needed:
         build(spec)
     found, same, strip = errors(both, scene, args.n)
@@ -271,27 +270,24 @@ def files(both: Sides) -> dict[Path, float]:
     return found
 
 
-def watch(args: argparse.Namespace, words: Sequence[str]) -> int:
+def watch(args: argparse.Namespace) -> Outcome:
     """Again at every save; each time in a process of its own, which builds anew."""
     both = sides(args.name, args.against)
+    words = [args.name, "--against", both.parent, "--scene", args.scene, "-n", args.n]
+    words += ["--launches", args.launches, "--seed", args.seed, *["--json"] * args.json]
     while True:
         seen = files(both)
-        subprocess.run(
-            [sys.executable, str(registry.ROOT / "scripts" / "stepwise"), "try", *words], check=False
-        )
+        command = [sys.executable, registry.ROOT / "scripts" / "stepwise", "try", *map(str, words)]
+        subprocess.run(command, check=False)
         cli.say("watching; Ctrl-C ends")
         while files(both) == seen:
             time.sleep(POLL)
             registry.phases.cache_clear()
 
 
-def main() -> int:
-    args = arguments()
+def run(args: argparse.Namespace) -> Outcome:
     if args.watch:
-        return watch(args, [word for word in sys.argv[1:] if word != "--watch"])
-    result = measure(args)
-    if args.json:
-        cli.emit(result)
-    else:
-        print(text(result))
-    return cli.FAILED if result["sides"][1]["fails"] else cli.OK
+        return watch(args)
+    result = compared(args)
+    status = cli.FAILED if result["sides"][1]["fails"] else cli.OK
+    return Outcome(result, [text(result)], status=status)

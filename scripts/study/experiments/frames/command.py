@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from study.core import cli, registry, run, temporary
+from study.core.cli import Outcome
 from study.experiments import running
 from study.experiments.frames import measure as frames
 from study.experiments.frames import tables as frames_page
@@ -16,27 +17,21 @@ footprint. The newest phases come first. What does not fit the time is named."""
 SECONDS = 60
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(
-        DESCRIPTION, {1: "a picture has samples that are not finite, or is displayed as another"}
-    )
+STATUSES = {cli.FAILED: "a picture has samples that are not finite, or is displayed as another"}
+
+
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--phase", nargs="+", metavar="PHASE", help="default: every phase with threads")
     add("--scene", nargs="+", default=list(frames.GOALS), metavar="SCENE", help="default: %(default)s")
-    add(
-        "-n",
-        type=cli.at_least(16),
-        metavar="HEIGHT",
-        help="height; default: 1080 and 720, which the goals are for",
-    )
+    about = "height; default: 1080 and 720, which the goals are for"
+    add("-n", type=cli.at_least(16), metavar="HEIGHT", help=about)
     add("--threads", type=cli.at_least(1), default=len(run.USABLE), help="default: all CPUs")
     running.budget(parser, SECONDS)
     running.options(parser, "frames.json and figures/", "frames")
-    return parser.parse_args()
 
 
-def main() -> int:
-    args = arguments()
+def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     specs, wanted = (
         frames.threaded(args.phase),
@@ -55,4 +50,5 @@ def main() -> int:
         if row["non_finite"] or row["displayed_otherwise"]
     ]
     left = [f"left out {row['phase']} {row.get('scene', '')}: {row['reason']}" for row in result["left_out"]]
-    return running.end(args, result, [*map(frames_page.sentence, result["rows"]), *paths], bad, left)
+    lines = [*map(frames_page.sentence, result["rows"]), *paths]
+    return Outcome(result, lines, folder, left, bad)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.frames import chapter
+from study.experiments.frames import chapter, command
 from study.experiments.frames.schema import SCHEMAS
 
 SECONDS, WHOLE_SECONDS, QUICK_SECONDS = "45", "600", "8"
@@ -19,6 +19,7 @@ def calls(study: Study) -> list[Call]:
 
 EXPERIMENT = Experiment(
     name="frames",
+    command=command,
     what="frames a second",
     turn=110,
     schemas=SCHEMAS,

@@ -8,8 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from study.core import cli, progress, store
+from study.core.cli import Outcome
 from study.experiments import running, shards
-from study.experiments.random import measure
+from study.experiments.random import inputs
 
 DESCRIPTION = """\
 Scenes are drawn by tests/hard/test_random_scenes.py, other ones for each seed. They are any scenes, scenes at
@@ -20,34 +21,24 @@ FILE = "random.json"
 Unit = tuple[str, int]
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "an input broke a phase or a reader", 3: "clang is missing"})
+STATUSES = {cli.FAILED: "an input broke a phase or a reader", cli.CANNOT_RUN: "clang is missing"}
+
+
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    kinds = measure.kinds()
-    add(
-        "--kind",
-        nargs="+",
-        choices=kinds,
-        default=kinds,
-        metavar="KIND",
-        help=f"of {', '.join(kinds)}; default: all",
-    )
+    kinds = inputs.kinds()
+    about = f"of {', '.join(kinds)}; default: all"
+    add("--kind", nargs="+", choices=kinds, default=kinds, metavar="KIND", help=about)
     add("--seeds", type=cli.at_least(1), default=4, metavar="N", help="of each kind; default: 4")
     add("--first-seed", type=cli.at_least(1), default=1, metavar="K", help="default: 1")
     add("--scenes", type=cli.at_least(1), default=20, metavar="N", help="for each seed; default: 20")
-    add(
-        "--executions",
-        type=cli.at_least(1),
-        default=200_000,
-        metavar="N",
-        help="of a harness for each seed; default: 200000",
-    )
+    about = "of a harness for each seed; default: 200000"
+    add("--executions", type=cli.at_least(1), default=200_000, metavar="N", help=about)
     add("--run", type=Path, metavar="DIR", help="for random.json; default: build/random")
     cores = len(os.sched_getaffinity(0))
     add("--jobs", type=cli.at_least(1), default=cores, help="seeds tried at a time; default: CPUs")
     parser.set_defaults(home="random")
     shards.option(parser, "pairs of kind and seed")
-    return parser.parse_args()
 
 
 def units(args: argparse.Namespace) -> list[Unit]:
@@ -56,17 +47,16 @@ def units(args: argparse.Namespace) -> list[Unit]:
     return [(kind, seed) for kind in dict.fromkeys(args.kind) for seed in seeds]
 
 
-def main() -> int:
-    args = arguments()
+def measure(args: argparse.Namespace) -> Outcome:
     chosen = shards.part(units(args), args.shard)
     folder = running.folder(args)
-    measure.prepare([kind for kind, _ in chosen])
+    inputs.prepare([kind for kind, _ in chosen])
 
-    def one(unit: Unit) -> measure.Row:
+    def one(unit: Unit) -> inputs.Row:
         kind, seed = unit
-        if kind in measure.SCENES:
-            return measure.scenes(kind, seed, args.scenes)
-        return measure.fuzzed(kind, seed, args.executions)
+        if kind in inputs.SCENES:
+            return inputs.scenes(kind, seed, args.scenes)
+        return inputs.fuzzed(kind, seed, args.executions)
 
     with ThreadPoolExecutor(args.jobs) as pool:
         rows = list(progress.each(pool.map(one, chosen), "seeds", len(chosen)))
@@ -79,4 +69,4 @@ def main() -> int:
         f"{sum(row['kind'] == kind for row in rows)} seeds"
         for kind in dict.fromkeys(row["kind"] for row in rows)
     ]
-    return running.end(args, result, [*lines, path], failed)
+    return Outcome(result, [*lines, path], folder, failed=failed)

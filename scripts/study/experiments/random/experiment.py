@@ -9,6 +9,7 @@ from study.experiments.shards import Sharded
 
 EXPERIMENT = Experiment(
     name="random",
+    command=command,
     what="random scenes and random bytes",
     turn=303,
     schemas=SCHEMAS,

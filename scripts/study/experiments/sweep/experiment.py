@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from study.core.run_schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.sweep import chapter, work
+from study.experiments.sweep import chapter, command, work
 
 
 def calls(study: Study) -> list[Call]:
@@ -13,6 +13,7 @@ def calls(study: Study) -> list[Call]:
 
 EXPERIMENT = Experiment(
     name="sweep",
+    command=command,
     what="times of every phase",
     turn=0,
     schemas=SCHEMAS,

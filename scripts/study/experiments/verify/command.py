@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 from itertools import product
 from pathlib import Path
 
-from study.core import cli, progress, registry, store
-from study.core.cli import StudyError
+from study.core import cli, progress, registry, run, store
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
 from study.pictures import gate, images, panels
@@ -113,9 +112,10 @@ def table(pairs: list[dict]) -> str:
     return "\n".join(form.format(*row).rstrip() for row in zip(*columns, strict=True))
 
 
-def arguments() -> argparse.Namespace:
-    cores = len(os.sched_getaffinity(0))
-    parser = cli.parser(__doc__, {1: "a pair is outside its tolerance", 3: "no phase could run on this CPU"})
+STATUSES = {cli.FAILED: "a pair is outside its tolerance", cli.CANNOT_RUN: "no phase could run on this CPU"}
+
+
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--reference", default="baseline", metavar="PHASE", help="default: baseline")
     about = "e.g. opt4, or opt2@opt4; default: all. The row of its parent stands beside, not judged"
@@ -128,18 +128,12 @@ def arguments() -> argparse.Namespace:
     about = f"height of fractal scenes' means of {FACTOR}x{FACTOR} pixels; default: 180"
     add("--antialias-n", type=cli.at_least(1), default=180, metavar="HEIGHT", help=about)
     add("--run", type=Path, metavar="DIR", help="for verify.json and images/; default: build/verify")
-    add(
-        "--jobs",
-        type=cli.at_least(1),
-        default=cores,
-        help="pictures rendered at a time; default: CPUs",
-    )
+    about = "pictures rendered at a time; default: CPUs"
+    add("--jobs", type=cli.at_least(1), default=len(run.USABLE), help=about)
     add("--heatmaps", action="store_true", help="of every pair, not only of failing ones")
-    return parser.parse_args()
 
 
-def main() -> int:
-    args = arguments()
+def measure(args: argparse.Namespace) -> Outcome:
     asked = args.phase or [phase.name for phase in registry.ladder().values() if phase.parent]
     reference = Spec.parse(args.reference)
     specs, extra = with_parents(asked, reference)
@@ -179,31 +173,35 @@ def main() -> int:
     tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
     result = {"schema": 1, "reference": str(reference), **tools, "pairs": pairs, "skipped": skipped}
     store.write_json(folder / "verify.json", result)
-    report(args, result, folder)
-    judged = [pair for pair in pairs if not pair["beside"]]
-    if not judged:
-        return cli.CANNOT_RUN
-    return cli.FAILED if any(pair["within_tolerance"] is False for pair in judged) else cli.OK
+    return told(result, folder)
 
 
-def report(args: argparse.Namespace, result: dict, folder: Path) -> None:
-    """JSON or a table; then what was skipped and what failed."""
-    if args.json:
-        cli.emit(result, folder)
-    elif result["pairs"]:
-        print(table(result["pairs"]))
-        print(f"Linear RGB in [0, 1] where not called display; FLIP: {images.FLIP_TOOL}.")
-        print(f"Pictures: {folder}/images")
-    for item in result["skipped"]:
-        cli.say(f"skipped {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}")
+def told(result: dict, folder: Path) -> Outcome:
+    """A table; what was skipped and what failed."""
+    pairs = result["pairs"]
+    lines = [
+        table(pairs),
+        f"Linear RGB in [0, 1] where not called display; FLIP: {images.FLIP_TOOL}.",
+        f"Pictures: {folder}/images",
+    ]
+    said = [
+        f"skipped {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}"
+        for item in result["skipped"]
+    ]
     by_truth: dict[str, list[str]] = {}
-    for pair in result["pairs"]:
+    for pair in pairs:
         if pair.get("left_to"):
             by_truth.setdefault(pair["phase"], []).append(pair["scene"])
     for phase, scenes in by_truth.items():
-        cli.say(f"{phase}: {TRUTH} judges its error to ground truth; here only that all samples are finite")
-        cli.say(f"  on {' '.join(scenes)}")
-    for pair in result["pairs"]:
-        if pair["within_tolerance"] is False and not pair["beside"]:
-            where = f" (heat map: {folder / pair['heatmap']})" if "heatmap" in pair else ""
-            cli.say(f"FAIL {pair['phase']} on {pair['scene']}: {'; '.join(pair['why'])}{where}")
+        said.append(
+            f"{phase}: {TRUTH} judges its error to ground truth; here only that all samples are finite"
+        )
+        said.append(f"  on {' '.join(scenes)}")
+    failed = [
+        f"{pair['phase']} on {pair['scene']}: {'; '.join(pair['why'])}"
+        + (f" (heat map: {folder / pair['heatmap']})" if "heatmap" in pair else "")
+        for pair in pairs
+        if pair["within_tolerance"] is False and not pair["beside"]
+    ]
+    judged = [pair for pair in pairs if not pair["beside"]]
+    return Outcome(result, lines if pairs else [], folder, said, failed, None if judged else cli.CANNOT_RUN)

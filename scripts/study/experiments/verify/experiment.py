@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.verify import chapter
+from study.experiments.verify import chapter, command
 from study.numbers import analysis
 from study.numbers.schema import Verify
 
@@ -22,6 +22,7 @@ def calls(study: Study) -> list[Call]:
 
 EXPERIMENT = Experiment(
     name="verify",
+    command=command,
     what="every phase on all scenes against baseline",
     turn=10,
     schemas={"verify.json": Verify},
