@@ -12,20 +12,17 @@ import pytest
 from conformance.feature_scenes import FLOOR, scene, shape
 from study.core import store
 from study.core.registry import Scene
-from study.experiments.fixed import measure as fixed
-from study.experiments.moving.measure import environment
-from study.experiments.rods import measure as rods
-from study.measuring import rays as packets_rays
+from study.measuring import hits
 
 COUNT, SIZE = 4096, (43, 24)
 # Its disc is within the first block of 16 × 16 pixels: no ray through a corner of a block meets it.
 PLACE, RADIUS = [-3.66, 0.93, 2.0], 0.43
 AWAKE = {
-    "fixed": (fixed.SETTINGS, "clear=safe"),
-    "fixed_simd": (fixed.SETTINGS, ""),
-    "fixed_float": (fixed.SETTINGS, ""),
-    "rods_simd": (rods.SETTINGS, ""),
-    "packets": (packets_rays.SETTINGS, ""),
+    "fixed": ("STEPWISE_FIXED", "clear=safe"),
+    "fixed_simd": ("STEPWISE_FIXED", ""),
+    "fixed_float": ("STEPWISE_FIXED", ""),
+    "rods_simd": ("STEPWISE_RODS", ""),
+    "packets": ("STEPWISE_PACKETS", ""),
 }
 LADDER = (
     "baseline",
@@ -66,8 +63,8 @@ def draw(tmp_path_factory):
         )
         path: Path = folder / f"{count}.json"
         store.write_json(path, data)
-        with environment({variable: words} if variable else {}):
-            return rods.picture(phase, "", Scene(path.stem, path, data, False), SIZE)
+        told = {variable: words} if variable else {}
+        return hits.picture(phase, Scene(path.stem, path, data, False), SIZE, told)
 
     return one
 
@@ -99,7 +96,7 @@ def test_mirrors_in_one_place_in_soft_light(phase: str, kind: str, tmp_path: Pat
         data = scene(shapes, light={"shadows": shadows}, march={"max_bounces": 2})
         path = tmp_path / f"{count}-{shadows}.json"
         store.write_json(path, data)
-        return rods.picture(phase, "", Scene(path.stem, path, data, False), (32, 18))
+        return hits.picture(phase, Scene(path.stem, path, data, False), (32, 18))
 
     one, many, unshadowed = draw(1, "soft"), draw(COUNT - 1, "soft"), draw(1, "none")
     assert set(np.unique(one["id"])) == {-1.0, 0.0, 1.0}
@@ -112,7 +109,7 @@ def test_mirrors_in_one_place_in_soft_light(phase: str, kind: str, tmp_path: Pat
 
 
 def test_the_articles_corners_lose_all_of_them(draw):
-    made = draw("fixed", COUNT, fixed.SETTINGS, "roots=article clear=corners")
+    made = draw("fixed", COUNT, "STEPWISE_FIXED", "roots=article clear=corners")
     assert (made["id"] < 0).all() and (made["cleared"][expected()] == 1).all()
-    whole = draw("fixed", COUNT, fixed.SETTINGS, "roots=article clear=never")
+    whole = draw("fixed", COUNT, "STEPWISE_FIXED", "roots=article clear=never")
     assert np.array_equal(whole["id"] >= 0, expected()), "it is the clearing that loses them"

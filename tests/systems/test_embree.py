@@ -1,4 +1,4 @@
-"""The program hits, beside Embree and without it, and scripts/stepwise packets from rays to packets.json."""
+"""The program hits, beside Embree and without it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +14,7 @@ import pytest
 from conformance.feature_scenes import FLOOR, scene, shape
 from study.core import store
 from study.core.build import build
-from study.core.registry import ROOT, Scene, find_scene
-from study.experiments.packets import command
-from study.experiments.packets import figures as packets_figures
+from study.core.registry import ROOT
 from study.experiments.packets import measure as packets
 from study.measuring import rays as packets_rays
 
@@ -61,16 +58,16 @@ def test_embree_meets_what_we_meet(name, path):
     for reps in (1, 3, 4):
         record, found = packets_rays.hits(path, rays, "primary", reps=reps, beside=True)
         about = r"Embree [34]\.\d+\.\d+, packets of 16 (native|emulated)(, a build with assertions)?"
-        assert re.fullmatch(about, record["embree"])
+        assert re.fullmatch(about, record.embree)
         assert found.shape == (2, COUNT, 2) and set(np.unique(found[1, :, 1])) == there
         said = packets.agreement(data, "primary", rays, found)
-        assert said["compared"] > 900 and said["other_shape"] <= 1 and said["dt_max"] < 1e-4
-        assert all(len(record[key]) == reps for key in ("ns", "embree16_ns", "embree1_ns"))
-        assert len(record["embree_stream_ns"]) == (reps if record["embree"].startswith("Embree 3") else 0)
+        assert said.compared > 900 and said.other_shape <= 1 and said.dt_max < 1e-4
+        assert len(record.ns) == len(record.embree16_ns) == len(record.embree1_ns) == reps
+        assert len(record.embree_stream_ns) == (reps if record.embree.startswith("Embree 3") else 0)
         hits.append(found[1])
         rays[:, 6] = np.where(np.isfinite(found[0, :, 0]), found[0, :, 0], 20) + np.resize([-0.1, 0.1], COUNT)
         record, blocked = packets_rays.hits(path, rays, "shadow", reps=reps, beside=True)
-        other = packets.agreement(data, "shadow", rays, blocked)["other_shape"]
+        other = packets.agreement(data, "shadow", rays, blocked).other_shape
         assert other <= 1 and 50 < (blocked[1, :, 0] == -np.inf).sum() < 900
     for found in hits[:2]:
         same = found[:, 1] == hits[2][:, 1]
@@ -235,57 +232,6 @@ def test_a_failed_write_leaves_what_was_there(path):
     )
     assert done.returncode == 2 and b"hits.out cannot be written" in done.stderr
     assert out.read_bytes() == b"before" and sorted(os.listdir(path.parent)) == ["hits.out", "scene.json"]
-
-
-def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
-    """One scene, one marching phase: the rest is the script's own."""
-    store.write_json(tmp_path / "balls.json", data := packets_rays.balls())
-    monkeypatch.setattr(
-        packets_rays, "scenes", lambda _: [Scene("balls", tmp_path / "balls.json", data, False)]
-    )
-    monkeypatch.setattr(packets, "drawn_scenes", lambda _: [find_scene("spheres40")])
-    monkeypatch.setattr(packets, "MARCHED", ("opt8_streams",))
-    words = ["--ray-n", "32", "-n", "16", "--launches", "2", "--reps", "1", "--seed", "1"]
-    words += ["--frames", "3", "--frame-n", "16", "--vectors", "4096"]
-    monkeypatch.setattr(sys, "argv", ["stepwise packets", *words, "--run", str(tmp_path)])
-    assert command.main() == 0
-    result = store.read_json(tmp_path / packets.FILE)
-    assert [row["kind"] for row in result["rays"]] == list(packets_rays.KINDS)
-    keys = {
-        "scene",
-        "kind",
-        "rays",
-        "embree",
-        "variants",
-        "newton_dt_max",
-        "embree16",
-        "embree1",
-        "embree_stream",
-        "agreement",
-    }
-    ends = {f"{way}_ratio{end}" for way in packets.EMBREE for end in ("", "_low", "_high")}
-    there = any(h.exists() for h in HEADERS)
-    for row in result["rays"]:
-        assert set(row) == keys | ends and row["rays"] > 100
-        assert (row["agreement"] is not None) == there == (row["embree16"] is not None)
-        assert {v["name"] for v in row["variants"]} >= {"own", "kd-tree", "each alone", "root by Newton"}
-    (drawn,) = result["drawn"]
-    assert [r["phase"] for r in drawn["rows"]] == ["packets", "opt8_streams"]
-    assert all(r["threads"][0]["threads"] == 1 for r in drawn["rows"])
-    trees = [(row["tree"], row["settings"].split()[0], row["threads"]) for row in result["animation"]]
-    assert trees[0] == ("BVH", "tree=bvh", 1) and trees[-1][:2] == ("kd-tree", "tree=kd")
-    most = max(row["threads"] for row in result["animation"])
-    for row in result["animation"]:  # all frames by the phase's own tree on every core, two at least else
-        frames = 3 if (row["tree"], row["threads"]) == ("BVH", most) else 2
-        assert (len(row["all_ms"]), row["update_ms"] > 0) == (frames, True)
-    assert [row["root"] for row in result["roots"]] == ["exact", "newton"]
-    assert all(row["ms"] > 0 and row["psnr_db"] > 60 for row in result["roots"])
-    isas = {row["isa"] for row in result["normalise"]}
-    assert isas >= {"scalar", "SSE"} and {row["vectors"] for row in result["normalise"]} == {4096}
-    said = capsys.readouterr().out
-    assert "balls, mirror:" in said and "spheres40" in said and "animation, packets, 1 threads" in said
-    assert (tmp_path / "images" / "packets-pictures.png").exists()
-    assert (tmp_path / "figures" / f"{packets_figures.FIGURE}.svg").exists()
 
 
 def test_a_build_with_assertions_is_told(tmp_path) -> None:

@@ -15,7 +15,6 @@ import pytest
 
 from study.core.build import build
 from study.core.registry import ROOT
-from study.experiments.fixed import measure as fixed
 
 SCENE = ROOT / "common" / "scenes" / "spheres40.json"
 HEIGHT = 90
@@ -41,7 +40,7 @@ def profile(program: Path, words: str, out: Path, *more: str) -> str:
     """Callgrind's file of one frame of SCENE by the program, what runs below TILE alone."""
     command = ["valgrind", "--tool=callgrind", f"--toggle-collect={TILE}", "--compress-pos=no", *more]
     command += [f"--callgrind-out-file={out}", str(program), str(SCENE), "-n", str(HEIGHT)]
-    env = os.environ | {fixed.SETTINGS: words, "STEPWISE_UNTIMED": "1"}
+    env = os.environ | {"STEPWISE_FIXED": words, "STEPWISE_UNTIMED": "1"}
     done = subprocess.run(command, capture_output=True, text=True, env=env)
     assert done.returncode == 0, done.stderr
     return out.read_text()

@@ -223,7 +223,7 @@ def test_every_way_meets_the_same_to_the_bit(name, written):
     for kind in ("primary", "shadow"):
         (_, first), *others = [packets_rays.hits(path, rays, kind, words) for words in WAYS]
         for words, (record, found) in zip(WAYS[1:], others, strict=True):
-            assert record["settings"].startswith(words.split()[0])
+            assert record.settings.startswith(words.split()[0])
             if kind == "shadow":
                 same = (first[0][:, 0] == -np.inf) == (found[0][:, 0] == -np.inf)
             else:

@@ -13,22 +13,19 @@ import statistics
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
-
 from study.bounds import roof
 from study.claims import compilers
 from study.claims.compilers import known
 from study.core import show
 from study.counting import flops, paper_rule
 from study.experiments.ablations.schema import Ablations
-from study.experiments.fixed import measure as fixed
+from study.experiments.fixed.schema import Fixed
 from study.experiments.functions.schema import Functions
 from study.experiments.hotspots.schema import Hotspots
 from study.experiments.lattice import measure as lattice
-from study.experiments.packets import measure as packets
-from study.experiments.rods import measure as rods
+from study.experiments.packets.schema import Packets
+from study.experiments.rods.schema import Rods
 from study.measuring import animation_tables
-from study.measuring.schema import Animation, Article
 from study.numbers import accuracy, stats
 from study.numbers.analysis import Data
 from study.numbers.stats import Interval
@@ -287,40 +284,40 @@ def _rtrm(data: Data, claim: Claim) -> Found:
 def _integers(data: Data, claim: Claim) -> Found:
     """Beside figures of 35 cores of another CPU: that decides nothing. Fewer frames than the article's are
     another stretch of the animation, whose frames drift: no ratio then."""
-    result = fixed.read(data.path / fixed.FILE)
-    mine = [r for r in result.get("animation", []) if (r["phase"], r["n"]) == (claim["phase"], claim["n"])]
-    mine = [r for r in mine if r.get("shadows", True)]
-    if not mine:
+    result = Fixed.load_if_there(data.path / "fixed.json")
+    mine = [r for r in result.animation if (r.phase, r.n) == (claim["phase"], claim["n"])] if result else []
+    mine = [r for r in mine if r.shadows]
+    if not result or not mine:
         return missing(f"frames of {claim['scene']} at n = {claim['n']:.0f}")
-    said = result["article"]
-    one = max(mine, key=lambda row: (row.get("frames") == said["frames"], row["threads"]))
-    cores = f"{one['threads']} thread{'s' * (one['threads'] > 1)}"
-    ratio = animation_tables.per_article(msgspec.convert(one, Animation), msgspec.convert(said, Article))
+    said = result.article
+    one = max(mine, key=lambda row: (row.frames == said.frames, row.threads))
+    cores = f"{one.threads} thread{'s' * (one.threads > 1)}"
+    ratio = animation_tables.per_article(one, said)
     if ratio is not None:
         beside = f"{show.number(ratio)}× its pixels per core and second"
     else:
-        beside = f"{one.get('frames', '?')} frames of {one.get('width', '?')}×{one['n']}, no ratio"
-    mean = one["ms"].get("mean", one["ms"]["p50"])  # the article's is one; older files have none
-    text = f"{mean:.1f} ms on {cores}: {beside}"
-    text += f" (5 to 95 % of its frames: {one['ms']['p5']:.1f} to {one['ms']['p95']:.1f} ms)"
-    return Found(text, NEVER, claim["note"], mean, n=one["n"])  # of one process: no interval
+        beside = f"{one.frames} frames of {one.width}×{one.n}, no ratio"
+    text = f"{one.ms.mean:.1f} ms on {cores}: {beside}"
+    text += f" (5 to 95 % of its frames: {one.ms.p5:.1f} to {one.ms.p95:.1f} ms)"
+    return Found(text, NEVER, claim["note"], one.ms.mean, n=one.n)  # of one process: no interval
 
 
 def _linear(data: Data, claim: Claim) -> Found:
     """The gain of the most threads over one, per thread, of the longest frame: waking is no work."""
     made: list[tuple[float, Interval, str, int]] = []
-    for drawn in packets.read(data.path / packets.FILE)["drawn"]:
-        by = {t["threads"]: t for r in drawn["rows"] if r["phase"] == claim["phase"] for t in r["threads"]}
+    result = Packets.load_if_there(data.path / "packets.json")
+    for drawn in result.drawn if result else ():
+        by = {t.threads: t.launches or [] for r in drawn.rows if r.phase == claim["phase"] for t in r.threads}
         if len(by) > 1 and 1 in by:
             most = max(by)
-            gain = stats.ratio_interval(by[1]["launches"], by[most]["launches"])
+            gain = stats.ratio_interval(by[1], by[most])
             share = Interval(
                 gain.value / most, gain.low / most, gain.high / most, gain.launches, gain.sufficient
             )
-            longest = statistics.median(by[1]["launches"])
-            what = f"{drawn['scene']} at n = {drawn['n']} ({longest:.2g} ms)"
+            longest = statistics.median(by[1])
+            what = f"{drawn.scene} at n = {drawn.n} ({longest:.2g} ms)"
             text = f"{gain.value:.2f}× on {most} threads, {what}"
-            made.append((longest, share, text, drawn["n"]))
+            made.append((longest, share, text, drawn.n))
     if not made:
         return missing(f"time of {claim['phase']} on several threads")
     _, share, text, n = max(made, key=lambda one: one[0])
@@ -331,22 +328,23 @@ def _linear(data: Data, claim: Claim) -> Found:
 
 
 def _rods_fewer(data: Data, claim: Claim) -> Found:
-    if not (own := rods.read(data.path / rods.FILE).get("own")):
-        return missing(rods.FILE)
-    counts = [own[name]["evaluations"] for name in ("pixels", "rods")]
-    text = f"{counts[0]:.3g} evaluations a pixel against {counts[1]:.3g}: {own['fewer']:.3g}×"
-    verdict, why = judged(own["fewer"], claim["value"])
-    return sized(Found(text, verdict, why, own["fewer"], n=own["n"]), claim["n"])
+    if not (result := Rods.load_if_there(data.path / "rods.json")):
+        return missing("rods.json")
+    own = result.own
+    counts = [one.evaluations for one in (own.pixels, own.rods)]
+    text = f"{counts[0]:.3g} evaluations a pixel against {counts[1]:.3g}: {own.fewer:.3g}×"
+    verdict, why = judged(own.fewer, claim["value"])
+    return sized(Found(text, verdict, why, own.fewer, n=own.n), claim["n"])
 
 
 def _rods_gain(data: Data, claim: Claim) -> Found:
-    if not (own := rods.read(data.path / rods.FILE).get("own")):
-        return missing(rods.FILE)
-    times = [own[name]["ms"] for name in ("pixels", "rods")]
-    ends = _ends(own, "gain_low", "gain_high")
-    text = f"{own['gain']:.2f}×: {times[0]:.3g} ms per pixel, {times[1]:.3g} ms by rods"
-    verdict, why = judged(own["gain"], claim["value"])
-    return sized(timed(Found(text, verdict, why, own["gain"], *ends, own["n"])), claim["n"])
+    if not (result := Rods.load_if_there(data.path / "rods.json")):
+        return missing("rods.json")
+    own = result.own
+    text = f"{own.gain:.2f}×: {own.pixels.ms:.3g} ms per pixel, {own.rods.ms:.3g} ms by rods"
+    verdict, why = judged(own.gain, claim["value"])
+    ends = (math.nan if end is None else end for end in (own.gain_low, own.gain_high))
+    return sized(timed(Found(text, verdict, why, own.gain, *ends, own.n)), claim["n"])
 
 
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {

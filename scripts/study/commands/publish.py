@@ -17,7 +17,6 @@ from study.core import cli, machine, provenance, store, temporary
 from study.core.cli import StudyError
 from study.core.run_schema import RUN_TOML, About, Context
 from study.experiments import experiment
-from study.experiments.rods import measure as rods
 from study.numbers import analysis
 from study.pictures import images
 from study.report import compared
@@ -46,7 +45,7 @@ def without_all(throttled: Any) -> Any:
 def copy_files(run: Path, folder: Path) -> None:
     """The JSON files and the frames. Raises StudyError."""
     for file in sorted(run.glob("*.json")):
-        if file.name == rods.THROTTLE:
+        if file.name == "throttle.json":
             store.write_json(folder / file.name, without_all(store.read_json(file)))
         elif file.name in PACKED:
             text = json.dumps(store.read_json(file), separators=(",", ":"))

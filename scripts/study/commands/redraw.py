@@ -5,42 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from study.core import cli, registry, store
+from study.core import cli, store
 from study.core.cli import StudyError
 from study.experiments import experiment
-from study.experiments.fixed import pictures as fixed_pictures
-from study.experiments.packets import pictures as packets_pictures
-from study.experiments.rods import measure as rods
-from study.experiments.rods import pictures as rods_pictures
 from study.experiments.section import reading
-from study.experiments.systems import pictures as systems_pictures
-from study.measuring import rays as packets_rays
 from study.numbers import analysis
 
-PACKETS = 180  # height, as scripts/stepwise packets has
 
-
-def packets(out: Path) -> list[Path]:
-    made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
-    return packets_pictures.write_pictures(out, packets_rays.scenes(made), PACKETS)
-
-
-# Of pictures: the phases that they show must be built.
-SHEETS: dict[str, Callable[[Path], list[Path]]] = {
-    "rods-pictures": lambda out: rods_pictures.write_pictures(out, rods.ARTICLE["size"]),
-    "packets-pictures": packets,
-    "systems-pictures": systems_pictures.write_pictures,
-    "fixed-blocks": fixed_pictures.write_pictures,
-}
+def sheets() -> dict[str, Callable[[Path], list[Path]]]:
+    """Sheets of pictures by name: the phases that they show must be built."""
+    return {name: make for one in experiment.find_all().values() for name, make in one.sheets.items()}
 
 
 def main() -> int:
-    parser = cli.parser(__doc__ or "")
+    parser, known = cli.parser(__doc__ or ""), sheets()
     parser.add_argument("run", type=Path, metavar="RUN", help="its folder")
     about = "where figures/ and images/ go; default: RUN"
     parser.add_argument("-o", "--out", type=Path, metavar="PATH", help=about)
     about = (
-        f"chapters of the report (pareto, roofline …), or of {', '.join(SHEETS)}, whose phases must be "
+        f"chapters of the report (pareto, roofline …), or of {', '.join(known)}, whose phases must be "
         "built; default: all chapters"
     )
     parser.add_argument("--only", nargs="+", metavar="NAME", help=about)
@@ -49,10 +32,10 @@ def main() -> int:
     chapters = {one.id: one for one in experiment.sections(data)}
     out, made = store.writable(args.out or args.run), []
     for name in args.only or chapters:
-        if name in SHEETS:
-            made += SHEETS[name](out)
+        if name in known:
+            made += known[name](out)
         elif name not in chapters:
-            raise StudyError(f"no chapter or sheet '{name}'; there are {', '.join([*chapters, *SHEETS])}")
+            raise StudyError(f"no chapter or sheet '{name}'; there are {', '.join([*chapters, *known])}")
         else:
             section = chapters[name]
             if args.only and not section.drawn:

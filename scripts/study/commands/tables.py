@@ -15,7 +15,6 @@ from study.core.marked_blocks import between
 from study.core.registry import ROOT
 from study.experiments import experiment
 from study.experiments.section import Section
-from study.experiments.systems import tables as systems
 from study.numbers import analysis, ladder, paper
 from study.numbers import columns as ladder_columns
 from study.numbers.analysis import Data
@@ -73,19 +72,20 @@ def machines(text: str) -> str:
 
 
 def systems_page(text: str, data: Data) -> str:
-    """Its text with the table of systems made anew from a run that has them: of each figure that an
-    article states, and of the others one. Raises StudyError without markers or systems.
-    """
-    rows = systems.few(systems.rows_of(data.path))
-    if not rows:
+    """Its text with the table of systems made anew from a run that has them. Raises StudyError without
+    markers or systems."""
+    known = experiment.find_all()
+    ((_, chapter),) = known["systems"].sections
+    (block, *_) = [part.markdown for part in chapter(data).parts if part.name == "systems"] or [None]
+    if block is None:
         raise StudyError(f"{data.path}: has no systems; make systems")
-    block = show.markdown(show.table(rows, systems.ROWS))
-    made_of = provenance.contexts(data.path, systems.FILES)
-    note = f"Measured on {show.inert(provenance.line(made_of) or machine_line(data))}; all rows: "
-    note += f"`{data.path.name}/tables/` (systems.md and, of P2's rays, packets.md: here are the best and "
-    note += "the worst ratio of all scenes and kinds). "
-    note += f"{provenance.disturbed(data.path, systems.FILES)}".strip()
-    return between(text, SYSTEMS_BEGIN, SYSTEMS_END, f"{block}\n{note.strip()}\n")
+    made_of = provenance.contexts(
+        data.path, [file for one in known.values() if one.system for file in one.schemas]
+    )
+    where = show.inert(provenance.line(made_of) or machine_line(data))
+    return between(
+        text, SYSTEMS_BEGIN, SYSTEMS_END, f"{block}\nMeasured on {where}; run `{data.path.name}`.\n"
+    )
 
 
 def main() -> int:

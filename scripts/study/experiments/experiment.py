@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from study.core import commands
 from study.core.cli import StudyError
 from study.core.schema import File
 from study.experiments import cuts
-from study.experiments.section import Section
+from study.experiments.section import Section, System
 from study.experiments.shards import Sharded
 from study.numbers.analysis import Data
 
@@ -78,7 +78,9 @@ class Experiment:
     answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `sharded`: how its
     work is parted, where its command has --shard.
     `lesson`: a phase and the text of its NOTES.md → that text with the experiment's table made anew, None
-    where it has none there. `command`: the module with `options(parser)` and `measure(args) -> Outcome`.
+    where it has none there. `system`: what a run has of another article's system. `sheets`: pictures that are
+    rendered anew into a run's images, by name. `command`: the module with `options(parser)` and
+    `measure(args) -> Outcome`.
     """
 
     name: str
@@ -91,6 +93,8 @@ class Experiment:
     cut: str = ""
     sharded: Sharded | None = None
     lesson: Callable[[str, str], str | None] | None = None
+    system: Callable[[Path], System | None] | None = None
+    sheets: Mapping[str, Callable[[Path], list[Path]]] = field(default_factory=dict)
     command: commands.Body | None = None
 
     def __post_init__(self) -> None:

@@ -84,6 +84,32 @@ class Section:
                 raise StudyError(f"{self.file or self.id}: {name!r} cannot be a file's name")
 
 
+@dataclass(frozen=True)
+class Claim:
+    """A figure that another article states, beside ours. `ratio`: ours over it; `error`: of our pictures, to
+    ground truth. `speed`: times as fast as the article's figure; `beside`: as its program, measured here."""
+
+    article: str
+    claim: str
+    said: str
+    ours: str
+    ratio: str
+    error: str
+    speed: float | None = None
+    beside: float | None = None
+
+
+@dataclass(frozen=True)
+class System:
+    """What a run has of a system that another article built. `note`: stands under the table of claims."""
+
+    claims: list[Claim]
+    parts: list[Part]
+    note: str = ""
+    drawn: dict[str, Drawing] = field(default_factory=dict)
+    images: dict[Path, str] = field(default_factory=dict)
+
+
 @contextlib.contextmanager
 def reading(file: Path | str, script: str) -> Iterator[None]:
     """Whatever the content of `file` makes fail becomes a StudyError: the file, why, and who writes it."""

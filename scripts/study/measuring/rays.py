@@ -1,66 +1,26 @@
-"""Rays for build/packets/hits: of the camera, to the light, mirrored, scattered; and the scenes they are of.
-
-The scenes are not in common/scenes: what is there goes through every suite with every phase.
-"""
+"""Rays for build/packets/hits: of the camera, to the light, mirrored, scattered."""
 
 from __future__ import annotations
 
-import copy
 import functools
-import json
 import math
 import os
 import re
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
-from study.core import generated_scenes as scaling_scenes
-from study.core import run, store, temporary
+from study.core import run, temporary
 from study.core.build import build
 from study.core.host import child
-from study.core.registry import Scene, find_scene
+from study.core.registry import Scene
 
 KINDS = ("primary", "shadow", "mirror", "scattered")
 SETTINGS = "STEPWISE_PACKETS"  # systems/packets/settings.h
 TILE, BLOCK = 16, 4  # pixels on a side: systems/packets/trace.h
-MANY = 4096
 Rays = np.ndarray  # float32, (count, 7): origin, unit direction, far
-
-
-def balls(name: str = "trio") -> dict[str, Any]:
-    """A scene's spheres and planes, unturned, under hard shadows."""
-    data = copy.deepcopy(find_scene(name).data)
-    data["shapes"] = [s for s in data["shapes"] if s["type"] in ("sphere", "plane")]
-    data["light"]["shadows"] = "hard"
-    return data
-
-
-def many(count: int = MANY, seed: int = 1) -> dict[str, Any]:
-    """`count` equal spheres, even over the picture and in depth; they cover scaling_scenes.COVERAGE of it."""
-    places = [(*place[:3], 1.0, "sphere") for place in scaling_scenes.placed("scattered", count, seed)]
-    rays = scaling_scenes.rays(*scaling_scenes.RAYS)
-    radius = scaling_scenes.quantile(scaling_scenes.least_gauge(places, rays), scaling_scenes.COVERAGE)
-    data = scaling_scenes.data("scattered", 1, seed)
-    names = list(data["materials"])
-    data["materials"][names[0]]["reflectivity"] = 0.5
-    data["light"]["shadows"] = "hard"
-    data["shapes"] = [
-        {"type": "sphere", "radius": radius, "position": list(p[:3]), "material": names[i % len(names)]}
-        for i, p in enumerate(places)
-    ]
-    return data
-
-
-def scenes(folder: Path) -> list[Scene]:
-    """spheres40 and, as files in `folder`, the two that are made here."""
-    found = [find_scene("spheres40")]
-    for name, data in (("trio_balls", balls()), (f"spheres{MANY}", many())):
-        path = folder / f"{name}.json"
-        store.write_json(path, data)
-        found.append(Scene(name, path, data, False))
-    return found
 
 
 def _unit(v: np.ndarray) -> np.ndarray:
@@ -135,6 +95,18 @@ def asserts(program: Path) -> bool:
     return bool(library) and b"__assert_fail" in Path(library[1]).read_bytes()
 
 
+class Record(msgspec.Struct):
+    """What the program says. Times are of repetitions, in ns; of Embree's ways those that it has."""
+
+    ns: list[float]
+    lanes: int
+    settings: str
+    embree: str
+    embree16_ns: list[float] = []
+    embree1_ns: list[float] = []
+    embree_stream_ns: list[float] = []
+
+
 def hits(
     scene: Path,
     rays: Rays,
@@ -146,35 +118,33 @@ def hits(
     *,
     cpu: int | None = None,
     env_bytes: int = 0,
-) -> tuple[dict[str, Any], np.ndarray]:
+) -> tuple[Record, np.ndarray]:
     """The program's record and hits, shape (1 or 2, count, 2): t and shape, of the phase and of Embree.
 
     `cpu`, `env_bytes`: as run.frames has them, of one thread. Raises DriverError.
     """
     program = build("packets", "hits")
     told = {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": limit} if limit else {})
-    environment, cpus = run.environment(env_bytes, more=told), run.cpu_set(cpu, 1) or set(run.USABLE)
-    options = (
-        ["--embree"] * beside
-        + ["--any"] * (kind == "shadow")
-        + ["--coherent"] * (kind in ("primary", "shadow"))
-    )
+    cpus = run.cpu_set(cpu, 1) or set(run.USABLE)
+    options = ["--embree"] if beside else []
+    options += ["--any"] if kind == "shadow" else []
+    options += ["--coherent"] if kind in ("primary", "shadow") else []
     with temporary.folder() as scratch:
         out = scratch / "hits"
-        command = [program, scene, *options, "--reps", str(reps), "-o", out]
+        command = [program, scene, *options, "--reps", reps, "-o", out]
         done = child.run(
             [str(w) for w in command],
             input=rays.tobytes(),
             capture_output=True,
-            env=environment,
+            env=run.environment(env_bytes, more=told),
             preexec_fn=lambda: os.sched_setaffinity(0, cpus),
         )
         if done.returncode != 0:
             raise run.DriverError(done.returncode, done.stderr.decode(errors="replace").strip())
         pairs = np.fromfile(out, "<f4").reshape(-1, len(rays), 2)
-    record = json.loads(done.stdout)
+    record = msgspec.json.decode(done.stdout, type=Record)
     if beside and asserts(Path(program)):
-        record["embree"] += ", a build with assertions"
+        record.embree += ", a build with assertions"
     return record, pairs
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
-import numpy as np
 
 from study.core.schema import Record, key
 
@@ -65,10 +64,10 @@ class Spread(Record, kw_only=True):
     """Milliseconds of a frame with its update."""
 
     mean: Annotated[float, key("ms", "of all frames")]
-    p5: Annotated[float, key("ms", "5th percentile")]
-    p50: Annotated[float, key("ms", "median")]
-    p95: Annotated[float, key("ms", "95th percentile")]
-    most: Annotated[float, key("ms", "the slowest")]
+    p5: Annotated[float | None, key("ms", "5th percentile")] = None
+    p50: Annotated[float | None, key("ms", "median")] = None
+    p95: Annotated[float | None, key("ms", "95th percentile")] = None
+    most: Annotated[float | None, key("ms", "the slowest")] = None
 
 
 class FrameErrors(HitErrors, kw_only=True):
@@ -88,7 +87,7 @@ class Animation(Record, kw_only=True):
     width: Annotated[int, key("pixels", "of the picture")]
     n: Annotated[int, key("pixels", "its height")]
     ms: Annotated[Spread, key("ms", "of a frame with its update")]
-    update_ms: Annotated[float, key("ms", "of it the update, median")]
+    update_ms: Annotated[float | None, key("ms", "of it the update, median")] = None
     core_ns_per_pixel: Annotated[float, key("ns", "mean × threads over pixels")]
     all_ms: Annotated[list[float] | None, key("ms", "every frame, in order")] = None
     resumed_at: Annotated[list[int], key("frames", "at which another process went on")] = msgspec.field(
@@ -111,17 +110,3 @@ class Article(Record, kw_only=True):
     spheres: Annotated[int, key("spheres", "in its scene")]
     bits: Annotated[int, key("bits", "of fraction")]
     cpu: Annotated[str, key("", "its name")]
-
-
-def with_mean(row: dict[str, Any]) -> dict[str, Any]:
-    """A row of an older file, which had the median in the mean's place, by its frames' times."""
-    if "mean" in row["ms"] or not row.get("all_ms"):
-        return row
-    mean = float(np.mean(row["all_ms"]))
-    per = {"core_ns_per_pixel": mean * 1e6 * row["threads"] / (row["width"] * row["n"])}
-    return row | {"ms": row["ms"] | {"mean": mean}} | per
-
-
-def with_means(data: Any) -> Any:
-    """A file with animations, as it is written today."""
-    return data | {"animation": [with_mean(row) for row in data.get("animation", [])]}

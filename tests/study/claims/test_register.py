@@ -14,9 +14,10 @@ import pandas as pd
 import pytest
 
 from study.claims import claims, register
+from study.core import cli
 from study.core.cli import StudyError
 from study.core.registry import ROOT
-from study.experiments.fixed import measure as fixed
+from study.experiments.fixed.measure import ARTICLE
 from study.numbers import analysis, paper
 from study.numbers.analysis import Data
 from study.numbers.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, judged, near
@@ -278,13 +279,13 @@ def test_frames_of_other_cores_decide_nothing(data) -> None:
     row |= {"ms": {"mean": 100.0, "p50": 98.0, "p5": 90.0, "p95": 120.0}}
     others = [row | {"n": 90, "threads": 2}, row | {"shadows": False, "threads": 2}]
     others += [row | {"frames": 225, "threads": 2}]  # not all of the animation
-    put(data, "fixed.json", {"rows": [{}], "article": fixed.ARTICLE, "animation": [*others, row]})
+    put(data, "fixed.json", {"rows": [{}], "article": cli.plain(ARTICLE), "animation": [*others, row]})
     found = register.CHECKS["integers"](data, claim)
     assert found.verdict == NEVER and found.value == 100
     assert math.isnan(found.low) and math.isnan(found.high), "frames of one process: no 95 % interval"
     spread = " (5 to 95 % of its frames: 90.0 to 120.0 ms)"
     assert found.here == f"100.0 ms on 1 thread: 5.00× its pixels per core and second{spread}"
-    put(data, "fixed.json", {"rows": [{}], "article": fixed.ARTICLE, "animation": others})
+    put(data, "fixed.json", {"rows": [{}], "article": cli.plain(ARTICLE), "animation": others})
     found = register.CHECKS["integers"](data, claim)
     assert found.here == f"100.0 ms on 2 threads: 225 frames of 1920×1080, no ratio{spread}"
 

@@ -23,11 +23,8 @@ import started
 from study.commands import publish as publishing
 from study.core import store
 from study.core.registry import ROOT
-from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import pictures as fixed_pictures
-from study.experiments.packets import measure as packets
 from study.experiments.packets import pictures as packets_pictures
-from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures as rods_pictures
 from study.experiments.systems import pictures as systems_pictures
 from study.pictures import images
@@ -60,9 +57,9 @@ def made(tmp_path) -> Path:
     """A run with files of the systems and a picture that is too large."""
     run = tmp_path / "run"
     shutil.copytree(FIXTURE, run)
-    complete.write(run / fixed.FILE, made_up.fixed_result())
-    complete.write(run / rods.FILE, made_up.rods_result())
-    complete.write(run / rods.THROTTLE, throttled())
+    complete.write(run / "fixed.json", made_up.published("fixed.json"))
+    complete.write(run / "rods.json", made_up.published("rods.json"))
+    complete.write(run / "throttle.json", throttled())
     complete.write(run / "counts.json", {"schema": 1, "declared": [], "measured": []})
     noise = np.random.default_rng(1).integers(0, 256, (300, 480, 3), dtype=np.uint8)
     images.write_png(run / "images" / f"{rods_pictures.PICTURES}.png", noise)
@@ -86,27 +83,27 @@ def publish(run: Path, folder: Path, *more: str):
 def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     """With the pictures of the systems that the run has: the four-corner test's fault, rays and rods, but not
     the sheet of all."""
-    complete.write(made / packets.FILE, made_up.packets_result())
+    complete.write(made / "packets.json", made_up.published("packets.json"))
     noise = np.random.default_rng(2).integers(0, 256, (300, 400, 3), dtype=np.uint8)
     modules = (fixed_pictures, packets_pictures, rods_pictures)
     for module in modules[:2]:  # that of rods is there
         images.write_png(made / "images" / f"{module.PICTURES}.png", noise)
     folder = tmp_path / "published"
-    content = json.loads((made / rods.FILE).read_text())
+    content = json.loads((made / "rods.json").read_text())
     content["context"] = {"git": {"commit": "f" * 40, "dirty": False}, "time": "2026-01-01T00:00:00+00:00"}
-    store.write_json(made / rods.FILE, content)
+    store.write_json(made / "rods.json", content)
     told = ("--command", "make study", "make systems", "--caveat", 'a "busy" machine')
     done = publish(made, folder, *told)
     assert done.returncode == 0, done.stderr
     assert "of 2 commits, which the note on the folder must say:" in done.stdout
     assert "\n  ffffffffff: rods\n" in done.stdout
-    kept = json.loads((folder / rods.THROTTLE).read_text())
-    whole = json.loads((made / rods.THROTTLE).read_text())
+    kept = json.loads((folder / "throttle.json").read_text())
+    whole = json.loads((made / "throttle.json").read_text())
     assert [row | {"all": old["all"]} for row, old in zip(kept["rows"], whole["rows"], strict=True)] == whole[
         "rows"
     ]
     assert not any("all" in row for row in kept["rows"])
-    assert (folder / rods.THROTTLE).stat().st_size < 10_000 < (made / rods.THROTTLE).stat().st_size
+    assert (folder / "throttle.json").stat().st_size < 10_000 < (made / "throttle.json").stat().st_size
     assert gzip.decompress((folder / "frames.jsonl.gz").read_bytes()) == (made / "frames.jsonl").read_bytes()
     packed = folder / "counts.json.gz"
     assert not (folder / "counts.json").exists()
@@ -226,6 +223,6 @@ def test_a_chapter_that_is_lost_is_an_error(made, tmp_path, monkeypatch):
         script.check(made, folder)
     script.copy_pictures(made, folder)
     script.check(made, folder)
-    (folder / rods.THROTTLE).unlink()
+    (folder / "throttle.json").unlink()
     with pytest.raises(script.StudyError, match="not as in the run: systems"):
         script.check(made, folder)

@@ -11,11 +11,9 @@ import pytest
 
 from study.core import provenance
 from study.core.run_schema import Context
-from study.experiments.fixed import measure as fixed
 from study.experiments.lattice import measure as lattice
-from study.experiments.rods import measure as rods
 
-FILES = [rods.FILE, fixed.FILE, lattice.FILE]
+FILES = ["rods.json", "fixed.json", lattice.FILE]
 OLD, NEW = "694a2379e4" + "0" * 30, "da3dd80826" + "1" * 30
 
 
@@ -35,9 +33,9 @@ def mixed(tmp_path) -> Path:
     """The run and its rods of one commit, integers of another, an hour later."""
     write(tmp_path, "context.json", context(OLD, "19:34"))
     write(tmp_path, "accuracy.json", {"rows": []})  # says nothing of where it was made
-    write(tmp_path, rods.FILE, made_up.rods_result() | {"context": context(OLD, "20:24", 1000)})
-    integers = made_up.fixed_result() | {"context": context(NEW, "21:24", 1000 + 7200)}
-    write(tmp_path, fixed.FILE, integers)
+    write(tmp_path, "rods.json", made_up.published("rods.json") | {"context": context(OLD, "20:24", 1000)})
+    integers = made_up.published("fixed.json") | {"context": context(NEW, "21:24", 1000 + 7200)}
+    write(tmp_path, "fixed.json", integers)
     return tmp_path
 
 
@@ -63,10 +61,10 @@ def test_how_quiet_the_machine_was_by_hand(mixed):
     content = [{"ms": 1, "launches": one} for one in (*launches["a"], launches["b"]["c"])]
     assert provenance.spread({"rows": content}) == (1.5, 4.0)
     assert provenance.spread({"rows": [], "launches": 6, "all": content}) is None, "a number, and tried ones"
-    write(mixed, rods.FILE, json.loads((mixed / rods.FILE).read_text()) | {"more": content})
-    text = provenance.disturbed(mixed, FILES)
-    assert ": rods 1.50 (at most 4.00)" in text and " 1.0 %" in text
-    again = json.loads((mixed / fixed.FILE).read_text()) | {"context": context(NEW, "21:24", 5)}
-    write(mixed, fixed.FILE, again)
+    (mixed / "rows.json").write_text(json.dumps({"rows": content}))
+    assert "rows 1.50 (at most 4.00)" in provenance.disturbed(mixed, ["rows.json"])
+    assert " 1.0 %" in provenance.disturbed(mixed, FILES)
+    again = json.loads((mixed / "fixed.json").read_text()) | {"context": context(NEW, "21:24", 5)}
+    write(mixed, "fixed.json", again)
     assert "hypervisor" not in provenance.disturbed(mixed, FILES), "the machine was started anew"
     assert provenance.disturbed(mixed / "none", FILES) == ""

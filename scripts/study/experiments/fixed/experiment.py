@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
+from study.experiments.fixed import command, pictures, tables
 from study.experiments.fixed.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -12,4 +13,7 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     depth=None,
     cut="A quick study has no systems: an animation of 900 frames takes minutes.",
+    command=command,
+    system=tables.system,
+    sheets={pictures.PICTURES: pictures.write_pictures},
 )

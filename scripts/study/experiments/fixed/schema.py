@@ -2,41 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, key
-from study.experiments.moving.schema import Animation, with_means
-from study.numbers.schema import Measured, TimedErrors, Times, TimesHigh, TimesLow
+from study.core.schema import key
+from study.measuring.schema import Animation, Article, TimedErrors, Times, TimesHigh, TimesLow
+from study.numbers.schema import Measured
 
 
 class Picture(TimedErrors, kw_only=True):
     """Times of a picture of spheres40 on one thread, and its errors to truth."""
 
-    cleared: Annotated[float | Absent | None, key("share of pixels", "in cleared blocks")] = ABSENT
-    wrongly_cleared_ppm: Annotated[float | Absent | None, key("ppm", "of those: truth sees a sphere")] = (
-        ABSENT
-    )
+    cleared: Annotated[float | None, key("share of pixels", "in cleared blocks")] = None
+    wrongly_cleared_ppm: Annotated[float | None, key("ppm", "of those: truth sees a sphere")] = None
 
 
 class Row(Picture, kw_only=True):
-    """One case of lanes, integers or floats, all in one interleaved run. `gain`: of the first case."""
+    """One case of lanes, integers or floats, all in one interleaved run. `gain`: of the first case. A case
+    that others are compared with has no ratio to itself."""
 
     case: Annotated[str, key("", "lanes; integers or floats")]
     phase: Annotated[str, key("", "its name")]
-    settings: Annotated[str | Absent, key("", "in the words of STEPWISE_FIXED")] = ABSENT
-    width: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
-    n: Annotated[int | Absent, key("pixels", "its height")] = ABSENT
-    gain: Times = ABSENT
-    gain_low: TimesLow = ABSENT
-    gain_high: TimesHigh = ABSENT
-    over_float: Annotated[float | Absent | None, key("×", "floats in the most lanes over this one")] = ABSENT
-    over_float_low: Annotated[float | Absent | None, key("×", "lower end")] = ABSENT
-    over_float_high: Annotated[float | Absent | None, key("×", "upper end")] = ABSENT
-    over_like_float: Annotated[float | Absent | None, key("×", "floats in as many lanes over this one")] = (
-        ABSENT
-    )
-    over_like_float_low: Annotated[float | Absent | None, key("×", "lower end")] = ABSENT
-    over_like_float_high: Annotated[float | Absent | None, key("×", "upper end")] = ABSENT
+    settings: Annotated[str, key("", "in the words of STEPWISE_FIXED")]
+    width: Annotated[int, key("pixels", "of the picture")]
+    n: Annotated[int, key("pixels", "its height")]
+    gain: Times = None
+    gain_low: TimesLow = None
+    gain_high: TimesHigh = None
+    over_float: Annotated[float | None, key("×", "floats in the most lanes over this one")] = None
+    over_float_low: Annotated[float | None, key("×", "lower end")] = None
+    over_float_high: Annotated[float | None, key("×", "upper end")] = None
+    over_like_float: Annotated[float | None, key("×", "floats in as many lanes over this one")] = None
+    over_like_float_low: Annotated[float | None, key("×", "lower end")] = None
+    over_like_float_high: Annotated[float | None, key("×", "upper end")] = None
 
 
 class Fraction(Picture, kw_only=True):
@@ -44,20 +41,20 @@ class Fraction(Picture, kw_only=True):
 
     bits: Annotated[int, key("bits", "of fraction")]
     roots: Annotated[str, key("", "the article's, or so many Newton steps")]
-    settings: Annotated[str | Absent, key("", "in the words of STEPWISE_FIXED")] = ABSENT
-    refused: Annotated[str | Absent, key("", "what does not fit; then there is nothing else")] = ABSENT
+    settings: Annotated[str, key("", "in the words of STEPWISE_FIXED")]
+    refused: Annotated[str | None, key("", "what does not fit; then there is nothing else")] = None
 
 
 class Clearing(Picture, kw_only=True):
     """A way to clear blocks, at a size."""
 
     clear: Annotated[str, key("", "never, by corners or by lists")]
-    width: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
-    n: Annotated[int | Absent, key("pixels", "its height")] = ABSENT
+    width: Annotated[int, key("pixels", "of the picture")]
+    n: Annotated[int, key("pixels", "its height")]
     against: Annotated[
-        str | Absent, key("", "of heights over 400 `never`: errors are to the picture without clearing")
-    ] = ABSENT
-    lost_pixels: Annotated[int | Absent, key("pixels", "that it sees and this one does not")] = ABSENT
+        str | None, key("", "of heights over 400 `never`: errors are to the picture without clearing")
+    ] = None
+    lost_pixels: Annotated[int | None, key("pixels", "that it sees and this one does not")] = None
 
 
 class Moving(Animation, kw_only=True):
@@ -71,15 +68,12 @@ class Fixed(Measured, kw_only=True):
     """Rays in integers against floats: lanes, bits of fraction, cleared blocks, an animation."""
 
     made_by: ClassVar[str] = "fixed"
-    article: Annotated[dict[str, Any], key("", "what the article says")]
+    article: Annotated[Article, key("", "what the article says")]
     rows: Annotated[list[Row], key("", "integers and floats by lanes", min_length=1)]
     sweep: Annotated[list[Fraction], key("", "bits of fraction")]
     clearing: Annotated[list[Clearing], key("", "cleared blocks")]
-    animation: Annotated[list[Moving] | Absent, key("", "spheres40_animated")] = ABSENT
-
-    @classmethod
-    def current(cls, data: Any) -> Any:
-        return with_means(data)
+    animation: Annotated[list[Moving], key("", "spheres40_animated")]
 
 
-SCHEMAS = {"fixed.json": Fixed}
+FILE = "fixed.json"
+SCHEMAS = {FILE: Fixed}

@@ -1,68 +1,92 @@
-"""Frames a second and error along a camera's path: by rods, packets, both, and a phase of the ladder."""
+"""Frames a second and error along a camera's path, by rods, packets and the ladder; or of still scenes."""
 
 from __future__ import annotations
 
 import argparse
 
-from study.core import cli, registry, temporary
-from study.core.cli import StudyError
+from study.core import cli, registry, run, temporary
+from study.core.cli import Outcome, StudyError
 from study.experiments import running
 from study.experiments.flight import measure as flight
-from study.experiments.flight import tables as page
+from study.experiments.flight import tables, throttle, throttle_tables
+from study.experiments.flight.schema import FILE, THROTTLE, Flight, Throttle
+from study.measuring import hit_tables
 
 DESCRIPTION = """\
 Flies along the path of a scene's camera. At some places it measures the time of a frame, its error to ground
 truth and its evaluations. Four programs draw each place: rods as in the article, packets alone, the
 throttle's choice of rods and packets for that place, and a phase of the ladder. One thread; launches of all
-four are interleaved."""
+four are interleaved.
+
+--still: the throttle's choice of every setting, for scenes whose camera rests. Every choice of starting size,
+smallest size, rod steps and finishing steps is rendered and held against truth. Of those within the error
+asked for the fastest are timed again; the best and packets alone are then timed anew, here and in a larger
+picture."""
+STATUSES = {
+    1: "a picture has samples that are not finite, or no setting is within the error of a still scene",
+    3: "the CPU lacks what rods_simd or the phase needs",
+}
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(
-        DESCRIPTION, {1: "a picture has samples that are not finite", 3: "the CPU lacks AVX2"}
-    )
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--scene", nargs="+", default=list(flight.scenes()), metavar="SCENE", help="default: %(default)s")
+    add("--scene", nargs="+", metavar="SCENE", help=f"default: {', '.join(flight.scenes())}; all that rest")
     add("--phase", default=flight.FASTEST, metavar="PHASE", help="of the ladder; default: %(default)s")
     add("--places", type=cli.at_least(1), default=6, metavar="K", help="along the path; default: 6")
-    decibels, ppm = cli.at_least(0, float), cli.at_least(0, float)
-    add(
-        "--psnr",
-        type=decibels,
-        default=40.0,
-        metavar="DB",
-        help="that the throttle's choice has to truth, at least; default: 40",
-    )
-    add(
-        "--wrong",
-        type=ppm,
-        default=1000.0,
-        metavar="PPM",
-        help="wrong hits of the throttle's choice, at most; default: 1000",
-    )
-    running.height(parser, 180)
-    running.options(parser, "flight.json and figures/", "flight", 2, "the order")
-    return parser.parse_args()
+    number = cli.at_least(0, float)
+    about = "that the throttle's choice has to truth, at least; default: 40"
+    add("--psnr", type=number, default=40.0, metavar="DB", help=about)
+    about = "wrong hits of the throttle's choice, at most; default: 1000"
+    add("--wrong", type=number, default=1000.0, metavar="PPM", help=about)
+    add("-n", type=cli.at_least(16), metavar="HEIGHT", help="height; default: 180, of still scenes 90")
+    add("--still", action="store_true", help="scenes whose camera rests, by every setting: throttle.json")
+    running.height(parser, 360, "height of the larger picture of still scenes", "--large")
+    running.options(parser, f"{FILE}, {THROTTLE} and figures/", "flight", 2, "the order")
 
 
-def main() -> int:
-    args = arguments()
-    for name in ("rods_simd", args.phase):
+def measure(args: argparse.Namespace) -> Outcome:
+    for name in (throttle.PHASE, args.phase):
         if lacking := registry.missing_isa(registry.find_phase(name)):
             raise StudyError(f"{name} needs {' '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
+    return rest(args) if args.still else fly(args)
+
+
+def fly(args: argparse.Namespace) -> Outcome:
+    """flight.json."""
     folder = running.folder(args)
-    scenes = [flight.find(name) for name in dict.fromkeys(args.scene)]
-    how = (args.n, args.places, args.launches, args.seed, args.psnr, args.wrong, args.phase)
+    scenes = [flight.find(name) for name in dict.fromkeys(args.scene or flight.scenes())]
+    how = (args.n or 180, args.places, args.launches, args.seed, args.psnr, args.wrong, args.phase)
     with temporary.folder() as scratch:
-        found = flight.study(scenes, flight.Settings(*how), scratch)
-    result = running.write(folder / flight.FILE, {"launches": args.launches, "seed": args.seed}, found)
-    paths = running.draw(folder, page.drawings(result))
-    bad = [
-        f"{row['scene']} at {place['seconds']:g} s by {way['phase']}: samples that are not finite"
-        for row in result["rows"]
-        for place in row["places"]
-        for way in place["ways"]
-        if way["non_finite"]
-    ]
-    lines = [page.sentence(row) for row in result["rows"]]
-    return running.end(args, result, [*lines, *paths, folder / flight.FILE], bad)
+        rows = [flight.fly(scene, flight.Settings(*how), scratch) for scene in scenes]
+    about = {"launches": args.launches, "seed": args.seed, "psnr_db": args.psnr, "wrong_ppm": args.wrong}
+    running.write(folder / FILE, about, {"article": flight.ARTICLE, "rows": rows})
+    result = Flight.load(folder / FILE)
+    paths = running.draw(folder, tables.drawings(result))
+    failed = hit_tables.not_finite(
+        [
+            (f"{row.scene} at {place.seconds:g} s by {way.phase}", way)
+            for row in result.rows
+            for place in row.places
+            for way in place.ways
+        ]
+    )
+    lines = [*map(tables.sentence, result.rows), *paths, folder / FILE]
+    return Outcome(result, lines, folder, failed=failed)
+
+
+def rest(args: argparse.Namespace) -> Outcome:
+    """throttle.json."""
+    folder = running.folder(args)
+    scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
+    wanted = throttle.every_setting()
+    rows = []
+    for scene in scenes:
+        cli.say(f"{scene.name}: {len(wanted)} settings")
+        how = (args.psnr, args.wrong, args.launches, args.seed)
+        rows.append(throttle.choose(scene, args.n or 90, *how, wanted, args.large))
+    about = {"cpus": len(run.USABLE), "launches": args.launches, "seed": args.seed}
+    running.write(folder / THROTTLE, about, {"rows": rows})
+    result = Throttle.load(folder / THROTTLE)
+    none = [row.scene for row in result.rows if row.chosen is None]
+    failed = [f"{name}: no setting is within {args.psnr:g} dB and {args.wrong:g} ppm" for name in none]
+    return Outcome(result, [throttle_tables.sentence(row) for row in result.rows], folder, failed=failed)

@@ -6,28 +6,26 @@ that follows the view: W. Edwards, "Rod Marching" (article, 6 July 2012).
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import asdict
 
 from study.core import cli, registry, store
 from study.core.cli import StudyError
 from study.core.registry import Scene
-from study.experiments.rods import measure as rods
+from study.experiments.flight import throttle
+from study.experiments.flight.schema import Article, Place, Row, Way
+from study.measuring import hits, launches
 from study.truth import truth
 
-FILE = "flight.json"
-ARTICLE = {"frames_a_second": 1.2, "of": "the mandelbox by boxplorer, a laptop's integrated GPU"}
+ARTICLE = Article(frames_a_second=1.2, of="the mandelbox by boxplorer, a laptop's integrated GPU")
 FASTEST = "opt10_scene"
-RODS = "march=rods"  # of STEPWISE_RODS
-# A few settings in every direction: all of stepwise throttle's would take an hour along a path.
+# A few settings in every direction: all of the throttle's would take an hour along a path.
 SIZES, LEAST, STEPS, FINISH = (16, 32), (2, 4), (8, 0), (16, 64, 0)
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -53,14 +51,6 @@ def find(name: str) -> Scene:
     if name not in scenes():
         raise StudyError(f"{name}: is no scene whose camera has a path; there are {', '.join(scenes())}")
     return scenes()[name]
-
-
-def choices() -> list[str]:
-    """The settings of phase rods_simd that the throttle chooses from."""
-    return [
-        f"march=rods size={size} least={least} steps={steps} finish={finish}"
-        for size, least, steps, finish in itertools.product(SIZES, LEAST, STEPS, FINISH)
-    ]
 
 
 def position(camera: dict[str, Any], seconds: float) -> np.ndarray:
@@ -92,44 +82,34 @@ def still(scene: Scene, seconds: float, folder: Path) -> Scene:
     return registry.scene_at(path)
 
 
-def look(scene: Scene, settings: Settings) -> tuple[int, list[Row]]:
+def look(scene: Scene, settings: Settings) -> tuple[int, list[Way]]:
     """How many of the throttle's settings are within the error, and a way's errors and times each."""
     how = (settings.psnr_db, settings.wrong_ppm, settings.launches, settings.seed)
-    found = rods.throttle(scene, settings.n, *how, settings=choices())
-    ways = [("rods", "rods", RODS), ("packets", "rods_simd", rods.PLAIN)]
-    if found["chosen"]:
-        ways.append(("throttle", "rods_simd", found["chosen"]["settings"]))
-    ways.append(("fastest", settings.fastest, ""))
+    found = throttle.choose(scene, settings.n, *how, throttle.settings(SIZES, LEAST, STEPS, FINISH))
+    ways = {"rods": ("rods", "march=rods"), "packets": (throttle.PHASE, throttle.PLAIN)}
+    if found.chosen:
+        ways["throttle"] = throttle.PHASE, found.chosen.settings
+    ways["fastest"] = settings.fastest, ""
     size = scene.size(settings.n)
     exact = truth.picture(scene, size)
-    cases = {
-        name: lambda pad, p=phase, w=words: rods.milliseconds(p, w, scene, size, 2, pad)
-        for name, phase, words in ways
-    }
-    timed = rods.interleaved(cases, settings.launches, settings.seed)
-    rows = [
-        {"name": name, "phase": phase, "settings": words}
-        | rods.errors(exact, rods.picture(phase, words, scene, size))
-        | rods.timed(timed[name])
-        for name, phase, words in ways
-    ]
-    return found["within"], rows
+    cases = {name: throttle.timer(phase, words, scene, size, 2) for name, (phase, words) in ways.items()}
+    timed = launches.interleaved(cases, settings.launches, settings.seed)
+    rows = []
+    for name, (phase, words) in ways.items():
+        errors = hits.errors(exact, hits.picture(phase, scene, size, {throttle.SETTINGS: words}))
+        made = asdict(errors) | asdict(launches.timed(timed[name]))
+        rows.append(Way(name=name, phase=phase, settings=words, **made))
+    return found.within, rows
 
 
 def fly(scene: Scene, settings: Settings, folder: Path) -> Row:
-    """A scene's row. Its camera has a path. Raises StudyError."""
+    """A scene's row. Its camera has a path; `folder` is for the scenes of the places. Raises StudyError."""
     path = scene.data["camera"]["path"]
     places = []
     for seconds in times(path, settings.places):
-        cli.say(f"{scene.name} at {seconds:.3g} s: {len(choices())} settings")
+        cli.say(f"{scene.name} at {seconds:.3g} s")
         within, ways = look(still(scene, seconds, folder), settings)
         where = position(scene.data["camera"], seconds).tolist()
-        places.append({"seconds": seconds, "position": where, "within": within, "ways": ways})
+        places.append(Place(seconds=seconds, position=where, within=within, ways=ways))
     width, n = scene.size(settings.n)
-    return {"scene": scene.name, "width": width, "n": n, "period": path["period"], "places": places}
-
-
-def study(wanted: Sequence[Scene], settings: Settings, folder: Path) -> Row:
-    """All of flight.json but the context. `folder`: for the scenes of the places."""
-    asked = {"article": ARTICLE, "psnr_db": settings.psnr_db, "wrong_ppm": settings.wrong_ppm}
-    return asked | {"rows": [fly(scene, settings, folder) for scene in wanted]}
+    return Row(scene=scene.name, width=width, n=n, period=path["period"], places=places)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
+from study.experiments.lattice import tables
 from study.experiments.lattice.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -10,6 +11,7 @@ EXPERIMENT = Experiment(
     what="CPU-RTRM's scene",
     turn=173,
     schemas=SCHEMAS,
+    system=tables.system,
     depth=None,
     cut="A quick study has no systems: builds of every program of them take minutes.",
 )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from study.core import show
 from study.core.show import Column
 from study.experiments.lattice import measure as lattice
 from study.experiments.lattice.measure import Row
+from study.experiments.section import Claim, System, part
 
 COLUMNS = [
     Column("", "phase", lambda r: r["phase"]),
@@ -81,37 +83,34 @@ def sentence(row: Row) -> str:
     )
 
 
-def system_rows(result: Row) -> list[Row]:
-    """Rows of the table of all systems: our fastest beside CPU-RTRM's own figure, and the paper's claim."""
+def claims(result: Row) -> list[Claim]:
+    """Our fastest beside CPU-RTRM's own figures, and beside the paper's claim."""
     made = []
     for threads in (1, 2):
         row = lattice.best(result, threads)
         if row is None:
             continue
-        on = f"{threads} thread{'s' if threads > 1 else ''}"
-        error = f"{show.number(row['wrong_ppm'])} ppm wrong hits, {show.number(row['psnr_db'])} dB"
-        base = {"system": "CPU-RTRM's scene", "error": error}
-        made.append(
-            base
-            | {
-                "what": f"{lattice.SCENE} {row['width']}×{row['n']}, {row['phase']}, {on}, ms",
-                "article": f"{row['program_ms']:g} (its own program and shading, on "
-                f"{result['program']['machine']}: not measured here)",
-                "ours": show.interval(row, "ms", 3),
-                "ratio": f"{show.times(row['program'])} its speed (two machines: no interval)",
-            }
-        )
+        error = f"{show.number(row['psnr_db'])} dB, {show.number(row['wrong_ppm'])} ppm wrong hits"
+        what = f"{lattice.SCENE} {row['width']}×{row['n']}, {row['phase']}, threads {threads}, ms"
+        times = row["program"]
+        ours = show.interval(row, "ms", 3)
+        made.append(Claim("CPU-RTRM", what, f"{row['program_ms']:g}", ours, show.times(times), error, times))
         if threads > 1:
-            made.append(
-                base
-                | {
-                    "what": "times as fast as CPU-RTRM, with threads",
-                    "article": f"{result['paper']}× (the paper, of its own last step)",
-                    "ours": f"{show.times(row['program'])} (two machines)",
-                    "ratio": show.number(row["program"] / result["paper"]) + "× of it",
-                }
-            )
+            ratio = f"{show.number(times / result['paper'])}×"
+            what = "times as fast as CPU-RTRM, with threads"
+            made.append(Claim("CPU-RTRM", what, f"{result['paper']}×", show.times(times), ratio, error))
     return made
+
+
+def system(run: Path) -> System | None:
+    """What a run has of it."""
+    result = lattice.read(run / lattice.FILE)
+    if not result["rows"]:
+        return None
+    lines = f"{foot(result['rows'])}\n{note(result)}".strip()
+    parts = part("lattice", "CPU-RTRM's scene by every phase of the ladder", result["rows"], COLUMNS, lines)
+    about = f"CPU-RTRM: its own program and shading, on {result['program']['machine']}; not measured here."
+    return System(claims(result), parts, about)
 
 
 def note(result: Row) -> str:

@@ -1,8 +1,9 @@
-"""A packet ray tracer beside Embree. Its tables stand in the chapter of systems."""
+"""Packets of rays. Its tables stand in the chapter of systems."""
 
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
+from study.experiments.packets import command, pictures, tables
 from study.experiments.packets.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -12,4 +13,7 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     depth=None,
     cut="It needs Embree, which not every machine has.",
+    command=command,
+    system=tables.system,
+    sheets={pictures.PICTURES: pictures.write_pictures},
 )

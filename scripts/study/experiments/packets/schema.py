@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, Record, key
-from study.experiments.moving.schema import Animation, with_means
-from study.numbers.schema import Gain, Measured, Timed, TimedErrors, Times, TimesHigh, TimesLow
+from study.core.schema import Record, key
+from study.measuring.schema import Animation, Gain, Timed, Times, TimesHigh, TimesLow
+from study.numbers.schema import Measured
+
+Ratio = Annotated[float | None, key("×", "ours over Embree's rays a second, asked this way")]
+RatioLow = Annotated[float | None, key("×", "lower end, 95 %")]
+RatioHigh = Annotated[float | None, key("×", "upper end")]
 
 
 class Rate(Record, kw_only=True):
     """Million rays a second on one thread."""
 
-    mrays: Annotated[float | None, key("10⁶ rays/s", "of the launches' median repetitions")]
-    mrays_low: Annotated[float | Absent | None, key("10⁶ rays/s", "lower end, 95 %")] = ABSENT
-    mrays_high: Annotated[float | Absent | None, key("10⁶ rays/s", "upper end")] = ABSENT
+    mrays: Annotated[float, key("10⁶ rays/s", "of the launches' median repetitions")]
+    mrays_low: Annotated[float | None, key("10⁶ rays/s", "lower end, 95 %")] = None
+    mrays_high: Annotated[float | None, key("10⁶ rays/s", "upper end")] = None
 
 
 class Variant(Rate, kw_only=True):
     """One way of the phase."""
 
     name: Annotated[str, key("", "`own`: the phase's own settings")]
-    lanes: Annotated[int | Absent, key("lanes", "rays at once")] = ABSENT
+    lanes: Annotated[int, key("lanes", "rays at once")]
 
 
 class Agreement(Record, kw_only=True):
@@ -40,45 +44,50 @@ class Rays(Record, kw_only=True):
     rays: Annotated[int, key("rays", "how many")]
     variants: Annotated[list[Variant], key("10⁶ rays/s", "ways of the phase")]
     embree: Annotated[str, key("", "its version, or why it is not compared")]
-    embree16: Annotated[Rate | Absent | None, key("10⁶ rays/s", "packets of 16; null: not compared")] = ABSENT
-    embree16_ratio: Annotated[float | Absent | None, key("×", "packets of 16")] = ABSENT
-    embree16_ratio_low: Annotated[float | Absent | None, key("×", "lower end")] = ABSENT
-    embree16_ratio_high: Annotated[float | Absent | None, key("×", "upper end")] = ABSENT
-    embree1: Annotated[Rate | Absent | None, key("10⁶ rays/s", "single rays")] = ABSENT
-    embree1_ratio: Annotated[float | Absent | None, key("×", "single rays")] = ABSENT
-    embree1_ratio_low: Annotated[float | Absent | None, key("×", "lower end")] = ABSENT
-    embree1_ratio_high: Annotated[float | Absent | None, key("×", "upper end")] = ABSENT
-    embree_stream: Annotated[Rate | Absent | None, key("10⁶ rays/s", "256 rays a call, Embree 3")] = ABSENT
-    embree_stream_ratio: Annotated[float | Absent | None, key("×", "256 rays a call")] = ABSENT
-    embree_stream_ratio_low: Annotated[float | Absent | None, key("×", "lower end")] = ABSENT
-    embree_stream_ratio_high: Annotated[float | Absent | None, key("×", "upper end")] = ABSENT
-    agreement: Annotated[Agreement | Absent | None, key("", "of the hits; null: not compared")] = ABSENT
+    embree16: Annotated[Rate | None, key("10⁶ rays/s", "packets of 16; null: not compared")] = None
+    embree16_ratio: Ratio = None
+    embree16_ratio_low: RatioLow = None
+    embree16_ratio_high: RatioHigh = None
+    embree1: Annotated[Rate | None, key("10⁶ rays/s", "single rays")] = None
+    embree1_ratio: Ratio = None
+    embree1_ratio_low: RatioLow = None
+    embree1_ratio_high: RatioHigh = None
+    embree_stream: Annotated[Rate | None, key("10⁶ rays/s", "256 rays a call, Embree 3")] = None
+    embree_stream_ratio: Ratio = None
+    embree_stream_ratio_low: RatioLow = None
+    embree_stream_ratio_high: RatioHigh = None
+    agreement: Annotated[Agreement | None, key("", "of the hits; null: not compared")] = None
     newton_dt_max: Annotated[
-        float | Absent | None,
+        float | None,
         key("scene units", "largest |Δt| of the approximate root with a Newton step to the exact"),
-    ] = ABSENT
+    ] = None
 
 
 class Threads(Timed, kw_only=True):
     """Times on so many threads. `gain`: its time over that of packets."""
 
-    gain: Times = ABSENT
-    gain_low: TimesLow = ABSENT
-    gain_high: TimesHigh = ABSENT
+    gain: Times = None
+    gain_low: TimesLow = None
+    gain_high: TimesHigh = None
     threads: Annotated[int, key("threads", "that drew it")]
 
 
-class Drawn(Record, kw_only=True):
+class Limits(Record, kw_only=True):
+    """A picture by some limits of its march, and its error."""
+
+    hit_distance: Annotated[float | None, key("scene units", "null: the scene's own")] = None
+    max_steps: Annotated[int | None, key("evaluations", "null: the scene's own")] = None
+    psnr_db: Annotated[float | None, key("dB", "to truth; null: identical")]
+    wrong_ppm: Annotated[float | None, key("ppm", "hit, miss or shape wrong")]
+    non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")]
+
+
+class Drawn(Limits, kw_only=True):
     """A phase by the limits at which it is fastest at the wanted error."""
 
     phase: Annotated[str, key("", "its name")]
     target_db: Annotated[float | None, key("dB", "what packets reach, at most 80")]
-    reached: Annotated[bool | Absent, key("", "within 0.1 dB; else the nearest that it comes")] = ABSENT
-    hit_distance: Annotated[float | None, key("scene units", "null: the scene's own")]
-    max_steps: Annotated[int | Absent | None, key("evaluations", "null: the scene's own")] = ABSENT
-    psnr_db: Annotated[float | None, key("dB", "to truth; null: identical")]
-    wrong_ppm: Annotated[float | None, key("ppm", "hit, miss or shape wrong")]
-    non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")]
+    reached: Annotated[bool, key("", "within 0.1 dB; else the nearest that it comes")]
     threads: Annotated[list[Threads], key("", "by number of threads")]
 
 
@@ -91,18 +100,6 @@ class Scene(Record, kw_only=True):
     rows: Annotated[list[Drawn], key("", "phases")]
 
 
-class Root(TimedErrors, kw_only=True):
-    """A frame of spheres40 by one root on one thread. `gain`: of newton over exact."""
-
-    scene: Annotated[str | Absent, key("", "its name")] = ABSENT
-    width: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
-    n: Annotated[int | Absent, key("pixels", "its height")] = ABSENT
-    gain: Times = ABSENT
-    gain_low: TimesLow = ABSENT
-    gain_high: TimesHigh = ABSENT
-    root: Annotated[str, key("", "`exact`, or `newton`: approximate with one step")]
-
-
 class Normalise(Gain, kw_only=True):
     """One way to normalise vectors. `gain` is over scalar code."""
 
@@ -110,10 +107,19 @@ class Normalise(Gain, kw_only=True):
     isa: Annotated[str, key("", "instruction set")]
     layout: Annotated[str, key("", "AoS or SoA")]
     name: Annotated[str, key("", "as in functions.json")]
-    max_ulp: Annotated[float | Absent | None, key("ulp", "largest error")] = ABSENT
-    ms: Annotated[float | None, key("ms", "median")]
-    ms_low: Annotated[float | Absent | None, key("ms", "lower end")] = ABSENT
-    ms_high: Annotated[float | Absent | None, key("ms", "upper end")] = ABSENT
+    max_ulp: Annotated[float | None, key("ulp", "largest error")]
+    ms: Annotated[float, key("ms", "median")]
+    ms_low: Annotated[float | None, key("ms", "lower end")]
+    ms_high: Annotated[float | None, key("ms", "upper end")]
+
+
+class Article(Record, kw_only=True):
+    """What the article says of normalising vectors."""
+
+    scalar_ms: Annotated[float, key("ms", "scalar code")]
+    sse_ms: Annotated[float, key("ms", "SSE")]
+    speed_up: Annotated[float, key("×", "of the two")]
+    cpu: Annotated[str, key("", "its CPU")]
 
 
 class Tree(Animation, kw_only=True):
@@ -126,21 +132,14 @@ class Packets(Measured, kw_only=True):
     """Rays a second beside Embree; ray tracing against sphere tracing at equal error."""
 
     made_by: ClassVar[str] = "packets"
-    reps: Annotated[int | Absent, key("repetitions", "in a launch")] = ABSENT
-    article: Annotated[dict[str, Any], key("", "what the article says")]
-    goals: Annotated[
-        dict[str, float | None] | Absent, key("×", "kind of rays → our rate over Embree's fastest")
-    ] = ABSENT
-    ray_n: Annotated[int | Absent, key("pixels", "height of the camera's rays")] = ABSENT
+    reps: Annotated[int | None, key("repetitions", "in a launch")] = None
+    article: Annotated[Article, key("", "what the article says")]
+    ray_n: Annotated[int, key("pixels", "height of the camera's rays")]
     rays: Annotated[list[Rays], key("", "scenes and kinds of rays", min_length=1)]
     drawn: Annotated[list[Scene], key("", "ray tracing against sphere tracing at equal error")]
-    roots: Annotated[list[Root] | Absent, key("", "exact and approximate")] = ABSENT
-    animation: Annotated[list[Tree] | Absent, key("", "by either tree")] = ABSENT
-    normalise: Annotated[list[Normalise] | Absent, key("", "vectors normalised")] = ABSENT
-
-    @classmethod
-    def current(cls, data: Any) -> Any:
-        return with_means(data)
+    animation: Annotated[list[Tree], key("", "by either tree")]
+    normalise: Annotated[list[Normalise], key("", "vectors normalised")]
 
 
-SCHEMAS = {"packets.json": Packets}
+FILE = "packets.json"
+SCHEMAS = {FILE: Packets}

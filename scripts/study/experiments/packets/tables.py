@@ -1,11 +1,19 @@
-"""The packet ray tracer as tables and sentences: from packets.json alone."""
+"""The packet ray tracer as tables and sentences, from packets.json alone."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from msgspec.structs import asdict
+
 from study.core import show
 from study.core.show import Column
-from study.experiments.packets.measure import EMBREE, Row, reached, target_of
-from study.experiments.section import Part, part
+from study.experiments.packets import figures, normalise
+from study.experiments.packets.measure import EMBREE, MOST_OTHERS, reached, target_of
+from study.experiments.packets.pictures import CAPTION, PICTURES
+from study.experiments.packets.schema import FILE, Drawn, Packets, Rate, Rays, Scene
+from study.experiments.section import Claim, Part, System, part
+from study.measuring import animation_tables, hit_tables
 
 OF_KIND = {
     "primary": "camera",
@@ -14,133 +22,130 @@ OF_KIND = {
     "scattered": "in any direction, in no order",
 }
 WAYS = dict(zip(EMBREE, ("packets of 16", "single rays", "256 rays a call"), strict=True))
+MANY = "million rays a second [95 %]"
 
 
-def variant(row: Row, name: str) -> Row | None:
-    """Of a row of rays: one of ours by its name; None where it was not timed."""
-    return next((v for v in row["variants"] if v["name"] == name), None)
-
-
-def rate(row: Row | None) -> str:
+def rate(row: Rate | None) -> str:
     """Million rays a second with the interval."""
     return show.NOTHING if row is None else show.interval(row, "mrays", 3)
 
 
-def _of(name: str):
-    return lambda row: rate(variant(row, name))
+def _ratio(row: Rays, way: str) -> str:
+    return show.NOTHING if getattr(row, way) is None else show.interval(row, f"{way}_ratio", 3, "×")
 
 
-def _ratio(key: str):
-    return lambda row: show.NOTHING if row.get(key) is None else show.interval(row, key, 3, "×")
+def fastest(row: Rays) -> str | None:
+    """Embree's fastest way for these rays, of those that were timed."""
+    timed = {way: found.mrays for way in EMBREE if (found := getattr(row, way))}
+    return max(timed, key=lambda way: timed[way], default=None)
 
 
-def fastest(row: Row) -> str | None:
-    """Embree's fastest way for these rays, of those that were timed: an older file has no streams."""
-    timed = [way for way in EMBREE if row.get(way) is not None]
-    return max(timed, key=lambda way: row[way]["mrays"], default=None)
-
-
-def over_fastest(row: Row) -> str:
-    """Our rate over that of Embree's fastest way, with the way and its version."""
-    way = fastest(row)
-    if way is None:
-        return f"{show.NOTHING} over {row['embree']}"
-    return f"{_ratio(f'{way}_ratio')(row)} over Embree by {WAYS[way]} ({row['embree']})"
-
-
-def agreement(row: Row) -> str:
+def agreement(row: Rays) -> str:
     """How many hits are others than Embree's, and how far off the same ones are in scene units."""
-    found = row["agreement"]
+    found = row.agreement
     if found is None:
         return show.NOTHING
-    off = "" if found["dt_max"] is None else f", |Δt| ≤ {show.number(found['dt_max'], 2)}"
-    return f"{found['other_shape']} of {found['compared']:,} others{off}"
+    off = "" if found.dt_max is None else f", |Δt| ≤ {show.number(found.dt_max, 2)}"
+    return f"{found.other_shape} of {found.compared:,} others{off}"
 
 
-MANY = "million rays a second [95 %]"
+def _unlike(row: Rays) -> str:
+    found = row.agreement
+    if found is None:
+        return show.NOTHING
+    return f"{found.other_shape} of {found.compared:,} hits unlike Embree's"
+
+
+def _variants(names: dict[str, str]) -> list[Column]:
+    return [
+        Column(MANY, text, lambda row, name=name: rate(figures.variant(row, name)))
+        for name, text in names.items()
+    ]
+
+
 RAYS = [
-    Column("", "scene", lambda r: r["scene"]),
-    Column("", "rays", lambda r: f"{OF_KIND[r['kind']]} ({r['rays']:,})"),
-    Column(MANY, "here", _of("own")),
-    *(Column(MANY, f"Embree, {text}", lambda r, w=way: rate(r.get(w))) for way, text in WAYS.items()),
+    Column("", "scene", show.word("scene")),
+    Column("", "rays", lambda r: f"{OF_KIND[r.kind]} ({r.rays:,})"),
+    *_variants({"own": "here"}),
+    *(Column(MANY, f"Embree, {text}", lambda r, w=way: rate(getattr(r, w))) for way, text in WAYS.items()),
     *(
-        Column("here over Embree [95 %]", text, _ratio(f"{way}_ratio"))
+        Column("here over Embree [95 %]", text, lambda r, w=way: _ratio(r, w))
         for way, text in zip(EMBREE, ("packets", "single", "256 a call"), strict=True)
     ),
     Column("", "hits, ours and Embree's", agreement),
 ]
-
-
 VARIANTS = [
-    Column("", "scene", lambda r: r["scene"]),
-    Column("", "rays", lambda r: OF_KIND[r["kind"]]),
-    *(
-        Column("million rays a second [95 %]", text, _of(name))
-        for name, text in {
+    Column("", "scene", show.word("scene")),
+    Column("", "rays", lambda r: OF_KIND[r.kind]),
+    *_variants(
+        {
             "own": "BVH, widest",
             "kd-tree": "kd-tree",
             "8 lanes": "8 lanes (AVX2)",
             "4 lanes": "4 lanes (SSE2)",
             "each alone": "each ray alone",
             "root by Newton": "approximate root, one Newton step",
-        }.items()
+        }
     ),
-    Column("", "|Δt| of that root", lambda r: show.number(r["newton_dt_max"], 2)),
+    Column("", "|Δt| of that root", show.plain("newton_dt_max", 2)),
 ]
 
 
-ROOTS = [
-    Column("", "scene", lambda r: f"{r['scene']}, {r['width']}×{r['n']}"),
-    Column("", "root", lambda r: {"newton": "approximate, one Newton step"}.get(r["root"], r["root"])),
-    Column("", "ms a frame, one thread [95 %]", lambda r: show.interval(r, "ms", 3)),
-    Column("", "gain [95 %]", lambda r: "base" if r["gain"] is None else show.interval(r, "gain", 3, "×")),
-    Column("to ground truth", "PSNR, dB", lambda r: show.number(r["psnr_db"])),
-    Column("to ground truth", "wrong hits, ppm", lambda r: show.number(r["wrong_ppm"])),
-]
+def equal(drawn: Scene, row: Drawn) -> str:
+    """Whether the error is ray tracing's, or as small as anybody sees."""
+    if row.phase == "packets":
+        return show.NOTHING
+    traced = next(one for one in drawn.rows if one.phase == "packets")
+    if reached(row, target_of(traced)):
+        return "reached"
+    return f"not reached: {show.number(row.psnr_db)} dB" if row.non_finite == 0 else "not finite"
 
 
-def drawn_rows(result: Row) -> list[Row]:
+def drawn_rows(result: Packets) -> list[show.Row]:
     """A row for each scene, phase and number of threads."""
     return [
-        {"scene": f"{d['scene']}, {d['width']}×{d['n']}", "equal": equal(d, row), **row, **timed}
-        for d in result["drawn"]
-        for row in d["rows"]
-        for timed in row["threads"]
+        {
+            "scene": show.picture(drawn),
+            "phase": row.phase,
+            "hit_distance": row.hit_distance,
+            "max_steps": row.max_steps,
+            "psnr_db": row.psnr_db,
+            "wrong_ppm": row.wrong_ppm,
+            "equal": equal(drawn, row),
+            **asdict(timed),
+        }
+        for drawn in result.drawn
+        for row in drawn.rows
+        for timed in row.threads
     ]
 
 
-def equal(drawn: Row, row: Row) -> str:
-    """Whether the error is ray tracing's, or as small as anybody sees; of files without `reached`, too."""
-    traced = next(one for one in drawn["rows"] if one["phase"] == "packets")
-    if row is traced:
-        return show.NOTHING
-    if reached(row, target_of(traced)):
-        return "reached"
-    return f"not reached: {show.number(row['psnr_db'])} dB" if row["non_finite"] == 0 else "not finite"
-
-
-def _own(key: str):
-    return lambda row: "the scene's" if row.get(key) is None else f"{row[key]:g}"
-
-
-DRAWN = [
-    Column("", "scene", lambda r: r["scene"]),
-    Column("", "phase", lambda r: r["phase"]),
-    Column("", "threads", lambda r: str(r["threads"])),
-    Column("", "hit distance", _own("hit_distance")),
-    Column("", "step cap", _own("max_steps")),
-    Column("", "ms a frame [95 %]", lambda r: show.interval(r, "ms", 3)),
-    Column("", "packets is faster by [95 %]", lambda r: _gain(r)),
-    Column("", "equal error", lambda r: r["equal"]),
-    Column("to ground truth", "PSNR, dB", lambda r: show.number(r["psnr_db"])),
-    Column("to ground truth", "wrong hits, ppm", lambda r: show.number(r["wrong_ppm"])),
-]
-
-
-def _gain(row: Row) -> str:
+def _gain(row: show.Row) -> str:
     return "base" if row["phase"] == "packets" else show.interval(row, "gain", 3, "×")
 
 
+def _own(name: str, title: str) -> Column:
+    return Column("", title, lambda r: "the scene's" if r[name] is None else f"{r[name]:g}")
+
+
+DRAWN = [
+    Column("", "scene", show.word("scene")),
+    Column("", "phase", show.word("phase")),
+    Column("", "threads", show.word("threads")),
+    _own("hit_distance", "hit distance"),
+    _own("max_steps", "step cap"),
+    Column("", "ms a frame [95 %]", lambda r: show.interval(r, "ms", 3)),
+    Column("", "packets is faster by [95 %]", lambda r: _gain(r)),
+    Column("", "equal error", show.word("equal")),
+    Column(hit_tables.TRUTH, "PSNR, dB", show.plain("psnr_db")),
+    Column(hit_tables.TRUTH, "wrong hits, ppm", show.plain("wrong_ppm")),
+]
+MOVING = [
+    Column("", "tree", show.word("tree")),
+    Column("", "phase", show.word("phase")),
+    Column("", "threads", show.word("threads")),
+    *animation_tables.FRAMES,
+]
 BESIDE = (
     "Rays go through both tracers on one thread, in one order, by turns in one process. Embree's time is of "
     "its tracing alone, a thousand rays at a time put into its own form before; ours reads and writes plain "
@@ -154,15 +159,19 @@ NOTE = (
     "that does not bind) with which it is fastest among those that reach the PSNR of packets, or 80 dB. "
     "Where none does it has those with which it comes nearest, and the row says so: errors are not equal."
 )
+FRAMES = (
+    "All frames by the phase's own tree on every core, a quarter by the others, for the time it takes. What "
+    "is seen drifts from frame to frame: compare rows by the mean of the frames that all have."
+)
 
 
-def sentences(result: Row) -> list[str]:
+def sentences(result: Packets) -> list[str]:
     """For a terminal."""
     found = [
-        f"{r['scene']}, {r['kind']}: {rate(variant(r, 'own'))} million rays a second; over Embree's "
-        + ", ".join(f"{text} {_ratio(f'{way}_ratio')(r)}" for way, text in WAYS.items())
+        f"{r.scene}, {r.kind}: {rate(figures.variant(r, 'own'))} million rays a second; over Embree's "
+        + ", ".join(f"{text} {_ratio(r, way)}" for way, text in WAYS.items())
         + f"; {agreement(r)}"
-        for r in result["rays"]
+        for r in result.rays
     ]
     return found + [
         f"{r['scene']}, {r['phase']}, {r['threads']} threads: {show.interval(r, 'ms', 3)} ms, "
@@ -171,44 +180,77 @@ def sentences(result: Row) -> list[str]:
     ]
 
 
-MOST_OTHERS = 1e-4  # of the rays: those that graze
-
-
-def faults(result: Row) -> list[str]:
+def faults(result: Packets) -> list[str]:
     """What must not be: hits that Embree does not have, samples that are not finite."""
     found = [
-        f"{r['scene']}, {r['kind']}: {r['agreement']['other_shape']} hits are others than Embree's"
-        for r in result["rays"]
-        if r["agreement"] and not (r["agreement"]["other_shape"] <= 2 + MOST_OTHERS * r["rays"])
-    ]
-    found += [
-        f"{row['scene']}, root={row['root']}: {row['non_finite']} samples are not finite"
-        for row in result.get("roots", [])
-        if not (row["non_finite"] <= 0)
+        f"{r.scene}, {r.kind}: {r.agreement.other_shape} hits are others than Embree's"
+        for r in result.rays
+        if r.agreement and r.agreement.other_shape > 2 + MOST_OTHERS * r.rays
     ]
     return found + [
-        f"{d['scene']}, {row['phase']}: {row['non_finite']} samples are not finite"
-        for d in result["drawn"]
-        for row in d["rows"]
-        if not (row["non_finite"] <= 0)
+        f"{drawn.scene}, {row.phase}: {row.non_finite} samples are not finite"
+        for drawn in result.drawn
+        for row in drawn.rows
+        if row.non_finite
     ]
 
 
-def parts(result: Row) -> list[Part]:
-    """Its tables on the page; none without rows."""
-    if not result["rays"]:
-        return []
-    caption = "Packet ray tracing: rays a second, beside Embree on the same rays"
-    found = part("packets", caption, result["rays"], RAYS, beside(result))
-    caption = "Ray tracing against sphere tracing: time to equal error"
-    found += part("packets-equal-error", caption, drawn_rows(result), DRAWN, NOTE)
-    caption = "Packet ray tracing: trees, lanes, roots"
-    found += part("packets-variants", caption, result["rays"], VARIANTS)
-    caption = "Packet ray tracing: the exact root and the approximate one in whole frames"
-    return found + part("packets-roots", caption, result.get("roots", []), ROOTS)
+def parts(result: Packets) -> list[Part]:
+    which = sorted({f"Embree: {row.embree}." for row in result.rays})
+    foot = "\n".join([*([BESIDE] * any(row.embree16 for row in result.rays)), *which])
+    return [
+        *part("packets", "Packet ray tracing: rays a second, beside Embree", result.rays, RAYS, foot),
+        *part(
+            "packets-equal-error",
+            "Ray tracing against sphere tracing: time to equal error",
+            drawn_rows(result),
+            DRAWN,
+            NOTE,
+        ),
+        *part("packets-variants", "Packet ray tracing: trees, lanes, roots", result.rays, VARIANTS),
+        *part(
+            "packets-animation",
+            "Packet ray tracing: an animation, the tree built anew for each frame",
+            result.animation,
+            MOVING,
+            f"{FRAMES}\n{animation_tables.NOTE}",
+        ),
+    ]
 
 
-def beside(result: Row) -> str:
-    """How rays are traced by both, and which Embree that is, or why there is none."""
-    which = sorted({f"Embree: {row['embree']}." for row in result["rays"]})
-    return "\n".join([*([BESIDE] * any(r["embree16"] is not None for r in result["rays"])), *which])
+def rays_claims(result: Packets) -> list[Claim]:
+    """The article's “millions of rays per second”, beside Embree: the scenes and kinds of rays where ours is
+    fastest and slowest over it."""
+    rows = [(getattr(r, f"{way}_ratio"), way, r) for r in result.rays if (way := fastest(r))]
+    rows.sort(key=lambda one: one[0])
+    return [
+        Claim(
+            "packet rays (P2)",
+            f"{row.scene}, rays {OF_KIND[row.kind]}, million a second",
+            "“millions”",
+            rate(figures.variant(row, "own")),
+            f"{_ratio(row, way)} over Embree by {WAYS[way]}",
+            _unlike(row),
+            beside=times,
+        )
+        for times, way, row in (*rows[:1], *rows[1:][-1:])
+    ]
+
+
+def system(run: Path) -> System | None:
+    """What a run has of it."""
+    result = Packets.load_if_there(run / FILE)
+    if result is None:
+        return None
+    note = (
+        f"P2: {result.article.cpu}; “millions of rays per second, per core”. Of all "
+        "scenes and kinds of rays here are the best and the worst over Embree's fastest way."
+    )
+    images = {run / "images" / f"{PICTURES}.png": CAPTION}
+    return System(
+        [*normalise.claims(result), *rays_claims(result)],
+        parts(result),
+        note,
+        figures.drawings(result),
+        images,
+    )

@@ -4,37 +4,43 @@ from __future__ import annotations
 
 import argparse
 
-from study.core import cli, registry
+from study.core import registry
+from study.core.cli import Outcome
 from study.experiments import running
 from study.experiments.rods import measure as rods
-from study.experiments.rods import pictures as rods_pictures
-from study.experiments.rods import tables as rods_page
+from study.experiments.rods import pictures, tables
+from study.experiments.rods.schema import FILE, Rods
+from study.measuring import hit_tables
 
 DESCRIPTION = """\
 The article's two pictures by rods and by rays: two_spheres, 800×800, 20 steps. Launches are interleaved and
 time the march alone. Also: evaluations, the error of both to ground truth, the same on every scene, and the
 trade-off that the article left open (number of starting rods and step cap against time and error)."""
+STATUSES = {1: "a picture has samples that are not finite"}
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: all")
     running.height(parser, 180, "height of every scene's pictures")
-    running.height(parser, rods.ARTICLE["size"], "of the article's", "--article-n")
-    running.options(parser, "rods.json, images/, figures/", "systems", 2, "the order")
-    return parser.parse_args()
+    running.height(parser, rods.ARTICLE.size, "of the article's", "--article-n")
+    running.options(parser, f"{FILE}, images/, figures/", "systems", 2, "the order")
 
 
-def main() -> int:
-    args = arguments()
+def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
-    found = rods.study(scenes, args.n, args.article_n, args.launches, args.seed)
-    result = running.write(folder / rods.FILE, {"launches": args.launches, "seed": args.seed}, found)
-    paths = rods_pictures.write_pictures(folder, args.article_n)
-    paths += running.draw(folder, rods_page.drawings(result))
-    rows = [result["own"], *result["rows"]]
-    bad = [row["scene"] for row in rows if row["rods"]["non_finite"] or row["pixels"]["non_finite"]]
-    failed = [f"rods on {scene}: samples that are not finite" for scene in bad]
-    return running.end(args, result, [*map(rods_page.sentence, rows), *paths], failed)
+    how = (args.launches, args.seed)
+    own = rods.beside(registry.find_scene(rods.SCENE), args.article_n, *how)
+    rows = [rods.beside(scene, args.n, *how, 1) for scene in scenes]
+    trade, pixels = rods.trade(args.article_n, *how)
+    found = {"article": rods.ARTICLE, "own": own, "rows": rows, "trade": trade, "trade_pixels": pixels}
+    about = {"launches": args.launches, "seed": args.seed}
+    running.write(folder / FILE, about, found)
+    result = Rods.load(folder / FILE)
+    paths = pictures.write_pictures(folder, args.article_n)
+    paths += running.draw(folder, tables.drawings(result))
+    measured = [result.own, *result.rows]
+    ways = [(f"rods on {row.scene}", one) for row in measured for one in (row.rods, row.pixels)]
+    failed = hit_tables.not_finite(ways)
+    return Outcome(result, [*map(tables.sentence, measured), *paths], folder, failed=failed)

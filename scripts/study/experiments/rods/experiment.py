@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
+from study.experiments.rods import command, measure, pictures, tables
 from study.experiments.rods.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -12,4 +13,7 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     depth=None,
     cut="A quick study has no systems: builds of every program of them take minutes.",
+    command=command,
+    system=tables.system,
+    sheets={pictures.PICTURES: lambda out: pictures.write_pictures(out, measure.ARTICLE.size)},
 )

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, key
-from study.numbers.schema import Gain, Measured, Timed, TimedErrors, Times, TimesHigh, TimesLow
+from study.core.schema import Record, key
+from study.measuring.schema import Gain, Timed, TimedErrors, Times, TimesHigh, TimesLow
+from study.numbers.schema import Measured
+
+
+class Article(Record, kw_only=True):
+    """What the article says."""
+
+    size: Annotated[int, key("pixels", "of its picture, each way")]
+    max_steps: Annotated[int, key("evaluations", "its step cap")]
+    down: Annotated[int, key("rods", "from top to bottom at the start")]
+    pixels_ms: Annotated[float, key("ms", "a ray per pixel")]
+    rods_ms: Annotated[float, key("ms", "by rods: under")]
+    evaluations: Annotated[float, key("×", "fewer by rods")]
+    cpu: Annotated[str, key("", "its CPU")]
 
 
 class Way(TimedErrors, kw_only=True):
@@ -26,9 +39,9 @@ class Row(Gain, kw_only=True):
 class Trade(Way, kw_only=True):
     """One setting of rods on the article's scene. `gain` is over the march per pixel, `trade_pixels`."""
 
-    gain: Times = ABSENT
-    gain_low: TimesLow = ABSENT
-    gain_high: TimesHigh = ABSENT
+    gain: Times = None
+    gain_low: TimesLow = None
+    gain_high: TimesHigh = None
     down: Annotated[int, key("rods", "starting rods from top to bottom")]
     max_steps: Annotated[int, key("evaluations", "step cap")]
     least: Annotated[int, key("pixels", "on a side of the smallest rod")]
@@ -39,11 +52,12 @@ class Rods(Measured, kw_only=True):
     """Rod marching against per-pixel marching."""
 
     made_by: ClassVar[str] = "rods"
-    article: Annotated[dict[str, Any], key("", "what the article says")]
+    article: Annotated[Article, key("", "what the article says")]
     own: Annotated[Row, key("", "the article's scene at its size")]
     rows: Annotated[list[Row], key("", "every scene", min_length=1)]
     trade: Annotated[list[Trade], key("", "rods × step cap")]
-    trade_pixels: Annotated[Timed | Absent, key("ms", "per pixel by the scene's own cap, same run")] = ABSENT
+    trade_pixels: Annotated[Timed, key("ms", "per pixel by the scene's own cap, same run")]
 
 
-SCHEMAS = {"rods.json": Rods}
+FILE = "rods.json"
+SCHEMAS = {FILE: Rods}

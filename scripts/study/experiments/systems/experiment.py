@@ -1,18 +1,24 @@
-"""Systems of other articles."""
+"""Systems of other articles: what each experiment with a `system` has in a run, in one chapter."""
 
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.systems import tables
+from study.experiments.systems import command, pictures, tables
 
-# What other articles built: each command writes its own file and judges it; the last draws a sheet of all.
-COMMANDS = ("rods", "throttle", "lattice", "fixed", "packets", "systems")
-ANIMATED = ("fixed", "packets")  # minutes: a study that was interrupted goes on behind their last frame
+# Each command writes its own file and judges it; the last draws a sheet of all.
+COMMANDS = {
+    "rods": [],
+    "flight": ["--still"],
+    "lattice": [],
+    "fixed": ["--resume"],  # an animation takes minutes: it goes on behind the last frame
+    "packets": ["--resume"],
+    "systems": [],
+}
 
 
 def calls(study: Study) -> list[Call]:
     run = ["--run", str(study.run)]
-    return [Call(name, [*run, *["--resume"] * (name in ANIMATED)], may_lack=True) for name in COMMANDS]
+    return [Call(name, [*run, *words], may_lack=True) for name, words in COMMANDS.items()]
 
 
 EXPERIMENT = Experiment(
@@ -24,4 +30,6 @@ EXPERIMENT = Experiment(
     depth="full",
     cut="Builds and animations of six programs take minutes.",
     sections=[(640, lambda data: tables.section(data.path))],
+    command=command,
+    sheets={pictures.PICTURES: pictures.write_pictures},
 )

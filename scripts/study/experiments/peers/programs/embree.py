@@ -12,8 +12,6 @@ from study.experiments.peers import shade
 from study.experiments.peers.peer import Drawn, Job, Peer
 from study.measuring import rays as packets
 
-KEY = "embree16_ns"  # packets of 16 rays, its fastest for camera rays
-
 
 def shaded(scene: Scene, rays: packets.Rays, hits: np.ndarray) -> np.ndarray:
     """Linear colours of camera rays by what they hit: (t, shape) each."""
@@ -36,22 +34,21 @@ class Embree(Peer):
             )
         except StudyError as error:
             return f"needs Debian's package libembree-dev when build/packets/hits is built: {error}"
-        return (
-            None if record[KEY] else "needs Debian's package libembree-dev when build/packets/hits is built"
-        )
+        lacking = "needs Debian's package libembree-dev when build/packets/hits is built"
+        return None if record.embree16_ns else lacking  # packets of 16: its fastest for camera rays
 
     def draw(self, job: Job) -> Drawn:
         rays = packets.camera(job.scene.data, *job.size)
         where = {"cpu": min(job.cpus), "env_bytes": job.padding}
         record, found = packets.hits(job.scene.path, rays, "primary", reps=job.frames, beside=True, **where)
-        if not record[KEY]:
-            raise StudyError(f"Embree: {record['embree']}")
+        if not record.embree16_ns:
+            raise StudyError(f"Embree: {record.embree}")
         rgb = None
         if job.picture:
             width, height = job.size
             rgb = np.empty((height, width, 3), np.float32)
             rgb[packets.places(width, height)] = shaded(job.scene, rays, found[1])
-        return Drawn(record[KEY], record["embree"].removeprefix("Embree "), rgb)
+        return Drawn(record.embree16_ns, record.embree.removeprefix("Embree "), rgb)
 
 
 PEER = Embree(

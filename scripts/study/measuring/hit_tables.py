@@ -1,0 +1,86 @@
+"""Times, gains and errors to ground truth as cells and columns."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from study.core import show
+from study.core.show import Column
+from study.measuring.schema import HitErrors, TimedErrors
+
+JUDGED = 0.9995  # of the pixels: less is said
+TRUTH = "to ground truth"
+
+
+def ms(row: Any) -> str:
+    return show.interval(row, "ms", 3) if row.ms else show.NOTHING
+
+
+def gain(row: Any) -> str:
+    return show.interval(row, "gain", 3, "×") if row.gain else show.NOTHING
+
+
+def verdict(row: Any) -> str:
+    """Whether a gain's interval has 1 outside; without an interval nothing can be told."""
+    if row is None or row.gain is None:
+        return show.NOTHING
+    if row.gain_low is None or row.gain_high is None:
+        return "cannot be told"
+    return "gain" if row.gain_low > 1 else "loss" if row.gain_high < 1 else "cannot be told"
+
+
+def ppm(row: HitErrors, name: str = "wrong_ppm", form: Callable[[Any], str] = show.number) -> str:
+    """Wrong hits in ppm; where truth judges not all of the pixels (the air about a fractal, not its edges),
+    of which share."""
+    text, judged = form(getattr(row, name)), row.judged
+    return text if judged is None or judged >= JUDGED else f"{text} (of {show.percent(judged)} of the pixels)"
+
+
+def psnr(row: HitErrors) -> str:
+    return "identical" if row.psnr_db is None else f"{row.psnr_db:.1f} dB"
+
+
+def error(row: HitErrors) -> str:
+    """PSNR and wrong hits."""
+    return f"{psnr(row)}, {ppm(row, form='{:,.0f} ppm wrong hits'.format)}"
+
+
+def depth_error(row: HitErrors) -> str:
+    """Wrong hits and how far off the right ones are, in scene units."""
+    return f"{ppm(row, form='{:,.0f} ppm wrong hits'.format)}, |Δt| 99 % {show.number(row.dt_p99, 2)}"
+
+
+def to_truth(*names: str, group: str = TRUTH) -> list[Column]:
+    """The columns of those names."""
+    return [dataclasses.replace(_COLUMNS[name], group=group) for name in names]
+
+
+def within(name: str, columns: Sequence[Column]) -> list[Column]:
+    """The columns of what a row has as `name`; empty where that is None."""
+    return [
+        dataclasses.replace(
+            one,
+            text=lambda row, one=one: (
+                show.NOTHING if getattr(row, name) is None else one.text(getattr(row, name))
+            ),
+        )
+        for one in columns
+    ]
+
+
+_COLUMNS = {
+    "false hits": Column(TRUTH, "false hits, ppm", lambda r: ppm(r, "false_hits_ppm")),
+    "false misses": Column(TRUTH, "false misses, ppm", lambda r: ppm(r, "false_misses_ppm")),
+    "wrong shape": Column(TRUTH, "wrong shape, ppm", lambda r: ppm(r, "wrong_shape_ppm")),
+    "wrong hits": Column(TRUTH, "wrong hits, ppm", ppm),
+    "dt 50": Column(TRUTH, "|Δt| 50 %", show.plain("dt_p50", 2)),
+    "dt 99": Column(TRUTH, "|Δt| 99 %", show.plain("dt_p99", 2)),
+    "psnr": Column(TRUTH, "PSNR, dB", show.plain("psnr_db")),
+}
+
+
+def not_finite(rows: Sequence[tuple[str, HitErrors | TimedErrors]]) -> list[str]:
+    """Sentences for the named rows whose pictures have samples that are not finite."""
+    return [f"{name}: {row.non_finite} samples are not finite" for name, row in rows if row.non_finite]

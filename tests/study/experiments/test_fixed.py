@@ -1,0 +1,164 @@
+"""stepwise fixed: what may be timed here, its tables of a published run, which blocks are wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import made_up
+import msgspec
+import numpy as np
+import pytest
+
+from study.core import commands, registry, run, show
+from study.experiments.fixed import measure as fixed
+from study.experiments.fixed import pictures, tables
+from study.experiments.fixed.schema import FILE, Fixed, Picture
+
+IN_LANES = {  # what may be timed on a CPU of so many
+    1: ["article, 1 lane", "1 lane"],
+    8: ["article, 1 lane", "1 lane", "8 lanes", "float, 8 lanes"],
+    16: list(fixed.CASES),
+}
+
+
+def published(**more: Any) -> Fixed:
+    return msgspec.convert(made_up.published(FILE) | more, Fixed)
+
+
+@pytest.mark.parametrize(
+    ("isa", "lanes"), [({"avx512f", "avx512dq"}, 16), (set(), 8), (None, 1)], ids=["16", "8", "1"]
+)
+def test_no_case_is_timed_in_lanes_that_the_cpu_lacks(
+    monkeypatch: pytest.MonkeyPatch, isa: set[str] | None, lanes: int
+) -> None:
+    """16 lanes on a CPU of 8 would be 8 by another name; what all are compared with is the widest float."""
+    has = {"sse2"} | ({"avx2", "fma"} | isa if isa is not None else set())
+    monkeypatch.setattr(registry, "cpu_flags", lambda: has)
+    assert list(fixed.able()) == IN_LANES[lanes]
+    took = {"8 lanes": 10.0, "16 lanes": 6.0, "float, 8 lanes": 8.0, "float, 16 lanes": 3.0}
+    monkeypatch.setattr(
+        fixed, "timed", lambda cases, *_: {name: [took.get(name, 20.0)] * 6 for name in cases}
+    )
+    monkeypatch.setattr(fixed, "errors", lambda *_: Picture())
+    rows = {row.case: row for row in fixed.beside(16, 3, 1)}
+    assert list(rows) == IN_LANES[lanes]
+    assert rows["article, 1 lane"].gain is None and rows["1 lane"].gain == 1, "none is beside itself"
+    if lanes > 1:
+        assert (
+            rows["1 lane"].over_float == {8: 0.4, 16: 0.15}[lanes] and rows["8 lanes"].over_like_float == 0.8
+        )
+        assert rows[f"float, {lanes} lanes"].over_float is None
+
+
+def test_what_does_not_fit_is_a_row_and_another_error_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def errors(case, scene, size):
+        if "roots=article" in case.words:
+            raise run.DriverError(status, "render: /any/scene.json: too large")
+        return Picture(psnr_db=1.0)
+
+    monkeypatch.setattr(fixed, "errors", errors)
+    monkeypatch.setattr(fixed, "timed", lambda cases, *_: {name: [1.0] * 6 for name in cases})
+    status = run.UNSUPPORTED
+    rows = fixed.sweep(16, 2, 1, "fixed")
+    assert [r.refused for r in rows if r.roots == "article"] == ["too large"] * len(fixed.BITS)
+    assert all(r.ms == 1 and r.refused is None for r in rows if r.roots != "article")
+    status = run.NO_MEMORY
+    with pytest.raises(run.DriverError):
+        fixed.sweep(16, 2, 1, "fixed")
+
+
+def test_large_pictures_are_held_against_themselves_without_clearing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three pixels of a sphere in a cleared block of 40 × 25 pixels are 3,000 ppm."""
+
+    def picture(case, scene, size):
+        planes = {c: np.zeros((25, 40), np.float32) for c in ("cleared", "R", "G", "B", "Z")}
+        planes["id"] = np.full((25, 40), -1, np.float32)
+        if case.words.endswith("never"):
+            planes["id"][3, 4:9] = 2
+        else:
+            planes["cleared"][:16, :7] = 1
+        return planes
+
+    monkeypatch.setattr(fixed.Case, "picture", picture)
+    monkeypatch.setattr(fixed, "timed", lambda cases, *_: {name: [1.0] * 6 for name in cases})
+    monkeypatch.setattr(fixed.images, "non_finite", lambda _: 0)
+    monkeypatch.setattr(fixed.truth, "picture", lambda *_: pytest.fail("truth is asked"))
+    rows = {row.clear: row for row in fixed.clearing([fixed.TRUTH_HEIGHT + 1], 2, 1, "fixed")}
+    assert (rows["corners"].lost_pixels, rows["corners"].wrongly_cleared_ppm) == (3, 3000)
+    assert rows["corners"].cleared == pytest.approx(112 / 1000) and rows["never"].lost_pixels == 0
+
+
+def test_how_many_frames_each_program_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fixed.animations, "thread_counts", lambda: [1, 2])
+    assert fixed.share(900, False, 2, True) == 900, "the headline"
+    assert fixed.share(900, False, 1, True) == fixed.share(900, True, 2, True) == 225
+    assert fixed.share(900, False, 2, False) == 900 and fixed.share(900, True, 2, False) == 60
+    assert fixed.share(900, True, 1, True) == 60 and fixed.share(2, True, 1, True) == 2
+
+
+def test_the_tables_of_a_published_run() -> None:
+    result = published()
+    found = tables.system(made_up.RUN)
+    assert found and [(one.said, one.ours, one.ratio) for one in found.claims] == [
+        ("14.29", "15.1", "16.6×"),
+        ("14.29", "8.90", "28.1×"),
+    ], "of the programs with the article's frames on every core"
+    cells = {row[0][0]: [text.split()[0] for text, _ in row[3:6]] for row in found.parts[0].table.cells}
+    assert cells["article, 1 lane"] == ["base", "0.132×", "–"]
+    assert cells["float, 8 lanes"][2] == "base" and cells["float, 16 lanes"][1:] == ["base", "base"]
+    (moved,) = (one for one in found.parts if one.name == "fixed-animation")
+    article = dict(zip([c.name for c in moved.table.columns], moved.table.cells[0], strict=True))
+    assert (article["mean"][0], article["core·ns a pixel"][0]) == ("14.29", "241")
+    refused = [row for row in result.sweep if row.refused]
+    text = show.markdown(show.table(result.sweep, tables.SWEEP))
+    assert len(refused) == 5 and all(str(row.refused) in text for row in refused)
+
+
+def test_rows_of_fewer_frames_or_another_size_are_no_claims() -> None:
+    moved = made_up.published(FILE)["animation"]
+    assert tables.claims(published(animation=[row | {"frames": 225} for row in moved])) == []
+    assert tables.claims(published(animation=[row | {"n": 90} for row in moved])) == []
+
+
+def test_the_figures_of_a_published_run() -> None:
+    result = published()
+    along, share = tables.drawings(result)[tables.FRAMES].make().axes
+    rows = [row for row in result.animation if row.threads == 2]
+    assert len(along.lines) == len(rows) + 1 and along.lines[-1].get_ydata()[0] == 14.29
+    assert list(share.lines[0].get_xdata()) == sorted(rows[0].all_ms)
+    psnr, ms = tables.drawings(result)[tables.BITS].make().axes
+    assert len(psnr.lines) == len(ms.lines) == 5
+
+
+def test_wrong_blocks_by_hand() -> None:
+    made = {"cleared": np.zeros((40, 40), np.float32)}
+    made["cleared"][16:32, :16] = made["cleared"][32:, 32:] = 1
+    whole = {"id": np.full((40, 40), -1, np.float32)}
+    whole["id"][20, 3:5] = whole["id"][0, 39] = 7  # in a cleared block twice, and in one that is not
+    assert pictures.lost(made, whole) == (2, [(0, 16)])
+
+
+@pytest.mark.slow
+def test_all_of_it_small(tmp_path: Path) -> None:
+    words = ["-n", "16", "--sizes", "16", "410", "--frames", "2", "--frame-n", "16", "--launches", "2"]
+    outcome, _ = commands.called("fixed", [*words, "--run", str(tmp_path)])
+    result = Fixed.load(tmp_path / FILE)
+    assert outcome.ended == 0 and outcome.result == result
+    simd = registry.find_phase("fixed_simd")
+    most = 1 if registry.missing_isa(simd) else registry.variant_here(simd).lanes
+    assert [row.case for row in result.rows] == IN_LANES[most]
+    assert len(result.sweep) == 3 * len(fixed.BITS) and any(row.refused for row in result.sweep)
+    assert result.clearing[0].wrongly_cleared_ppm == 0 < result.clearing[1].wrongly_cleared_ppm
+    assert all(len(row.all_ms) == row.common_frames == 2 for row in result.animation)
+    cores = len({1, len(run.USABLE)})
+    programs = ["article"] * cores + (["lanes"] * cores + ["floats"] * cores if most > 1 else [])
+    bare = ["article", "lanes"] if most > 1 else ["article"]
+    assert [row.program for row in result.animation] == programs + bare
+    assert [row.shadows for row in result.animation] == [True] * len(programs) + [False] * len(bare)
+    errors = [row.error for row in result.animation]
+    assert all((e.width, e.n) == (28, 16) and 20 < e.psnr_db < 150 for e in errors), errors
+    assert errors[0].psnr_db != errors[-len(bare)].psnr_db, "without shadows, to that truth"
+    assert {"roots=article", "clear=corners", "bits=20"} <= set(result.animation[0].settings.split())
+    assert not (tmp_path / "animation").exists(), "kept frames are forgotten when the file is written"
+    assert (tmp_path / "images" / f"{pictures.PICTURES}.png").exists()

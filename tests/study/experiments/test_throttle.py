@@ -1,0 +1,104 @@
+"""The throttle of rod marching: what it chooses, by hand and for real; its table of a published run."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import made_up
+import numpy as np
+import pytest
+
+from study.core import commands, registry
+from study.core.registry import find_scene
+from study.experiments.flight import throttle, throttle_tables
+from study.experiments.flight.schema import THROTTLE, Large, Throttle
+from study.measuring.schema import HitErrors
+
+
+@pytest.mark.parametrize(
+    ("psnr", "wrong", "non_finite", "fits"),
+    [(40, 1000, 0, True), (None, 0, 0, True), (39.9, 1000, 0, False), (40, 1001, 0, False),
+     (99, 0, 1, False), (math.nan, 0, 0, False), (50, math.nan, 0, False)],
+)  # fmt: skip
+def test_enough(psnr: float | None, wrong: float, non_finite: int, fits: bool) -> None:
+    found = HitErrors(psnr_db=psnr, wrong_ppm=wrong, non_finite=non_finite)
+    assert throttle.enough(found, 40, 1000) == fits
+
+
+def test_it_takes_the_fastest_within_the_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Made-up pictures and times: the fastest is outside, a first look lies about the next two, and the
+    choice's luck among the finalists is not its gain."""
+    psnr = {throttle.PLAIN: 60, "a": 30, "b": 45, "c": 41, "d": 50}
+    first = {throttle.PLAIN: 10.0, "a": 1.0, "b": 3.0, "c": 2.9, "d": 8.0}
+    final = first | {"b": 2.0, "c": 4.0}
+    anew = {throttle.PLAIN: 12.0, "b": 6.0}
+    looks = dict.fromkeys(psnr, 0)
+    sizes = set()
+
+    def milliseconds(phase, scene, size, reps, pad, told):
+        (words,) = told.values()
+        sizes.add(size[1])
+        looks[words] += 1
+        if size[1] == 360:
+            return {throttle.PLAIN: 100.0, "b": 125.0}[words]
+        if words == throttle.PLAIN:
+            return anew[words] if looks[words] > 1 else first[words]
+        return first[words] if looks[words] == 1 else final[words] if looks[words] <= 6 else anew[words]
+
+    def picture(phase, scene, size, told):
+        (words,) = told.values()
+        planes = {name: np.full((1, 4), 0.5, np.float32) for name in ("R", "G", "B", "Z", "id")}
+        return words if size[1] == 90 else planes
+
+    monkeypatch.setattr(throttle, "launches", SimpleNamespace(**vars(throttle.launches)))
+    monkeypatch.setattr(throttle.launches, "milliseconds", milliseconds)
+    monkeypatch.setattr(throttle.truth, "picture", lambda *_: None)
+    monkeypatch.setattr(throttle.hits, "picture", picture)
+    error = lambda exact, made: HitErrors(psnr_db=psnr[made], wrong_ppm=0, non_finite=0)  # noqa: E731
+    monkeypatch.setattr(throttle.hits, "errors", error)
+    how = {"wrong_ppm": 1000, "count": 5, "seed": 1, "wanted": list("abcd")}
+    found = throttle.choose(find_scene("trio"), 90, 40, **how)
+    assert found.chosen and found.chosen.settings == "b" and found.within == 3 and found.large is None
+    assert (found.finalists["b"].ms, found.chosen.ms, found.plain.ms) == (2, 6, 12)
+    assert found.gain == 2, "of the launches behind the choice"
+    assert looks["a"] == 0, "what is outside the error is not timed"
+    looks.update(dict.fromkeys(psnr, 0))
+    more = throttle.choose(find_scene("trio"), 90, 40, **how, large=360).large
+    assert more and (more.gain, more.psnr_db, more.other_ppm) == (0.8, None, 0) and sizes == {90, 360}
+    none = throttle.choose(find_scene("trio"), 90, 70, **how, large=360)
+    assert none.chosen is None and none.large is None and none.within == 0
+
+
+def test_two_pictures_with_nan_are_not_identical() -> None:
+    about = {"width": 1, "n": 1, "other_ppm": 0.0, "psnr_db": None, "chosen": None, "plain": None}
+    bad, same = (throttle_tables.apart(Large(**about, non_finite=count)) for count in (1, 0))
+    assert bad.startswith("not finite") and same.startswith("identical")
+
+
+def test_the_table_of_a_published_run() -> None:
+    result = Throttle.load(made_up.RUN / THROTTLE)
+    found = throttle_tables.system(made_up.RUN)
+    assert found and found.claims == [] and len(found.parts[0].table.cells) == len(result.rows)
+    assert throttle_tables.words_of(result.rows[0].chosen).startswith("rods of 32 to 8 pixels")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()["rods_simd"])), reason="the CPU lacks what rods_simd needs"
+)
+def test_from_pictures_to_its_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Two settings: one that is the scene's own picture, one whose five steps leave holes."""
+    own, short = "march=rods size=16 least=4 steps=0 finish=0", "march=rods size=16 least=4 steps=1 finish=5"
+    monkeypatch.setattr(throttle, "every_setting", lambda: [short, own])
+    words = ["--still", "--scene", "trio", "-n", "18", "--large", "36", "--launches", "2", "--seed", "1"]
+    outcome, _ = commands.called("flight", [*words, "--run", str(tmp_path)])
+    (row,) = Throttle.load(tmp_path / THROTTLE).rows
+    assert outcome.ended == 0 and (row.tried, row.within, row.chosen.settings) == (3, 1, own)
+    assert list(row.finalists) == [own] and row.chosen.launches != row.finalists[own].launches
+    assert row.large.n == 36 and row.large.other_ppm == 0 and row.large.gain > 0
+    assert row.chosen.wrong_ppm == 0 and row.chosen.evaluations < row.plain.evaluations
+    monkeypatch.setattr(throttle, "every_setting", lambda: [short])
+    outcome, _ = commands.called("flight", [*words, "--run", str(tmp_path)])
+    assert outcome.ended == 1 and len(outcome.failed) == 1

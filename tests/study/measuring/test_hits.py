@@ -1,0 +1,60 @@
+"""Errors of hits by hand, and how they are said."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from study.measuring import hit_tables, hits
+from study.measuring.schema import Gain, HitErrors
+
+
+def planes(**other: list[float]) -> dict[str, np.ndarray]:
+    """A picture of four pixels in a row; truth's planes among its own."""
+    base = {"id": [0, 0, 1, -1], "Z": [1, 2, 3, np.inf], "status": [2] * 4, "status.all": [2] * 4}
+    base |= {name: [0.5] * 4 for name in "RGB"} | {f"N.{axis}": [0] * 4 for axis in "xyz"}
+    return {name: np.array([row], np.float32) for name, row in (base | {"evals": [1] * 4} | other).items()}
+
+
+MADE = planes(id=[0, -1, 0, 1], Z=[1.25, np.inf, 3, 9], R=[0.5, 0.5, 0.5, 1.0])
+
+
+def test_errors_by_hand() -> None:
+    same, found = hits.errors(planes(), planes()), hits.errors(planes(), MADE)
+    assert same.wrong_ppm == 0 and same.psnr_db is None and same.judged == same.known == 1
+    assert found.false_hits_ppm == found.false_misses_ppm == found.wrong_shape_ppm == 250_000
+    assert found.wrong_ppm == 750_000 and found.dt_p50 == found.dt_p100 == 0.25
+    assert found.psnr_db == pytest.approx(-10 * math.log10(0.25 / 12))
+    found = hits.errors(planes(), planes(Z=[1, 2, np.nan, np.inf]))
+    assert found.false_misses_ppm == 250_000, "a shape without a depth is no hit"
+    found = hits.errors(planes(), planes(R=[0, 0, 0, np.nan]))
+    assert found.non_finite == 1 and found.psnr_db and math.isnan(found.psnr_db)
+
+
+def test_errors_are_of_the_pixels_that_truth_knows() -> None:
+    found = hits.errors(planes(status=[2, 2, 2, 0]), MADE)
+    assert (found.false_hits_ppm, found.known) == (0, 0.75)
+    assert found.false_misses_ppm == pytest.approx(1e6 / 3)
+    beside = hits.errors(planes(status=[1, 1, 1, 2]), MADE)  # a fractal and the air about it, which is proved
+    assert (beside.wrong_ppm, beside.judged, beside.known) == (1_000_000, 0.25, 1)
+    assert hit_tables.ppm(beside) == "1,000,000 (of 25\u00a0% of the pixels)"
+    assert hits.errors(planes(status=[1, 1, 1, 0]), MADE).false_misses_ppm == pytest.approx(1e6 / 3)
+    assert math.isnan(hits.errors(planes(status=[0] * 4), MADE).wrong_ppm or 0), "of none there is no share"
+
+
+def test_how_errors_are_said() -> None:
+    assert hit_tables.error(HitErrors(psnr_db=49.66, wrong_ppm=417.2)) == "49.7 dB, 417 ppm wrong hits"
+    assert hit_tables.error(HitErrors(wrong_ppm=0)) == "identical, 0 ppm wrong hits"
+    rows = [("a", HitErrors(non_finite=0)), ("b", HitErrors(non_finite=3)), ("c", HitErrors())]
+    assert [line.split(":")[0] for line in hit_tables.not_finite(rows)] == ["b"]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [(1.01, 1.2, "gain"), (0.98, 1.3, "cannot be told"), (0.7, 0.99, "loss"), (1.0, 1.2, "cannot be told"),
+     (None, None, "cannot be told"), (math.nan, math.nan, "cannot be told")],
+)  # fmt: skip
+def test_a_gain_is_one_where_its_interval_says_so(low: float, high: float, said: str) -> None:
+    assert hit_tables.verdict(Gain(gain=1.05, gain_low=low, gain_high=high)) == said
