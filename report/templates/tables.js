@@ -48,7 +48,6 @@ function sortable(table, heads, rows) {
       head.setAttribute("aria-sort", wanted);
       sort();
     });
-    head.addEventListener("changed", sort);
   });
 }
 

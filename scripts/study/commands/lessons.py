@@ -4,16 +4,19 @@ phases/NAME/lesson.svg, and in NOTES.md the table of the phase's ideas, below it
 
 from __future__ import annotations
 
-from study.core import cli, registry
-from study.core.cli import StudyError
+import argparse
+
+from study.core import registry
+from study.core.cli import Outcome, StudyError
 from study.experiments import experiment
 from study.report import lessons, lessons_svg
 
 
-def main() -> int:
-    parser = cli.parser(__doc__ or "")
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--phase", nargs="+", metavar="PHASE", help="default: all that the published run has")
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> Outcome:
     made = []
     for name in args.phase or registry.phases():
         found = lessons.figure(name)
@@ -22,17 +25,10 @@ def main() -> int:
             if text := fill(name, notes.read_text(encoding="utf-8")):
                 notes.write_text(text, encoding="utf-8")
                 made.append(notes.relative_to(registry.ROOT))
-        if found is None:
-            if args.phase:
-                raise StudyError(
-                    f"{name}: no figure; scripts/study/report/lessons.py has {', '.join(lessons.PANELS)}"
-                )
-            continue
-        path = registry.find_phase(name).path / lessons.NAME
-        path.write_text(lessons_svg.svg(found), encoding="utf-8")
-        made.append(path.relative_to(registry.ROOT))
-    if args.json:
-        cli.emit({"files": made})
-    else:
-        print("\n".join(map(str, made)))
-    return cli.OK
+        if found:
+            path = notes.with_name(lessons.NAME)
+            path.write_text(lessons_svg.svg(found), encoding="utf-8")
+            made.append(path.relative_to(registry.ROOT))
+        elif args.phase:
+            raise StudyError(f"{name}: no figure; there are those of {', '.join(lessons.PANELS)}")
+    return Outcome({"files": made}, made)

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+import argparse
+
 from study.core import cli
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.numbers import analysis, ladder
 from study.pictures.ladder import PLOTS, draw
 
 
-def main() -> int:
-    parser = cli.parser(__doc__)
+def options(parser: argparse.ArgumentParser) -> None:
     cli.of_run(parser, "default: RUN/figures", height=True)
     about = f"of {', '.join(PLOTS)}; default: all"
     parser.add_argument("--only", nargs="+", choices=PLOTS, metavar="PLOT", help=about)
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> Outcome:
     data = analysis.load(args.run)
     rows = ladder.rows(data, args.n)
     if not rows["headline"].any():
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
     made = draw(data, rows, args.out or data.path / "figures", args.only)
-    if args.json:
-        cli.emit(made, data.path)
-    else:
-        print("\n".join(str(path) for paths in made.values() for path in paths))
-    return cli.OK
+    return Outcome(made, [path for paths in made.values() for path in paths], data.path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import re
 from collections.abc import Sequence
@@ -11,11 +12,13 @@ from typing import Any
 import pandas as pd
 
 from study.commands import tables
-from study.core import cli, html, registry, show, store, table_files
+from study.core import html, registry, show, store, table_files
+from study.core.cli import Outcome
 from study.experiments import experiment
 from study.experiments.section import Section
 from study.numbers import analysis, ladder, stats
 from study.numbers.analysis import Data
+from study.pictures import charts
 from study.report import chapters, facts, figures, history_chapter, machines
 
 OUT = registry.ROOT / "report" / "out" / "index.html"
@@ -63,6 +66,8 @@ def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:
     ]
     made: dict[str, list[Section]] = {text: [] for text in experiment.QUESTIONS.values()}
     for place, section in sorted([*measured, *own], key=lambda each: each[0]):
+        if section.id == "ladder":
+            section = dataclasses.replace(section, chart=machines.chart(data, rows))
         made[experiment.QUESTIONS.get(place // 100, experiment.QUESTIONS[MORE])].append(section)
     return made
 
@@ -87,7 +92,6 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         "running": list(running),
         "questions": questions,
         "headlines": headlines(rows),
-        "ladders": machines.script(data, rows),
         "figures": drawn,
         "images": images,
         "absent": {one.id: figures.absent(one) for one in found},
@@ -98,6 +102,7 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         "phases": chapters.described(data),
         "methods": {"median": stats.MEDIAN.text(), "ratio": stats.RATIO.text()},
         "left_out": "",
+        "vega": charts.scripts() if any(one.chart for one in found) else "",
     }
     template = environment.get_template("index.html.j2")
     text = template.render(told)
@@ -109,27 +114,18 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
     return text
 
 
-def main() -> int:
-    parser = cli.parser(__doc__)
-    parser.add_argument(
-        "run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run"
-    )
-    parser.add_argument(
-        "-o", "--out", type=Path, default=OUT, metavar="PATH", help="default: report/out/index.html"
-    )
-    parser.add_argument(
-        "-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured"
-    )
+def options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run")
+    add("-o", "--out", type=Path, default=OUT, metavar="PATH", help="default: report/out/index.html")
+    add("-n", type=int, metavar="HEIGHT", help="of the ladder's pictures; default: the best measured")
     about = "what a study still measures: the page says so"
-    parser.add_argument("--running", nargs="+", default=[], metavar="TEXT", help=about)
-    args = parser.parse_args()
+    add("--running", nargs="+", default=[], metavar="TEXT", help=about)
+
+
+def run(args: argparse.Namespace) -> Outcome:
     data = analysis.load(args.run, strict=False)
-    html = page(data, args.out, args.n, args.running)
-    store.write_text(args.out, html)
-    for note in data.notes:
-        cli.say(note)
-    if args.json:
-        cli.emit({"report": args.out, "bytes": len(html.encode()), "missing": data.notes}, data.path)
-    else:
-        print(args.out)
-    return cli.OK
+    text = page(data, args.out, args.n, args.running)
+    store.write_text(args.out, text)
+    told = {"report": args.out, "bytes": len(text.encode()), "missing": data.notes}
+    return Outcome(told, [args.out], data.path, data.notes)

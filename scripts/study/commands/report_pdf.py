@@ -5,6 +5,7 @@ It is set by typst, which is installed into build/pdf on the first call.
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
 from pathlib import Path
@@ -12,8 +13,8 @@ from pathlib import Path
 import matplotlib
 
 from study.commands import report
-from study.core import cli, registry, store, temporary
-from study.core.cli import CANNOT_RUN, StudyError
+from study.core import registry, store, temporary
+from study.core.cli import CANNOT_RUN, Outcome, StudyError
 from study.core.host import child
 from study.experiments import venvs
 from study.numbers import analysis, ladder
@@ -57,16 +58,13 @@ def make(data: Data, out: Path) -> None:
         (folder / "report.pdf").replace(out)
 
 
-def main() -> int:
-    parser = cli.parser(__doc__)
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("run", nargs="?", type=Path, metavar="RUN", help="its folder; default: the newest run")
     add("-o", "--out", type=Path, default=OUT, metavar="PATH", help="default: report/out/report.pdf")
-    options = parser.parse_args()
-    data = analysis.load(options.run)
-    make(data, options.out)
-    if options.json:
-        cli.emit({"pdf": options.out}, data.path)
-    else:
-        print(options.out)
-    return cli.OK
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    data = analysis.load(args.run)
+    make(data, args.out)
+    return Outcome({"pdf": args.out}, [args.out], data.path)

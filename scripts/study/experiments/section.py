@@ -77,6 +77,7 @@ class Section:
     images: dict[Path, str] = field(default_factory=dict)  # pictures, which no figure replaces; captions
     cut: str = ""  # what a quick study left out of it, and how to get it
     html: str = ""  # a fragment of its own, behind the tables
+    chart: str = ""  # that answers the mouse, of study.pictures.charts; the first figure is behind it
 
     def __post_init__(self) -> None:
         for name in (*self.drawn, *(part.name for part in self.parts)):

@@ -128,7 +128,7 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     try:
         stem.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(files[0], metadata={"Date": None})
-        figure.savefig(files[1], dpi=130)
+        figure.savefig(files[1], dpi=110)
     except OSError as error:
         raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
     return files

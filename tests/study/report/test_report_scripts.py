@@ -20,7 +20,6 @@ from PIL import Image
 from study.commands import publish, report
 from study.core.cli import StudyError
 from study.core.registry import ROOT
-from study.experiments.pareto import tables as pareto_tables
 from study.numbers import analysis
 from study.pictures import images
 from study.pictures import ladder as ladder_figures
@@ -56,7 +55,7 @@ async function use() {
   const figure = document.querySelector("figure.pictures");
   for (let i = 0; i < 50 && !figure.dataset.ready; i++) await wait(100);
   said.overflow = document.documentElement.scrollWidth - document.documentElement.clientWidth;
-  const stills = document.querySelectorAll("figure:has(> img, svg)");
+  const stills = document.querySelectorAll("figure:has(> img)");
   const wider = [...stills].filter((one) => one.scrollWidth > one.clientWidth && !one.matches(".pictures"));
   said.cut = wider.map((one) => getComputedStyle(one, "::before").content);
 
@@ -81,79 +80,24 @@ async function use() {
   change(field, "", "input");
   said.unfiltered = column(points, 0).length;
 
-  const ratio = heads.findIndex((head) => head.textContent.startsWith("× "));
+  const charts = [...document.querySelectorAll(".chart")];
+  for (let i = 0; i < 50 && !charts.every((one) => one.dataset.ready); i++) await wait(100);
   const names = (menu) => [...menu.options].map((one) => one.text);
-  const [machine, base] = document.querySelectorAll("#ladder select");
-  const runtime = document.querySelector("#size table");
-  const over = [...runtime.tHead.rows[0].cells].findIndex((head) => head.dataset.choices);
-  const [still, drawn] = [document.querySelector("#ladder figure"), document.querySelector(".ladder-chart")];
-  const look = () => ({
-    head: heads[ratio].textContent,
-    ratios: column(table, ratio),
-    ms: column(table, at),
-    others: column([...document.querySelectorAll("#ladder table")][1], ratio),
-    runtime: column(runtime, over),
-    still: !still.hidden,
-    drawn: drawn.hidden ? [] : [...drawn.querySelectorAll("title")].map((one) => one.textContent),
-    note: document.querySelector("#ladder output").textContent,
-    caption: table.caption.textContent,
-    bases: names(base),
-    overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
-  });
-  const choose = (menu, i) => {
-    menu.selectedIndex = i;
-    menu.dispatchEvent(new Event("change"));
-    return look();
-  };
-  said.machines = names(machine);
-  said.bases = names(base);
-  said.chosen = { own: look() };
-  said.chosen.same = choose(base, 1);
-  said.chosen.paper = choose(base, 2);
-  choose(base, 0);
-  said.chosen.fast = choose(machine, 1);
-  said.chosen.fastSame = choose(base, 1);
-  choose(base, 0);
-  said.chosen.held = choose(machine, 2);
-  said.chosen.back = choose(machine, 0);
-
-  said.figures = [...document.querySelectorAll("figure.inline")].map((one) => {
-    const titles = [...one.querySelectorAll("svg title")];
-    const box = titles[0]?.parentElement.getBoundingClientRect();
-    const [clientX, clientY] = box ? [box.left + box.width / 2, box.top + box.height / 2] : [0, 0];
-    const moved = new PointerEvent("pointermove", { clientX, clientY, bubbles: true });
-    titles[0]?.parentElement.dispatchEvent(moved);
-    const output = one.querySelector("output")?.textContent;
-    return { titles: titles.map((title) => title.textContent), output };
-  });
-
-  const chart = document.querySelector(".pareto-chart");
-  const panels = chart.querySelector(".panels");
-  const marks = () => panels.querySelectorAll("polygon").length;
-  const box = (name) => chart.querySelector(`input[value="${name}"]`);
-  const whole = panels.innerHTML;
-  said.marks = { all: marks() };
-  box("opt4").click();
-  said.marks.without = marks();
-  box("opt4").click();
-  box("mandelbulb").click();
-  said.marks.scene0 = marks();
-  said.marks.panels = panels.children.length;
-  box("mandelbulb").click();
-  panels.dispatchEvent(new KeyboardEvent("keydown", { key: "+" }));
-  said.zoomed = panels.innerHTML !== whole;
-  panels.dispatchEvent(new KeyboardEvent("keydown", { key: "0" }));
-  said.restored = panels.innerHTML === whole;
-  const mark = panels.querySelector("polygon");
-  mark.dispatchEvent(new PointerEvent("pointerover", { bubbles: true }));
-  said.mark = [chart.querySelector("output").textContent, mark.textContent];
-  said.errors = [...chart.querySelectorAll("select option")].map((one) => one.text);
-  for (const i of said.errors.keys()) {
-    chart.querySelector("select").selectedIndex = i;
-    chart.querySelector("select").dispatchEvent(new Event("change"));
-    if (panels.innerHTML.includes("NaN")) failed.push(`NaN in the chart of ${said.errors[i]}`);
+  const choices = (one) => [...one.querySelectorAll("select")].map(names);
+  const marks = (one) => one.querySelectorAll(".mark-symbol path[aria-roledescription='point']").length;
+  said.choices = charts.map(choices);
+  said.marks = [];
+  for (const chart of charts) {
+    const menus = [...chart.querySelectorAll("select")];
+    said.marks.push([marks(chart)]);
+    for (const menu of menus) {
+      menu.selectedIndex = 1;
+      menu.dispatchEvent(new Event("change"));
+      menu.dispatchEvent(new Event("input"));
+      await wait(300);
+      said.marks[said.marks.length - 1].push(marks(chart));
+    }
   }
-
   const [slider, canvas, text] = is(figure, "input[type=range]", "canvas", ".pixel");
   const colours = () => [0.1, 0.9].map((part) =>
     [...canvas.getContext("2d").getImageData(part * canvas.width, 5, 1, 1).data].slice(0, 3));
@@ -230,7 +174,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         plots = {"speedup-ladder": ladder_figures.speedups, "runtime": ladder_figures.runtime}
         patch.setattr(ladder_figures, "PLOTS", plots)
-        patch.setattr(pareto_tables, "FIGURES", {"psnr_db": "pareto"})
         patch.setattr(machines, "PUBLISHED", folder / "published")
         text = report.page(analysis.load(run, strict=False), folder / "out" / "index.html")
     (folder / "index.html").write_text(text)
@@ -309,75 +252,17 @@ def test_a_filter_leaves_the_rows_with_all_its_words(
     assert said["unfiltered"] == len(rows)
 
 
-def values(texts: list[str]) -> list[str]:
-    """`32.0×` of `32.0× [30.0, 36.0]`."""
-    return [text.split(" ")[0] for text in texts]
-
-
-@pytest.mark.parametrize(("across", "dark"), SEEN)
-def test_the_ratios_follow_the_base(used: Callable, across: int, dark: bool) -> None:
-    """On scene0 a pixel takes 16000, 5000, 4000, 3200 (opt2 by opt3's flags), 1000 and 500 ns; the paper's
-    baseline takes 1.25 times as long as ours, and was timed on scene0 at n = 180 alone."""
-    said = used(across, dark)
-    assert said["bases"] == ["baseline", "opt2, same flags", "the paper's baseline"]
-    own, same, paper = (said["chosen"][name] for name in ("own", "same", "paper"))
-    assert values(own["ratios"]) == ["base", "3.20×", "4.00×", "5.00×", "16.0×", "32.0×"]
-    assert own["still"] and not own["drawn"] and own["head"].startswith("× baseline")
-    assert same["head"].startswith("× opt2, same flags")
-    assert values(same["ratios"]) == ["0.250×", "0.800×", "base", "base", "3.20×", "6.40×"]
-    assert values(paper["ratios"]) == ["1.25×", "4.00×", "5.00×", "6.25×", "20.0×", "40.0×"]
-    assert set(paper["others"]) == {"–"} and own["others"] != same["others"]
-    assert values(paper["runtime"]).count("–") == 12 and "40.0×" in values(paper["runtime"])
-    assert "6.40×" in values(same["runtime"]) and own["ms"] == same["ms"] == paper["ms"]
-    assert not paper["still"] and any("opt4" in text and "40.0×" in text for text in paper["drawn"])
-    assert max(one["overflow"] for one in said["chosen"].values()) <= 0
-
-
-@pytest.mark.parametrize(("across", "dark"), SEEN)
-def test_the_ladder_follows_the_machine(used: Callable, across: int, dark: bool) -> None:
-    """Its ms, and its ratios where its run may state them: over baseline only beside the paper's program."""
-    said = used(across, dark)
-    assert said["machines"] == ["Example Lake (this run)", "Fast Lake", "Held Lake"]
-    own, fast, same, held, back = (
-        said["chosen"][name] for name in ("own", "fast", "fastSame", "held", "back")
-    )
-    assert values(own["ms"])[-1] == "28.80" and values(fast["ms"])[-1] == "14.40"
-    assert set(fast["ratios"]) == {"–"} and "not timed beside the paper's program" in fast["note"]
-    assert any("14.40" in text and text.startswith("opt4, scene0, Fast Lake") for text in fast["drawn"])
-    assert fast["bases"][0] == "baseline (not on this machine)" and fast["bases"][1] == "opt2, same flags"
-    assert fast["caption"].startswith("scene0, Fast Lake: speed and error (times at ")
-    assert values(same["ratios"])[-1] == "6.40×"
-    assert values(held["ms"])[-1] == "7.200" and values(held["ratios"])[-2:] == ["16.0×", "128×"]
-    assert "run Held Lake" in held["note"] and "not timed" not in held["note"]
-    assert back == own
-
-
-@pytest.mark.parametrize(("across", "dark"), SEEN)
-def test_every_figure_says_the_numbers_of_its_marks(used: Callable, across: int, dark: bool) -> None:
-    figures = used(across, dark)["figures"]
-    assert len(figures) >= 3
-    for figure in figures:
-        assert figure["titles"] and figure["output"] in figure["titles"]
-    (runtime,) = [one["titles"] for one in figures if "runtime of a frame" in one["titles"][0]]
-    assert len(runtime) == 18
-    assert "opt4, scene0, n = 180\n0.02880 [0.02851,\u00a00.02909] runtime of a frame, s" in runtime
-
-
-@pytest.mark.parametrize(("across", "dark"), SEEN)
-def test_the_chart_filters_zooms_and_tells(used: Callable, made: Path, across: int, dark: bool) -> None:
-    said = used(across, dark)
-    rows = json.loads((made / "machine" / "run" / "pareto.json").read_text())["rows"]
-    drawn = [row for row in rows if row["psnr_db"] is None or row["psnr_db"] > 0]
-    count = {key: len([r for r in drawn if key in (r["scene"], r["phase"])]) for key in ("scene0", "opt4")}
-    assert said["marks"] == {
-        "all": len(drawn),
-        "without": len(drawn) - count["opt4"],
-        "scene0": count["scene0"],
-        "panels": 1,
-    }
-    assert said["zoomed"] and said["restored"]
-    assert said["mark"][0] == said["mark"][1] and re.search(r"ns/pixel; PSNR .* dB", said["mark"][0])
-    assert len(said["errors"]) == 4
+def test_the_charts_follow_their_choices(used: Callable) -> None:
+    """A machine, a scene and a base of the ladder; a scene and a shadow of speed against error."""
+    said = used(*SEEN[0])
+    (machines, scenes, bases), (drawn, shadows) = said["choices"]
+    assert machines == ["Example Lake (this run)", "Fast Lake", "Held Lake"]
+    assert bases == ["baseline", "opt2, same flags", "the paper's baseline"]
+    assert scenes == ["scene0", "mandelbulb"] and drawn[:2] == scenes and len(shadows) == 2
+    ladder, errors = said["marks"]
+    # Six phases; not held beside the paper's program: no ratio to its baseline; over opt2: all of them.
+    assert ladder == [6, 0, 0, 6]
+    assert errors[0] > 50 and errors[1] > 50
 
 
 @pytest.mark.parametrize(("across", "dark"), SEEN)
@@ -395,10 +280,7 @@ def test_the_slider_moves_and_the_pixel_is_told(used: Callable, across: int, dar
 
 def test_without_scripts_the_page_has_its_figure_and_pictures(made: Path) -> None:
     text = (made / "index.html").read_text()
-    assert '<div class="pareto-chart" hidden>' in text and text.count("<img data-scene=") == 2
-    assert "<input" not in text.partition("<script>")[0]
-    for file in (ROOT / "report" / "templates").glob("*.js"):
-        assert len(file.read_text().splitlines()) < 200, file.name
+    assert text.count("<img data-scene=") == 2 and "<input" not in text.partition("<script>")[0]
 
 
 def test_a_page_is_never_larger_than_its_limit(
@@ -407,7 +289,6 @@ def test_a_page_is_never_larger_than_its_limit(
     """What is left out is named; without any picture a page that is still too large is an error."""
     data = analysis.load(made / "machine" / "run", strict=False)
     monkeypatch.setattr(ladder_figures, "PLOTS", {"runtime": ladder_figures.runtime})
-    monkeypatch.setattr(pareto_tables, "FIGURES", {"psnr_db": "pareto"})
     monkeypatch.setattr(machines, "PUBLISHED", tmp_path)
     whole = report.page(data, tmp_path / "index.html")
     limit = len(whole.encode()) - 20_000

@@ -28,7 +28,7 @@ def headline(path: Path) -> Section:
         about = {
             "answer": fronts.answer(winners),
             "drawn": tables.drawings(result),
-            "html": chart.fragment(rows),
+            "chart": chart.fragment(rows),
         }
     about |= {"file": path / FILE, "script": "scripts/stepwise pareto"}
     return Section("pareto", "Speed against error", "make pareto", parts, **about)
