@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -38,16 +38,12 @@ def cells(row: Row) -> Mapping[str, Any]:
 
 @dataclass(frozen=True)
 class Column:
-    """`group` spans neighbours with the same group; `mark` says whether a cell is "good" or "bad".
-
-    `others`: name and text of what a reader of the page can choose to see in its place.
-    """
+    """`group` spans neighbours with the same group; `mark` says whether a cell is "good" or "bad"."""
 
     group: str
     name: str
     text: Callable[[Row], str]
     mark: Callable[[Row], str] = lambda row: ""
-    others: Mapping[str, Callable[[Row], str]] = field(default_factory=dict)
 
     @property
     def wraps(self) -> bool:
@@ -220,7 +216,6 @@ def picture(row: Row) -> str:
 class Table:
     columns: list[Column]
     cells: list[list[tuple[str, str]]]  # text, mark
-    choices: dict[int, list[list[str]]] = field(default_factory=dict)  # column → each row's other texts
 
     @property
     def groups(self) -> list[tuple[str, int]]:
@@ -240,19 +235,7 @@ def table(rows: Sequence[Row], columns: Sequence[Column]) -> Table:
     empty = (NOTHING, "reference")
     kept = [i for i, column in enumerate(texts) if i == 0 or any(text not in empty for text in column)]
     cells = [[(texts[i][n], columns[i].mark(row)) for i in kept] for n, row in enumerate(rows)]
-    shown = [_with_choices(columns[i], rows, (*empty, "not measured")) for i in kept]
-    choices = {
-        place: [[text(row) for text in column.others.values()] for row in rows]
-        for place, column in enumerate(shown)
-        if column.others
-    }
-    return Table(shown, cells, choices)
-
-
-def _with_choices(column: Column, rows: Sequence[Row], empty: Sequence[str]) -> Column:
-    """The column without the others that say nothing in any row."""
-    said = {name: text for name, text in column.others.items() if any(text(row) not in empty for row in rows)}
-    return replace(column, others=said)
+    return Table([columns[i] for i in kept], cells)
 
 
 def inert(text: str) -> str:
