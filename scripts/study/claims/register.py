@@ -22,7 +22,7 @@ from study.experiments.ablations.schema import Ablations
 from study.experiments.fixed.schema import Fixed
 from study.experiments.functions.schema import Functions
 from study.experiments.hotspots.schema import Hotspots
-from study.experiments.lattice import measure as lattice
+from study.experiments.lattice.schema import Lattice
 from study.experiments.packets.schema import Packets
 from study.experiments.rods.schema import Rods
 from study.measuring import animation_tables
@@ -267,18 +267,19 @@ def _normalize(data: Data, claim: Claim) -> Found:
 def _rtrm(data: Data, claim: Claim) -> Found:
     """Beside figures of another machine: that decides nothing. The figure is of the claim's phase; without
     a time of it the fastest one's stands in the words alone."""
-    result = lattice.read(data.path / lattice.FILE)
-    named = [r for r in result["rows"] if (r["phase"], r["threads"]) == (claim["phase"], 2) and r["program"]]
-    fastest = lattice.best(result, 2)
-    if fastest is None:
+    result = Lattice.load_if_there(data.path / "lattice.json")
+    fastest = result.best(2) if result else None
+    if result is None or fastest is None:
         return missing("time of scene lattice on two threads")
-    other = f"{fastest['phase']} {fastest['program']:.2f}×"
+    other = f"{fastest.phase} {fastest.program:.2f}×"
+    named = [r for r in result.rows if (r.phase, r.threads) == (claim["phase"], 2) and r.program]
     if not named:
         text = f"{other} its figure of another machine; no time of {claim['phase']} on two threads"
-        return Found(text, NEVER, claim["note"], n=fastest["n"])
-    one, ends = named[0], _ends(named[0], "program_low", "program_high")
-    text = f"{one['program']:.2f}× its figure of another machine; {other}"
-    return Found(text, NEVER, claim["note"], one["program"], *ends, one["n"])
+        return Found(text, NEVER, claim["note"], n=fastest.n)
+    one = named[0]
+    text = f"{one.program:.2f}× its figure of another machine; {other}"
+    ends = (math.nan if end is None else end for end in (one.program_low, one.program_high))
+    return Found(text, NEVER, claim["note"], one.program, *ends, one.n)
 
 
 def _integers(data: Data, claim: Claim) -> Found:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
-from study.experiments.lattice import tables
+from study.experiments.lattice import command, tables
 from study.experiments.lattice.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -14,4 +14,5 @@ EXPERIMENT = Experiment(
     system=tables.system,
     depth=None,
     cut="A quick study has no systems: builds of every program of them take minutes.",
+    command=command,
 )
