@@ -1,12 +1,14 @@
-"""Pages made from the code: docs/commands.md, and results/keys/ with the keys of every file of a run."""
+"""Pages made from the code: docs/commands.md, and build/docs/keys/ with the keys of every file of a run."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import textwrap
 from pathlib import Path
 
-from study.core import cli, commands, store
+from study.core import commands, store
+from study.core.cli import Outcome
 from study.core.commands import Command
 from study.core.marked_blocks import between
 from study.core.registry import ROOT
@@ -75,22 +77,16 @@ def pages(root: Path = ROOT) -> dict[str, str]:
     """Every page by its path below the project; `root` has the page that the table of files goes into."""
     text = (root / FILES).read_text(encoding="utf-8")
     made = {"docs/commands.md": page(), FILES: between(text, BEGIN, END, f"\n{keys.index()}\n")}
-    return made | {f"results/keys/{name}": text for name, text in keys.pages().items()}
+    return made | {f"build/docs/keys/{name}.md": keys.page(name, kind) for name, kind in keys.files().items()}
 
 
-def main() -> int:
-    parser = cli.parser(__doc__ or "")
+def options(parser: argparse.ArgumentParser) -> None:
     about = "the folder that the pages go below; default: the project"
     parser.add_argument("-o", "--out", type=Path, default=ROOT, metavar="PATH", help=about)
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> Outcome:
     made = pages()
     for name, text in made.items():
         store.write_text(args.out / name, text)
-    for path in sorted((args.out / "results" / "keys").glob("*.md")):
-        if f"results/keys/{path.name}" not in made:
-            path.unlink()  # of a file that is no more
-    if args.json:
-        cli.emit({"pages": list(made)})
-    else:
-        print("\n".join(made))
-    return cli.OK
+    return Outcome({"pages": list(made)}, made)

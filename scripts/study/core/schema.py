@@ -1,6 +1,6 @@
 """What stands in the files of a run: schemas, by which a file is checked where it is read.
 
-A schema is a class of keys, each with its type, unit and meaning. The pages of results/keys/ are made from
+A schema is a class of keys, each with its type, unit and meaning. The pages of keys are made from
 them (study.experiments.keys).
 """
 

@@ -220,7 +220,7 @@ class Run:
         return rows
 
     def frames(self) -> pd.DataFrame:
-        """`lines` as a table: columns as in results/keys/frames.jsonl.md, which one of them has at least,
+        """`lines` as a table: columns as in run_schema.Frame, which one of them has at least,
         plus `spec` (opt2 or opt2@opt4)."""
         import pandas as pd  # a quarter of a second, which the build of every counted phase need not wait for
 

@@ -1,6 +1,6 @@
 """The equivalence gate: which tolerance holds for a phase on a scene, and which metrics break it.
 
-Tolerances stand in phases/NAME/phase.json, per scene class or scene. Metrics: results/keys/verify.json.md.
+Tolerances stand in phases/NAME/phase.json, per scene class or scene. Metrics: study/numbers/schema.py.
 """
 
 from __future__ import annotations

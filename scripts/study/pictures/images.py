@@ -1,6 +1,6 @@
 """Pictures: float EXR in, the metrics of the equivalence gate, PNG out.
 
-Metrics, units and their order are those of results/keys/verify.json.md. A picture is a dict of float32 planes
+Metrics, units and their order are those of study/numbers/schema.py. A picture is a dict of float32 planes
 (height × width), one per EXR channel: R G B (linear, not clamped) and, rendered with --aov, Z id N.x
 N.y N.z evals.
 """

@@ -1,4 +1,4 @@
-"""Equivalence of phases: pictures and AOVs compared, judged by tolerance (results/keys/verify.json.md)."""
+"""Equivalence of phases: pictures and AOVs compared, judged by tolerance (study/numbers/schema.py)."""
 
 from __future__ import annotations
 
