@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from study.commands import compare
-from study.core import cli, store
+from study.core import cli, commands, store
 from study.core.run_schema import Frame
 from study.core.store import Run
 
@@ -42,14 +42,14 @@ def make_run(folder, times, context=None, launches=8, **line) -> Run:
 def run(*arguments) -> SimpleNamespace:
     """The command within this process: status and what it wrote."""
     out, err = io.StringIO(), io.StringIO()
-    argv = ["stepwise compare", *map(str, arguments)]
+    argv = ["stepwise", "compare", *map(str, arguments)]
     with (
         patch("sys.argv", argv),
         redirect_stdout(out),
         redirect_stderr(err),
         pytest.raises(SystemExit) as ended,
     ):
-        cli.main(compare.main)
+        cli.main(commands.main)
     return SimpleNamespace(returncode=ended.value.code, stdout=out.getvalue(), stderr=err.getvalue())
 
 

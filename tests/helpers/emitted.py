@@ -1,7 +1,18 @@
-"""What a command prints with --json: one object of one shape, whatever the command."""
+"""A command in the tests' own process, and what it prints with --json: one object of one shape."""
 
 import json
+import sys
 from typing import Any
+from unittest import mock
+
+from study.core import commands
+
+
+def told(name: str, *words: object) -> int:
+    """Runs it and prints as scripts/stepwise does; its exit status. StudyError, SystemExit."""
+    with mock.patch.object(sys, "argv", [f"stepwise {name}"]):
+        outcome, as_json = commands.called(name, list(map(str, words)))
+        return outcome.tell(as_json)
 
 
 def whole(text: str) -> dict[str, Any]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from discs import HEIGHT, RADIUS, WIDTH
 
-from study.core import cli
+from study.core import cli, commands
 
 Picture = dict[str, np.ndarray]
 
@@ -81,17 +82,18 @@ def write_exr() -> Callable[..., Path]:
 
 @pytest.fixture
 def refused(tmp_path: Path, monkeypatch, capsys) -> Callable[..., None]:
-    """Runs a script's main in this process with bad input: status 2, the last line says why, nothing is left.
+    """Runs a command in this process with bad input: status 2, the last line says why, nothing is left.
 
     `{tmp}` in a word is the test's folder, which has a file named `file`.
     """
 
-    def check(main: Callable[[], int | None], script: str, words: list[str], said: str) -> None:
+    def check(*how: Any) -> None:
+        script, words, said = how[-3:]
         (tmp_path / "file").write_text("")
         words = [word.format(tmp=tmp_path) for word in words]
-        monkeypatch.setattr(sys, "argv", [script, *words])
+        monkeypatch.setattr(sys, "argv", [*script.split(), *words])
         with pytest.raises(SystemExit) as ended:
-            cli.main(main)
+            cli.main(commands.main)
         out, errors = capsys.readouterr()
         assert ended.value.code == cli.BAD_INPUT and out == "" and "Traceback" not in errors
         last = errors.splitlines()[-1]
