@@ -27,7 +27,7 @@ study: setup ## install what is needed, build, time, verify, count, write report
 demo: setup ## one picture by baseline and by PHASE=opt4 of SCENE=scene0, the time and the error between them (60 s)
 	@$(PY) scripts/stepwise demo$(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE)) $(ARGS)
 
-test: setup-test ## install what is needed and run the tests that guard a change (10 minutes on 2 cores)
+test: setup-test ## install what is needed and run the tests that guard a change (6 minutes on 2 cores); PHASE=opt4: those of one phase
 	@$(MAKE) --no-print-directory check
 
 test-rest: setup-test ## the tests that `make test` leaves out
