@@ -2,12 +2,14 @@
 // counts how often each instruction was executed. The program is the one that is timed, unchanged, on this
 // processor, with all its instruction sets. scripts/study/counting/ptrace.py starts it.
 //
-//   stepper OUT ENTRY CODE BEGIN [FROM+TARGET …] -- PROGRAM [ARGUMENT …]
+//   stepper OUT ENTRY BEGIN PROGRAM [ARGUMENT …]
 //   stepper --probe        ends with 0 if a program can be stepped here
 //
-// Addresses are hexadecimal, as in the ELF file: its entry, its first executable segment, the function, and
-// conditional jumps whose taken executions are counted. OUT gets what common/counting/qemu_plugin.c writes,
-// an instruction a block, and of each masked instruction the active lanes.
+// Addresses are hexadecimal, as in the ELF file: its entry and the function. OUT gets one JSON object:
+// `trouble` (none if all was counted), `bias` (how far the program was moved from its file's addresses),
+// `regions` (calls of the function), `maps` (first address, one behind the last, file) and `steps` (address,
+// executions, bytes of code, and of a repeated string instruction bytes loaded and stored, of a masked one
+// the active lanes if there are 1, 2, 4 … 32).
 #include <cpuid.h>
 #include <elf.h>
 #include <errno.h>
@@ -29,31 +31,25 @@
 enum { LONGEST = 15, WIDTHS = 6, CANNOT = 3, NO_PROGRAM = 127, MASKS = 8, MASK_STATE = 5 };
 #define REGISTER(name) offsetof(struct user_regs_struct, name)
 
-// One instruction. `count`: executions, and iterations of a repeated one besides; `active`: lanes that a
-// mask let through, if there are 1, 2, 4, 8, 16 or 32.
+// One instruction. `active`: lanes that a mask let through, if there are 1, 2, 4, 8, 16 or 32.
 struct step {
-    uint64_t address, count, loaded, stored, taken, active[WIDTHS];
+    uint64_t address, count, loaded, stored, active[WIDTHS];
     uint8_t code[LONGEST];
     size_t size;     // of the code that could be read
     size_t repeated; // length of a repeated string instruction; 0: it is none
     int mask;        // number of its k register, 0: none
 };
 
-struct jump {
-    uint64_t from, target;
-};
-
 static struct {
     pid_t pid;
     int memory; // /proc/PID/mem
-    uint64_t bias, code, begin, mask_offset;
-    struct jump *jumps;
-    int jump_count, regions;
+    uint64_t bias, begin, mask_offset;
+    int regions;
     void *steps; // of tsearch
     const char *trouble;
     char *maps;
     FILE *out;
-    int lines;
+    const char *separator;
 } it = {.trouble = "none"};
 
 static void fail(const char *what) {
@@ -129,7 +125,6 @@ static void add_string(struct step *s, uint64_t elements) {
     int kind = opcode & ~1; // A4 MOVS, A6 CMPS, AA STOS, AC LODS, AE SCAS
     s->loaded += kind == 0xaa ? 0 : kind == 0xa6 ? 2 * bytes : bytes;
     s->stored += kind == 0xa4 || kind == 0xaa ? bytes : 0;
-    s->count += elements;
 }
 
 // Lets the program go on until it stops; returns the signal that it waits to be given, −1: it has ended.
@@ -151,14 +146,16 @@ static void remember_maps(void) {
     FILE *maps = fopen(path, "r"), *text = open_memstream(&it.maps, &size);
     if (!maps || !text)
         fail(path);
+    const char *separator = "";
     while (getline(&line, &room, maps) > 0) {
-        uint64_t first, last, offset;
+        uint64_t first, last;
         int at = 0;
-        if (sscanf(line, "%" SCNx64 "-%" SCNx64 " %*s %" SCNx64 " %*s %*s %n", &first, &last,
-                   &offset, &at) == 3 &&
-            at && line[at])
-            fprintf(text, "map %" PRIx64 " %" PRIx64 " %" PRIx64 " %s", first, last, offset,
-                    line + at);
+        line[strcspn(line, "\n\"\\")] = '\0'; // ends a name before what JSON would have to escape
+        if (sscanf(line, "%" SCNx64 "-%" SCNx64 " %*s %*s %*s %*s %n", &first, &last, &at) == 2 &&
+            at && line[at]) {
+            fprintf(text, "%s[%" PRIu64 ",%" PRIu64 ",\"%s\"]", separator, first, last, line + at);
+            separator = ",";
+        }
     }
     free(line);
     fclose(maps);
@@ -188,8 +185,6 @@ static bool region(int *status) {
         at = peek(REGISTER(rip));
         if (s->repeated)
             add_string(s, left - peek(REGISTER(rcx)));
-        for (int i = 0; i < it.jump_count; i++)
-            s->taken += from == it.jumps[i].from && at == it.jumps[i].target;
     }
     it.regions++;
     return true;
@@ -200,32 +195,26 @@ static void write_step(const void *node, VISIT visit, void *unused) {
     if (visit != postorder && visit != leaf)
         return;
     const struct step *s = *(const struct step *const *)node;
-    it.lines++;
-    fprintf(it.out, "block %" PRIx64 " %" PRIu64 " ", s->address, s->count);
+    fprintf(it.out, "%s[%" PRIu64 ",%" PRIu64 ",\"", it.separator, s->address, s->count);
+    it.separator = ",\n";
     for (size_t i = 0; i < (s->repeated ? s->repeated : s->size); i++)
         fprintf(it.out, "%02x", s->code[i]);
-    fputc('\n', it.out);
-    if (s->repeated && ++it.lines)
-        fprintf(it.out, "repeated %" PRIx64 " %" PRIx64 " %zu %" PRIu64 " %" PRIu64 "\n",
-                s->address, s->address, s->repeated, s->loaded, s->stored);
-    if (s->taken && ++it.lines)
-        fprintf(it.out, "taken %" PRIx64 " %" PRIu64 "\n", s->address, s->taken);
-    if (s->mask && ++it.lines) {
-        fprintf(it.out, "masked %" PRIx64, s->address);
-        for (int i = 0; i < WIDTHS; i++)
-            fprintf(it.out, " %" PRIu64, s->active[i]);
-        fputc('\n', it.out);
-    }
+    fprintf(it.out, "\",%" PRIu64 ",%" PRIu64 ",[", s->loaded, s->stored);
+    for (int i = 0; i < WIDTHS; i++)
+        fprintf(it.out, "%s%" PRIu64, i ? "," : "", s->active[i]);
+    fputs("]]", it.out);
 }
 
-static void write_recording(const char *path) {
+static void write_steps(const char *path) {
     it.out = fopen(path, "w");
+    it.separator = "";
     if (!it.out)
         fail(path);
-    fprintf(it.out, "stepwise-steps 1\ntrouble %s\nstart %" PRIx64 "\nregions %d\n%s", it.trouble,
-            it.bias + it.code, it.regions, it.maps ? it.maps : "");
+    fprintf(it.out,
+            "{\"trouble\":\"%s\",\"bias\":%" PRIu64 ",\"regions\":%d,\"maps\":[%s],\"steps\":[",
+            it.trouble, it.bias, it.regions, it.maps ? it.maps : "");
     twalk_r(it.steps, write_step, NULL);
-    fprintf(it.out, "end %d\n", it.lines);
+    fputs("]}\n", it.out);
     if (ferror(it.out) || fclose(it.out) != 0)
         fail(path);
 }
@@ -265,10 +254,6 @@ static void find_bias(uint64_t entry) {
         fail(path);
     fclose(auxv);
     it.begin += it.bias;
-    for (int i = 0; i < it.jump_count; i++) {
-        it.jumps[i].from += it.bias;
-        it.jumps[i].target += it.bias;
-    }
     unsigned size, offset, c, d;
     if (__get_cpuid_count(0xd, MASK_STATE, &size, &offset, &c, &d) && size)
         it.mask_offset =
@@ -304,39 +289,21 @@ static void run(void) {
         exit(WEXITSTATUS(status));
 }
 
-static bool parse(int argc, char **argv, uint64_t *entry) {
-    char *end = "";
-    uint64_t *numbers[] = {entry, &it.code, &it.begin};
-    if (argc < 6)
-        return false;
-    for (int i = 0; i < 3 && !*end; i++)
-        *numbers[i] = strtoull(argv[2 + i], &end, 16);
-    it.jumps = calloc((size_t)argc, sizeof *it.jumps);
-    for (int i = 5; it.jumps && !*end && i < argc && strcmp(argv[i], "--") != 0; i++) {
-        struct jump *j = &it.jumps[it.jump_count++];
-        j->from = strtoull(argv[i], &end, 16);
-        if (*end++ != '+')
-            return false;
-        j->target = strtoull(end, &end, 16);
-    }
-    return it.jumps && !*end && 6 + it.jump_count < argc;
-}
-
 int main(int argc, char **argv) {
-    uint64_t entry = 0;
     int status;
     if (argc == 2 && strcmp(argv[1], "--probe") == 0) {
         start((char *[]){"/proc/self/exe", NULL});
         return proceed(PTRACE_SINGLESTEP, 0, &status) == 0 ? 0
                                                            : CANNOT; // it dies with this process
     }
-    if (!parse(argc, argv, &entry)) {
-        fprintf(stderr, "stepper: OUT ENTRY CODE BEGIN [FROM+TARGET …] -- PROGRAM … is required\n");
+    if (argc < 5) {
+        fprintf(stderr, "stepper: OUT ENTRY BEGIN PROGRAM … is required\n");
         return 2;
     }
-    start(argv + 6 + it.jump_count);
-    find_bias(entry);
+    it.begin = strtoull(argv[3], NULL, 16);
+    start(argv + 4);
+    find_bias(strtoull(argv[2], NULL, 16));
     run();
-    write_recording(argv[1]);
+    write_steps(argv[1]);
     return 0;
 }

@@ -1,10 +1,5 @@
 # Programs and libraries that belong to no phase.
 
-# The plugin that QEMU loads (scripts/study/counting/qemu.py). It is never built with sanitizers.
-QEMU_PLUGIN := common/counting/qemu_plugin.c common/counting/qemu_recording.c
-$(BUILD)/common/qemu_plugin.so: $(QEMU_PLUGIN) $(wildcard common/counting/qemu_*.h) common/tools/tools.mk common/rules.mk $(BUILD)/common/toolchain
-	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -Icommon -fPIC -fvisibility=hidden -shared $(QEMU_PLUGIN) -o $@
-
 # Steps a program (scripts/study/counting/ptrace.py).
 $(BUILD)/common/stepper: common/counting/stepper.c common/tools/tools.mk common/rules.mk $(BUILD)/common/toolchain
 	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $< -o $@

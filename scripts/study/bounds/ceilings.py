@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import subprocess
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal
 
-from study.bounds import peaks, schema
-from study.core import cli, machine, run, store
+import msgspec
+
+from study.bounds import peaks
+from study.core import machine, run, store
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.run_schema import Cpu
+from study.core.schema import Record, key
+from study.core.show import cell
+from study.numbers.schema import Result
 
 FILE = "ceilings.json"
 LEVELS = ("L1", "L2", "L3", "memory")
@@ -31,56 +35,102 @@ WIDTHS = (64, 128, 256, 512)  # of vectors; 64: scalar, 32 bits in single precis
 _ELEMENTS = (("double", 64), ("single", 32))
 _CPU = ("model", "vendor", "family", "model_number", "stepping")  # what tells machines apart
 
-Row = dict[str, Any]
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
 
 
-@dataclass(frozen=True)
-class Ceilings:
-    """One machine's ceilings. Per core cycle, the best that repeated itself; NaN for what it cannot do."""
+class Ceiling(Record, kw_only=True, omit_defaults=True):
+    """A rate. Arithmetic by precision and register width, bandwidth by level and working set.
 
-    data: Row
+    The clock is that of add chains right before and after each sample, under the kernel's own load.
+    """
 
-    @property
-    def rows(self) -> list[Row]:
-        return self.data["ceilings"]
+    name: Annotated[str, key("", "add, fma …; `add+mul`: mixed; load, store, copy (two instructions)")]
+    precision: Annotated[str | None, key("", "double or single; of arithmetic")] = None
+    level: Annotated[str | None, key("", "L1, L2, L3 or memory; of bandwidth")] = None
+    bits: Annotated[int, key("bits", "of the register; the element's where scalar")]
+    unit: Annotated[str, key("", "flop/core cycle or byte/core cycle")]
+    value: Annotated[Positive | None, key("`unit`", "the best that was seen three times within 1 %")]
+    reason: Annotated[str | None, key("", "why there is no value")] = None
+    median: Annotated[Positive | None, key("`unit`", "of the samples")] = None
+    low: Annotated[Positive | None, key("`unit`", "lower end, 95 %")] = None
+    high: Annotated[Positive | None, key("`unit`", "upper end")] = None
+    worst: Annotated[float | None, key("`unit`", "of the samples")] = None
+    samples: Annotated[int | None, key("samples", "taken")] = None
+    per_second: Annotated[Positive | None, key("1/s", "the same per second")] = None
+    instructions_per_core_cycle: Annotated[Positive | None, key("1/core cycle", "of the kernel")] = None
+    core_hz: Annotated[float | None, key("Hz", "clock under the kernel's load")] = None
+    loop_operations: Annotated[int | None, key("operations", "of a pass of the loop")] = None
+    loop_bytes: Annotated[int | None, key("bytes", "of a pass of the loop")] = None
+    working_set_bytes: Annotated[int | None, key("bytes", "gone through")] = None
+    working_set: Annotated[str | None, key("", "why that size")] = None
 
-    def foreign(self, context: Mapping[str, Any], tsc_hz: float) -> str | None:
-        """Why these are another machine's than a run's (context.json, TSC rate); None: nothing says so.
+    def __post_init__(self) -> None:
+        if self.precision is None and self.level is None:
+            raise ValueError("neither a precision nor a level")
+        numbers = (self.median, self.low, self.high, self.per_second, self.instructions_per_core_cycle)
+        if self.value is None and not self.reason:
+            raise ValueError("neither value nor reason")
+        if self.value is not None and None in numbers:
+            raise ValueError("a value without its median, interval or rates")
+
+
+class Ceilings(Result, kw_only=True, omit_defaults=True):
+    """What one core does at best, measured then and there."""
+
+    made_by: ClassVar[str] = "ceilings"
+    schema: Annotated[Literal[1], key("", "version of the form")]
+    compiler: Annotated[str | None, key("", "version")] = None
+    cpu: Annotated[Cpu | None, key("", "whose they are")] = None
+    tsc_hz: Annotated[float, key("Hz", "TSC rate", gt=0)]
+    core_hz: Annotated[float, key("Hz", "clock of add chains, with nothing beside them", gt=0)]
+    core_hz_load: Annotated[
+        dict[str, float | None] | None, key("Hz", "bits of the register → clock under FMAs of that width")
+    ] = None
+    timer_overhead_cycles: Annotated[
+        int | None, key("TSC cycles", "smallest difference of an empty pair of readings")
+    ] = None
+    cache_bytes: Annotated[dict[str, Any] | None, key("bytes", "level → size")] = None
+    estimate: Annotated[str | None, key("", "how `value` is made")] = None
+    seconds: Annotated[float | None, key("s", "that measuring took")] = None
+    tries: Annotated[
+        int | None,
+        key("", "how often all was measured, until the FMA ceilings agree within 3 %; absent: 1"),
+    ] = None
+    ceilings: Annotated[list[Ceiling], key("", "the rates", min_length=1)]
+
+    def foreign(self, cpu: Any, tsc_hz: float) -> str | None:
+        """Why these are another machine's than a run's (its CPU and TSC rate); None: nothing says so.
 
         `tsc_hz` NaN: not known. What either record lacks is not compared.
         """
-        own, theirs = self.data.get("cpu") or {}, context.get("cpu") or {}
-        if not other_cpu(own, theirs, (self.data["tsc_hz"], tsc_hz)):
+        if not other_cpu(self.cpu, cpu, (self.tsc_hz, tsc_hz)):
             return None
-        here, there = describe(own, self.data["tsc_hz"]), describe(theirs, tsc_hz)
+        here, there = describe(self.cpu, self.tsc_hz), describe(cpu, tsc_hz)
         return f"ceilings of another machine: {here}; what was timed ran on {there}"
 
-    def _value(self, field: str, **about: Any) -> float:
-        found = (r for r in self.rows if all(r.get(key) == value for key, value in about.items()))
-        value = next((r[field] for r in found if r["value"] is not None), None)
-        return math.nan if value is None else float(value)
+    def _find(self, name: str, precision: str, bits: int) -> Ceiling | None:
+        which = name, precision, bits
+        return next((one for one in self.ceilings if (one.name, one.precision, one.bits) == which), None)
 
     def flops(self, name: str, precision: str, bits: int) -> float:
-        """Flop per core cycle. `precision`: double or single; `bits`: the element's where scalar."""
-        return self._value("value", name=name, precision=precision, bits=bits)
+        """Flop per core cycle; NaN for what it cannot do. `bits`: the element's where scalar."""
+        found = self._find(name, precision, bits)
+        return found.value if found and found.value is not None else math.nan
 
     def rate(self, name: str, precision: str, bits: int) -> float:
         """Instructions per core cycle."""
-        return self._value("instructions_per_core_cycle", name=name, precision=precision, bits=bits)
+        found = self._find(name, precision, bits)
+        return (found and found.instructions_per_core_cycle) or math.nan
 
     def issue(self, precision: str, bits: int) -> float:
         """Arithmetic instructions of any kind per core cycle: the most that was seen of any."""
         rates = [self.rate(name, precision, bits) for name in (*KINDS, *TOGETHER)]
         return max((rate for rate in rates if rate > 0), default=math.nan)
 
-    @property
-    def tries(self) -> int:
-        """How often it was measured."""
-        return int(self.data.get("tries", 1))
-
-    def peak(self, name: str, precision: str, bits: int) -> float:
+    def peak(self, one: Ceiling) -> float:
         """Flop per core cycle that the ports allow (study.bounds.peaks); NaN where that is not known."""
-        return peaks.peak(self.data.get("cpu") or {}, name, precision, bits)
+        return peaks.peak(self.cpu, one.name, one.precision, one.bits) if one.precision else math.nan
 
     def uneven(self) -> list[str]:
         """Widths at which FMA in single precision is not twice that in double (scalar: as much), in words.
@@ -99,28 +149,30 @@ class Ceilings:
     def off_ports(self) -> tuple[list[str], list[str]]:
         """Ceilings above what the ports allow, and FMA ceilings more than AGREE below it, in words."""
         above, below = [], []
-        for one in self.rows:
-            if one["value"] is None or "precision" not in one:
+        for one in self.ceilings:
+            if one.value is None or one.precision is None:
                 continue
-            due = self.peak(one["name"], one["precision"], one["bits"])
-            said = f"{one['name']} {one['precision']} {one['bits']} bits {one['value']:.4g} of {due:g}"
-            if one["value"] > due * (1 + CLOCK):
+            due = self.peak(one)
+            said = f"{one.name} {one.precision} {one.bits} bits {one.value:.4g} of {due:g}"
+            if one.value > due * (1 + CLOCK):
                 above.append(said)
-            elif one["name"] == "fma" and one["value"] < due * (1 - AGREE):
+            elif one.name == "fma" and one.value < due * (1 - AGREE):
                 below.append(said)
         return above, below
 
     def steady(self) -> bool:
         """Whether the FMA ceilings agree with each other and, where those are known, with the ports."""
         above, below = self.off_ports()
-        lost = [r for r in self.rows if r["name"] == "fma" and r["value"] is None]
-        lost = [r for r in lost if not r["reason"].startswith(LACKS)]  # for the clock, not for the CPU
+        # For the clock, not for the CPU.
+        lost = [
+            one for one in self.ceilings if one.name == "fma" and not (one.reason or LACKS).startswith(LACKS)
+        ]
         return not (self.uneven() or below or lost or any(said.startswith("fma ") for said in above))
 
     def remarks(self) -> list[str]:
         """What speaks against these figures; nothing where they agree."""
         said, (above, below) = [], self.off_ports()
-        times = "once" if self.tries == 1 else f"{self.tries} times"
+        times = f"{self.tries} times" if self.tries and self.tries > 1 else "once"
         if uneven := self.uneven():
             said.append(
                 f"FMA ceilings that do not agree (measured {times}), single over double precision: "
@@ -143,28 +195,23 @@ class Ceilings:
         where they allow neither.
         """
 
-        def rank(row: Row) -> tuple[int, float]:
-            if row["value"] is None:
+        def rank(one: Ceiling) -> tuple[int, float]:
+            if one.value is None:
                 return 0, 0.0
-            due = math.nan
-            if "precision" in row:
-                due = self.peak(row["name"], row["precision"], row["bits"])
-            return (1, -row["value"]) if row["value"] > due * (1 + CLOCK) else (2, row["value"])
+            return (1, -one.value) if one.value > self.peak(one) * (1 + CLOCK) else (2, one.value)
 
-        pairs = zip(self.rows, other.rows, strict=True)
-        rows = [max(pair, key=rank) for pair in pairs]
-        seconds = sum(one.data.get("seconds", 0) for one in (self, other))
-        more = {"ceilings": rows, "tries": self.tries + other.tries, "seconds": seconds}
-        return Ceilings({**self.data, **more})
+        pairs = zip(self.ceilings, other.ceilings, strict=True)
+        return msgspec.structs.replace(
+            self,
+            ceilings=[max(pair, key=rank) for pair in pairs],
+            tries=(self.tries or 1) + (other.tries or 1),
+            seconds=(self.seconds or 0) + (other.seconds or 0),
+        )
 
     def bandwidth(self, level: str, bits: int | None = None) -> float:
         """Bytes per core cycle from or to a level: the most of load, store and copy, of any width or one."""
-        found = [
-            r["value"]
-            for r in self.rows
-            if r.get("level") == level and r["value"] is not None and bits in (None, r["bits"])
-        ]
-        return max(found, default=math.nan)
+        mine = (one for one in self.ceilings if one.level == level and bits in (None, one.bits))
+        return max((one.value for one in mine if one.value is not None), default=math.nan)
 
     def bandwidth_by(self, level: str, bits: int) -> float:
         """The same by accesses of `bits`; where there were none (scalar floats), of any width."""
@@ -172,36 +219,35 @@ class Ceilings:
         return own if own > 0 else self.bandwidth(level)
 
 
-def describe(cpu: Mapping[str, Any], tsc_hz: float) -> str:
+def _told(cpu: Any, names: Iterable[str]) -> list[Any]:
+    """What a record of a CPU says of itself, None where it does not."""
+    return [None if (value := cell(cpu, name)) is msgspec.UNSET else value for name in names]
+
+
+def describe(cpu: Any, tsc_hz: float) -> str:
     """A machine in a few words; its numbers tell apart what calls itself by one name."""
-    numbers = [cpu.get(key) for key in ("family", "model_number", "stepping")]
+    name, *numbers = _told(cpu, ("model", "family", "model_number", "stepping"))
     told = f" ({'/'.join(map(str, numbers))})" if None not in numbers else ""
     clock = f", TSC {tsc_hz / 1e9:.3f} GHz" if tsc_hz > 0 else ""
-    return f"{cpu.get('model') or 'a CPU that is not recorded'}{told}{clock}"
+    return f"{name or 'a CPU that is not recorded'}{told}{clock}"
 
 
-def other_cpu(
-    own: Mapping[str, Any], theirs: Mapping[str, Any], tsc_hz: Sequence[float] = (math.nan, math.nan)
-) -> bool:
+def other_cpu(own: Any, theirs: Any, tsc_hz: Sequence[float] = (math.nan, math.nan)) -> bool:
     """Whether two records of a CPU are of different ones, or their TSC rates are. What either lacks, or NaN,
     is not compared."""
-    changed = any(None not in (own.get(k), theirs.get(k)) and own[k] != theirs[k] for k in _CPU)
+    pairs = zip(_told(own, _CPU), _told(theirs, _CPU), strict=True)
+    changed = any(None not in pair and pair[0] != pair[1] for pair in pairs)
     return changed or abs(tsc_hz[0] / tsc_hz[1] - 1) > TSC_TOLERANCE
 
 
-def refuse(folder: Path, context: Mapping[str, Any]) -> None:
-    """StudyError if the run in `folder` was made on another machine than this one."""
-    here, there = cli.plain(machine.cpu()), context.get("cpu") or {}
+def refuse(folder: Path, there: Any) -> None:
+    """StudyError if the run in `folder` was made on another CPU than this one."""
+    here = machine.cpu()
     if other_cpu(here, there):
         raise StudyError(
             f"{folder}: a run of another machine, {describe(there, math.nan)}; its ceilings cannot be "
             f"measured here, on {describe(here, math.nan)}"
         )
-
-
-def check(data: Any, where: str) -> Ceilings:
-    """`data` as ceilings. Raises StudyError that names what is wrong in it."""
-    return Ceilings(schema.Ceilings.checked(data, where))
 
 
 def measure(cpu: int | None = None, samples: int | None = None, tries: int = TRIES) -> Ceilings:
@@ -213,7 +259,9 @@ def measure(cpu: int | None = None, samples: int | None = None, tries: int = TRI
     """
     program = build(".", "ceilings")
     made = _once(program, cpu, samples)
-    while made.tries < tries and not made.steady():
+    for _ in range(1, tries):
+        if made.steady():
+            break
         made = made.better(_once(program, cpu, samples))
     return made
 
@@ -229,31 +277,28 @@ def _once(program: Path, cpu: int | None, samples: int | None) -> Ceilings:
             timeout=SECONDS,
             preexec_fn=lambda: os.sched_setaffinity(0, cpus or ()),
         )
-    except OSError as error:
-        raise StudyError(f"{program}: {error.strerror}", CANNOT_RUN) from None
     except subprocess.TimeoutExpired:
         raise StudyError(f"{program}: not done after {SECONDS} s", CANNOT_RUN) from None
     if done.returncode:
         said = done.stderr.strip().splitlines()
         raise StudyError(said[-1] if said else f"{program}: exit status {done.returncode}", CANNOT_RUN)
-    try:
-        data = json.loads(done.stdout)
-    except json.JSONDecodeError:
-        raise StudyError(f"{program}: printed no JSON object but {done.stdout[:60]!r}") from None
+    made = msgspec.json.decode(done.stdout, type=Ceilings)
     about = machine.cpu()
-    return check(
-        data | {"cpu": {key: about[key] for key in (*_CPU, "microarchitecture")}, "tries": 1}, str(program)
-    )
+    known = {name: about[name] for name in (*_CPU, "microarchitecture")}
+    return msgspec.structs.replace(made, cpu=msgspec.convert(known, Cpu), tries=1)
 
 
 def read(folder: Path) -> Ceilings:
     """A run's ceilings. Raises StudyError, also where there are none."""
-    path = folder / FILE
-    if not path.exists():
+    if (found := Ceilings.load_if_there(folder / FILE)) is None:
+        path = folder / FILE
         raise StudyError(f"{path} is missing: no ceilings; run scripts/stepwise ceilings --run {folder}")
-    return Ceilings(schema.Ceilings.read(path))
+    return found
 
 
 def write(folder: Path, ceilings: Ceilings) -> Path:
-    store.write_json(folder / FILE, ceilings.data)
+    store.write_json(folder / FILE, ceilings)
     return folder / FILE
+
+
+SCHEMAS = {FILE: Ceilings}

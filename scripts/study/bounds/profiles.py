@@ -21,9 +21,8 @@ from study.core import run
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
-from study.counting import elf
+from study.counting import elf, perf
 from study.counting.elf import Program
-from study.counting.hardware import perf
 from study.counting.symbols import canonical, inlined, wrappers
 
 TARGETS = {"calls": "render-calls", "shipped": "render-lines"}  # lines: the shipped code, told by line

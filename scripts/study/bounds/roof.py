@@ -10,51 +10,30 @@ What the roofs are: study.bounds.roof_shares.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import Any, TypeVar
 
 from study.bounds import ceilings
 from study.bounds.ceilings import Ceilings
-from study.bounds.roof_shares import ELEMENT, SHARES, below, under_load
-from study.core import cli, store
+from study.bounds.roof_shares import ELEMENT, SHARES, Clocks, Roofs, below, under_load
+from study.core import store
 from study.core.cli import StudyError
-from study.counting import paper_rule, schema
-from study.counting.counts import Counts, Measured
+from study.counting import flops, paper_rule
+from study.counting.counts import Counts
 from study.counting.flops import LIBM_INSIDE
+from study.counting.schema import Counts as Counted
+from study.counting.schema import Measurement, Picture
 from study.numbers import paper
 from study.numbers.analysis import GENERATED, Cell, Data
 from study.numbers.stats import Interval
 
 COUNTS = "counts.json"
-# Of two back ends that counted the same picture, the first.
-ORDER = ("blocks", "sde", "qemu", "ptrace", "pmu")
+ORDER = ("blocks", "sde", "ptrace", "pmu")  # of two that counted the same picture, the first
 SECTION = {"baseline": "table5"}  # of the paper; every other phase is in Table 6
-
-Row = dict[str, Any]
-
-
-# --- what a run has
-
-
-@dataclass(frozen=True)
-class Counted:
-    """counts.json: measurements of back ends, and declared × counted rows."""
-
-    measured: list[Measured]
-    declared: list[Row]
-
-
-def read_counts(folder: Path) -> Counted:
-    """Raises StudyError, also where there are none."""
-    path = store.stored(folder / COUNTS)
-    if not path.exists():
-        raise StudyError(f"{path} is missing: no counts; run scripts/stepwise flops --measure --run {folder}")
-    data = schema.Counts.read(path)
-    return Counted([Measured.from_json(one) for one in data["measured"]], data["declared"])
+P = TypeVar("P", bound=Picture)
+nan = math.nan
 
 
 def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, list[str]]:
@@ -62,238 +41,250 @@ def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, l
 
     Raises StudyError for a broken file, strict or not.
     """
-    counted, limits, notes = Counted([], []), None, []
-    try:
-        counted = read_counts(folder)
-    except StudyError as error:
-        if strict or store.stored(folder / COUNTS).exists():
-            raise
-        notes.append(str(error))
-    try:
-        limits = ceilings.read(folder)
-    except StudyError as error:
-        if strict or (folder / ceilings.FILE).exists():
-            raise
-        notes.append(str(error))
-    return counted, limits, notes
+    limits, notes = Ceilings.load_if_there(folder / ceilings.FILE), []
+    if not store.stored(folder / COUNTS).exists():
+        again = f"scripts/stepwise flops --measure --run {folder}"
+        notes.append(f"{folder / COUNTS} is missing: no counts; run {again}")
+    if limits is None:
+        again = f"scripts/stepwise ceilings --run {folder}"
+        notes.append(f"{folder / ceilings.FILE} is missing: no ceilings; run {again}")
+    if notes and strict:
+        raise StudyError(notes[0])
+    return flops.read(folder / COUNTS), limits, notes
 
 
 def foreign(data: Data, limits: Ceilings | None) -> str | None:
     """Why the ceilings are another machine's than the one that the frames were timed on, or None."""
-    rate = float(data.frames["tsc_hz"].median()) if len(data.frames) else math.nan
-    return limits.foreign(cli.plain(data.context), rate) if limits else None
+    rate = float(data.frames.tsc_hz.median()) if len(data.frames) else nan
+    return limits.foreign(data.context.cpu, rate) if limits else None
 
 
-def remarks(table: pd.DataFrame) -> list[str]:
-    """What must stand beside every share of a roof: foreign ceilings, counts of other code, points above."""
-    if table.empty:
-        return []
-    said = [
-        f"{text[0].upper()}{text[1:]}. No share of a roof means anything."
-        for text in dict.fromkeys(table["foreign_ceilings"].dropna())
-    ]
-    for text, group in table.dropna(subset="foreign_counts").groupby("foreign_counts", sort=False):
-        said.append(
-            f"Counts that are not of what was timed ({', '.join(dict.fromkeys(group['phase']))}): {text}."
-        )
-    above = table[table[[*SHARES]].gt(1).any(axis=1)]
-    if len(above):
-        names = dict.fromkeys(f"{r['phase']} on {r['scene']}" for r in above.to_dict("records"))
-        said.append(
-            f"Above a roof, which cannot be ({', '.join(names)}): the ceiling was measured too low, "
-            "the time on a faster clock, or the counts are of other code."
-        )
-    return said
-
-
-def _spec(phase: str, flags_from: str | None) -> str:
-    return phase if flags_from in (None, phase) else f"{phase}@{flags_from}"
-
-
-def _nearest(found: list[tuple[int, int, Any]], cell: Cell) -> tuple[float, int | None, Any] | None:
-    """Of (width, height, counts): those of the cell's size, else of the nearest height: factor of pixels,
-    height they are scaled from (None: they are its own), counts.
-    """
-    if not found:
-        return None
-    size = (cell.width, cell.height)
-    width, height, best = min(
-        found, key=lambda one: (one[:2] != size, abs(math.log(one[0] * one[1] / cell.pixels)))
-    )
-    same = (width, height) == size
-    return (1.0, None, best) if same else (cell.pixels / (width * height), height, best)
-
-
-def _origin(one: Mapping[str, Any], cell: Cell, cpu: str | None) -> str | None:
-    """By what else than the timed program's compiler, flags or CPU something was counted; None: no such."""
-    timed = {"compiler": cell.facts["compiler"], "flags": cell.facts["flags"], "cpu": cpu}
-    other = [
-        f"{name} {one[name]} instead of {there}"
-        for name, there in timed.items()
-        if one.get(name) and there and one[name] != there
-    ]
-    if one.get("kernel") and cell.facts.get("kernel") == GENERATED:
-        other.append("of its general code instead of the kernel generated for the scene")
-    return "; ".join(other) or None
-
-
-def _measured(
-    counted: Counted, cell: Cell, scene_hash: str | None, cpu: str | None
-) -> tuple[float, int | None, Any] | None:
-    fitting = [
-        m
-        for m in counted.measured
-        if (_spec(m.phase, m.flags_from), m.scene, m.variant) == (cell.spec, cell.scene, "shipped")
-        and scene_hash in (None, m.scene_hash)
-    ]
-    best = {}
-    order = {name: place for place, name in enumerate(ORDER)}
-    for m in sorted(
-        fitting,
-        key=lambda m: (
-            _origin(vars(m), cell, cpu) is not None,
-            m.calibrated is not True,
-            order.get(m.backend, 9),
-        ),
-    ):
-        best.setdefault((m.width, m.height), m)
-    return _nearest([(*size, m) for size, m in best.items()], cell)
-
-
-def _declared(counted: Counted, cell: Cell, scene_hash: str | None) -> tuple[float, int | None, Any] | None:
-    fitting = [
-        d
-        for d in counted.declared
-        if (_spec(d["phase"], d.get("flags_from")), d["scene"]) == (cell.spec, cell.scene)
-        and d.get("scene_hash", scene_hash) in (None, scene_hash)
-    ]
-    return _nearest([(d["width"], d["height"], d) for d in fitting], cell)
-
-
-def _rate(name: str, flops: float, cycles: Interval) -> Row:
+@dataclass(frozen=True)
+class Rate:
     """FLOPs over cycles with the interval of the cycles."""
-    return {
-        name: flops / cycles.value if cycles.value > 0 else math.nan,
-        f"{name}_low": flops / cycles.high if cycles.high > 0 else math.nan,
-        f"{name}_high": flops / cycles.low if cycles.low > 0 else math.nan,
-    }
+
+    value: float = nan
+    low: float = nan
+    high: float = nan
+
+    @classmethod
+    def of(cls, flops: float, cycles: Interval) -> Rate:
+        ends = (cycles.value, cycles.high, cycles.low)
+        return cls(*(flops / end if end > 0 else nan for end in ends))
 
 
-def _whole(measured: Measured) -> Counts:
-    """With libm's inside, where the back end sees it: its time is in the cycles."""
-    made = Counts()
-    made.merge(measured.total)
-    for one in (measured.outside or {}).values():
-        made.merge(one)
-    return made
-
-
-def own_bits(cell: Cell) -> tuple[str, int]:
-    """Precision (double, single) and width of the cell's phase: the element's where it is scalar."""
-    precision = "single" if cell.facts["precision"] == "float" else "double"
-    lanes = int(cell.facts["lanes"] or 1)
-    return precision, min(lanes * ELEMENT[precision], 512)
-
-
-def _row(
-    cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str | None, about: Mapping[str, Any]
-) -> Row:
-    cpu = about.get("model")
-    precision, bits = own_bits(cell)
-    core, tsc = cell.median("core_cycles"), cell.median("tsc_cycles")
-    row: Row = {
-        **{"phase": cell.spec, "scene": cell.scene, "n": cell.height, "height": cell.height},
-        **{"width": cell.width, "threads": cell.threads, "precision": precision, "bits": bits},
-        **{"launches": core.launches, "interval": "95 %" if core.sufficient else "insufficient"},
-    }
-    found, stated = _measured(counted, cell, scene_hash, cpu), _declared(counted, cell, scene_hash)
-    nan = math.nan
-    flops, loads, stores, row["backend"], row["calibrated"], row["scaled_from_n"] = (
-        nan,
-        nan,
-        nan,
-        None,
-        None,
-        None,
-    )
-    operations = row["foreign_counts"] = None
-    if found:
-        factor, row["scaled_from_n"], one = found
-        counts = _whole(one)
-        flops, loads, stores = (factor * x for x in (counts.machine, counts.load, counts.store))
-        row |= {"backend": one.backend, "calibrated": one.calibrated}
-        operations = counts.lanes
-        row["foreign_counts"] = _origin(vars(one), cell, cpu)
-    elif stated:
-        factor, row["scaled_from_n"], one = stated
-        flops, row["backend"] = factor * one["flops"]["machine"], "declared"
-        row["foreign_counts"] = _origin(one, cell, cpu)
-    row["libm_counted"] = bool(found and (found[2].outside is not None or row["backend"] in LIBM_INSIDE))
-    if not loads + stores > 0:  # a back end that counts none
-        loads = stores = nan
-    row |= {"flops": flops, "load_bytes": loads, "store_bytes": stores, "bytes": loads + stores}
-    row["intensity"] = flops / row["bytes"] if row["bytes"] > 0 else nan
-    row |= _rate("flops_per_core_cycle", flops, core) | _rate("flops_per_tsc_cycle", flops, tsc)
-    row["gflops"] = flops / cell.median("ns").value
-    row |= below(row, operations, limits, about)
-    row |= under_load(row, cell, limits)
-    rule = paper_rule.flop(stated[2]) if stated else None
-    theirs = nan if rule is None else stated[0] * rule
-    row["paper_rule_scaled_from_n"] = stated[1] if stated else None
-    row["paper_rule_flops"] = theirs
-    row |= _rate("paper_rule_flops_per_core_cycle", theirs, core)
-    row |= _rate("paper_rule_flops_per_tsc_cycle", theirs, tsc)
-    for share, of in (("avx2_roof", "avx2_fma_roof"), ("avx2_peak", "avx2_fma_peak")):
-        row[f"paper_rule_share_of_{share}"] = row["paper_rule_flops_per_core_cycle"] / row[of]
-    return row
-
-
-def rows(data: Data, counted: Counted, limits: Ceilings | None) -> pd.DataFrame:
-    """One row per timed configuration of one thread that has counts, in the order of the cells.
+@dataclass(frozen=True, kw_only=True)
+class Point(Roofs, Clocks):
+    """A timed configuration of one thread that has counts.
 
     Rates are FLOPs of the machine convention per core (or TSC) cycle, their ends the interval of the cycles
     over launches. `scaled_from_n`: the counts are another height's, per pixel. `paper_…`: the paper's own
     figure and percent; `paper_rule_…`: calls × FLOPs of each function. NaN: not counted, or no ceiling.
     `foreign_ceilings`, `foreign_counts`: why they are not of what was timed.
     """
-    table = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
-    cpu, other = cli.plain(data.context.cpu), foreign(data, limits)
-    made = []
-    for cell in data.cells:
-        if cell.threads != 1:
-            continue
-        hashes = _hashes(data, cell)
-        row = _row(cell, counted, limits, hashes, cpu)
-        if row["backend"] is None:
-            continue
-        row["foreign_ceilings"] = other
-        row["paper_flops_per_cycle"] = table.get(("performance", cell.scene, cell.spec), math.nan)
-        row["paper_share"] = table.get(("share_of_peak", cell.scene, cell.spec), math.nan) / 100
-        row["section"] = SECTION.get(cell.spec, "table6")
-        made.append(row)
-    return pd.DataFrame(made)
+
+    phase: str
+    scene: str
+    n: int
+    height: int
+    width: int
+    threads: int
+    precision: str
+    bits: int
+    launches: int
+    interval: str
+    backend: str
+    calibrated: bool | None
+    scaled_from_n: int | None
+    foreign_counts: str | None
+    libm_counted: bool
+    flops: float
+    load_bytes: float
+    store_bytes: float
+    bytes: float
+    intensity: float
+    flops_per_core_cycle: float
+    flops_per_core_cycle_low: float
+    flops_per_core_cycle_high: float
+    flops_per_tsc_cycle: float
+    flops_per_tsc_cycle_low: float
+    flops_per_tsc_cycle_high: float
+    gflops: float
+    paper_rule_scaled_from_n: int | None
+    paper_rule_flops: float
+    paper_rule_flops_per_core_cycle: float
+    paper_rule_flops_per_core_cycle_low: float
+    paper_rule_flops_per_core_cycle_high: float
+    paper_rule_flops_per_tsc_cycle: float
+    paper_rule_flops_per_tsc_cycle_low: float
+    paper_rule_flops_per_tsc_cycle_high: float
+    paper_rule_share_of_avx2_roof: float
+    paper_rule_share_of_avx2_peak: float
+    foreign_ceilings: str | None
+    paper_flops_per_cycle: float
+    paper_share: float
+    section: str
+
+    @property
+    def pixels(self) -> int:
+        return self.width * self.height
 
 
-def _hashes(data: Data, cell: Cell) -> str | None:
-    """Version of the scene that was timed."""
-    frames = data.frames
-    found = frames[frames["scene"] == cell.scene]["scene_hash"]
-    return str(found.iloc[-1]) if len(found) else None
-
-
-def headline(table: pd.DataFrame) -> pd.DataFrame:
-    """Of each scene and phase the row with the most pixels."""
-    if table.empty:
-        return table
-    pixels = table["width"] * table["height"]
-    return table.loc[pixels.groupby([table["scene"], table["phase"]], sort=False).idxmax()]
-
-
-def to_json(table: pd.DataFrame, limits: Ceilings) -> Row:
-    points = []
-    for row in table.to_dict("records"):
-        ends = {end: row[f"flops_per_core_cycle_{end}"] for end in ("low", "high")}
-        points.append(
-            {**row, **ends, "scaled": row["scaled_from_n"] is not None and row["scaled_from_n"] > 0}
+def remarks(points: Sequence[Point]) -> list[str]:
+    """What must stand beside every share of a roof: foreign ceilings, counts of other code, points above."""
+    said = [
+        f"{text[0].upper()}{text[1:]}. No share of a roof means anything."
+        for text in dict.fromkeys(one.foreign_ceilings for one in points if one.foreign_ceilings)
+    ]
+    for text in dict.fromkeys(one.foreign_counts for one in points if one.foreign_counts):
+        phases = ", ".join(dict.fromkeys(one.phase for one in points if one.foreign_counts == text))
+        said.append(f"Counts that are not of what was timed ({phases}): {text}.")
+    above = [one for one in points if any(getattr(one, name) > 1 for name in SHARES)]
+    if names := ", ".join(dict.fromkeys(f"{one.phase} on {one.scene}" for one in above)):
+        said.append(
+            f"Above a roof, which cannot be ({names}): the ceiling was measured too low, "
+            "the time on a faster clock, or the counts are of other code."
         )
-    return {"ceilings": limits.rows, "points": points, "remarks": remarks(table)}
+    return said
+
+
+def _nearest(pictures: Iterable[P], cell: Cell) -> tuple[float, int | None, P] | None:
+    """Of the cell's size the first, else of the nearest: factor of pixels, height they are scaled from (None:
+    they are its own), counts.
+    """
+
+    def apart(one: P) -> tuple[bool, float]:
+        other = one.size != (cell.width, cell.height)
+        return other, abs(math.log(one.width * one.height / cell.pixels))
+
+    if (best := min(pictures, key=apart, default=None)) is None:
+        return None
+    same = best.size == (cell.width, cell.height)
+    return (1.0, None, best) if same else (cell.pixels / (best.width * best.height), best.height, best)
+
+
+def _origin(one: Picture, cell: Cell, cpu: str | None) -> str | None:
+    """By what else than the timed program's compiler, flags or CPU something was counted; None: no such."""
+    counted_on = one.cpu if isinstance(one, Measurement) else None
+    pairs = [
+        ("compiler", one.compiler, cell.facts.get("compiler")),
+        ("flags", one.flags, cell.facts.get("flags")),
+    ]
+    pairs.append(("cpu", counted_on, cpu))
+    other = [
+        f"{name} {own} instead of {timed}" for name, own, timed in pairs if own and timed and own != timed
+    ]
+    if one.kernel and cell.facts.get("kernel") == GENERATED:
+        other.append("of its general code instead of the kernel generated for the scene")
+    return "; ".join(other) or None
+
+
+def own_bits(cell: Cell) -> tuple[str, int]:
+    """Precision (double, single) and width of the cell's phase: the element's where it is scalar."""
+    precision = "single" if cell.facts.get("precision") == "float" else "double"
+    return precision, min(int(cell.facts.get("lanes") or 1) * ELEMENT[precision], 512)
+
+
+def _same(one: Picture, cell: Cell, scene_hash: str | None) -> bool:
+    """Whether it is of the cell's program and version of the scene."""
+    known = None in (scene_hash, one.scene_hash) or one.scene_hash == scene_hash
+    return (one.spec, one.scene) == (cell.spec, cell.scene) and known
+
+
+def _point(
+    cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, stated: Any, other: str | None
+) -> Point | None:
+    """None without counts. `stated`: the paper's figures; `other`: whose ceilings these are, if foreign."""
+    cpu, hashes = data.context.cpu, data.frames[data.frames.scene == cell.scene].scene_hash
+    scene_hash = str(hashes.iloc[-1]) if len(hashes) else None
+    model, (precision, bits) = cpu.model, own_bits(cell)
+    core, tsc = cell.median("core_cycles"), cell.median("tsc_cycles")
+    fitting = [m for m in counted.measured if m.variant == "shipped" and _same(m, cell, scene_hash)]
+    fitting.sort(
+        key=lambda m: (_origin(m, cell, model) is not None, m.calibrated is not True, ORDER.index(m.backend))
+    )
+    found = _nearest(fitting, cell)
+    paced = _nearest((d for d in counted.declared if _same(d, cell, scene_hash)), cell)
+    if found:
+        factor, scaled, one = found
+        # With libm's inside, where the back end sees it: its time is in the cycles.
+        whole = Counts.total(Counts.of(each) for each in (one.total, *(one.outside or {}).values()))
+        flops, loads, stores = (factor * x for x in (whole.machine, whole.load, whole.store))
+        backend, calibrated, operations = one.backend, one.calibrated, whole.lanes
+        libm, origin = one.outside is not None or backend in LIBM_INSIDE, _origin(one, cell, model)
+    elif paced and paced[2].flops:
+        factor, scaled, declared = paced
+        flops, loads, stores = factor * declared.flops.machine, nan, nan
+        backend, calibrated, operations = "declared", None, None
+        libm, origin = False, _origin(declared, cell, model)
+    else:
+        return None
+    if not loads + stores > 0:  # a back end that counts none
+        loads = stores = nan
+    rate, by_tsc = Rate.of(flops, core), Rate.of(flops, tsc)
+    intensity = flops / (loads + stores)
+    roofs = below(rate.value, intensity, precision, bits, operations, limits, cpu)
+    rule = paper_rule.flop(paced[2]) if paced else None
+    theirs = paced[0] * rule if paced and rule is not None else nan
+    ruled, ruled_tsc = Rate.of(theirs, core), Rate.of(theirs, tsc)
+    return Point(
+        phase=cell.spec,
+        scene=cell.scene,
+        n=cell.height,
+        height=cell.height,
+        width=cell.width,
+        threads=cell.threads,
+        precision=precision,
+        bits=bits,
+        launches=core.launches,
+        interval="95 %" if core.sufficient else "insufficient",
+        backend=backend,
+        calibrated=calibrated,
+        scaled_from_n=scaled,
+        foreign_counts=origin,
+        libm_counted=libm,
+        flops=flops,
+        load_bytes=loads,
+        store_bytes=stores,
+        bytes=loads + stores,
+        intensity=intensity,
+        flops_per_core_cycle=rate.value,
+        flops_per_core_cycle_low=rate.low,
+        flops_per_core_cycle_high=rate.high,
+        flops_per_tsc_cycle=by_tsc.value,
+        flops_per_tsc_cycle_low=by_tsc.low,
+        flops_per_tsc_cycle_high=by_tsc.high,
+        gflops=flops / cell.median("ns").value,
+        **vars(roofs),
+        **vars(under_load(rate.value, bits, roofs, cell, limits)),
+        paper_rule_scaled_from_n=paced[1] if paced else None,
+        paper_rule_flops=theirs,
+        paper_rule_flops_per_core_cycle=ruled.value,
+        paper_rule_flops_per_core_cycle_low=ruled.low,
+        paper_rule_flops_per_core_cycle_high=ruled.high,
+        paper_rule_flops_per_tsc_cycle=ruled_tsc.value,
+        paper_rule_flops_per_tsc_cycle_low=ruled_tsc.low,
+        paper_rule_flops_per_tsc_cycle_high=ruled_tsc.high,
+        paper_rule_share_of_avx2_roof=ruled.value / roofs.avx2_fma_roof,
+        paper_rule_share_of_avx2_peak=ruled.value / roofs.avx2_fma_peak,
+        foreign_ceilings=other,
+        paper_flops_per_cycle=stated.get(("performance", cell.scene, cell.spec), nan),
+        paper_share=stated.get(("share_of_peak", cell.scene, cell.spec), nan) / 100,
+        section=SECTION.get(cell.spec, "table6"),
+    )
+
+
+def points(data: Data, counted: Counted, limits: Ceilings | None) -> list[Point]:
+    """One per timed configuration of one thread that has counts, in the order of the cells."""
+    stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
+    other = foreign(data, limits)
+    made = [_point(cell, counted, limits, data, stated, other) for cell in data.cells if cell.threads == 1]
+    return [one for one in made if one is not None]
+
+
+def headline(points: Iterable[Point]) -> list[Point]:
+    """Of each scene and phase the one with the most pixels, scenes and phases as they come."""
+    best: dict[tuple[str, str], Point] = {}
+    for one in points:
+        best[one.scene, one.phase] = max(best.get((one.scene, one.phase), one), one, key=lambda p: p.pixels)
+    return list(best.values())

@@ -30,12 +30,11 @@ before each launch's frames: cycles = ns × core_hz_load.
 from __future__ import annotations
 
 import math
+import statistics
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
-
-import pandas as pd
+from typing import Any, Protocol
 
 from study.bounds import ceilings, peaks
 from study.bounds.ceilings import LEVELS, Ceilings
@@ -56,7 +55,7 @@ SHARES = (
     *("share_of_fma_peak", "share_of_avx2_peak"),
 )
 
-Row = dict[str, Any]
+nan = math.nan
 
 
 @dataclass(frozen=True)
@@ -99,58 +98,118 @@ def mix(lanes: Mapping[tuple[str, str, int], int], limits: Ceilings) -> Mix:
     return Mix(flops, dict(cycles), unpriced / flops if flops else math.nan)
 
 
-def below(row: Row, operations: Any, limits: Ceilings | None, cpu: Mapping[str, Any]) -> Row:
-    """The roofs and peaks of a row, and its shares of them. `operations`: its lanes, or None."""
-    nan, speed = math.nan, row["flops_per_core_cycle"]
-    precision, bits = row["precision"], row["bits"]
-    made: Row = {}
-    for name, width in (("fma", bits), ("avx2_fma", PEAK_BITS)):
-        made[f"{name}_roof"] = limits.flops("fma", precision, width) if limits else nan
-        made[f"{name}_peak"] = peaks.peak(cpu, "fma", precision, width)
-    for name, of in (("fma", "fma"), ("avx2", "avx2_fma")):
-        for what in ("roof", "peak"):
-            made[f"share_of_{name}_{what}"] = speed / made[f"{of}_{what}"]
+@dataclass(frozen=True, kw_only=True)
+class Roofs:
+    """The roofs and peaks of a configuration in flop per core cycle, and its shares of them."""
+
+    fma_roof: float
+    fma_peak: float
+    avx2_fma_roof: float
+    avx2_fma_peak: float
+    share_of_fma_roof: float
+    share_of_fma_peak: float
+    share_of_avx2_roof: float
+    share_of_avx2_peak: float
+    mix_roof: float
+    share_of_mix_roof: float
+    mix_bound: str | None
+    unpriced_share: float
+    L1_roof: float
+    L2_roof: float
+    L3_roof: float
+    memory_roof: float
+    least_bound: str | None
+    least_roof: float
+    share_of_least_roof: float
+
+
+def below(
+    speed: float,
+    intensity: float,
+    precision: str,
+    bits: int,
+    operations: Mapping[tuple[str, str, int], int] | None,
+    limits: Ceilings | None,
+    cpu: Any,
+) -> Roofs:
+    """`speed`: flop per core cycle; `operations`: what was counted, lane by lane, or None."""
+    roof, wide = (limits.flops("fma", precision, of) if limits else nan for of in (bits, PEAK_BITS))
+    peak, wide_peak = (peaks.peak(cpu, "fma", precision, of) for of in (bits, PEAK_BITS))
     own = mix(operations, limits) if limits and operations is not None else Mix(0, {}, nan)
-    made |= {"mix_roof": own.roof, "share_of_mix_roof": speed / own.roof}
-    made["mix_bound"] = own.bound if own.roof > 0 else None
-    made["unpriced_share"] = own.unpriced
-    for level in LEVELS:
-        made[f"{level}_roof"] = row["intensity"] * (limits.bandwidth_by(level, bits) if limits else nan)
-    least = {made["mix_bound"]: own.roof, NEAREST: made[f"{NEAREST}_roof"]}
-    least = {name: roof for name, roof in least.items() if roof > 0}
-    made["least_bound"] = min(least, key=least.__getitem__, default=None)
-    made["least_roof"] = least.get(made["least_bound"], nan)
-    made["share_of_least_roof"] = speed / made["least_roof"]
-    return made
+    bound = own.bound if own.roof > 0 else None
+    levels = {name: intensity * (limits.bandwidth_by(name, bits) if limits else nan) for name in LEVELS}
+    least = {name: of for name, of in ((bound, own.roof), (NEAREST, levels[NEAREST])) if of > 0}
+    least_bound = min(least, key=least.__getitem__, default=None)
+    least_roof = least.get(least_bound, nan)
+    return Roofs(
+        fma_roof=roof,
+        fma_peak=peak,
+        avx2_fma_roof=wide,
+        avx2_fma_peak=wide_peak,
+        share_of_fma_roof=speed / roof,
+        share_of_fma_peak=speed / peak,
+        share_of_avx2_roof=speed / wide,
+        share_of_avx2_peak=speed / wide_peak,
+        mix_roof=own.roof,
+        share_of_mix_roof=speed / own.roof,
+        mix_bound=bound,
+        unpriced_share=own.unpriced,
+        **{f"{name}_roof": of for name, of in levels.items()},
+        least_bound=least_bound,
+        least_roof=least_roof,
+        share_of_least_roof=speed / least_roof,
+    )
 
 
-def under_load(row: Row, cell: Cell, limits: Ceilings | None) -> Row:
+@dataclass(frozen=True, kw_only=True)
+class Clocks:
     """The clock under vector load over the one that core cycles are of, and shares by it; NaN where no load
     was tried (scalar code). `load_clock_ceilings`: by the clock that ceilings.json has for that load.
     """
-    nan = math.nan
-    clock = cell.values["core_cycles"] / cell.values["ns"] * 1e9
-    loads = cell.values["core_hz_load"] if "core_hz_load" in cell.values else 0 * clock
+
+    load_clock: float
+    load_clock_least: float
+    load_clock_ceilings: float
+    share_of_fma_roof_load: float
+    share_of_least_roof_load: float
+
+
+def under_load(speed: float, bits: int, roofs: Roofs, cell: Cell, limits: Ceilings | None) -> Clocks:
+    clock = cell.values.core_cycles / cell.values.ns * 1e9
+    loads = cell.values.core_hz_load if "core_hz_load" in cell.values else 0 * clock
     ratio = (loads / clock)[loads > 0]
-    made = {"load_clock": ratio.median(), "load_clock_least": ratio.min()} if len(ratio) else {}
-    there = ((limits.data.get("core_hz_load") or {}).get(str(row["bits"])) if limits else None) or nan
-    made["load_clock_ceilings"] = there / clock.median() if made else nan
-    made = {"load_clock": nan, "load_clock_least": nan} | made
-    for name in ("fma", "least"):
-        roof = row[f"{name}_roof"]
-        made[f"share_of_{name}_roof_load"] = row["flops_per_core_cycle"] / made["load_clock"] / roof
-    return made
+    median, least = (ratio.median(), ratio.min()) if len(ratio) else (nan, nan)
+    there = ((limits.core_hz_load or {}).get(str(bits)) if limits else None) or nan
+    return Clocks(
+        load_clock=median,
+        load_clock_least=least,
+        load_clock_ceilings=there / clock.median() if len(ratio) else nan,
+        share_of_fma_roof_load=speed / median / roofs.fma_roof,
+        share_of_least_roof_load=speed / median / roofs.least_roof,
+    )
 
 
-def clocks(table: pd.DataFrame) -> list[str]:
+class Clocked(Protocol):
+    @property
+    def bits(self) -> int: ...
+    @property
+    def load_clock(self) -> float: ...
+    @property
+    def load_clock_least(self) -> float: ...
+    @property
+    def load_clock_ceilings(self) -> float: ...
+
+
+def clocks(points: Iterable[Clocked]) -> list[str]:
     """By how much the clock under vector load was below the one that cycles are counted by, per width."""
+    loaded = [one for one in points if one.load_clock > 0]
     said: list[str] = []
-    if table.empty:
-        return said
-    for bits, rows in table[table["load_clock"] > 0].groupby("bits"):
-        frames = f"before the frames {rows['load_clock'].median():.3f} of it, by the median of these rows"
-        frames += f" (least {rows['load_clock_least'].min():.3f})"
-        lower = rows["load_clock_ceilings"].min()
+    for bits in sorted({one.bits for one in loaded}):
+        mine = [one for one in loaded if one.bits == bits]
+        median = statistics.median(one.load_clock for one in mine)
+        frames = f"before the frames {median:.3f} of it, by the median of these rows"
+        frames += f" (least {min(one.load_clock_least for one in mine):.3f})"
+        lower = min((one.load_clock_ceilings for one in mine if one.load_clock_ceilings > 0), default=nan)
         if lower > 0 and abs(lower - 1) > ceilings.CLOCK:
             frames += f"; {lower:.3f} while the ceilings were measured, by which shares would be up to "
             frames += f"{1 / lower:.3f} times those given" if lower < 1 else "no higher"

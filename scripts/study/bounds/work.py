@@ -9,13 +9,16 @@ whose result is used over FLOPs executed, of the whole phase (costs.def times wh
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import pandas as pd
 
+from study.bounds.roof import Point
 from study.core import show
-from study.core.show import Column
+from study.core.show import Column, picture, plain, word
+from study.counting.flops import lanes_of
+from study.counting.schema import Declared, Function
 from study.numbers import ladder
 
 DISTANCES = "sdf_"  # functions: one solid's distance
@@ -32,108 +35,131 @@ NOTE = (
     f"“{GENERAL}”: a counting build generates no kernel; the kernel does the same on fewer operations.\n"
     "“counted at n = …”: of a picture of that height, the nearest counted, not of the row's."
 )
-Row = dict[str, Any]
 
 
-def evaluations(by_function: Mapping[str, Mapping[str, Any]]) -> float:
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """Of the picture counted nearest in height (`counted_at`); `counts_of`: of which code, if another."""
+
+    evals_per_pixel: float = math.nan
+    lane_efficiency: float = math.nan
+    counted_at: int | None = None
+    counts_of: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row(Work):
+    scene: str
+    width: int
+    height: int
+    phase: str
+    ms: float
+    speedup: float
+    speedup_low: float
+    speedup_high: float
+    ns_per_pixel: float
+    truth_own_db: float | None
+    truth_wrong_ppm: float | None
+    share_of_mix_roof: float
+    roof_counted_at: int | None
+
+
+def evaluations(by_function: Mapping[str, Function]) -> float:
     """Of one solid or Mandelbulb, over all rays of a picture; NaN where no function of these is known."""
-    lanes = {name: one["lanes"] for name, one in by_function.items()}
+    lanes = {name: one.lanes for name, one in by_function.items()}
     solids = [n for f, n in lanes.items() if f.startswith(DISTANCES) and f not in (PLANE, ESTIMATED)]
     bulbs = next((lanes[name] for name in ESTIMATES if name in lanes), lanes.get(ESTIMATED))
     some = [*solids, *([] if bulbs is None else [bulbs]), *([lanes[ENTRIES]] if ENTRIES in lanes else [])]
     return float(sum(some)) if some else math.nan
 
 
-def counted(declared: Sequence[Mapping[str, Any]], phase: str, scene: str, height: int) -> Row:
-    """Evaluations a pixel and lane efficiency, of the picture counted nearest in height; {} without one."""
-    mine = [one for one in declared if (one["phase"], one["scene"]) == (phase, scene)]
+def efficiency(one: Declared) -> float:
+    """Of FLOPs; of a phase that declares none, of the lanes of all calls. NaN for neither."""
+    if one.executed:
+        return one.useful / one.executed
+    calls = sum(function.calls for function in one.by_function.values()) * lanes_of(one)
+    return sum(function.lanes for function in one.by_function.values()) / calls if calls else math.nan
+
+
+def counted(declared: Iterable[Declared], phase: str, scene: str, height: int) -> Work | None:
+    mine = [one for one in declared if (one.phase, one.scene) == (phase, scene)]
     if not mine:
-        return {}
-    one = min(mine, key=lambda one: abs(math.log(one["height"] / height)))
-    executed = one.get("executed") or 0
-    return {
-        "evals_per_pixel": evaluations(one["by_function"]) / (one["width"] * one["height"]),
-        "lane_efficiency": one["useful"] / executed if executed else math.nan,
-        "counted_at": one["height"],
-        "counts_of": GENERAL if one.get("kernel") else "",
-    }
-
-
-def _height(scaled_from: float | None) -> int | None:
-    """Of a picture whose counts the roofline scaled; None where they are the row's own."""
-    return None if scaled_from is None or math.isnan(scaled_from) else int(scaled_from)
+        return None
+    one = min(mine, key=lambda one: abs(math.log(one.height / height)))
+    return Work(
+        evals_per_pixel=evaluations(one.by_function) / (one.width * one.height),
+        lane_efficiency=efficiency(one),
+        counted_at=one.height,
+        counts_of=GENERAL if one.kernel else "",
+    )
 
 
 def rows(
-    table: pd.DataFrame, declared: Sequence[Mapping[str, Any]], roofs: pd.DataFrame, names: Sequence[str]
+    table: pd.DataFrame, declared: Sequence[Declared], points: Iterable[Point], names: Collection[str]
 ) -> list[Row]:
-    """One per scene and rung of `names`, of the ladder's headline on one thread."""
+    """One per scene and phase of `names`, of the ladder's headline on one thread."""
+    roofs = {(one.phase, one.scene, one.height): one for one in points}
     made = []
-    for one in table.to_dict("records") if not table.empty else []:
-        if not one["headline"] or one["threads"] != 1 or one["phase"] not in names:
+    for one in table.itertuples():
+        if not one.headline or one.threads != 1 or one.phase not in names:
             continue
-        near = (
-            roofs
-            if roofs.empty
-            else roofs[
-                (roofs["phase"] == one["phase"])
-                & (roofs["scene"] == one["scene"])
-                & (roofs["height"] == one["height"])
-                & (roofs["threads"] == 1)
-            ]
-        )
+        near = roofs.get((one.phase, one.scene, one.height))
         made.append(
-            {
-                **{key: one[key] for key in ("scene", "width", "height", "phase", "ms")},
-                **{key: one[key] for key in ("speedup", "speedup_low", "speedup_high", "ns_per_pixel")},
-                **{"truth_own_db": one.get("truth_own_db"), "truth_wrong_ppm": one.get("truth_wrong_ppm")},
-                "share_of_mix_roof": math.nan if near.empty else float(near.iloc[0]["share_of_mix_roof"]),
-                "roof_counted_at": None if near.empty else _height(near.iloc[0].get("scaled_from_n")),
-                **counted(declared, one["phase"], one["scene"], one["height"]),
-            }
+            Row(
+                **vars(counted(declared, one.phase, one.scene, one.height) or Work()),
+                scene=one.scene,
+                width=one.width,
+                height=one.height,
+                phase=one.phase,
+                ms=one.ms,
+                speedup=one.speedup,
+                speedup_low=one.speedup_low,
+                speedup_high=one.speedup_high,
+                ns_per_pixel=one.ns_per_pixel,
+                truth_own_db=getattr(one, "truth_own_db", None),
+                truth_wrong_ppm=getattr(one, "truth_wrong_ppm", None),
+                share_of_mix_roof=near.share_of_mix_roof if near else math.nan,
+                roof_counted_at=near.scaled_from_n if near else None,
+            )
         )
     return made
 
 
-def _work(name: str, text: Any, height: str = "counted_at") -> Any:
+def _work(name: str, text: Callable[[float], str], height: str = "counted_at") -> Callable[[Row], str]:
     """A cell, with what it was counted of where that is another code or (key `height`) another size."""
 
     def shown(row: Row) -> str:
-        value = row.get(name)
-        if value is None or math.isnan(value):
+        value, at = getattr(row, name), getattr(row, height)
+        if math.isnan(value):
             return show.NOTHING
-        of = [GENERAL] if row.get("counts_of") else []
-        if (row.get(height) or row["height"]) != row["height"]:
-            of.append(f"counted at n = {row[height]}")
+        of = [row.counts_of] if row.counts_of else []
+        if at and at != row.height:
+            of.append(f"counted at n = {at}")
         return text(value) + (f" ({'; '.join(of)})" if of else "")
 
     return shown
 
 
-def _plain(name: str) -> Any:
-    def shown(row: Row) -> str:
-        value = row.get(name)
-        return show.NOTHING if value is None or math.isnan(value) else show.number(value)
-
-    return shown
+def _percent(value: float) -> str:
+    return f"{100 * value:.1f} %"
 
 
 COLUMNS = [
-    Column("", "scene", lambda r: f"{r['scene']}, {r['width']}×{r['height']}"),
-    Column("", "phase", lambda r: r["phase"]),
+    Column("", "scene", picture),
+    Column("", "phase", word("phase")),
     Column(
         "",
         "× baseline [95 %]",
-        lambda r: "base" if r["phase"] == ladder.BASE else show.interval(r, "speedup", 3, "×"),
+        lambda row: "base" if row.phase == ladder.BASE else show.interval(row, "speedup", 3, "×"),
     ),
-    Column("", "ns/pixel", _plain("ns_per_pixel")),
+    Column("", "ns/pixel", plain("ns_per_pixel")),
     Column("", "evaluations/pixel", _work("evals_per_pixel", show.number)),
-    Column("", "lane efficiency", _work("lane_efficiency", lambda v: f"{100 * v:.1f} %")),
+    Column("", "lane efficiency", _work("lane_efficiency", _percent)),
     Column(
         "",
         "share of the roof of its own operations",
-        _work("share_of_mix_roof", lambda v: f"{100 * v:.1f} %", "roof_counted_at"),
+        _work("share_of_mix_roof", _percent, "roof_counted_at"),
     ),
-    Column("to ground truth", "PSNR, dB", _plain("truth_own_db")),
-    Column("to ground truth", "wrong hits, ppm", _plain("truth_wrong_ppm")),
+    Column("to ground truth", "PSNR, dB", plain("truth_own_db")),
+    Column("to ground truth", "wrong hits, ppm", plain("truth_wrong_ppm")),
 ]

@@ -14,10 +14,12 @@ from collections.abc import Callable
 from typing import Any
 
 from study.bounds import roof
+from study.bounds.roof import Point
 from study.claims import compilers
 from study.claims.compilers import known
 from study.core import show
 from study.counting import flops, paper_rule
+from study.counting.schema import Declared
 from study.experiments.ablations.schema import Ablations
 from study.experiments.fixed.schema import Fixed
 from study.experiments.functions.schema import Functions
@@ -54,17 +56,22 @@ def _ends(row: dict[str, Any], low: str, high: str) -> list[float]:
     return [row[end] if known(row.get(end)) else math.nan for end in (low, high)]
 
 
-def _declared(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
-    """The largest counted picture of each (scene, phase)."""
-    best: dict[tuple[str, str], dict[str, Any]] = {}
-    for one in flops.read(data.path / "counts.json")[0]:
-        key = one["scene"], one["phase"]
-        if one["flags_from"] == one["phase"] and one["height"] >= best.get(key, one)["height"]:
+def _declared(data: Data) -> dict[tuple[str, str], Declared]:
+    """The largest picture of declared costs of each (scene, phase)."""
+    best: dict[tuple[str, str], Declared] = {}
+    for one in flops.read(data.path / "counts.json").declared:
+        key = one.scene, one.phase
+        if one.flops and one.flags_from == one.phase and one.height >= best.get(key, one).height:
             best[key] = one
     return best
 
 
-def _count(one: dict[str, Any]) -> float:
+def _entered(one: Declared) -> float:
+    """FLOPs with iterations as they were entered."""
+    return one.flops.paper if one.flops else math.nan
+
+
+def _count(one: Declared) -> float:
     """FLOPs by the paper's rule; NaN for a phase that it says nothing of."""
     found = paper_rule.flop(one)
     return math.nan if found is None else found
@@ -72,24 +79,26 @@ def _count(one: dict[str, Any]) -> float:
 
 def _flops(data: Data, claim: Claim) -> Found:
     one = _declared(data).get((claim["scene"], claim["phase"]))
-    if one is None or one["height"] != claim["n"]:
+    if one is None or one.height != claim["n"]:
         return missing(f"count of {claim['phase']} on {claim['scene']} at n = {claim['n']:.0f}")
-    giga, entered = _count(one) / 1e9, paper_rule.convention(one) / 1e9
+    giga, entered = _count(one) / 1e9, _entered(one) / 1e9
     if math.isnan(giga):
         return Found(f"{entered:.2f} GFLOP as entered", NEVER, "the paper's rule says nothing of this phase")
     text = f"{giga:.2f} GFLOP by the paper's rule"
     text += f" ({entered:.2f} with iterations as entered)" if entered != giga else ""
-    return Found(text, *near(giga, claim["value"]), value=giga, n=one["height"])
+    return Found(text, *near(giga, claim["value"]), value=giga, n=one.height)
 
 
-def _pair(
-    data: Data, one: tuple[str, str], base: tuple[str, str]
-) -> tuple[dict[str, Any], dict[str, Any]] | None:
+def _pair(data: Data, one: tuple[str, str], base: tuple[str, str]) -> tuple[Declared, Declared] | None:
     """The counts of two (scene, phase), where they are of one height."""
     made = _declared(data)
     first, second = made.get(one), made.get(base)
-    both = first and second and first["height"] == second["height"]
-    return (first, second) if both and not math.isnan(_count(first) + _count(second)) else None
+    same = first and second and first.height == second.height
+    return (
+        (first, second)
+        if first and second and same and not math.isnan(_count(first) + _count(second))
+        else None
+    )
 
 
 def _flop_cut(data: Data, claim: Claim) -> Found:
@@ -97,8 +106,8 @@ def _flop_cut(data: Data, claim: Claim) -> Found:
     pair = _pair(data, (scene, claim["phase"]), (scene, claim["base"]))
     if not pair:
         return missing(f"counts of {claim['phase']} and {claim['base']} on {scene}")
-    cut, n = 100 * (1 - _count(pair[0]) / _count(pair[1])), pair[0]["height"]
-    entered = 100 * (1 - paper_rule.convention(pair[0]) / paper_rule.convention(pair[1]))
+    cut, n = 100 * (1 - _count(pair[0]) / _count(pair[1])), pair[0].height
+    entered = 100 * (1 - _entered(pair[0]) / _entered(pair[1]))
     beside = f" ({entered:.1f} % with iterations as entered)" if entered != cut else ""
     verdict, why = near(cut, claim["value"])
     if verdict == FAILS and cut > 0:
@@ -110,8 +119,8 @@ def _flop_ratio(data: Data, claim: Claim) -> Found:
     pair = _pair(data, (claim["scene"], claim["phase"]), (claim["base"], claim["phase"]))
     if not pair:
         return missing(f"counts of {claim['phase']} on {claim['scene']} and {claim['base']}")
-    ratio, stated, n = _count(pair[0]) / _count(pair[1]), claim["value"], pair[0]["height"]
-    entered = paper_rule.convention(pair[0]) / paper_rule.convention(pair[1])
+    ratio, stated, n = _count(pair[0]) / _count(pair[1]), claim["value"], pair[0].height
+    entered = _entered(pair[0]) / _entered(pair[1])
     beside = f" ({entered:.2f}× with iterations as entered)" if entered != ratio else ""
     if ratio > stated:
         verdict, why = HOLDS, f"more than {stated:g}"
@@ -120,18 +129,15 @@ def _flop_ratio(data: Data, claim: Claim) -> Found:
     return sized(Found(f"{ratio:.2f}× as many at n = {n}{beside}", verdict, why, ratio, n=n), claim["n"])
 
 
-def _points(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
+def _points(data: Data) -> dict[tuple[str, str], Point]:
     """Points of the roofline by scene and phase; kept with the run, for six claims ask for them."""
     if "points" not in data.kept:
         found, limits, _ = roof.read(data.path, strict=False)
-        table = roof.rows(data, found, limits)
-        rows = [] if table.empty else roof.headline(table).to_dict("records")
-        data.kept["points"] = {(row["scene"], row["phase"]): row for row in rows}
+        points = roof.headline(roof.points(data, found, limits))
+        data.kept["points"] = {(one.scene, one.phase): one for one in points}
     return data.kept["points"]
 
 
-PAPERS = "paper_rule_flops_per_core_cycle"
-SHARE, PEAK = (f"paper_rule_share_of_avx2_{of}" for of in ("roof", "peak"))
 UNKNOWN = "this CPU's theoretical peak is not known"
 
 
@@ -139,18 +145,19 @@ def _gain_flops(data: Data, claim: Claim) -> Found:
     """FLOPs per core cycle by the paper's rule, `phase` over `base`, at the largest size of both."""
     points = _points(data)
     one, base = (points.get((claim["scene"], claim[key])) for key in ("phase", "base"))
-    if not one or not base or one["height"] != base["height"]:
+    if not one or not base or one.height != base.height:
         return missing(f"count of {claim['phase']} and {claim['base']} beside their times")
-    cells = [data.cell(claim["scene"], r["phase"], r["height"], r["width"]) for r in (base, one)]
+    cells = [data.cell(claim["scene"], r.phase, r.height, r.width) for r in (base, one)]
     ratio = stats.ratio_interval(*(cell.values["core_cycles"] for cell in cells if cell))
-    more = one["paper_rule_flops"] / base["paper_rule_flops"]
+    more = one.paper_rule_flops / base.paper_rule_flops
     if not more > 0:
         return missing(f"count of {claim['phase']} and {claim['base']} by the paper's rule")
     ends = [more * x for x in (ratio.value, ratio.low, ratio.high)]
     gain = Interval(*ends, ratio.launches, ratio.sufficient)
-    text = f"{one[PAPERS]:.3g} over {base[PAPERS]:.3g} flop/core cycle at n = {one['height']}: "
+    rates = [point.paper_rule_flops_per_core_cycle for point in (one, base)]
+    text = f"{rates[0]:.3g} over {rates[1]:.3g} flop/core cycle at n = {one.height}: "
     text += f"{gain.text().replace(' ', '× ', 1)}, with {more:.3g}× the FLOPs"
-    return sized(figure(gain, text, *judged(gain.value, claim["value"]), one["height"]), claim["n"])
+    return sized(figure(gain, text, *judged(gain.value, claim["value"]), one.height), claim["n"])
 
 
 def _more_flops_per_cycle(data: Data, claim: Claim) -> Found:
@@ -160,8 +167,8 @@ def _more_flops_per_cycle(data: Data, claim: Claim) -> Found:
         for (scene, phase), row in points.items()
         if scene == claim["scene"] and (claim["base"], phase) in points
     ]
-    name = "flops_per_core_cycle"
-    pairs = [(phase, a[name], b[name], a["height"]) for phase, a, b in pairs if a[name] > 0 and b[name] > 0]
+    speeds = [(phase, a.flops_per_core_cycle, b.flops_per_core_cycle, a.height) for phase, a, b in pairs]
+    pairs = [one for one in speeds if one[1] > 0 and one[2] > 0]
     if not pairs:
         return missing("count of what was timed")
     text = "; ".join(f"{phase} {a:.3g} against {b:.3g}" for phase, a, b, _ in pairs)
@@ -172,26 +179,29 @@ def _more_flops_per_cycle(data: Data, claim: Claim) -> Found:
     return sized(Found(f"{text} flop/core cycle", verdict, why, least, n=n), claim["n"])
 
 
-def _peak(row: dict[str, Any], theoretical: bool) -> float:
+def _peak(point: Point | None, theoretical: bool) -> float:
     """Percent of the AVX2 peak by the ports, or of the measured roof; NaN where that is not known."""
-    return 100 * row.get(PEAK if theoretical else SHARE, math.nan)
+    if point is None:
+        return math.nan
+    of = point.paper_rule_share_of_avx2_peak if theoretical else point.paper_rule_share_of_avx2_roof
+    return 100 * of
 
 
 def _share_of_peak(data: Data, claim: Claim) -> Found:
-    row = _points(data).get((claim["scene"], claim["phase"]), {})
+    row = _points(data).get((claim["scene"], claim["phase"]))
     known, measured = _peak(row, True), _peak(row, False)
     share = known if known > 0 else measured
-    if not share > 0:
+    if row is None or not share > 0:
         return missing(f"ceilings, or count of {claim['phase']} on {claim['scene']}")
     verdict, why = judged(share, claim["value"])
     text = f"{known:.1f} % of what its ports allow" if known > 0 else UNKNOWN
     text += f"; {measured:.1f} % of the measured roof" if measured > 0 else ""
-    return sized(Found(f"{text} (the paper's rule)", verdict, why, share, n=row["height"]), claim["n"])
+    return sized(Found(f"{text} (the paper's rule)", verdict, why, share, n=row.height), claim["n"])
 
 
 def _share_falls(data: Data, claim: Claim) -> Found:
     points = _points(data)
-    rows = [points.get((claim["scene"], claim[key]), {}) for key in ("base", "phase")]
+    rows = [points.get((claim["scene"], claim[key])) for key in ("base", "phase")]
     known, measured = ([_peak(row, theoretical) for row in rows] for theoretical in (True, False))
     shares = known if all(share > 0 for share in known) else measured
     if not all(share > 0 for share in shares):
@@ -203,7 +213,7 @@ def _share_falls(data: Data, claim: Claim) -> Found:
         said += f"; from {measured[0]:.1f} % to {measured[1]:.1f} % of the measured roof"
     text = f"{said}, of its own precision"
     verdict, why = (HOLDS, "it decreases") if shares[1] < shares[0] else (FAILS, "it does not decrease")
-    n = min(row["height"] for row in rows)
+    n = min(row.height for row in rows if row)
     return sized(Found(text, verdict, why, shares[1] / shares[0], n=n), claim["n"])
 
 

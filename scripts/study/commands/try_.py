@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from study.bounds import work
 from study.core import cli, patches, registry, show
 from study.core import run as driver
 from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.counting import flops
+from study.counting.schema import Declared
 from study.numbers import stats
 from study.pictures import gate, images, panels
 from study.pictures.gallery import Gallery
@@ -104,7 +106,7 @@ def times(both: Sides, scene: Scene, height: int, launches: int, seed: int) -> d
     return driver.interleaved(both.both, launches, seed, driver.FASTEST, once, "time")
 
 
-def counted(spec: Spec, scene: Scene, height: int) -> dict[str, Any] | None:
+def counted(spec: Spec, scene: Scene, height: int) -> Declared | None:
     """FLOPs, calls and lanes by the counting build; None, with a word, where that cannot be built or run."""
     try:
         return flops.declared(spec, scene, height)
@@ -150,20 +152,12 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str,
     return found, bool(metrics["identical"]), drawn
 
 
-def calls(parent: dict[str, Any], mine: dict[str, Any]) -> list[tuple[str, int, int]]:
+def calls(parent: Declared, mine: Declared) -> list[tuple[str, int, int]]:
     """Function, calls by the parent and by the phase, where they differ; the largest difference first."""
-    old, new = ({name: one["calls"] for name, one in c["by_function"].items()} for c in (parent, mine))
+    old, new = ({name: one.calls for name, one in c.by_function.items()} for c in (parent, mine))
     rows = [(name, old.get(name, 0), new.get(name, 0)) for name in old.keys() | new.keys()]
     rows = [row for row in rows if abs(row[2] - row[1]) > CHANGED * max(row[1:])]
     return sorted(rows, key=lambda row: -abs(row[2] - row[1]))
-
-
-def share(counts: dict[str, Any]) -> float:
-    """Of the executed FLOPs, those of lanes whose ray is at work; where none are declared, of the lanes."""
-    if counts["executed"]:
-        return counts["useful"] / counts["executed"]
-    executed = counts["lanes"] * sum(one["calls"] for one in counts["by_function"].values())
-    return sum(one["lanes"] for one in counts["by_function"].values()) / executed if executed else math.nan
 
 
 def compared(args: argparse.Namespace) -> dict[str, Any]:
@@ -187,11 +181,11 @@ def compared(args: argparse.Namespace) -> dict[str, Any]:
             "name": str(spec),
             "ms": stats.median_interval(ms[spec]),
             **found[spec],
-            "flops": (counts[spec] and counts[spec]["flops"]["machine"]) or None,
-            "lanes_at_work": counts[spec] and share(counts[spec]),
-            "parts": counts[spec] and {name: f["parts"] for name, f in counts[spec]["by_function"].items()},
+            "flops": one.flops.machine if one and one.flops else None,
+            "lanes_at_work": one and work.efficiency(one),
+            "parts": one and {name: function.parts for name, function in one.by_function.items()},
         }
-        for spec in both.both
+        for spec, one in counts.items()
     ]
     changed = calls(*counts.values()) if all(counts.values()) else None
     return {"schema": 1, **about, "sides": sides_, "same_bits": same, "calls": changed, "picture": str(strip)}
@@ -201,9 +195,9 @@ def cells(side: dict[str, Any]) -> dict[str, str]:
     """A side's numbers as text, by what they are."""
     truth, base = side["truth"], side["baseline"]
     decibels, means = truth.colours.psnr_db, " (4×4 means)" * truth.converged_only
-    work = show.NOTHING
+    declared = show.NOTHING
     if side["flops"] is not None:
-        work = show.number(side["flops"] / truth.width / truth.height, 4)
+        declared = show.number(side["flops"] / truth.width / truth.height, 4)
     lanes = show.NOTHING if side["lanes_at_work"] is None else show.percent(side["lanes_at_work"])
     return {
         "time of a frame, ms [95 %]": show.spread(side["ms"], 4),
@@ -212,7 +206,7 @@ def cells(side: dict[str, Any]) -> dict[str, str]:
         "PSNR to baseline, dB": "identical" if base["identical"] else show.number(base["psnr_db"]),
         "pixels off by more than 1/255 to baseline": show.percent(base["fraction_over_1_255"]),
         "evaluations of a camera ray": show.number(side["evaluations"], 4),
-        "declared FLOPs a pixel": work,
+        "declared FLOPs a pixel": declared,
         "lanes at work": lanes,
     }
 

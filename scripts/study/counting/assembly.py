@@ -13,53 +13,52 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import json
 import shlex
 import shutil
 from pathlib import Path
-from typing import Any
+
+import msgspec
 
 from study.core import cli, store
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.counting.assembly_source import Counters, Source
-from study.counting.decode import Disassembler
-
-SCHEMA = 1
 
 
-def table(sources: list[Source], counters: Counters) -> dict[str, Any]:
-    """What blocks needs. `calls`: (block, callee, block that runs when it is not called, or None)."""
-    blocks, calls = [], []
+class Block(msgspec.Struct):
+    """`entry`: what enters the block calls the function. `bytes`: in hexadecimal digits, at `offset` of the
+    section."""
+
+    function: str
+    entry: bool
+    file: str
+    section: str
+    offset: int
+    bytes: str
+
+
+class Table(msgspec.Struct):
+    """What the counters of one program stand for. `calls`: block, callee, and the block that runs when it is
+    not called, or None. `masked`, `repeated`: block and place in it. `hash`: the program has it, too."""
+
+    blocks: list[Block]
+    calls: list[tuple[int, str, int | None]]
+    masked: list[tuple[int, int]]
+    repeated: list[tuple[int, int]]
+    hash: str = ""
+
+
+def table(sources: list[Source], counters: Counters) -> Table:
+    made = Table([], [], list(counters.masked), list(counters.repeated))
     for source in sources:
-        for number, block in enumerate(source.blocks, source.first):
-            blocks.append(
-                {
-                    "function": block.function,
-                    "entry": block.entry,
-                    "file": source.path.name,
-                    "section": block.section,
-                    "offset": block.offset,
-                    "bytes": block.code.hex(),
-                }
-            )
-            if block.callee:
-                callee = source.aliases.get(block.callee, block.callee)
-                calls.append([number, callee, number + 1 if block.conditional else None])
-    made = {
-        "schema": SCHEMA,
-        "blocks": blocks,
-        "calls": calls,
-        "masked": [list(key) for key in counters.masked],
-        "repeated": [list(key) for key in counters.repeated],
-    }
-    return made | {"hash": digest(made)}
-
-
-def digest(made: dict[str, Any]) -> str:
-    """SHA-256 of a table without its own hash."""
-    text = json.dumps({k: v for k, v in made.items() if k != "hash"}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+        for number, one in enumerate(source.blocks, source.first):
+            place = source.path.name, one.section, one.offset, one.code.hex()
+            made.blocks.append(Block(one.function, one.entry, *place))
+            if one.callee:
+                callee = source.aliases.get(one.callee, one.callee)
+                made.calls.append((number, callee, number + 1 if one.conditional else None))
+    made.hash = hashlib.sha256(msgspec.json.encode(made)).hexdigest()
+    return made
 
 
 def _assemble(compiler: list[str], text: str, path: Path, name: str) -> Path:
@@ -82,11 +81,10 @@ def instrument(compiler: list[str], paths: list[Path], folder: Path) -> None:
     for kind in ("plain", "counted"):  # objects of sources that are gone would be linked
         shutil.rmtree(folder / kind, ignore_errors=True)
     sources: list[Source] = []
-    disassembler = Disassembler()
     for path in paths:
         sources.append(Source(path, sum(len(s.blocks) for s in sources)))
         obj = _assemble(compiler, sources[-1].marked(), folder / "plain", path.stem)
-        sources[-1].locate(obj, disassembler)
+        sources[-1].locate(obj)
     counters = Counters.of(sources)
     for source in sources:
         _assemble(compiler, source.counted(counters), folder / "counted", source.path.stem)
@@ -96,7 +94,7 @@ def instrument(compiler: list[str], paths: list[Path], folder: Path) -> None:
         f"#define BLOCKS {counters.blocks}",
         f"#define MASKED {len(counters.masked)}",
         f"#define REPEATED {len(counters.repeated)}",
-        f'#define TABLE_HASH "{made["hash"]}"',
+        f'#define TABLE_HASH "{made.hash}"',
     ]
     store.write_text(folder / "blocks_table.h", "\n".join(header) + "\n")
     store.write_json(folder / "table.json", made)

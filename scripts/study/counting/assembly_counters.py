@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import re
 
-from iced_x86 import Decoder, Mnemonic, RflagsBits
+from iced_x86 import Decoder, RflagsBits
+
+from study.counting.decode import MNEMONICS
 
 _OSZAP = RflagsBits.OF | RflagsBits.SF | RflagsBits.ZF | RflagsBits.AF | RflagsBits.PF
 # With a count of zero these leave the flags as they are: never taken for having overwritten them.
 _MAY_KEEP_FLAGS = re.compile(r"SHLD?|SHRD?|SAL|SAR|RO[LR]|RC[LR]|(CMPS|SCAS)[BWDQ]")
-_MNEMONICS = {value: name for name, value in vars(Mnemonic).items() if isinstance(value, int)}
 
 
 def _slot(number: int) -> str:
@@ -72,7 +73,7 @@ def overwrites_flags(code: bytes, offset: int) -> bool:
     for instruction in Decoder(64, code, ip=offset):
         if instruction.rflags_read & waiting:
             return False
-        if not _MAY_KEEP_FLAGS.fullmatch(_MNEMONICS[instruction.mnemonic]):
+        if not _MAY_KEEP_FLAGS.fullmatch(MNEMONICS[instruction.mnemonic]):
             waiting &= ~instruction.rflags_modified
         if not waiting:
             return True

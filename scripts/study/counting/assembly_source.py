@@ -2,39 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from elftools.elf.constants import SH_FLAGS
 from elftools.elf.elffile import ELFFile
 from elftools.elf.sections import SymbolTableSection
 
 from study.core.cli import StudyError
 from study.counting.assembly_counters import count, count_lanes, count_rcx, overwrites_flags
-from study.counting.decode import Decoded, Disassembler
+from study.counting.decode import Decoded, decode
 
 MARKER = "stepwise_block_"
 _PREFIXES = re.compile(r"lock|repn?[ez]?|notrack|bnd|data(16|32)|addr32|rex64|rex\.\w+|[c-g]s|ss|\{\w+\}")
 _UNCONDITIONAL = re.compile(r"jmpq?|l?retq?|ud2|hlt|iretq?|ljmp")
 _ENDS = re.compile(r"j\w+|loop\w*|l?callq?|l?retq?|ljmp|xbegin|syscall|sysenter|int\d?|ud2|hlt|iretq?")
 _ALIGN = (".p2align", ".align", ".balign", ".nops")
-_DATA = re.compile(
-    r"\.(byte|[248]byte|word|value|short|long|int|quad|octa|ascii|asciz|string|zero|skip|space|fill|float|double)"
-)
-_REFUSED = {
-    ".subsection": "code in subsections changes its order",
-    ".org": "code is placed by .org",
-    ".macro": "assembler macros hide instructions",
-    ".rept": "assembler repetitions hide instructions",
-    ".irp": "assembler repetitions hide instructions",
-    ".if": "conditional assembly hides instructions",
-    ".include": "included assembly hides instructions",
-    ".incbin": "included bytes hide instructions",
-    ".intel_syntax": "AT&T syntax is required",
-    ".altmacro": "assembler macros hide instructions",
-}
-_REFERRING = (".long", ".quad", ".4byte", ".8byte", ".int", ".value", ".short", ".2byte", ".set", ".word")
+_REFERRING = (".long", ".quad", ".4byte", ".8byte", ".int", ".value", ".short", ".2byte", ".word")
+_BYTES = (*_REFERRING, ".byte", ".ascii", ".string", ".zero", ".skip")
 _LABEL = re.compile(r'\s*("[^"]*"|[\w.$@]+)\s*:(?!:)')
 _NAME = re.compile(r"[\w.$]+")
 
@@ -169,7 +157,7 @@ class Source:
             elif one.name == ".set":
                 name, _, value = (word.strip() for word in one.rest.partition(","))
                 self.aliases[name] = value
-            if one.kind == "instruction" or one.name in _REFERRING:
+            if one.kind == "instruction" or one.name in (*_REFERRING, ".set"):
                 referred.update(_NAME.findall(one.rest))
         self._referred = referred
 
@@ -208,9 +196,7 @@ class Source:
 
     def _statement(self, i: int, one: Statement, section: str, place: _Place) -> None:
         if one.kind == "directive":
-            if one.name in _REFUSED:
-                raise self._refuse(one, _REFUSED[one.name])
-            if _DATA.fullmatch(one.name) and place.waiting not in ("dead", "target"):
+            if one.name in _BYTES and place.waiting not in ("dead", "target"):
                 raise self._refuse(one, "bytes written by hand")
             # Padding is executed where control falls into it: it gets a block of its own.
             if one.name in _ALIGN and place.waiting in ("entry", "passed", "behind"):
@@ -270,37 +256,26 @@ class Source:
             out += behind.get(i, [])
         return "\n".join(out) + "\n"
 
-    def locate(self, obj: Path, disassembler: Disassembler) -> None:
+    def locate(self, obj: Path) -> None:
         """Each block's bytes out of the assembled text, decoded and held against its statements."""
-        try:
-            with obj.open("rb") as file:
-                elf = ELFFile(file)
-                symbols = {}
-                for table in elf.iter_sections():
-                    if isinstance(table, SymbolTableSection):
-                        symbols |= {s.name: s for s in table.iter_symbols() if s.name.startswith(MARKER)}
-                code = {i: s.data() for i, s in enumerate(elf.iter_sections()) if s["sh_flags"] & 4}
-        except OSError as error:
-            raise StudyError(f"{obj}: {error.strerror}") from None
         places: dict[int, list[tuple[int, int]]] = {}
-        for n in range(len(self.blocks)):
-            symbol = symbols.get(f"{MARKER}{self.first + n}")
-            if symbol is None:
-                raise StudyError(f"{obj}: block {self.first + n} has no symbol; do not strip it")
-            places.setdefault(symbol["st_shndx"], []).append((symbol["st_value"], n))
+        with obj.open("rb") as file:
+            sections = list(ELFFile(file).iter_sections())
+            code = {i: s.data() for i, s in enumerate(sections) if s["sh_flags"] & SH_FLAGS.SHF_EXECINSTR}
+            for table in (s for s in sections if isinstance(s, SymbolTableSection)):
+                for symbol in (s for s in table.iter_symbols() if s.name.startswith(MARKER)):
+                    n = int(symbol.name.removeprefix(MARKER)) - self.first
+                    places.setdefault(symbol["st_shndx"], []).append((symbol["st_value"], n))
         for index, starts in places.items():
             starts.sort()
             ends = [start for start, _ in starts[1:]] + [len(code[index])]
             for (start, n), end in zip(starts, ends, strict=True):
-                self._decode(self.blocks[n], start, code[index][start:end], disassembler)
+                self._decode(self.blocks[n], start, code[index][start:end])
 
-    def _decode(self, block: Block, start: int, code: bytes, disassembler: Disassembler) -> None:
-        decoded = []
-        for one in disassembler.decode(code, start):
-            decoded.append(one)
-            if not one.known or one.ends_block:
-                break
-        expected = len(block.lines)
+    def _decode(self, block: Block, start: int, code: bytes) -> None:
+        decoded = decode(code, start)
+        ends = [i for i, one in enumerate(decoded, 1) if not one.known or one.ends_block]
+        decoded, expected = decoded[: ends[0]] if ends else decoded, len(block.lines)
         extra = decoded[expected:]
         padding = all(one.known and one.mnemonic == "nop" for one in extra)
         if len(decoded) < expected or not padding or any(not one.known for one in decoded):
@@ -344,19 +319,19 @@ class Counters:
 
     @classmethod
     def of(cls, sources: list[Source]) -> Counters:
-        blocks = sum(len(source.blocks) for source in sources)
-        masked: list[tuple[int, int]] = []
-        repeated: list[tuple[int, int]] = []
-        for source in sources:
-            for number, block in enumerate(source.blocks, source.first):
-                for place, one in enumerate(block.decoded[: len(block.lines)]):
-                    if one.mask is not None and one.kind:
-                        masked.append((number, place))
-                    if one.repeat:
-                        repeated.append((number, place))
-        behind = blocks + len(masked)
+        blocks = [
+            (number, block) for source in sources for number, block in enumerate(source.blocks, source.first)
+        ]
+        each = [
+            ((number, place), one)
+            for number, block in blocks
+            for place, one in enumerate(block.decoded[: len(block.lines)])
+        ]
+        masked = [key for key, one in each if one.mask is not None and one.kind]
+        repeated = [key for key, one in each if one.repeat]
+        numbers = itertools.count(len(blocks))
         return cls(
-            blocks,
-            {key: blocks + i for i, key in enumerate(masked)},
-            {key: behind + i for i, key in enumerate(repeated)},
+            len(blocks),
+            {key: next(numbers) for key in masked},
+            {key: next(numbers) for key in repeated},
         )

@@ -1,9 +1,11 @@
-"""What the back ends that count share: whose counts they are, emulated programs, and the known work."""
+"""What the back ends that count share: a measurement from what the driver printed, and the known work."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
+import os
 import signal
 import subprocess
 from collections.abc import Callable, Iterable, Mapping
@@ -11,74 +13,96 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from study.core import imports, machine, store
-from study.core.cli import StudyError
+import msgspec
 
-_PICTURE = ("phase", "flags_from", "scene", "scene_hash", "width", "height")
+from study.core import machine, store
+from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import child
+from study.core.registry import Scene, Spec
+from study.core.run import GENERAL, UNTIMED, _arguments
+from study.counting.counts import Counts
+from study.counting.schema import Executed, Measurement, Picture
 
-
-def header(said: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of counts.Measured from what the driver printed (picture, compiler, flags), and this CPU.
-
-    Raises KeyError for what is no picture's.
-    """
-    about = {key: said[key] for key in _PICTURE} | {
-        key: said.get(key) for key in ("compiler", "flags", "kernel")
-    }
-    return about | {"cpu": machine.cpu().get("model")}
+REGION = "phase_render"  # the timed region
+TARGETS = {"shipped": "render", "calls": "render-calls"}  # by variant: the programs that are run unchanged
 
 
-def header_of(output: str, program: str, under: str) -> dict[str, Any]:
-    """`header` of an emulated driver's standard output. StudyError if that is no picture's."""
+class Known(msgspec.Struct):
+    """build/calibration/BACKEND.json."""
+
+    key: str
+    parts: list[str]
+    differences: list[str]
+
+
+def command(spec: Spec, scene: Scene, height: int, variant: str) -> list[str]:
+    """The driver's command for one picture, its JSON on standard output."""
+    wide, high = scene.size(height)
+    return [*_arguments(spec, scene.path.resolve(), high, wide, target=TARGETS[variant]), "--json"]
+
+
+def measurement(
+    backend: str,
+    variant: str,
+    printed: str | Mapping[str, Any],
+    total: Counts,
+    functions: Mapping[str, Counts] | None = None,
+    outside: Mapping[str, Counts] | None = None,
+    edges: dict[str, dict[str, int]] | None = None,
+    calibrated: bool | None = None,
+) -> Measurement:
+    """Counts with what the driver printed of its picture, and this CPU. StudyError if it printed none."""
+
+    def executed(several: Mapping[str, Counts]) -> dict[str, Executed]:
+        return {name: counts.executed() for name, counts in several.items()}
+
     try:
-        return header(json.loads(output))
-    except (ValueError, KeyError, TypeError):
-        raise StudyError(f"{program}: printed no JSON object of a picture under {under}") from None
+        data = json.loads(printed) if isinstance(printed, str) else printed
+        about = msgspec.structs.asdict(msgspec.convert(data, Picture))
+    except (ValueError, msgspec.ValidationError):
+        raise StudyError(f"{backend}: the program printed no JSON object of a picture") from None
+    return Measurement(
+        **about,
+        backend=backend,
+        variant=variant,
+        total=total.executed(),
+        functions=executed(functions or {}),
+        outside=None if outside is None else executed(outside),
+        edges=edges or {},
+        calibrated=calibrated,
+        cpu=machine.cpu().get("model"),
+    )
 
 
-def variant(target: str) -> str:
-    """ "calls" for a build without inlining, else "shipped"."""
-    return "calls" if target.endswith("calls") else "shipped"
-
-
-def failed(done: subprocess.CompletedProcess, program: str, under: str, hint: str = "") -> StudyError:
-    """How an emulated program ended, with its last words. `hint` goes with an unknown instruction."""
-    status = done.returncode
-    how = f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-    said = [line for line in done.stderr.splitlines() if line.strip()]
-    more = hint if status == -signal.SIGILL else ""
-    return StudyError(f"{program} under {under}: {how}{more}{f' ({said[-1]})' if said else ''}")
-
-
-def _versions(packages: Iterable[str]) -> list[tuple[str, str]]:
-    """Distribution and version of what those names are imported from."""
-    owners = metadata.packages_distributions()
-    names = {name for package in packages for name in owners.get(package, [])}
-    return [(name, metadata.version(name)) for name in sorted(names)]
+def run(command: list[str], program: str, under: str, **how: Any) -> subprocess.CompletedProcess[str]:
+    """A program under a counter. StudyError, with the last words, if it ends badly."""
+    how = {"env": os.environ | GENERAL | {UNTIMED: "1"}, "stdin": subprocess.DEVNULL} | how
+    try:
+        done = child.run(command, capture_output=True, text=True, errors="replace", **how)
+    except OSError as error:
+        raise StudyError(f"{command[0]}: {error.strerror}", CANNOT_RUN) from None
+    if status := done.returncode:
+        ended = f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+        words = [line for line in done.stderr.splitlines() if line.strip()]
+        raise StudyError(f"{program} under {under}: {ended}{f' ({words[-1]})' if words else ''}")
+    return done
 
 
 def known_work(
-    cache: Path,
-    analysis: str,
-    files: Iterable[Path],
-    parts: Iterable[str],
-    calibrate: Callable[[str], list[str]],
+    cache: Path, files: Iterable[Path], parts: Iterable[str], calibrate: Callable[[str], list[str]]
 ) -> bool:
-    """Whether `calibrate` finds no difference in any of the parts. Kept in `cache` until something changes:
-
-    one of `files`, the module `analysis`, what it imports of the project, or a version of another package.
+    """Whether `calibrate` finds no difference in any of the parts. Kept in `cache` until one of `files`, this
+    package or its decoder changes.
     """
     parts = list(parts)
-    imported = imports.closure(analysis)
-    key = hashlib.sha256(repr([parts, _versions(imported.packages)]).encode())
-    for path in [*files, *imported.files]:
-        key.update(hashlib.sha256(path.read_bytes()).digest())
-    try:
-        known = store.read_json(cache)
-        if known["key"] == key.hexdigest():
-            return known["differences"] == []
-    except (StudyError, KeyError, TypeError):
-        pass  # never made, or not whole: made again
-    differences = [line for part in parts for line in calibrate(part)]
-    store.write_json(cache, {"key": key.hexdigest(), "parts": parts, "differences": differences})
-    return not differences
+    key = hashlib.sha256(repr([parts, metadata.version("iced-x86")]).encode())
+    for path in [*files, *sorted(Path(__file__).parent.glob("*.py"))]:
+        key.update(path.read_bytes())
+    known = None
+    if cache.exists():
+        with contextlib.suppress(msgspec.DecodeError):  # not whole: made again
+            known = msgspec.json.decode(cache.read_bytes(), type=Known)
+    if known is None or known.key != key.hexdigest():
+        known = Known(key.hexdigest(), parts, [line for part in parts for line in calibrate(part)])
+        store.write_json(cache, known)
+    return not known.differences

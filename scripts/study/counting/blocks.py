@@ -14,211 +14,150 @@ import functools
 import subprocess
 import threading
 from collections import Counter, defaultdict
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from study.core import run, store
+import msgspec
+
+from study.core import run
 from study.core.build import build
 from study.core.cli import StudyError
-from study.core.registry import Spec
-from study.core.schema import BROKEN
-from study.counting import backend, calibration
-from study.counting.assembly import digest
-from study.counting.counts import Counts, Measured
-from study.counting.decode import Decoded, Disassembler
+from study.core.registry import Scene, Spec
+from study.counting import assembly, backend, calibration
+from study.counting.counts import Counts
+from study.counting.decode import Decoded, decode
 from study.counting.elf import is_part, source_name
+from study.counting.schema import Measurement
 
 BACKEND = "blocks"
 TARGETS = {"shipped": "render-blocks", "calls": "render-blocks-calls"}
-ABSURD = 1 << 62  # executions of a block: centuries
 CALIBRATION_REPEATS = 7
 _LOCK = threading.Lock()
+# More executions of a block take centuries: an overflow, or a stray write.
+Executions = Annotated[int, msgspec.Meta(ge=0, lt=1 << 62)]
 
 
-def missing() -> str | None:
-    """None, or what is missing, in one line: all it needs is what builds and analyses a phase."""
-    return None
+class Ran(msgspec.Struct):
+    """What a program with counters printed of them."""
+
+    counts: Literal["basic blocks"]
+    table: str
+    blocks: list[Executions]
+    masked: list[Executions]
+    repeated: list[Executions]
 
 
-@dataclass(frozen=True)
-class Block:
-    """`symbol`: of the function; `entry`: what enters the block calls the function."""
-
-    symbol: str
-    entry: bool
-    code: tuple[Decoded, ...]
-
-
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Table:
-    """What the counters of one program stand for. `path`: of the file, for messages."""
+    """A program's table with its blocks decoded; `masked`, `repeated`: block and place → counter."""
 
     path: Path
-    hash: str
-    blocks: list[Block]
-    calls: list[tuple[int, str, int | None]]
+    raw: assembly.Table
+    code: list[list[Decoded]]
     masked: dict[tuple[int, int], int]
     repeated: dict[tuple[int, int], int]
 
 
 def read_table(path: Path) -> Table:
-    """StudyError for a table that is missing, cut off, changed or another thing's JSON.
-
-    Decoded once for as long as its file is the same: many scenes are counted by one program.
-    """
-    try:
-        about = path.stat()
-    except OSError as error:
-        raise StudyError(f"{path}: {error.strerror}") from None
-    return _read_table(path, about.st_mtime_ns, about.st_size, about.st_ino)
+    """Decoded once for as long as its file is the same: many scenes are counted by one program."""
+    return _read_table(path, path.stat().st_mtime_ns)
 
 
 @functools.lru_cache(maxsize=4)
-def _read_table(path: Path, *_: int) -> Table:
-    data = store.read_json(path)
-    try:
-        if data["hash"] != digest(data):
-            raise StudyError(f"{path}: was changed since it was made; remove its folder and build again")
-        disassembler = Disassembler()
-        blocks = [
-            Block(
-                b["function"], b["entry"], tuple(disassembler.decode(bytes.fromhex(b["bytes"]), b["offset"]))
-            )
-            for b in data["blocks"]
-        ]
-        return Table(
-            path,
-            data["hash"],
-            blocks,
-            [(int(a), str(b), c) for a, b, c in data["calls"]],
-            {(int(b), int(i)): n for n, (b, i) in enumerate(data["masked"])},
-            {(int(b), int(i)): n for n, (b, i) in enumerate(data["repeated"])},
-        )
-    except BROKEN as error:
-        raise StudyError(
-            f"{path}: not a block table of scripts/study/counting/assembly.py ({error!r})"
-        ) from None
-
-
-def _numbers(said: dict[str, Any], key: str, size: int, table: Table) -> list[int]:
-    numbers = said.get(key)
-    if not isinstance(numbers, list) or len(numbers) != size:
-        have = len(numbers) if isinstance(numbers, list) else "no"
-        raise StudyError(f"{table.path}: {size} counters are described, the program has {have} ({key})")
-    for n in numbers:
-        if not isinstance(n, int) or isinstance(n, bool) or not 0 <= n < ABSURD:
-            raise StudyError(
-                f"{table.path}: a counter says {n!r}, which cannot be: overflow, or a stray write"
-            )
-    return numbers
+def _read_table(path: Path, _: int) -> Table:
+    raw = msgspec.json.decode(path.read_bytes(), type=assembly.Table)
+    code = [decode(bytes.fromhex(block.bytes), block.offset) for block in raw.blocks]
+    masked, repeated = ({key: n for n, key in enumerate(keys)} for keys in (raw.masked, raw.repeated))
+    return Table(path, raw, code, masked, repeated)
 
 
 def evaluate(
-    table: Table, said: dict[str, Any]
+    table: Table, printed: Mapping[str, Any]
 ) -> tuple[Counts, dict[str, Counts], dict[str, dict[str, int]]]:
-    """Total, functions by source name and edges, from what a program with counters printed."""
-    if said.get("counts") != "basic blocks":
-        raise StudyError(f"{table.path}: the program printed no counts of basic blocks")
-    if said.get("table") != table.hash:
+    """Total, functions by source name and edges, from what a program with counters printed. StudyError for
+    counts that cannot be."""
+    try:
+        ran = msgspec.convert(printed, Ran)
+    except msgspec.ValidationError as error:
+        raise StudyError(f"{table.path}: not the counts of a program with counters: {error}") from None
+    if ran.table != table.raw.hash:
         raise StudyError(f"{table.path}: not the table of the program that ran; build it again")
-    ran = _numbers(said, "blocks", len(table.blocks), table)
-    active = _numbers(said, "masked", len(table.masked), table)
-    iterations = _numbers(said, "repeated", len(table.repeated), table)
     functions: defaultdict[str, Counts] = defaultdict(Counts)
-    for number, (block, times) in enumerate(zip(table.blocks, ran, strict=True)):
+    for number, (block, times) in enumerate(zip(table.raw.blocks, ran.blocks, strict=True)):
         if not times:
             continue
-        counts = functions[source_name(block.symbol)]
-        if block.entry and not is_part(block.symbol):
+        counts = functions[source_name(block.function)]
+        if block.entry and not is_part(block.function):
             counts.calls += times
-        for place, one in enumerate(block.code):
+        for place, one in enumerate(table.code[number]):
             if (number, place) in table.repeated:
-                rounds = iterations[table.repeated[number, place]]
+                rounds = ran.repeated[table.repeated[number, place]]
                 counts.load += one.load * rounds
                 counts.store += one.store * rounds
                 one = dataclasses.replace(one, load=0, store=0)
             lanes = table.masked.get((number, place))
-            if lanes is not None and active[lanes] > one.lanes * times:
+            if lanes is not None and ran.masked[lanes] > one.lanes * times:
                 raise StudyError(
-                    f"{table.path}: {active[lanes]} lanes in {times} executions of {one.mnemonic} "
+                    f"{table.path}: {ran.masked[lanes]} lanes in {times} executions of {one.mnemonic} "
                     f"with {one.lanes}, which cannot be"
                 )
-            counts.add(one, times, None if lanes is None else active[lanes])
-    total = Counts()
-    for counts in functions.values():
-        total.merge(counts)
-    return total, dict(functions), _edges(table, ran)
+            counts.add(one, times, None if lanes is None else ran.masked[lanes])
+    return Counts.total(functions.values()), dict(functions), _edges(table.raw, ran.blocks)
 
 
-def _edges(table: Table, ran: list[int]) -> dict[str, dict[str, int]]:
+def _edges(table: assembly.Table, ran: list[int]) -> dict[str, dict[str, int]]:
     edges: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for number, callee, otherwise in table.calls:
-        caller = table.blocks[number].symbol
         times = ran[number] - (0 if otherwise is None else ran[otherwise])
-        if times < 0:
-            raise StudyError(f"{table.path}: {times} calls of {callee} by {caller}, which cannot be")
         if times and not is_part(callee):
-            edges[source_name(caller)][source_name(callee)] += times
+            edges[source_name(table.blocks[number].function)][source_name(callee)] += times
     return {caller: dict(callees) for caller, callees in edges.items()}
 
 
 def measure(
-    spec: Spec | str,
-    scene_path: Path,
+    spec: Spec,
+    scene: Scene,
     height: int,
-    width: int | None = None,
-    *,
     variant: str = "shipped",
+    *,
+    width: int | None = None,
     threads: int = 1,
-) -> Measured:
+) -> Measurement:
     """One picture's timed region. `variant`: "shipped", or "calls" for one without inlining.
 
     DriverError as study.core.run has it if the program ends badly; StudyError for counts that cannot be.
     """
-    if variant not in TARGETS:
-        raise StudyError(f"no variant '{variant}'; there are {', '.join(TARGETS)}")
-    spec = Spec.parse(spec) if isinstance(spec, str) else spec
     target = TARGETS[variant]
     with _LOCK:  # measured by several threads, built by one
-        build(spec, target)
-    said = run.render(spec, scene_path, height, width, threads=threads, target=target, timed=False)
-    folder = build(spec, target).parent
-    table = read_table(folder / target.removeprefix("render-") / "table.json")
-    total, functions, edges = evaluate(table, said)
-    return Measured(
-        backend=BACKEND,
-        variant=variant,
-        total=total,
-        functions=functions,
-        outside=None,
-        calibrated=calibrated(),
-        edges=edges,
-        **backend.header(said),
+        folder = build(spec, target).parent
+    wide, high = scene.size(height, width)
+    printed = run.render(spec, scene.path, high, wide, threads=threads, target=target, timed=False)
+    found = evaluate(read_table(folder / target.removeprefix("render-") / "table.json"), printed)
+    total, functions, edges = found
+    return backend.measurement(
+        BACKEND, variant, printed, total, functions, edges=edges, calibrated=calibrated()
     )
 
 
 def calibrate(part: str, repeats: int = CALIBRATION_REPEATS) -> list[str]:
-    """Differences of the known work's counts from what they must be, one line each.
-
-    StudyError if the program cannot run, DriverError if it crashes.
-    """
+    """Differences of the known work's counts from what they must be, one line each. DriverError if the
+    program says that something was not kept."""
     program = build("calibration", "calibrate-blocks")
-    said = run._parse("".join(run._lines([str(program), part, str(repeats)], None, 0)), str(program))
-    total, functions, edges = evaluate(read_table(program.parent / "blocks" / "table.json"), said)
+    printed = run._parse("".join(run._lines([str(program), part, str(repeats)], None, 0)), str(program))
+    total, functions, edges = evaluate(read_table(program.parent / "blocks" / "table.json"), printed)
     found = calibration.differences(functions, part, repeats, edges)
-    known = sum(counts.machine for counts in calibration.expected(part, repeats).values())
-    if calibration.expected(part, repeats) and total.machine != known:
-        found.append(f"{part}, FLOPs in total: {total.machine} instead of {known}")
-    return found
+    known = Counts.total(calibration.expected(part, repeats).values()).machine
+    return (
+        [*found, f"{part}, FLOPs: {total.machine}, not {known}"] if known not in (0, total.machine) else found
+    )
 
 
 @functools.cache
 def _calibrated() -> bool:
     program = build("calibration", "calibrate-blocks")
     files = (program, calibration.EXPECTED)
-    runnable = [part for part, lacking in calibration.parts().items() if not lacking]
-    return backend.known_work(program.parent / "blocks.json", __name__, files, runnable, calibrate)
+    return backend.known_work(program.parent / "blocks.json", files, calibration.runnable(), calibrate)
 
 
 def calibrated() -> bool:

@@ -3,18 +3,16 @@
 A line of residues.def, RESIDUE(build, function, part, kind, least, most) // why, says where a compiler's code
 does otherwise than costs.def: so many operations more per lane and execution of the part. No count has it in.
 Of kind `call`: so many of the declared calls of math.h fewer go to libm, since they are an instruction.
-RESIDUES_OF(opt4) // confirmed how: the lines of opt4 hold here too, of parts that the phase has.
-
-A derived phase without a residues.def of its own has its ancestor's. That was read in other code: it explains
-nothing until the phase has a file of its own. An empty one says that no residue is known.
+A derived phase without a residues.def has its ancestor's.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from study.core import registry
 from study.core.cli import StudyError
@@ -25,7 +23,7 @@ _RESIDUE = re.compile(
     rf"RESIDUE\(\s*(shipped|calls|both),\s*(\w+),\s*(\w+),\s*({'|'.join((*CLASSES[:7], 'call'))}),"
     r"\s*(-?\d+),\s*(-?\d+)\s*\)\s*(//.*)?"
 )
-_SAME = re.compile(r"RESIDUES_OF\(\s*(\w+)\s*\)\s*//.+")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -37,25 +35,6 @@ class Cost:
     width: str
     per_lane: dict[str, int]
     stands_for_call: bool = False
-
-
-def read(path: Path) -> list[Cost]:
-    """The declared costs. Raises StudyError with file and line for one that is no COST line."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise StudyError(f"{path}: {error.strerror}") from None
-    found = []
-    for number, line in enumerate(lines, 1):
-        if not line.strip() or line.lstrip().startswith("//"):
-            continue
-        match = _LINE.fullmatch(line.strip())
-        if not match:
-            text = "COST(function, part, LANES or 1, nine numbers with commas between) is required"
-            raise StudyError(f"{path}:{number}: {text}")
-        values = (int(n) for n in match[5].split(","))
-        found.append(Cost(*match.group(2, 3, 4), dict(zip(CLASSES, values, strict=True)), bool(match[1])))
-    return found
 
 
 @dataclass(frozen=True)
@@ -72,52 +51,56 @@ class Residue:
     most: int
 
 
-def residues_of(phase: registry.Phase, lines: Iterable[Cost]) -> list[Residue]:
-    """Of the phase's residues.def. Of an ancestor's, what is about parts that the phase has too."""
-    if ancestor := phase.inherits("residues.def"):
-        return _of_ancestor(ancestor, {(cost.function, cost.part) for cost in lines})
-    return residues(phase.file("residues.def"), lines)
+def _lines(path: Path, made: Callable[[str], T | None], form: str) -> Iterator[T]:
+    """Of each line that is no comment. StudyError with file and line for one that `made` refuses."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise StudyError(f"{path}: {error.strerror}") from None
+    for number, line in enumerate(map(str.strip, lines), 1):
+        if line and not line.startswith("//"):
+            if (one := made(line)) is None:
+                raise StudyError(f"{path}:{number}: {form} is required")
+            yield one
 
 
-def _of_ancestor(name: str, known: Container[tuple[str, str]]) -> list[Residue]:
-    """The phase's residues of the known parts."""
-    ancestor = registry.find_phase(name)
-    every = residues(ancestor.file("residues.def"), read(ancestor.file("costs.def")))
-    return [one for one in every if (one.function, one.part) in known]
+def _cost(line: str) -> Cost | None:
+    if not (match := _LINE.fullmatch(line)):
+        return None
+    values = map(int, match[5].split(","))
+    return Cost(*match.group(2, 3, 4), dict(zip(CLASSES, values, strict=True)), bool(match[1]))
 
 
-def residues(path: Path, costs: Iterable[Cost]) -> list[Residue]:
-    """The explained residues of a phase; none without the file. Raises StudyError with file and line."""
+def _residue(line: str) -> Residue | None:
+    match = _RESIDUE.fullmatch(line)
+    if not match or int(match[5]) > int(match[6]):
+        return None
+    return Residue(*match.group(1, 2, 3, 4), int(match[5]), int(match[6]))
+
+
+def read(path: Path) -> list[Cost]:
+    """The declared costs. Raises StudyError with file and line for one that is no COST line."""
+    return list(_lines(path, _cost, "COST(function, part, LANES or 1, nine numbers with commas between)"))
+
+
+def declares(phase: str) -> bool:
+    """Whether the phase declares what its functions cost: a costs.def of zeros names steps alone."""
+    path = registry.find_phase(phase).file("costs.def")
+    return path.is_file() and any(any(cost.per_lane.values()) for cost in read(path))
+
+
+def of_phase(name: str) -> list[Cost]:
+    return read(registry.find_phase(name).file("costs.def"))
+
+
+def residues_of(name: str, costs: Iterable[Cost]) -> list[Residue]:
+    """Of the phase; of an ancestor's file, what is about parts that the phase has too."""
+    path = registry.find_phase(name).file("residues.def")
     if not path.exists():
         return []
-    costs = list(costs)
-    known = {(cost.function, cost.part) for cost in costs}
-    found: list[Residue] = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        if not line.strip() or line.lstrip().startswith("//"):
-            continue
-        if same := _SAME.fullmatch(line.strip()):
-            found += _of_ancestor(same[1], known)
-            continue
-        match = _RESIDUE.fullmatch(line.strip())
-        if not match or int(match[5]) > int(match[6]):
-            text = "RESIDUE(shipped|calls|both, function, part, kind, least, most) is required"
-            raise StudyError(f"{path}:{number}: {text}")
-        if (match[2], match[3]) not in known:
-            raise StudyError(f"{path}:{number}: costs.def has no line {match[2]}, {match[3]}")
-        found.append(Residue(*match.groups()[:4], int(match[5]), int(match[6])))
-    return found
-
-
-def calls_of(
-    costs: Iterable[Cost], by_function: dict[str, dict], functions: Iterable[str] | None = None
-) -> int:
-    """math.h calls (the class `call`) of a scalar phase's picture: parts counted times declared. `functions`:
-    of these alone.
-    """
-    wanted = None if functions is None else set(functions)
-    return sum(
-        cost.per_lane["call"] * by_function.get(cost.function, {}).get("parts", {}).get(cost.part, 0)
-        for cost in costs
-        if wanted is None or cost.function in wanted
-    )
+    form = "RESIDUE(shipped|calls|both, function, part, kind, least, most)"
+    found, known = list(_lines(path, _residue, form)), {(cost.function, cost.part) for cost in costs}
+    unknown = [one for one in found if (one.function, one.part) not in known]
+    if unknown and path.parent == registry.find_phase(name).path:
+        raise StudyError(f"{path}: costs.def has no line {unknown[0].function}, {unknown[0].part}")
+    return [one for one in found if (one.function, one.part) in known]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Mapping
 
 from study.core import registry
 from study.counting import costs, flops
-from study.counting.counts import Measured
+from study.counting.flops import Range
+from study.counting.schema import Declared, Measurement, Row
 
 MATH = "math.h calls of "  # what the scope of such a row begins with
 # Of math.h what a phase may call (C11 7.12), but for sqrt, which is an instruction and a class of its own.
@@ -29,55 +30,43 @@ def _into_libm(edges: Mapping[str, int]) -> int:
     return found
 
 
-def _declared_calls(stated: flops.Row, variant: str) -> dict[str, tuple[int, flops.Range]]:
-    """Function → calls of math.h declared, and how many of them more (fewer) go to libm."""
-    phase = registry.find_phase(stated["phase"])
-    lines = costs.read(phase.file("costs.def"))
-    parts = {name: function["parts"] for name, function in stated["by_function"].items()}
-    found: dict[str, tuple[int, flops.Range]] = {}
-    for cost in lines:
-        calls, known = found.get(cost.function, (0, (0, 0)))
-        found[cost.function] = calls + cost.per_lane["call"] * parts[cost.function][cost.part], known
-    for residue in costs.residues_of(phase, lines):
-        if residue.kind == "call" and residue.build in (variant, "both"):
-            calls, (low, high) = found[residue.function]
-            times = parts[residue.function][residue.part]
-            found[residue.function] = calls, (low + residue.least * times, high + residue.most * times)
-    return found
-
-
-def compare(stated: flops.Row, by: Measured) -> list[flops.Row]:
+def compare(stated: Declared, by: Measurement) -> list[Row]:
     """The calls of math.h that the paper's convention counts, against calls into libm: of the whole picture,
     and by function in the build without inlining. A phase with lanes calls none: what it declares stands in
     their place (its own log and exp are functions of it, and compared as such).
     """
-    stated_calls = _declared_calls(stated, by.variant)
-    measured: dict[str, int] = defaultdict(int)
-    for caller, calls in _folded_edges(by, stated_calls).items():
-        measured[caller] = _into_libm({name: n for name, n in calls.items() if name not in by.functions})
-    if registry.find_phase(stated["phase"]).lanes > 1:
-        stated_calls = {"total": (0, (0, 0))}
-    whole = sum(n for n, _ in stated_calls.values())
-    ends = [sum(known[i] for _, known in stated_calls.values()) for i in (0, 1)]
-    rows = [("total", whole, (ends[0], ends[1]), sum(measured.values()))]
-    if by.variant == "calls" and len(stated_calls) > 1:
-        names = sorted(stated_calls.keys() | measured.keys())
-        rows += [(name, *stated_calls.get(name, (0, (0, 0))), measured.get(name, 0)) for name in names]
-    made = []
-    for name, counted, known, found in rows:
-        if found or counted + known[1] > 0 or name == "total":
-            row = flops.row(
-                stated, f"{MATH}{name}", {"any": counted}, {"any": found}, by, residues={"any": known}
-            )
-            made.append(row)
-    return made
+    lines = costs.of_phase(stated.phase)
+    calls: Counter[str] = Counter({cost.function: 0 for cost in lines})
+    known: dict[str, Range] = defaultdict(lambda: (0, 0))
+    for cost in lines:
+        calls[cost.function] += cost.per_lane["call"] * stated.by_function[cost.function].parts[cost.part]
+    for one in costs.residues_of(stated.phase, lines):
+        if one.kind == "call" and one.build in (by.variant, "both"):
+            times, (low, high) = stated.by_function[one.function].parts[one.part], known[one.function]
+            known[one.function] = low + one.least * times, high + one.most * times
+    measured = {
+        caller: _into_libm({name: n for name, n in callees.items() if name not in by.functions})
+        for caller, callees in _folded_edges(by, calls).items()
+    }
+    if registry.find_phase(stated.phase).lanes > 1:
+        calls, known = Counter({"total": 0}), {}
+    ends = [sum(both[i] for both in known.values()) for i in (0, 1)]
+    rows = [("total", calls.total(), (ends[0], ends[1]), sum(measured.values()))]
+    if by.variant == "calls" and len(calls) > 1:
+        names = sorted(calls.keys() | measured.keys())
+        rows += [(name, calls[name], known.get(name, (0, 0)), measured.get(name, 0)) for name in names]
+    return [
+        flops.row(stated, f"{MATH}{name}", {"any": n}, {"any": found}, by, residues={"any": both})
+        for name, n, both, found in rows
+        if found or n + both[1] > 0 or name == "total"
+    ]
 
 
-def _folded_edges(by: Measured, named: Collection[str]) -> dict[str, dict[str, int]]:
+def _folded_edges(by: Measurement, named: Collection[str]) -> dict[str, Counter[str]]:
     """Calls out of the functions of costs.def; a helper without a line has its own counted where it is
     called from, which must be one function.
     """
-    found: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
+    found: dict[str, Counter[str]] = defaultdict(Counter)
     for caller, calls in by.edges.items():
         owner = caller
         while owner not in named:
@@ -85,6 +74,5 @@ def _folded_edges(by: Measured, named: Collection[str]) -> dict[str, dict[str, i
             if len(above) != 1:
                 break
             owner = above[0]
-        for callee, n in calls.items():
-            found[owner][callee] += n
+        found[owner].update(calls)
     return found

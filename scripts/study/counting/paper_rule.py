@@ -8,12 +8,11 @@ are entered, stands beside. Functions without such a loop cost the same by both.
 
 from __future__ import annotations
 
-from typing import Any
-
 from study.core import registry
 from study.core.cli import StudyError
 from study.counting import costs, flops
 from study.counting.decode import FLOPS
+from study.counting.schema import Declared, Function
 
 BULB = "sdf_mandelbulb"
 OTHERS = "bulb_"  # how the functions begin that evaluate it in pieces
@@ -21,41 +20,32 @@ LOOPS = ("step", "iteration")  # names of the loop's part in costs.def
 ALWAYS = ("off_axis",)  # parts of an iteration that are left out on the axis only
 CALLED = {"baseline": ("vec_dot",), "opt1": ("vec_add", "vec_dot")}  # functions that an iteration calls
 
-Row = dict[str, Any]
 
-
-def flop(one: Row) -> int | None:
+def flop(one: Declared) -> int | None:
     """FLOPs of a counted picture by the rule.
 
     None where a Mandelbulb's evaluation is not one function with a loop in it, as in later phases, where two
-    Mandelbulbs differ in iterations, or where the scene or the phase is not known here.
+    Mandelbulbs differ in iterations, or where the scene or the phase is not known here, or declares no costs.
     """
-    total, functions = one["flops"]["paper"], one.get("by_function", {})
-    iterations = _iterations(one["scene"])
-    if not iterations:
-        return total if iterations is not None else None
-    parts = functions.get(BULB, {}).get("parts", {})
-    loop = next((name for name in LOOPS if name in parts), None)
-    elsewhere = any(name.startswith(OTHERS) and of["calls"] for name, of in functions.items())
+    iterations = _iterations(one.scene)
+    if one.flops is None or not iterations:
+        return one.flops.paper if one.flops and iterations is not None else None
+    bulb = one.by_function.get(BULB, Function(calls=0, parts={}))
+    loop = next((name for name in LOOPS if name in bulb.parts), None)
+    elsewhere = any(name.startswith(OTHERS) and of.calls for name, of in one.by_function.items())
     if loop is None or elsewhere or len(iterations) > 1:
         return None
     try:
-        lines = costs.read(registry.find_phase(one["phase"]).file("costs.def"))
+        lines = {(line.function, line.part): line for line in costs.of_phase(one.phase)}
     except StudyError:
         return None
-    per_lane = {(line.function, line.part): _flop(line) for line in lines}
-    width = {line.part: line.width for line in lines if line.function == BULB}.get(loop)
-    if width is None:
+    if (BULB, loop) not in lines:
         return None
-    step = sum(per_lane.get((BULB, part), 0) for part in (loop, *ALWAYS))
-    step += sum(per_lane[name, "call"] for name in CALLED.get(one["phase"], ()))
-    lanes = flops.lanes_of(one) if width == "LANES" else 1
-    return total + (max(iterations) * parts["call"] - parts[loop]) * step * lanes
-
-
-def convention(one: Row) -> int:
-    """The same with iterations as they were entered: one FLOP for a call of math.h."""
-    return one["flops"]["paper"]
+    parts = [(BULB, part) for part in (loop, *ALWAYS)]
+    parts += [(name, "call") for name in CALLED.get(one.phase, ())]
+    step = sum(_flop(lines[part]) for part in parts if part in lines)
+    lanes = flops.lanes_of(one) if lines[BULB, loop].width == "LANES" else 1
+    return one.flops.paper + (max(iterations) * bulb.parts["call"] - bulb.parts[loop]) * step * lanes
 
 
 def _iterations(scene: str) -> set[int] | None:

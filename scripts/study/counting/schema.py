@@ -4,10 +4,37 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from study.core.schema import ABSENT, Absent, Record, key
+import msgspec
+
+from study.core.schema import Record, key
 from study.numbers.schema import Result
 
 OLD_NAMES = {"assembly blocks": "blocks"}  # of back ends, in files of earlier runs
+
+
+class Picture(Record, kw_only=True, omit_defaults=True):
+    """What was drawn, by which program."""
+
+    phase: Annotated[str, key("", "its name")]
+    flags_from: Annotated[str, key("", "the phase whose compiler flags built it")] = ""
+    scene: Annotated[str, key("", "its name")]
+    scene_hash: Annotated[str | None, key("", "as in frames.jsonl")] = None
+    width: Annotated[int, key("pixels", "of the picture", ge=1)]
+    height: Annotated[int, key("pixels", "of the picture", ge=1)]
+    compiler: Annotated[str | None, key("", "name and version")] = None
+    flags: Annotated[str | None, key("", "of the compiler")] = None
+    kernel: Annotated[str | None, key("", "that general code was counted; null: another phase")] = None
+
+    def __post_init__(self) -> None:
+        self.flags_from = self.flags_from or self.phase
+
+    @property
+    def spec(self) -> str:
+        return self.phase if self.flags_from == self.phase else f"{self.phase}@{self.flags_from}"
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.width, self.height
 
 
 class Flops(Record, kw_only=True):
@@ -17,42 +44,40 @@ class Flops(Record, kw_only=True):
     machine: Annotated[int, key("FLOP", "the machine's")]
 
 
-class Function(Record, kw_only=True):
+class Function(Record, kw_only=True, omit_defaults=True):
     """One function of the source, by the macros of the counting build."""
 
     calls: Annotated[int, key("calls", "of it")]
-    lanes: Annotated[int | Absent, key("lanes", "active, over all calls")] = ABSENT
-    paper: Annotated[int | Absent, key("FLOP", "of all lanes, the paper's convention")] = ABSENT
-    machine: Annotated[int | Absent, key("FLOP", "of all lanes, the machine's")] = ABSENT
-    useful: Annotated[int | Absent, key("FLOP", "of lanes whose ray is under way, the machine's")] = ABSENT
-    parts: Annotated[dict[str, int] | Absent, key("executions", "of each line of costs.def")] = ABSENT
-
-
-class Declared(Record, kw_only=True):
-    """Declared costs times counted calls, of one picture."""
-
-    phase: Annotated[str, key("", "its name")]
-    flags_from: Annotated[str | Absent, key("", "the phase whose compiler flags built it")] = ABSENT
-    scene: Annotated[str, key("", "its name")]
-    scene_hash: Annotated[str | Absent, key("", "as in frames.jsonl")] = ABSENT
-    width: Annotated[int, key("pixels", "of the picture", ge=1)]
-    height: Annotated[int, key("pixels", "of the picture", ge=1)]
-    compiler: Annotated[str | Absent | None, key("", "name and version")] = ABSENT
-    flags: Annotated[str | Absent | None, key("", "of the compiler")] = ABSENT
-    lanes: Annotated[int | Absent, key("lanes", "rays at once")] = ABSENT
-    kernel: Annotated[str | Absent | None, key("", "that general code was counted; null: another phase")] = (
-        ABSENT
+    lanes: Annotated[int, key("lanes", "active, over all calls")] = 0
+    paper: Annotated[int, key("FLOP", "of all lanes, the paper's convention")] = 0
+    machine: Annotated[int, key("FLOP", "of all lanes, the machine's")] = 0
+    useful: Annotated[int, key("FLOP", "of lanes whose ray is under way, the machine's")] = 0
+    parts: Annotated[dict[str, int], key("executions", "of each line of costs.def")] = msgspec.field(
+        default_factory=dict
     )
-    threads: Annotated[int | Absent, key("threads", "that drew it")] = ABSENT
-    flops: Annotated[Flops, key("FLOP", "of the picture")]
+
+
+class Declared(Picture, kw_only=True, omit_defaults=True):
+    """What the counting build printed of one picture: calls and lanes, and FLOPs by declared costs."""
+
+    lanes: Annotated[int | None, key("lanes", "rays at once")] = None
+    threads: Annotated[int | None, key("threads", "that drew it")] = None
+    flops: Annotated[Flops | None, key("FLOP", "of the picture; null: the phase declares no costs")] = None
     by_function: Annotated[dict[str, Function], key("", "function → its counts")]
-    by_class: Annotated[dict[str, Any] | Absent, key("operations", "lane by lane, by class")] = ABSENT
-    executed: Annotated[int | Absent, key("FLOP", "of all lanes, the machine's")] = ABSENT
-    useful: Annotated[int | Absent, key("FLOP", "of lanes whose ray is under way, the machine's")] = ABSENT
-    useful_paper: Annotated[int | Absent, key("FLOP", "the same, the paper's")] = ABSENT
+    by_class: Annotated[dict[str, int], key("operations", "lane by lane, by class")] = msgspec.field(
+        default_factory=dict
+    )
+    executed: Annotated[int, key("FLOP", "of all lanes, the machine's")] = 0
+    useful: Annotated[int, key("FLOP", "of lanes whose ray is under way, the machine's")] = 0
+    useful_paper: Annotated[int, key("FLOP", "the same, the paper's")] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.flops and not self.flops.machine:  # a costs.def of zeros names steps and declares no FLOPs
+            self.flops = None
 
 
-class Operation(Record, kw_only=True):
+class Operation(Record):
     """Operations of one kind."""
 
     kind: Annotated[str, key("", "add, mul, fma …")]
@@ -61,100 +86,91 @@ class Operation(Record, kw_only=True):
     lanes: Annotated[int, key("operations", "lane by lane")]
 
 
-class Executed(Record, kw_only=True):
+class Executed(Record, kw_only=True, omit_defaults=True):
     """What was executed of a function, or of all."""
 
     calls: Annotated[int, key("calls", "of it")]
-    machine: Annotated[int | Absent, key("FLOP", "the machine's convention")] = ABSENT
+    machine: Annotated[int, key("FLOP", "the machine's convention")] = 0
     instructions: Annotated[int, key("instructions", "executed")]
     operations: Annotated[list[Operation], key("operations", "by kind")]
     load_bytes: Annotated[int, key("bytes", "loaded, as the core sees them")]
     store_bytes: Annotated[int, key("bytes", "stored")]
-    mix: Annotated[dict[str, int], key("instructions", "by what they are for")]
-    doublings: Annotated[int | Absent, key("lanes", "of sums x + x, as which compilers write 2·x")] = ABSENT
 
 
-class Build(Record, kw_only=True):
+class Measurement(Picture, kw_only=True, omit_defaults=True):
     """One picture's timed region by one back end."""
 
-    backend: Annotated[str, key("", "blocks, qemu, ptrace, sde or pmu (docs/method.md)")]
+    backend: Annotated[str, key("", "blocks, ptrace, sde or pmu (docs/method.md)")]
     variant: Annotated[str, key("", "`shipped`, or `calls`: without inlining")]
-    phase: Annotated[str, key("", "its name")]
-    flags_from: Annotated[str, key("", "the phase whose compiler flags built it")]
-    scene: Annotated[str, key("", "its name")]
-    scene_hash: Annotated[str, key("", "as in frames.jsonl")]
-    width: Annotated[int, key("pixels", "of the picture", ge=1)]
-    height: Annotated[int, key("pixels", "of the picture", ge=1)]
     total: Annotated[Executed, key("", "of the timed region, without libraries")]
     functions: Annotated[dict[str, Executed], key("", "function → its counts")]
     outside: Annotated[dict[str, Executed] | None, key("", "libraries; null: the back end does not see them")]
-    calibrated: Annotated[bool | None, key("", "gave the known counts of tests/calibration on this machine")]
-    edges: Annotated[dict[str, dict[str, int]] | Absent, key("calls", "caller → callee → direct calls")] = (
-        ABSENT
+    calibrated: Annotated[
+        bool | None, key("", "gave the known counts of tests/calibration on this machine; null: never tried")
+    ]
+    edges: Annotated[dict[str, dict[str, int]], key("calls", "caller → callee → direct calls")] = (
+        msgspec.field(default_factory=dict)
     )
-    compiler: Annotated[str | Absent | None, key("", "name and version")] = ABSENT
-    flags: Annotated[str | Absent | None, key("", "of the compiler")] = ABSENT
-    cpu: Annotated[str | Absent | None, key("", "it ran on")] = ABSENT
-    kernel: Annotated[str | Absent | None, key("", "that general code was counted; null: another phase")] = (
-        ABSENT
-    )
+    cpu: Annotated[str | None, key("", "it ran on")] = None
 
 
 class Counts(Result, kw_only=True):
     """FLOPs declared and counted; FLOPs, bytes and instructions executed."""
 
     made_by: ClassVar[str] = "flops"
-    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
+    schema: Annotated[Literal[1], key("", "version of the form")] = 1
     declared: Annotated[list[Declared], key("", "what the counting build printed")]
-    measured: Annotated[list[Build], key("", "by back end and build")]
+    measured: Annotated[list[Measurement], key("", "by back end and build")]
 
     @classmethod
     def current(cls, data: Any) -> Any:
-        for one in data["measured"]:
-            one["backend"] = OLD_NAMES.get(one["backend"], one["backend"])
-        return data
+        return _renamed(data, "measured")
 
 
-class Row(Record, kw_only=True):
+class Row(Record, kw_only=True, omit_defaults=True):
     """Declared × counted against executed FLOPs, of a function or of all."""
 
     phase: Annotated[str, key("", "its name")]
     flags_from: Annotated[str, key("", "the phase whose compiler flags built it")]
     scene: Annotated[str, key("", "its name")]
-    width: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
-    height: Annotated[int | Absent, key("pixels", "of the picture")] = ABSENT
+    width: Annotated[int | None, key("pixels", "of the picture")] = None
+    height: Annotated[int | None, key("pixels", "of the picture")] = None
     scope: Annotated[
         str, key("", "a function, or all; `calls of` and `math.h calls of`: calls, which must be equal")
     ]
-    variant: Annotated[str | Absent, key("", "shipped or calls")] = ABSENT
+    variant: Annotated[str, key("", "shipped or calls")] = "shipped"
     counted: Annotated[int, key("FLOP or calls", "declared × counted, the machine's")]
     measured: Annotated[int, key("FLOP or calls", "executed")]
     backend: Annotated[str, key("", "who measured")]
-    calibrated: Annotated[bool | Absent | None, key("", "on this machine")] = ABSENT
-    relative_difference: Annotated[float | Absent | None, key("", "(counted − measured)/measured")] = ABSENT
-    residue_low: Annotated[int | Absent, key("FLOP", "known that the compiler adds, least")] = ABSENT
-    residue_high: Annotated[int | Absent, key("FLOP", "known that the compiler adds, most")] = ABSENT
-    unexplained: Annotated[float | Absent | None, key("share of measured", "that neither explains")] = ABSENT
+    calibrated: Annotated[bool | None, key("", "on this machine")] = None
+    relative_difference: Annotated[float | None, key("", "(counted − measured)/measured")] = None
+    residue_low: Annotated[int, key("FLOP", "known that the compiler adds, least")] = 0
+    residue_high: Annotated[int, key("FLOP", "known that the compiler adds, most")] = 0
+    unexplained: Annotated[float | None, key("share of measured", "that neither explains")] = None
     explained_to: Annotated[
-        float | Absent | None, key("share of measured", "how wide the residue is: over 1 % it proves no more")
-    ] = ABSENT
-    judged: Annotated[bool | Absent, key("", "a function under 0.1 % of the picture is not")] = ABSENT
-    within: Annotated[bool | Absent, key("", "1 %")] = ABSENT
+        float | None, key("share of measured", "how wide the residue is: over 1 % it proves no more")
+    ] = None
+    judged: Annotated[bool, key("", "a function under 0.1 % of the picture is not")] = True
+    within: Annotated[bool, key("", "1 %")] = True
 
 
 class Validation(Result, kw_only=True):
     """Declared costs against executed FLOPs, per phase, scene and function."""
 
     made_by: ClassVar[str] = "flops --validate"
-    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
-    tolerance: Annotated[float | Absent, key("share", "the greatest difference that is none")] = ABSENT
+    schema: Annotated[Literal[1], key("", "version of the form")] = 1
+    tolerance: Annotated[float | None, key("share", "the greatest difference that is none")] = None
     rows: Annotated[list[Row], key("", "functions and totals")]
 
     @classmethod
     def current(cls, data: Any) -> Any:
-        for row in data["rows"]:
-            row["backend"] = OLD_NAMES.get(row["backend"], row["backend"])
-        return data
+        return _renamed(data, "rows")
+
+
+def _renamed(data: Any, rows: str) -> Any:
+    for one in data[rows]:
+        one["backend"] = OLD_NAMES.get(one["backend"], one["backend"])
+    return data
 
 
 SCHEMAS = {"counts.json": Counts, "validation.json": Validation}

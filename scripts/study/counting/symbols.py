@@ -8,9 +8,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from study.core.cli import StudyError
 from study.core.host import child
-from study.counting.decode import Disassembler
+from study.counting.decode import decode
 from study.counting.elf import Program
 
 WRAPPER = 32  # bytes: a leaf of one or two instructions, such as a name for an intrinsic
@@ -33,13 +32,12 @@ def wrappers(built: Program) -> set[str]:
     or one such function. Inlined ones count to whoever uses them: a line of a table for them would say as
     much as one for `+`.
     """
-    disassembler = Disassembler()
     copies: dict[str, list[tuple[int, list[str]]]] = {}  # of each source file: bytes, and what is called
     for one in built.functions:
         if one.start not in built.of_phase:
             continue
-        decoded = disassembler.decode(built.code_of(one), one.start)
-        called = [built.function_at(jump.target) for jump in decoded if jump.target]
+        jumps = (jump.target for jump in decode(built.code_of(one), one.start) if jump.target)
+        called = [built.function_at(target) for target in jumps]
         names = [canonical(other.name) if other else "" for other in called]
         copies.setdefault(canonical(one.name), []).append((one.size, names))
     leaves = {
@@ -69,21 +67,13 @@ def inlined(binary: Path, addresses: Sequence[int]) -> dict[int, list[str]]:
 
 def parse_addr2line(text: str) -> dict[int, list[str]]:
     """Output of `addr2line -a -f -i`: an address, then pairs of function and place. Headers of the compiler
-    are left out. Raises StudyError for other text.
+    are left out.
     """
     chains: dict[int, list[str]] = {}
-    chain: list[str] | None = None
-    lines = iter(enumerate(text.splitlines(), 1))
-    for number, line in lines:
+    lines = iter(text.splitlines())
+    for line in lines:
         if line.startswith("0x"):
-            try:
-                chain = chains.setdefault(int(line, 16), [])
-            except ValueError:
-                raise StudyError(f"addr2line:{number}: no address: {line[:60]!r}") from None
-            continue
-        place = next(lines, None)
-        if chain is None or place is None:
-            raise StudyError(f"addr2line:{number}: cut off or of another form: {line[:60]!r}")
-        if _PHASE_FILE.search(place[1]):
+            chain = chains.setdefault(int(line, 16), [])
+        elif _PHASE_FILE.search(next(lines)):
             chain.append(canonical(line))
     return chains

@@ -36,12 +36,12 @@ def limits(data: Data) -> dict[str, str]:
     """Phase -> its lowest roof on scene0 and the share that it reaches: `L1 (45 %)`. Empty where the run has
     no counts or ceilings."""
     counted, ceilings, _ = roof.read(data.path, strict=False)
-    table = roof.headline(roof.rows(data, counted, ceilings))
-    if table.empty:
-        return {}
-    rows = table[table["scene"] == SCENES[0]].to_dict("records")
-    named = [row for row in rows if isinstance(row.get("least_bound"), str)]
-    return {row["phase"]: f"{row['least_bound']} ({100 * row['share_of_least_roof']:.0f} %)" for row in named}
+    points = roof.headline(roof.points(data, counted, ceilings))
+    return {
+        one.phase: f"{one.least_bound} ({100 * one.share_of_least_roof:.0f} %)"
+        for one in points
+        if one.scene == SCENES[0] and one.least_bound
+    }
 
 
 def _cells(row: Row | None, ratios: bool = True) -> list[str]:

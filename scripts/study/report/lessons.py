@@ -18,6 +18,7 @@ from study.bounds import work
 from study.core import machine, registry, store
 from study.core.cli import StudyError
 from study.core.store import Run
+from study.counting.schema import Counts
 from study.numbers import analysis, ladder
 
 REFERENCE = registry.ROOT / "results" / "reference"
@@ -115,13 +116,13 @@ def scene_times(phase: registry.Phase) -> Panel:
 
 
 def _counted(phase: registry.Phase, name: str, scale: float, title: str, unit: str) -> Panel:
-    declared = _file("counts.json")["declared"]
+    declared = Counts.load(RUN / "counts.json").declared
     rows = []
     for scene in ("scene0", "mandelbulb"):
         height = next(row["height"] for row in _ladder(RUN) if row["scene"] == scene and row["headline"])
         both = [work.counted(declared, one, scene, height) for one in (phase.parent or "", phase.name)]
         if all(both):
-            values = [_value(scale * one[name]) for one in both]
+            values = [_value(scale * getattr(one, name)) for one in both]
             rows.append({"label": scene, "values": values})
     return _panel("bars", title, unit, [phase.parent or "", phase.name], rows)
 
@@ -138,12 +139,15 @@ def lanes(phase: registry.Phase) -> Panel:
 
 def flops(phase: registry.Phase) -> Panel:
     """FLOPs of a pixel, of the parent and of the phase."""
-    declared = _file("counts.json")["declared"]
+    found = Counts.load(RUN / "counts.json")
+    shipped = (one for one in found.measured if one.variant == "shipped")
+    counts = [(one, one.flops.machine) for one in found.declared if one.flops]
+    counts += [(one, one.total.machine) for one in shipped]
 
     def a_pixel(name: str, scene: str) -> float | None:
-        mine = [one for one in declared if (one["phase"], one["scene"]) == (name, scene)]
-        sizes = [one["flops"]["machine"] / (one["width"] * one["height"]) for one in mine]
-        return sizes[0] if sizes else None
+        """Declared; where there are no costs, as measured."""
+        mine = (n / (one.width * one.height) for one, n in counts if (one.phase, one.scene) == (name, scene))
+        return next(mine, None)
 
     rows = [
         {

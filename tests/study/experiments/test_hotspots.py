@@ -22,9 +22,8 @@ from study.bounds.profiles import Place
 from study.core import build, registry
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import ROOT
-from study.counting import elf, symbols
+from study.counting import elf, perf, symbols
 from study.counting.elf import Function, Program, Segment
-from study.counting.hardware import perf
 from study.experiments.hotspots import tables as hotspots
 
 pytestmark = pytest.mark.slow

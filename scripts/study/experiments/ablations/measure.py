@@ -21,7 +21,8 @@ from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.core.run import DriverError
-from study.counting import blocks
+from study.counting import blocks, costs
+from study.counting import flops as counting
 from study.experiments.ablations import ideas
 from study.experiments.ablations.schema import Flops, Row
 from study.numbers import stats, verdicts
@@ -182,10 +183,11 @@ def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, Flops]:
 
     def one(case: Case) -> Flops | None:
         scene = ideas.find_scene(case[1])
-        size = height, scene.size(height)[0]
         try:
-            found = run.render(case[0], scene.path, *size, target="render-count", timed=False)
-            return Flops(**found["flops"]) if found["flops"]["machine"] else None
+            if not costs.declares(case[0].phase):
+                return None
+            found = counting.declared(case[0], scene, height).flops
+            return found and Flops(paper=found.paper, machine=found.machine)
         except DriverError as error:
             cli.say(f"no FLOPs of {case[0]} on {case[1]}: {error}")
         except StudyError:  # does not build, which was said
@@ -202,7 +204,7 @@ def measure_flops(cases: Iterable[Case], height: int) -> dict[Case, Flops]:
     found: dict[Case, Flops] = {}
     for spec, name in cases:
         try:
-            done = blocks.measure(spec, ideas.find_scene(name).path, height)
+            done = blocks.measure(spec, ideas.find_scene(name), height)
             found[spec, name] = Flops(machine=done.total.machine)
         except StudyError as error:
             cli.say(f"no FLOPs of {spec} on {name}: {error}")

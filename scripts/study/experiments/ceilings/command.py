@@ -7,9 +7,9 @@ import argparse
 from pathlib import Path
 
 from study.bounds import ceilings
-from study.core import show, store
+from study.bounds.ceilings_tables import BANDWIDTH, COMPUTE, grid
+from study.core import cli, show, store
 from study.core.cli import Outcome
-from study.experiments.roofline import tables as roof_tables
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -21,16 +21,14 @@ def options(parser: argparse.ArgumentParser) -> None:
 def measure(args: argparse.Namespace) -> Outcome:
     target = store.Run.open(args.run) if args.run else store.latest()
     context = target.path / "context.json"
-    known = store.read_json(context) if context.exists() else {}
-    ceilings.refuse(target.path, known)
+    ceilings.refuse(target.path, store.read_json(context).get("cpu") if context.exists() else None)
     measured = ceilings.measure(args.cpu, args.samples)
     path = ceilings.write(target.path, measured)
     tables = [
-        f"{title}\n\n{show.markdown(show.table(roof_tables.grid(measured, by), columns))}"
+        f"{title}\n\n{show.markdown(show.table(grid(measured, by), columns))}"
         for by, title, columns in (
-            ("precision", "flop per core cycle", roof_tables.COMPUTE),
-            ("level", "bytes per core cycle", roof_tables.BANDWIDTH),
+            ("precision", "flop per core cycle", COMPUTE),
+            ("level", "bytes per core cycle", BANDWIDTH),
         )
     ]
-    result = measured.data | {"file": path}
-    return Outcome(result, [*tables, path], target.path, measured.remarks())
+    return Outcome(cli.plain(measured) | {"file": path}, [*tables, path], target.path, measured.remarks())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.bounds.schema import SCHEMAS
+from study.bounds.ceilings import SCHEMAS
 from study.experiments.ceilings import command
 from study.experiments.experiment import Call, Experiment, Study
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from study.core import show
-from study.core.show import Row
 from study.counting import flops, libm
-from study.experiments.flops import columns as flops_columns
-from study.experiments.flops import table1
+from study.counting.schema import Row
+from study.experiments.flops import columns, table1
 from study.experiments.section import Section, part, reading
 from study.pictures import dots
 from study.pictures.draw import Drawing
@@ -29,45 +28,36 @@ VALIDATION = (
     "are not shown."
 )
 GENERAL = "{phases}: counted is the general code, with no kernel generated for the scene."
-
-
-# How each back end comes by its figure, beside its name.
-MEANS = {
+MEASURED = "{phases}: FLOPs are measured (block counters), since no costs are declared."
+MEANS = {  # of each back end, how it comes by its figure
     "blocks": "every basic block that was executed, decoded",
-    "qemu": "every block that the emulator executed, decoded",
     "ptrace": "every instruction that was executed, one step at a time, decoded",
     "sde": "Intel's emulator, by instruction",
     "pmu": "the CPU's own counters",
 }
-
-
 HEIGHT = 720  # of the paper's pictures
 
 
-def _pictures(stated: Iterable[Row]) -> list[Row]:
+def _pictures(pictures: Iterable[table1.P]) -> list[table1.P]:
     """Per scene and phase the picture of the paper's height, else the largest. Flags change no FLOP."""
-    best: dict[tuple, Row] = {}
-    for one in stated:
-        which = one["scene"], one["phase"]
-        if one["flags_from"] != one["phase"]:
-            continue
-        rank = [(row["height"] == HEIGHT, row["height"]) for row in (one, best.get(which, one))]
-        if which not in best or rank[0] > rank[1]:
-            best[which] = one
+    best: dict[tuple[str, str], table1.P] = {}
+    for one in pictures:
+        old = best.get((one.scene, one.phase))
+        ranks = [(each.height == HEIGHT, each.height) for each in (one, old or one)]
+        if one.flags_from == one.phase and (old is None or ranks[0] > ranks[1]):
+            best[one.scene, one.phase] = one
     return list(best.values())
 
 
 def _said(rows: Sequence[Row], calls: Sequence[Row], math: Sequence[Row] = ()) -> list[str]:
     """How to read the validation, by the back ends that were there: each has its own sums."""
-    names = dict.fromkeys(row["backend"] for row in rows)
+    names = dict.fromkeys(row.backend for row in rows)
     told = "; ".join(f"{name} ({MEANS[name]})" if name in MEANS else name for name in names)
     said = [VALIDATION.format(backends=told)] if names else []
     for name in names:
-        equal = [row["within"] for row in calls if row["backend"] == name]
-        if equal:
+        if equal := [row.within for row in calls if row.backend == name]:
             said.append(f"Calls by name, counting build against {name}: {sum(equal)} of {len(equal)} equal.")
-        into = [row["within"] for row in math if row["backend"] == name]
-        if into:
+        if into := [row.within for row in math if row.backend == name]:
             said.append(
                 f"Calls of math.h, declared against calls into libm by {name}, in all and by function: "
                 f"{sum(into)} of {len(into)} within 1\u00a0%."
@@ -80,14 +70,19 @@ def counted(path: Path) -> Section:
     parts, answer, drawn = [], "", {}
     file = path / "counts.json"
     with reading(file, f"scripts/stepwise flops --run {path}"):
-        first = _pictures(flops.read(file)[0])
-        general = dict.fromkeys(one["phase"] for one in first if one.get("kernel"))
-        about = [CONVENTIONS, RULE, *([GENERAL.format(phases=", ".join(general))] if general else [])]
-        rows = table1.rows(first)
-        foot = "\n".join(about)
-        parts += part("table1", "Table 1: FLOPs of a picture", rows, flops_columns.TABLE1, foot)
+        found = flops.read(file)
+        first = _pictures(found.declared)
+        rows = table1.rows(first, _pictures(one for one in found.measured if one.variant == "shipped"))
+        about = [CONVENTIONS, RULE]
+        for text, some in (
+            (GENERAL, (r for r in rows if r.kernel)),
+            (MEASURED, (r for r in rows if r.measured_gflop)),
+        ):
+            if phases := ", ".join(dict.fromkeys(row.phase for row in some)):
+                about.append(text.format(phases=phases))
+        parts += part("table1", "Table 1: FLOPs of a picture", rows, columns.TABLE1, "\n".join(about))
         answer = _answer(rows)
-        if any(row["paper_convention_gflop"] for row in rows):
+        if any(row.gflop for row in rows):
             caption = "FLOPs of a picture by phase, and the share of lanes at useful work"
             drawn = {"flops": Drawing(caption, CONVENTIONS, partial(_draw, rows))}
         parts += part(
@@ -95,59 +90,55 @@ def counted(path: Path) -> Section:
             "Table 1 by the paper's rule, and by others: baseline's FLOPs. The paper's text states the rule; "
             "its sheet with the FLOPs of each function is not public",
             table1.readings(first),
-            flops_columns.READINGS,
+            columns.READINGS,
         )
-        parts += part("table1-terms", "Where the FLOPs are", table1.terms(first), flops_columns.TERMS)
+        parts += part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS)
     file = path / "validation.json"
     with reading(file, f"scripts/stepwise flops --validate --run {path}"):
-        rows = flops.read_validation(file)
-        judged = table1.by_scene(r for r in rows if r["judged"])
-        calls = [r for r in judged if r["scope"].startswith("calls of")]
-        math = [r for r in judged if r["scope"].startswith(libm.MATH)]
-        judged = [r for r in judged if not r["scope"].startswith(("calls of", libm.MATH))]
-        totals = [r for r in judged if r["scope"] == "total"]
-        said = _said([r for r in rows if not r["scope"].startswith(libm.MATH)], calls, math)
+        every = flops.read_validation(file)
+        order = list(dict.fromkeys(row.scene for row in every if row.judged))
+        judged = sorted((row for row in every if row.judged), key=lambda row: order.index(row.scene))
+        calls = [row for row in judged if row.scope.startswith("calls of")]
+        math = [row for row in judged if row.scope.startswith(libm.MATH)]
+        judged = [row for row in judged if not row.scope.startswith(("calls of", libm.MATH))]
+        totals = [row for row in judged if row.scope == "total"]
+        said = _said([row for row in every if not row.scope.startswith(libm.MATH)], calls, math)
         caption = "Declared against measured, whole pictures"
-        parts += part("validation", caption, totals, flops_columns.VALIDATION, "\n".join(said))
-        within = [row["within"] for row in totals]
-        if within:
-            answer += (
-                f" Declared and executed FLOPs agree within 1 % in {sum(within)} of {len(within)} pictures."
-            )
+        parts += part("validation", caption, totals, columns.VALIDATION, "\n".join(said))
+        if totals:
+            within = f"{sum(row.within for row in totals)} of {len(totals)} pictures"
+            answer += f" Declared and executed FLOPs agree within 1 % in {within}."
         caption = "Declared against measured, by function"
-        parts += part("validation-functions", caption, judged, flops_columns.VALIDATION)
-    about = {"file": path / "counts.json", "script": "scripts/stepwise flops", "drawn": drawn}
+        parts += part("validation-functions", caption, judged, columns.VALIDATION)
+    told = {"file": path / "counts.json", "script": "scripts/stepwise flops", "drawn": drawn}
     title = "FLOPs: declared, counted, measured"
-    return Section("flops", title, "make flops", parts, answer=answer.strip(), **about)
+    return Section("flops", title, "make flops", parts, answer=answer.strip(), **told)
 
 
-def _draw(rows: Sequence[Row]) -> Figure:
+def _draw(rows: Sequence[table1.Row]) -> Figure:
     made = []
     for row in rows:
-        share = row["useful_share"]
+        share = nan if row.useful_share is None else row.useful_share
         text = "" if isnan(share) else f"{100 * share:.0f} % of lanes used"
-        panel = f"{row['scene']}, {row['width']}×{row['height']}"
-        made.append(dots.Dot(panel, row["phase"], row["paper_convention_gflop"], text=text))
+        panel = f"{row.scene}, {row.width}×{row.height}"
+        made.append(dots.Dot(panel, row.phase, row.gflop or nan, text=text))
     return dots.draw(made, "FLOPs of a picture, all lanes: left is less", "GFLOP, by the paper's convention")
 
 
-def _answer(rows: Sequence[Row]) -> str:
+def _answer(rows: Sequence[table1.Row]) -> str:
     """What baseline costs beside the paper's figure, and what the leanest phase saves of it."""
     said = []
-    for scene in dict.fromkeys(row["scene"] for row in rows):
-        mine = [row for row in rows if row["scene"] == scene]
-        stated = any(row["paper_gflop"] for row in mine)
-        if said and not stated:
+    for scene in dict.fromkeys(row.scene for row in rows):
+        mine = [row for row in rows if row.scene == scene]
+        base = next((row for row in mine if row.phase == table1.BASE), None)
+        if base is None or (said and not any(row.paper_gflop for row in mine)):
             continue
-        base = next((row for row in mine if row["phase"] == table1.BASE), None)
-        if base is None:
-            continue
-        flop = base["paper_rule_gflop"] or base["paper_convention_gflop"]
-        text = f"baseline's {scene} at n = {base['height']} takes {show.number(flop, 4)} GFLOP"
-        if base["difference"] is not None and not isnan(base["difference"]):
-            text += f" by the paper's rule, {100 * base['difference']:+.1f} % of the paper's own figure"
-        least = max((row for row in mine if row["cut"]), key=lambda row: row["cut"], default=None)
-        text += f"; {least['phase']} saves {show.percent(least['cut'])} of them" if least else ""
+        flop = base.paper_rule_gflop or base.paper_convention_gflop
+        text = f"baseline's {scene} at n = {base.height} takes {show.number(flop, 4)} GFLOP"
+        if base.difference is not None and not isnan(base.difference):
+            text += f" by the paper's rule, {100 * base.difference:+.1f} % of the paper's own figure"
+        least = max((row for row in mine if row.saved), key=lambda row: row.saved or 0, default=None)
+        text += f"; {least.phase} saves {show.percent(least.saved)} of them" if least else ""
         said.append(text)
     text = "; ".join(said)
     return f"{text[0].upper()}{text[1:]}." if said else ""

@@ -12,8 +12,7 @@ from study.bounds import topdown as bounds
 from study.core import cli, machine, progress, registry, run, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
-from study.counting import elf, symbols
-from study.counting.hardware import perf
+from study.counting import elf, perf, symbols
 from study.experiments.hotspots import bounds_tables as bounds_page
 from study.experiments.hotspots import chapter as hotspots_chapter
 from study.experiments.hotspots import tables as hotspots

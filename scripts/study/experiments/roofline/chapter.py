@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from study.bounds import roof
+from study.bounds import ceilings_tables, roof
 from study.core import show
-from study.core.show import Row
-from study.experiments.roofline import figures
-from study.experiments.roofline import tables as roof_tables
+from study.experiments.roofline import figures, tables
 from study.experiments.section import Part, Section, part, reading
 from study.numbers.analysis import Data
 
@@ -20,29 +18,33 @@ def roofline(data: Data) -> Section:
         both, f"scripts/stepwise flops --run {data.path} or scripts/stepwise ceilings --run {data.path}"
     ):
         found, limits, notes = roof.read(data.path, strict=False)
-        table = roof.rows(data, found, limits)
-        notes = [*roof.remarks(table), *notes]
-        if not table.empty:
+        points = roof.points(data, found, limits)
+        notes = [*roof.remarks(points), *notes]
+        if points:
             for name, title in (
                 ("table5", "Table 5: performance of baseline"),
                 ("table6", "Table 6: of the optimised phases"),
             ):
-                rows = table[table["section"] == name].to_dict("records")
-                parts += part(name, title, rows, roof_tables.PERFORMANCE)
-            drawn = figures.drawings(data, table, limits)
+                rows = [one for one in points if one.section == name]
+                parts += part(name, title, rows, tables.PERFORMANCE)
+            drawn = figures.drawings(data, points, limits)
             if limits:
                 caption = "Share of each roof, at the largest size that was timed and counted"
-                rows = roof.headline(table).to_dict("records")
-                foot = "\n".join(roof_tables.of_roofs(roof.headline(table), limits))
-                parts += part("roofline", caption, rows, roof_tables.POINTS, foot)
+                rows = roof.headline(points)
+                foot = "\n".join(tables.of_roofs(rows, limits))
+                parts += part("roofline", caption, rows, tables.POINTS, foot)
                 answer = _answer(rows)
         if limits:
-            if table.empty and (other := roof.foreign(data, limits)):
+            if not points and (other := roof.foreign(data, limits)):
                 notes.append(other)
             caption = "What one core does at best: flop per core cycle, best sample and median"
-            parts += part("ceilings", caption, roof_tables.grid(limits, "precision"), roof_tables.COMPUTE)
+            parts += part(
+                "ceilings", caption, ceilings_tables.grid(limits, "precision"), ceilings_tables.COMPUTE
+            )
             caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
-            parts += part("bandwidth", caption, roof_tables.grid(limits, "level"), roof_tables.BANDWIDTH)
+            parts += part(
+                "bandwidth", caption, ceilings_tables.grid(limits, "level"), ceilings_tables.BANDWIDTH
+            )
     return Section(
         "roofline",
         "Roofline",
@@ -56,21 +58,22 @@ def roofline(data: Data) -> Section:
     )
 
 
-def _answer(rows: list[Row]) -> str:
+def _answer(points: list[roof.Point]) -> str:
     """What bounds the last phase on each scene; then the phase that is nearest to its own roof."""
     said = []
-    for scene in dict.fromkeys(row["scene"] for row in rows):
-        mine = [row for row in rows if row["scene"] == scene and 0 < row["share_of_least_roof"] <= 1]
+    for scene in dict.fromkeys(one.scene for one in points):
+        mine = [one for one in points if one.scene == scene and 0 < one.share_of_least_roof <= 1]
         if mine:
-            best = max(mine, key=lambda row: row["share_of_least_roof"])
+            best = max(mine, key=lambda one: one.share_of_least_roof)
             rate = f"{show.interval(best, 'flops_per_core_cycle', 3)} flop per core cycle"
-            share = show.percent(best["share_of_least_roof"])
+            share = show.percent(best.share_of_least_roof)
             said.append(
-                f"on {scene} {best['phase']} does {rate}, {share} of its lowest roof ({best['least_bound']})"
+                f"on {scene} {best.phase} does {rate}, {share} of its lowest roof ({best.least_bound})"
             )
+    last = {one.scene: one for one in points if one.phase == points[-1].phase}
     bound = [
-        f"{row['least_bound']} on {scene} ({show.percent(row['share_of_least_roof'])} of that roof)"
-        for scene, row in {row["scene"]: row for row in rows if row["phase"] == rows[-1]["phase"]}.items()
+        f"{one.least_bound} on {scene} ({show.percent(one.share_of_least_roof)} of that roof)"
+        for scene, one in last.items()
     ]
-    text = f"{rows[-1]['phase']} is bound by {', by '.join(bound)}. " if bound else ""
+    text = f"{points[-1].phase} is bound by {', by '.join(bound)}. " if bound else ""
     return f"{text}Of all phases the nearest to its own roof: {'; '.join(said)}." if said else ""

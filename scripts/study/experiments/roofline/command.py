@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
+import argparse
 import itertools
 
 from study.bounds import roof
 from study.core import cli, table_files
-from study.experiments.roofline import tables as roof_tables
+from study.core.cli import Outcome, StudyError
 from study.experiments.roofline.figures import draw
+from study.experiments.roofline.tables import tables
 from study.numbers import analysis
 
 
-def main() -> int:
-    parser = cli.parser(__doc__ or "")
+def options(parser: argparse.ArgumentParser) -> None:
     cli.of_run(parser, "where figures/ and tables/ go; default: RUN")
-    args = parser.parse_args()
+
+
+def measure(args: argparse.Namespace) -> Outcome:
     data = analysis.load(args.run)
     counted, limits, _ = roof.read(data.path)
-    table = roof.rows(data, counted, limits)
-    if table.empty:
+    points = roof.points(data, counted, limits)
+    if not points:
         again = f"run scripts/stepwise flops --measure --run {data.path}"
-        raise cli.StudyError(f"{data.path / roof.COUNTS}: no counts of what was timed; {again}")
+        raise StudyError(f"{data.path / roof.COUNTS}: no counts of what was timed; {again}")
     out = args.out or data.path
-    for remark in [*roof.remarks(roof.headline(table)), *(limits.remarks() if limits else [])]:
-        cli.say(remark)
-    made = roof_tables.tables(table, limits)
-    figures = draw(data, table, limits, out / "figures")
-    paths = table_files.write(made, out / "tables")
-    files = [*itertools.chain(*figures.values()), *paths]
-    if args.json:
-        assert limits
-        cli.emit(roof.to_json(table, limits) | {"files": files}, data.path)
-    else:
-        print("\n".join(map(str, [made["roofline"][1], *files])))
-    return cli.OK
+    remarks = [*roof.remarks(roof.headline(points)), *(limits.remarks() if limits else [])]
+    made = tables(points, limits)
+    figures = draw(data, points, limits, out / "figures")
+    files = [*itertools.chain(*figures.values()), *table_files.write(made, out / "tables")]
+    ceilings = limits.ceilings if limits else []
+    result = {"ceilings": ceilings, "points": points, "remarks": roof.remarks(points), "files": files}
+    return Outcome(result, [made["roofline"][1], *files], data.path, remarks)

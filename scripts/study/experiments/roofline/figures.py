@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -15,11 +16,11 @@ from matplotlib.lines import Line2D
 
 from study.bounds import roof, roof_shares
 from study.bounds.ceilings import LEVELS, Ceilings
+from study.bounds.roof import Point
 from study.core import cli, machine, show
-from study.experiments.roofline import tables as roof_tables
+from study.experiments.roofline.tables import FOREIGN, counted_by
 from study.numbers.analysis import Data
-from study.pictures import labels
-from study.pictures import ladder as ladder_figures
+from study.pictures import labels, ladder
 from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
 
 CAPTIONS = {
@@ -42,14 +43,13 @@ OFF = 0.75  # natural logarithm: how far a slope's name keeps from points and ot
 LEVEL_LINES = dict(zip(LEVELS, ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5))), strict=True))
 
 
-def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float, str]]:
+def arithmetic_roofs(limits: Ceilings, points: Sequence[Point]) -> list[tuple[float, str]]:
     """Value and label of the FMA and the add or mul roof of each precision and width that a phase uses.
 
     Roofs within 3 % of each other share a label.
     """
-    used = dict.fromkeys(zip(table["precision"], table["bits"], strict=True))
     found: list[tuple[float, list[str]]] = []
-    for precision, bits in used:
+    for precision, bits in dict.fromkeys((one.precision, one.bits) for one in points):
         width = "scalar" if bits == roof_shares.ELEMENT[precision] else f"{bits} bits"
         add = np.fmax(limits.flops("add", precision, bits), limits.flops("mul", precision, bits))
         for kind, value in (("FMA", limits.flops("fma", precision, bits)), ("add, mul", float(add))):
@@ -64,18 +64,17 @@ def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float,
     return [(value, ",\n".join(several) + f": {show.number(value)}") for value, several in sorted(found)]
 
 
-def slopes(limits: Ceilings, table: pd.DataFrame) -> list[tuple[str, float, str]]:
+def slopes(limits: Ceilings, points: Sequence[Point]) -> list[tuple[str, float, str]]:
     """Level, byte/core cycle and label: L1 by each width that a phase uses, the others by their best."""
-    found: dict[str, list[tuple[float, str]]] = {level: [] for level in LEVELS}
-    for bits in sorted(set(table["bits"])):
-        speed = limits.bandwidth_by(roof_shares.NEAREST, bits)
-        found[roof_shares.NEAREST].append((speed, f"{roof_shares.NEAREST} by {bits} bits"))
-    for level in LEVELS[1:]:
-        found[level].append((limits.bandwidth(level), level))
+    near, *others = LEVELS
+    found = [
+        (near, limits.bandwidth_by(near, bits), f"{near} by {bits} bits")
+        for bits in sorted({one.bits for one in points})
+    ]
+    found += [(level, limits.bandwidth(level), level) for level in others]
     return [
         (level, speed, f"{name}: {show.number(speed)} byte/core cycle")
-        for level, several in found.items()
-        for speed, name in several
+        for level, speed, name in found
         if speed > 0
     ]
 
@@ -121,12 +120,12 @@ def draw_roofs(
         axes.text(right * 1.04, beside, label, fontsize=7, va="center", color=ROOF)
 
 
-def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
-    """One panel per scene, log-log. `table`: a row per scene and phase; whiskers: the 95 % interval."""
-    roofs = arithmetic_roofs(limits, table)
-    columns = min(2, table["scene"].nunique())
+def roofline(points: Sequence[Point], limits: Ceilings) -> Figure:
+    """One panel per scene, log-log. `points`: one per scene and phase; whiskers: the 95 % interval."""
+    roofs, table = arithmetic_roofs(limits, points), pd.DataFrame(points)
+    columns = min(2, len({one.scene for one in points}))
     figure, grid = panels(table, 6.0, 7.6, columns)
-    other = next(iter(table["foreign_ceilings"].dropna()), "")
+    other = next((one.foreign_ceilings for one in points if one.foreign_ceilings), "")
     title = (
         f"What one core can do (lines{'' if other else ', measured in this run'}) and what each phase does "
         "of it (marks, with flop per core cycle): a roofline.\n"
@@ -139,114 +138,122 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
         title = f"{textwrap.fill(other[0].upper() + other[1:], 110)}\n{title}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, color=BAD if other else "black")
     looks = look(table)
-    speeds = [table["flops_per_core_cycle"], table["flops_per_core_cycle_low"].dropna()]
-    bottom = min(part.min() for part in speeds if len(part)) / 2
-    top = roofs[-1][0] * 1.6 if roofs else table["flops_per_core_cycle"].max() * 2
-    left, right = table["intensity"].min() / 3, table["intensity"].max() * 3
-    levels = slopes(limits, table)
+    ends = [(one.flops_per_core_cycle, one.flops_per_core_cycle_low) for one in points]
+    bottom = min(end for pair in ends for end in pair if not math.isnan(end)) / 2
+    top = roofs[-1][0] * 1.6 if roofs else max(speed for speed, _ in ends) * 2
+    left, right = min(one.intensity for one in points) / 3, max(one.intensity for one in points) * 3
+    levels = slopes(limits, points)
     if speeds_of := [speed for _, speed, _ in levels]:
         left, right = min(left, 2 * bottom / max(speeds_of)), max(right, 1.6 * top / min(speeds_of))
     for scene, axes in grid.items():
         axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(bottom, top), title=scene)
         axes.set(xlabel="operational intensity: flop per byte loaded or stored", ylabel="flop per core cycle")
-        mine = table[table["scene"] == scene]
+        mine = [one for one in points if one.scene == scene]
         if roofs:
-            ends = [
-                mine[["intensity", name]].to_numpy(float) for name in ("flops_per_core_cycle", "least_roof")
+            marks = [
+                (one.intensity, y)
+                for one in mine
+                for y in (one.flops_per_core_cycle, one.least_roof)
+                if one.intensity > 0 and y > 0
             ]
-            draw_roofs(axes, levels, roofs, right, np.concatenate(ends)[np.concatenate(ends).min(axis=1) > 0])
-        for _, row in mine.iterrows():
-            style = looks[row["phase"], row["threads"]]
-            point(axes, row, style)
-            where = row["intensity"], row["flops_per_core_cycle"]
-            labels.name(axes, *where, f"{style['label']} {show.number(where[1])}", style["color"])
+            draw_roofs(axes, levels, roofs, right, np.array(marks).reshape(-1, 2))
+        for one in mine:
+            style = looks[one.phase, one.threads]
+            draw_point(axes, one, style)
+            speed = one.flops_per_core_cycle
+            name = f"{style['label']} {show.number(speed)}"
+            labels.name(axes, one.intensity, speed, name, style["color"])
         plain_log(axes.xaxis)
         plain_log(axes.yaxis)
     dash = Line2D([], [], color="black", marker="_", markersize=14, mew=2.2, linestyle="none")
     dash.set_label("roof of its own operations, or of L1")
-    above = table[["share_of_fma_roof", "share_of_mix_roof"]].gt(1).any(axis=None)
+    above = any(max_share(one) > 1 for one in points)
     ring = [Line2D([], [], label="above its roof: see below", **RING)] if above else []
     legend(figure, grid, (dash, *ring))
     return figure
 
 
-def point(axes: Axes, row: pd.Series, style: dict) -> None:
+def max_share(point: Point) -> float:
+    return float(np.fmax(point.share_of_fma_roof, point.share_of_mix_roof))
+
+
+def draw_point(axes: Axes, point: Point, style: dict) -> None:
     """A phase, its whisker, its own least roof above."""
-    x, y, least = row["intensity"], row["flops_per_core_cycle"], row["least_roof"]
+    x, y, least = point.intensity, point.flops_per_core_cycle, point.least_roof
     if least > 0:
         axes.plot([x, x], [y, least], color=style["color"], linewidth=0.8, linestyle=":")
         axes.plot(x, least, marker="_", color=style["color"], markersize=14, mew=2.2)
-    ends = bars_of(row.to_frame().T.infer_objects(), "flops_per_core_cycle")
+    ends = bars_of(pd.DataFrame([point]), "flops_per_core_cycle")
     axes.errorbar(x, y, yerr=ends, color=style["color"], capsize=3, linestyle="none")
     face = "white" if style["hollow"] else style["color"]
     drawn = {"color": style["color"], "markerfacecolor": face, "markersize": 9, "linestyle": "none"}
     axes.plot(x, y, marker=style["marker"], label=style["label"], zorder=5, **drawn)
-    if row["share_of_fma_roof"] > 1 or row["share_of_mix_roof"] > 1:
+    if max_share(point) > 1:
         axes.plot(x, y, **RING)
 
 
-def performance(table: pd.DataFrame) -> Figure:
+def performance(points: Sequence[Point]) -> Figure:
     """The paper's Fig. 6 in form: flop per core cycle against n; its own values as stars on the right."""
     title = "Performance against picture height; stars: the paper's own (i7-7700, its convention)"
-    figure = ladder_figures.against_n(table, "flops_per_core_cycle", "flop per core cycle", title)
+    table = pd.DataFrame(points)
+    figure = ladder.against_n(table, "flops_per_core_cycle", "flop per core cycle", title)
     looks = look(table)
-    for axes, scene in zip(figure.axes, dict.fromkeys(table["scene"]), strict=False):
-        for _, row in table[(table["scene"] == scene) & (table["paper_flops_per_cycle"] > 0)].iterrows():
-            star = {"color": looks[row["phase"], row["threads"]]["color"], "markeredgecolor": "black"}
+    for axes, scene in zip(figure.axes, dict.fromkeys(one.scene for one in points), strict=False):
+        for one in points:
+            if one.scene != scene or not one.paper_flops_per_cycle > 0:
+                continue
+            star = {"color": looks[one.phase, one.threads]["color"], "markeredgecolor": "black"}
             at = {"transform": axes.get_yaxis_transform(), "clip_on": False, "markersize": 11}
-            value = row["paper_flops_per_cycle"]
-            axes.plot(1.02, value, marker="*", linestyle="none", **star, **at)
+            axes.plot(1.02, one.paper_flops_per_cycle, marker="*", linestyle="none", **star, **at)
         plain_log(axes.yaxis)
     return figure
 
 
-def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
+def caption(data: Data, points: Sequence[Point], limits: Ceilings | None) -> str:
     """Machine, clock, what counted, and what the roofs (where there are any) and whiskers are."""
-    cpu = machine.name(data.context)
-    every = [roof_tables.counted_by(row) for row in table.to_dict("records")]
-    by = "; ".join(dict.fromkeys(one.removesuffix(roof_tables.FOREIGN) for one in every))  # told below
+    every = (counted_by(one).removesuffix(FOREIGN) for one in points)  # told below
     text = (
-        f"{cpu}; one thread. FLOPs by the machine's convention (an FMA is two), counted by {by}. Points: "
-        "median over process launches; whiskers: its 95 % interval (none where launches are fewer than 6)."
+        f"{machine.name(data.context)}; one thread. FLOPs by the machine's convention (an FMA is two), "
+        f"counted by {'; '.join(dict.fromkeys(every))}. Points: median over process launches; whiskers: its "
+        "95 % interval (none where launches are fewer than 6)."
     )
     if limits:
         text += (
-            f" Roofs: the best that build/ceilings saw three times, core {limits.data['core_hz'] / 1e9:.2f} "
+            f" Roofs: the best that build/ceilings saw three times, core {limits.core_hz / 1e9:.2f} "
             "GHz; bandwidth: the most of load, store and copy."
         )
-    said = [*roof.remarks(table), *(limits.remarks() if limits else [])]
-    return "\n".join([text, *said])
+    return "\n".join([text, *roof.remarks(points), *(limits.remarks() if limits else [])])
 
 
-def lacking(name: str, table: pd.DataFrame, limits: Ceilings | None) -> str | None:
+def lacking(name: str, points: Sequence[Point], limits: Ceilings | None) -> str | None:
     """What the plot would need and the run has not."""
-    if table.empty:
+    if not points:
         return "nothing that was timed was counted"
     if name == "roofline" and limits is None:
         return "ceilings.json is missing: run scripts/stepwise ceilings"
-    if name == "roofline" and not (table["intensity"] > 0).any():
+    if name == "roofline" and not any(one.intensity > 0 for one in points):
         return "no back end counted bytes: run scripts/stepwise flops --measure"
     return None
 
 
-def drawings(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> dict[str, Drawing]:
+def drawings(data: Data, points: Sequence[Point], limits: Ceilings | None) -> dict[str, Drawing]:
     """Of each figure that the run has data for."""
     made = {}
     for name, about in CAPTIONS.items():
-        if lacking(name, table, limits):
+        if lacking(name, points, limits):
             continue
         if name == "roofline" and limits:
-            shown = roof.headline(table[table["intensity"] > 0])
+            shown = roof.headline(one for one in points if one.intensity > 0)
             made[name] = Drawing(about, caption(data, shown, limits), partial(roofline, shown, limits))
         else:
-            made[name] = Drawing(about, caption(data, table, None), partial(performance, table))
+            made[name] = Drawing(about, caption(data, points, None), partial(performance, points))
     return made
 
 
-def draw(data: Data, table: pd.DataFrame, limits: Ceilings | None, folder: Path) -> dict[str, list[Path]]:
+def draw(data: Data, points: Sequence[Point], limits: Ceilings | None, folder: Path) -> dict[str, list[Path]]:
     """Name → SVG and PNG of each figure that the run has data for; the others are named on stderr."""
-    able = drawings(data, table, limits)
+    able = drawings(data, points, limits)
     for name in CAPTIONS:
         if name not in able:
-            cli.say(f"{name}: left out, {lacking(name, table, limits)}")
+            cli.say(f"{name}: left out, {lacking(name, points, limits)}")
     return {name: drawing.write(folder / name) for name, drawing in able.items()}

@@ -3,63 +3,59 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
-from study.bounds import ceilings
-from study.bounds.ceilings import Ceilings
-from study.bounds.roof import Row, headline, remarks
-from study.bounds.roof_shares import ELEMENT, NEAREST, clocks
+from study.bounds.ceilings import Ceiling, Ceilings
+from study.bounds.ceilings_tables import BANDWIDTH, COMPUTE, grid
+from study.bounds.roof import Point, headline, remarks
+from study.bounds.roof_shares import NEAREST, clocks
 from study.core import show
 from study.core.show import Column, interval, number, percent, plain, whole, word
 
 FOREIGN = ", not of what was timed"
 
 
-def counted_by(row: Row) -> str:
+def counted_by(point: Point) -> str:
     """The back end, with what speaks against trusting it."""
-    state = {"declared": ""}.get(
-        row["backend"],
-        {True: "", False: " (not calibrated here)"}.get(row["calibrated"], " (not yet validated)"),
-    )
-    scaled = row["scaled_from_n"]
-    other = "" if scaled is None or pd.isna(scaled) else f", scaled from n = {scaled:.0f}"
-    libm = "" if row["libm_counted"] or row["backend"] == "declared" else ", without libm's inside"
-    # More of it in the remarks. Where a table has one of them, what is None beside it is read as NaN.
-    foreign = FOREIGN if isinstance(row["foreign_counts"], str) else ""
-    return f"{row['backend']}{state}{other}{libm}{foreign}"
+    states = {True: "", False: " (not calibrated here)", None: " (not yet validated)"}
+    declared = point.backend == "declared"
+    state = "" if declared else states[point.calibrated]
+    other = f", scaled from n = {point.scaled_from_n}" if point.scaled_from_n else ""
+    libm = "" if point.libm_counted or declared else ", without libm's inside"
+    return f"{point.backend}{state}{other}{libm}{FOREIGN if point.foreign_counts else ''}"
 
 
-def doubtful(row: Row, name: str) -> str:
+def doubtful(point: Point, name: str) -> str:
     """Why a share of a roof is not to be believed, in a few words, or nothing."""
-    if isinstance(row["foreign_ceilings"], str) and not name.endswith("_peak"):  # which is no measurement
+    if point.foreign_ceilings and not name.endswith("_peak"):  # which is no measurement
         return "another machine's roof"
-    if name.startswith("share_of_least_roof") and row["least_bound"] == NEAREST:
-        return "by wider accesses than its own" if row[name] > 1 else ""
-    return "above its roof" if row[name] > 1 else ""
+    above = getattr(point, name) > 1
+    if name.startswith("share_of_least_roof") and point.least_bound == NEAREST:
+        return "by wider accesses than its own" if above else ""
+    return "above its roof" if above else ""
 
 
 def _share(group: str, title: str, name: str) -> Column:
     """A column of shares: those that cannot be are marked."""
 
-    def text(row: Row) -> str:
-        why = doubtful(row, name) if row[name] > 0 else ""
-        return percent(row[name]) + (f" ({why}!)" if why else "")
+    def text(point: Point) -> str:
+        value = getattr(point, name)
+        why = doubtful(point, name) if value > 0 else ""
+        return percent(value) + (f" ({why}!)" if why else "")
 
-    return Column(group, title, text, lambda row: "bad" if doubtful(row, name) else "")
-
-
-def _paper_percent(row: Row) -> str:
-    value = row["paper_share"]
-    return show.NOTHING if pd.isna(value) else f"{100 * value:.4g}\u00a0%"
+    return Column(group, title, text, lambda point: "bad" if doubtful(point, name) else "")
 
 
-def _bound(row: Row) -> str:
-    unpriced = row["unpriced_share"]
+def _paper_percent(point: Point) -> str:
+    return show.NOTHING if math.isnan(point.paper_share) else f"{100 * point.paper_share:.4g}\u00a0%"
+
+
+def _bound(point: Point) -> str:
+    unpriced = point.unpriced_share
     more = f" ({percent(unpriced)} of the FLOPs have no ceiling)" if unpriced > 0 else ""
-    return word("mix_bound")(row) + more
+    return word("mix_bound")(point) + more
 
 
 PERFORMANCE = [
@@ -88,7 +84,7 @@ POINTS = [
     Column("", "phase", word("phase")),
     Column("", "n", whole("n")),
     Column("", "flop/core cycle [95\u00a0%]", lambda r: interval(r, "flops_per_core_cycle")),
-    Column("", "bytes/pixel", lambda r: number(r["bytes"] / (r["width"] * r["height"]), 4)),
+    Column("", "bytes/pixel", lambda r: number(r.bytes / r.pixels, 4)),
     Column("", "flop/byte", plain("intensity")),
     Column("FMA roof", "own width, bits", whole("bits")),
     Column("FMA roof", "flop/core cycle", plain("fma_roof")),
@@ -110,86 +106,39 @@ POINTS = [
 ]
 
 
-def _best(name: str) -> Column:
-    def text(row: Row) -> str:
-        one = row[name]
-        if one is None:
-            return show.NOTHING
-        return f"{number(one['value'], 4)} ({number(one['median'], 4)})" if one["value"] else show.NOTHING
-
-    return Column("best (median)", name, text)
+def _with_peak(limits: Ceilings, one: Ceiling) -> dict[str, object]:
+    """A ceiling's figures and, of arithmetic, the most that the ports allow; null where that is not known."""
+    found = {name: value for name, value in show.cells(one).items() if value is not None or name == "value"}
+    peak = limits.peak(one)
+    return found if one.precision is None else {**found, "peak": None if math.isnan(peak) else peak}
 
 
-COMPUTE = [
-    Column("", "precision", word("precision")),
-    Column("", "width", word("width")),
-    Column("fma by the ports", "flop/core cycle", plain("peak", 4)),
-    Column("fma by the ports", "measured of it", lambda r: percent(r["of_peak"])),
-    *[_best(name) for name in (*ceilings.KINDS, *ceilings.TOGETHER)],
-]
-BANDWIDTH = [
-    Column("", "level", word("level")),
-    Column("", "working set, KiB", whole("kib")),
-    Column("", "width", word("width")),
-    *[_best(name) for name in ("load", "store", "copy")],
-]
+def _without_section(points: Iterable[Point]) -> pd.DataFrame:
+    return pd.DataFrame(points).drop(columns="section")
 
 
-def _width(one: Row) -> str:
-    scalar = one["bits"] == ELEMENT.get(one.get("precision", "double"))
-    return f"{one['bits']} bits" + (" (scalar)" if scalar else "")
-
-
-def grid(limits: Ceilings, by: str) -> list[Row]:
-    """Ceilings as rows, a column per name. `by`: precision (flop/core cycle) or level (byte/core cycle)."""
-    lines: dict[tuple, Row] = {}
-    for one in limits.rows:
-        if by in one:
-            line = lines.setdefault((one[by], one["bits"]), defaultdict(lambda: None))
-            line |= {by: one[by], "width": _width(one), one["name"]: one}
-            if "working_set_bytes" in one:
-                line["kib"] = one["working_set_bytes"] / 1024 or math.nan
-            if one["name"] == "fma":
-                line["peak"] = limits.peak("fma", one["precision"], one["bits"])
-                line["of_peak"] = (one["value"] or math.nan) / line["peak"]
-    return list(lines.values())
-
-
-def _with_peak(limits: Ceilings, one: Row) -> Row:
-    """A ceiling and, of arithmetic, the most that the ports allow; null where that is not known."""
-    if "precision" not in one:
-        return one
-    peak = limits.peak(one["name"], one["precision"], one["bits"])
-    return {**one, "peak": None if math.isnan(peak) else peak}
-
-
-def flat(found: Iterable[Row]) -> pd.DataFrame:
-    return pd.DataFrame(list(found))
-
-
-def of_roofs(table: pd.DataFrame, limits: Ceilings | None) -> list[str]:
+def of_roofs(points: Sequence[Point], limits: Ceilings | None) -> list[str]:
     """What must be known of the roofs themselves: the clock, and ceilings that were disturbed."""
-    return [*clocks(table), *limits.remarks()] if limits else []
+    return [*clocks(points), *limits.remarks()] if limits else []
 
 
-def tables(table: pd.DataFrame, limits: Ceilings | None) -> dict[str, tuple[pd.DataFrame, str]]:
+def _text(rows: Sequence[object], columns: Sequence[Column], said: Iterable[str]) -> str:
+    return show.markdown(show.table(rows, columns)) + "".join(f"\n{line}\n" for line in said)
+
+
+def tables(points: Sequence[Point], limits: Ceilings | None) -> dict[str, tuple[pd.DataFrame, str]]:
     """Name of a file → its data and its Markdown, as tables.make has them."""
     made = {}
     for name in ("table5", "table6"):
-        part = table[table["section"] == name] if not table.empty else table
-        if not part.empty:
-            text = show.markdown(show.table(part.to_dict("records"), PERFORMANCE))
-            text += "".join(f"\n{line}\n" for line in remarks(part))
-            made[name] = part.drop(columns="section"), text
-    if limits and not table.empty:
-        shown = headline(table)
-        text = show.markdown(show.table(shown.to_dict("records"), POINTS))
-        text += "".join(f"\n{line}\n" for line in [*remarks(shown), *of_roofs(shown, limits)])
-        made["roofline"] = table.drop(columns="section"), text
+        if part := [one for one in points if one.section == name]:
+            made[name] = _without_section(part), _text(part, PERFORMANCE, remarks(part))
+    if limits and points:
+        shown = headline(points)
+        said = [*remarks(shown), *of_roofs(shown, limits)]
+        made["roofline"] = _without_section(points), _text(shown, POINTS, said)
     if limits:
-        for name, by, part in (("ceilings", "precision", COMPUTE), ("bandwidth", "level", BANDWIDTH)):
-            data = flat(_with_peak(limits, one) for one in limits.rows if by in one)
-            text = show.markdown(show.table(grid(limits, by), part))
+        for name, by, columns in (("ceilings", "precision", COMPUTE), ("bandwidth", "level", BANDWIDTH)):
+            rows = [_with_peak(limits, one) for one in limits.ceilings if getattr(one, by)]
             said = limits.remarks() if by == "precision" else []
-            made[name] = data, text + "".join(f"\n{line}\n" for line in said)
+            made[name] = pd.DataFrame(rows), _text(grid(limits, by), columns, said)
     return made

@@ -24,15 +24,14 @@ def section(data: Data) -> Section:
     drawn, answer = {}, ""
     path = data.path
     with reading(f"{path / 'counts.json'} or ceilings.json", f"scripts/stepwise flops --run {path}"):
-        declared, _ = flops.read(path / "counts.json")
+        declared = flops.read(path / "counts.json").declared
         if declared:
             found, limits, _ = roof.read(path, strict=False)
-            made = work.rows(
-                ladder.rows(data), declared, roof.rows(data, found, limits), list(registry.ladder())
-            )
+            points = roof.points(data, found, limits)
+            made = work.rows(ladder.rows(data), declared, points, registry.ladder())
             parts = part("rungs", "Time, work, lanes, roof and error, a line a phase", made, COLUMNS, NOTE)
             answer = _answer(made)
-            if any(row.get("evals_per_pixel", 0) > 0 for row in made):
+            if any(row.evals_per_pixel > 0 for row in made):
                 caption = "Evaluations per pixel of each phase, and its lane efficiency"
                 drawn = {"rungs": Drawing(caption, NOTE.partition("\n")[0], lambda: _draw(made))}
     about = {"file": path / "counts.json", "script": "scripts/stepwise flops", "drawn": drawn}
@@ -42,21 +41,20 @@ def section(data: Data) -> Section:
 def _draw(made: Sequence[Row]) -> Figure:
     rows = []
     for row in made:
-        lanes = row.get("lane_efficiency")
-        text = "" if lanes is None or math.isnan(lanes) else f"{100 * lanes:.0f} % of lanes used"
-        value = row.get("evals_per_pixel") or math.nan
-        rows.append(dots.Dot(row["scene"], row["phase"], value, text=text))
+        lanes = row.lane_efficiency
+        text = "" if math.isnan(lanes) else f"{100 * lanes:.0f} % of lanes used"
+        rows.append(dots.Dot(row.scene, row.phase, row.evals_per_pixel, text=text))
     return dots.draw(rows, "Work of each phase: left is less", "evaluations of a solid per pixel")
 
 
 def _answer(made: Sequence[Row]) -> str:
     """The first and the last phase of each scene: evaluations per pixel and the lanes that they are in."""
     said = []
-    for scene in dict.fromkeys(row["scene"] for row in made):
-        mine = [row for row in made if row["scene"] == scene and row.get("evals_per_pixel", 0) > 0]
+    for scene in dict.fromkeys(row.scene for row in made):
+        mine = [row for row in made if row.scene == scene and row.evals_per_pixel > 0]
         if len(mine) > 1:
-            few = min(mine, key=lambda row: row["evals_per_pixel"])
-            first, last = (show.number(row["evals_per_pixel"]) for row in (mine[0], few))
-            used = f", {show.percent(few['lane_efficiency'])} of whose lanes' work is used"
-            said.append(f"on {scene} from {first} of {mine[0]['phase']} to {last} of {few['phase']}{used}")
+            few = min(mine, key=lambda row: row.evals_per_pixel)
+            first, last = (show.number(row.evals_per_pixel) for row in (mine[0], few))
+            used = f", {show.percent(few.lane_efficiency)} of whose lanes' work is used"
+            said.append(f"on {scene} from {first} of {mine[0].phase} to {last} of {few.phase}{used}")
     return f"Evaluations of a solid per pixel fall {'; '.join(said)}." if said else ""

@@ -7,7 +7,6 @@ functions; the program's own functions are found from its ELF symbols by study.c
 from __future__ import annotations
 
 import functools
-import json
 import os
 import re
 import shutil
@@ -26,7 +25,9 @@ FREQUENCY = 999  # samples a second: no multiple of the timer's tick
 EVENTS = ("cycles:u", "cpu-clock:u")  # in the order of preference
 PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
 ADDS = "adds where the time goes (hotspots, Tables 2 to 4)"
+FIELDS = "pid,tid,time,period,event,ip,sym,symoff,dso"
 
+_RECORD = ("-q", "-B", "-N", "--no-bpf-event", "-F", str(FREQUENCY))
 _MAP = re.compile(
     r"^\s*(?P<pid>-?\d{1,20})/-?\d+\s.*PERF_RECORD_MMAP2? -?\d+/-?\d+: "
     r"\[0x(?P<start>[0-9a-f]+)\(0x(?P<length>[0-9a-f]+)\) @ (?:0x)?(?P<offset>[0-9a-f]+)[^\]]*\]: "
@@ -77,30 +78,23 @@ class Recording:
         return None
 
 
-def parse(text: str, source: str = "perf script") -> Recording:
-    """Output of `perf script --show-mmap-events -F pid,tid,time,period,event,ip,sym,symoff,dso`.
-
-    Raises StudyError with the line that is not of that form, or when there is no sample.
+def parse(text: str) -> Recording:
+    """Output of `perf script --show-mmap-events -F FIELDS`. StudyError with the line that is not of that
+    form, or when there is no sample.
     """
     samples, mappings = [], []
-    for number, line in enumerate(text.splitlines(keepends=True), 1):
-        bare = line.rstrip("\n")
-        if not bare.strip() or bare.startswith("#"):
-            continue
-        if not line.endswith("\n"):
-            raise StudyError(f"{source}:{number}: the last line is cut off; record again")
-        if found := _SAMPLE.match(bare):
+    for number, line in enumerate(text.splitlines(), 1):
+        if found := _SAMPLE.match(line):
             numbers = (int(found["pid"]), int(found["tid"]), float(found["time"]), int(found["period"]))
-            samples.append(
-                Sample(*numbers, found["event"], int(found["ip"], 16), found["name"], found["dso"])
-            )
-        elif found := _MAP.match(bare):
+            place = int(found["ip"], 16), found["name"], found["dso"]
+            samples.append(Sample(*numbers, found["event"], *place))
+        elif found := _MAP.match(line):
             where = (int(found[name], 16) for name in ("start", "length", "offset"))
             mappings.append(Mapping(int(found["pid"]), *where, found["path"]))
-        elif not _OTHER.search(bare):
-            raise StudyError(f"{source}:{number}: neither a sample nor a mapping: {bare[:60]!r}")
+        elif line.strip() and not line.startswith("#") and not _OTHER.search(line):
+            raise StudyError(f"perf script:{number}: neither a sample nor a mapping: {line[:60]!r}")
     if not samples:
-        raise StudyError(f"{source}: no sample in {len(text)} characters; a longer run is required")
+        raise StudyError(f"perf script: no sample in {len(text)} characters; a longer run is required")
     return Recording(samples, mappings)
 
 
@@ -132,7 +126,7 @@ def event() -> str | None:
     with temporary.folder() as folder:
         for name in EVENTS:
             data = f"{folder}/{name}"
-            command = (perf, "record", "-q", "-B", "-N", "--no-bpf-event", "-e", name, "-F", str(FREQUENCY))
+            command = (perf, "record", *_RECORD, "-e", name)
             # A PMU that is there and counts nothing (some hypervisors) gives no sample.
             busy = ("sh", "-c", "i=0; while [ $i -lt 200000 ]; do i=$((i+1)); done")
             if _status(*command, "-o", data, "--", *busy) == 0 and _samples(perf, data):
@@ -149,17 +143,18 @@ def missing() -> str | None:
     """None, or in one line what is missing and what it would add."""
     if program() is None:
         return f"perf is missing; linux-perf (Debian) or linux-tools-generic (Ubuntu) {ADDS}"
-    if event() is None:
-        try:
-            paranoid = int(PARANOID.read_text())
-        except (OSError, ValueError):
-            return f"this kernel offers no perf events; a kernel that does {ADDS}"
-        if paranoid > 2:
-            return (
-                f"kernel.perf_event_paranoid is {paranoid}; `sudo sysctl kernel.perf_event_paranoid=2` {ADDS}"
-            )
-        return f"perf records nothing here (neither {' nor '.join(EVENTS)}); a kernel that lets it {ADDS}"
-    return None
+    if event() is not None:
+        return None
+    return forbidden() or f"perf records nothing here (neither {' nor '.join(EVENTS)})"
+
+
+def forbidden() -> str | None:
+    """The setting of the kernel that keeps users from its counters, if there is none or it does."""
+    if not PARANOID.exists():
+        return "this kernel offers no perf events"
+    level = int(PARANOID.read_text())
+    lets = "`sudo sysctl kernel.perf_event_paranoid=2` lets it"
+    return f"perf may not count here: kernel.perf_event_paranoid is {level}; {lets}" if level > 2 else None
 
 
 def record(
@@ -171,15 +166,14 @@ def record(
     """
     if lacking := missing():
         raise StudyError(lacking, CANNOT_RUN)
-    perf, binary = str(program()), build(spec, target)
-    wide, high = scene.size(height, width)
-    driver = [str(binary), str(scene.path), "-n", str(high), "-w", str(wide), "--reps", str(reps), "--json"]
+    perf, (wide, high) = str(program()), scene.size(height, width)
+    driver = [str(build(spec, target)), str(scene.path), "-n", str(high), "-w", str(wide)]
     with temporary.folder() as folder:
         data = f"{folder}/perf.data"
-        options = ["-q", "-B", "-N", "--no-bpf-event", "-e", str(event()), "-F", str(FREQUENCY), "-o", data]
+        options = [*_RECORD, "-e", str(event()), "-o", data]
         pin = run.cpu_set(cpu, 1)
         done = child.run(
-            [perf, "record", *options, "--", *driver],
+            [perf, "record", *options, "--", *driver, "--reps", str(reps), "--json"],
             capture_output=True,
             text=True,
             stdin=subprocess.DEVNULL,
@@ -190,14 +184,8 @@ def record(
             said = [line for line in done.stderr.splitlines() if line.strip()]
             ours = [line for line in said if line.startswith("render:")]
             raise run.DriverError(done.returncode, (ours or said or [f"perf record: {done.returncode}"])[-1])
-        fields = "pid,tid,time,period,event,ip,sym,symoff,dso"
-        script = child.run(
-            [perf, "script", "-i", data, "--show-mmap-events", "-F", fields], capture_output=True, text=True
-        )
+        command = [perf, "script", "-i", data, "--show-mmap-events", "-F", FIELDS]
+        script = child.run(command, capture_output=True, text=True)
     if script.returncode:
         raise StudyError(f"perf script: {(script.stderr.strip().splitlines() or ['failed'])[-1]}")
-    try:
-        made = json.loads(done.stdout)
-    except json.JSONDecodeError:
-        raise StudyError(f"{binary}: printed no JSON object but {done.stdout[:60]!r}") from None
-    return parse(script.stdout), made
+    return parse(script.stdout), run._parse(done.stdout, driver[0])
