@@ -8,18 +8,21 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import emitted
+import msgspec
 import pytest
 import started
 from elftools.elf.elffile import ELFFile
 
-from study.bounds import ceilings
+from study.bounds import ceilings, peaks
+from study.bounds.ceilings import Ceilings
 from study.core import machine, store
 from study.core.build import build
 from study.core.cli import StudyError
-from study.counting.decode import Decoded, Disassembler
+from study.counting.decode import Decoded, decode
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "common" / "ceilings"
@@ -54,9 +57,11 @@ def loops(program: Path) -> dict[str, list[Decoded]]:
             begin, size = symbol["st_value"] - text["sh_addr"], symbol["st_size"]
             if symbol["st_info"]["type"] != "STT_FUNC" or not size or begin < 0:
                 continue
-            code = Disassembler().decode(text.data()[begin : begin + size], symbol["st_value"])
+            code = decode(text.data()[begin : begin + size], symbol["st_value"])
             back = [
-                one for one in code if one.mix == "branch" and symbol["st_value"] <= one.target < one.address
+                one
+                for one in code
+                if one.mnemonic.startswith("j") and symbol["st_value"] <= one.target < one.address
             ]
             if back:
                 found[symbol.name] = [o for o in code if back[-1].target <= o.address <= back[-1].address]
@@ -210,12 +215,12 @@ def test_what_the_cpu_lacks_is_null_with_a_reason(program: Path) -> None:
     environment = os.environ | {"STEPWISE_ISA_LIMIT": "none"}
     command = [program, "--json", "--samples", "5"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
-    limits = ceilings.check(json.loads(done.stdout), "test")
+    limits = made(json.loads(done.stdout))
     assert math.isnan(limits.flops("fma", "double", 64)) and math.isnan(limits.bandwidth("L1", 256))
-    sse = next(r for r in limits.rows if (r["name"], r.get("precision"), r["bits"]) == ("add", "single", 128))
+    sse = next(r for r in limits.ceilings if (r.name, r.precision, r.bits) == ("add", "single", 128))
     busy = "the core clock never held still long enough"  # of a host too busy to measure, not of the CPU
-    assert sse["reason"] == busy if sse["value"] is None else sse["value"] > 0
-    reasons = {row["reason"] for row in limits.rows if row["value"] is None and "precision" in row}
+    assert sse.reason == busy if sse.value is None else sse.value > 0
+    reasons = {row.reason for row in limits.ceilings if row.value is None and row.precision}
     assert reasons - {busy} == {f"this CPU lacks {name}" for name in ("fma", "avx", "avx512f", "avx512vl")}
 
 
@@ -231,6 +236,10 @@ def test_bad_arguments_are_status_2(program: Path, arguments: list[str]) -> None
 # What is read
 
 
+def made(data: dict) -> Ceilings:
+    return msgspec.convert(data, Ceilings)
+
+
 def small() -> dict:
     """A record of two ceilings."""
     figures = {"value": 8.0, "median": 7.9, "low": 7.8, "high": 8.0, "per_second": 3e10}
@@ -241,8 +250,10 @@ def small() -> dict:
 
 
 def test_ceilings_are_read_back(tmp_path: Path) -> None:
-    path = ceilings.write(tmp_path, ceilings.check(small(), "test"))
-    assert path.name == "ceilings.json"
+    with pytest.raises(StudyError, match=r"ceilings\.json"):
+        ceilings.read(tmp_path)
+    ceilings.write(tmp_path, made(small()))
+    assert store.read_json(tmp_path / "ceilings.json") == small()
     limits = ceilings.read(tmp_path)
     assert (limits.flops("add", "double", 256), limits.rate("add", "double", 256)) == (8, 2)
     assert math.isnan(limits.flops("add", "double", 512)) and math.isnan(limits.flops("mul", "double", 256))
@@ -250,40 +261,22 @@ def test_ceilings_are_read_back(tmp_path: Path) -> None:
     assert math.isnan(limits.bandwidth("L1"))
 
 
-def test_missing_and_truncated_ceilings_say_what_makes_them(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=r"ceilings.json is missing.*run scripts/stepwise ceilings --run"):
-        ceilings.read(tmp_path)
-    ceilings.write(tmp_path, ceilings.check(small(), "test"))
-    path = tmp_path / "ceilings.json"
-    whole = path.read_text()
-    path.write_text(whole[: len(whole) // 2])
-    with pytest.raises(StudyError, match=r"ceilings.json:\d+:\d+: "):
-        ceilings.read(tmp_path)
-
-
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "place"),
     [
-        (lambda d: d.update(schema=2), r"\$.schema: Invalid enum value 2"),
-        (lambda d: d.pop("tsc_hz"), "missing required field `tsc_hz`"),
-        (lambda d: d.update(core_hz="fast"), r"\$.core_hz: Expected `float`, got `str`"),
-        (lambda d: d.update(ceilings=[]), r"\$.ceilings: Expected `array` of length >= 1"),
-        (lambda d: d["ceilings"][0].pop("unit"), r"\$.ceilings\[0\]: .*missing required field `unit`"),
-        (lambda d: d["ceilings"][0].pop("precision"), r"\$.ceilings\[0\]: neither a precision nor a level"),
-        (lambda d: d["ceilings"][0].update(value=math.nan), r"\$.ceilings\[0\].value: .* > 0"),
-        (lambda d: d["ceilings"][0].update(value=True), r"\$.ceilings\[0\].value: .*got `bool`"),
-        (lambda d: d["ceilings"][0].update(median=-1.0), r"\$.ceilings\[0\].median: .* > 0"),
-        (lambda d: d["ceilings"][1].pop("reason"), r"\$.ceilings\[1\]: neither value nor reason"),
+        (lambda d: d.update(schema=2), r"\$\.schema"),
+        (lambda d: d["ceilings"][0].pop("precision"), r"\$\.ceilings\[0\]"),
+        (lambda d: d["ceilings"][0].update(median=-1.0), r"\$\.ceilings\[0\]\.median"),
+        (lambda d: d["ceilings"][1].pop("reason"), r"\$\.ceilings\[1\]"),
     ],
 )
-def test_a_foreign_or_broken_record_is_refused(change, said: str) -> None:
+def test_a_broken_record_is_refused(tmp_path: Path, change: Callable[[dict], object], place: str) -> None:
     data = small()
     change(data)
-    with pytest.raises(StudyError, match=said) as caught:
-        ceilings.check(data, "somewhere")
-    assert str(caught.value).startswith("somewhere: ") and "\n" not in str(caught.value)
-    with pytest.raises(StudyError):
-        ceilings.check([], "somewhere")
+    store.write_json(tmp_path / "ceilings.json", data)
+    with pytest.raises(StudyError, match=place) as caught:
+        ceilings.read(tmp_path)
+    assert str(tmp_path) in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -301,12 +294,12 @@ def test_a_foreign_or_broken_record_is_refused(change, said: str) -> None:
 )
 def test_ceilings_know_their_machine(change: dict, tsc_hz: float, foreign: bool) -> None:
     cpu = {"model": "A", "vendor": "V", "family": 6, "model_number": 207, "stepping": 1}
-    limits = ceilings.check(small() | {"cpu": cpu}, "test")
-    said = limits.foreign({"cpu": cpu | change}, tsc_hz)
+    limits = made(small() | {"cpu": cpu})
+    said = limits.foreign(cpu | change, tsc_hz)
     assert (said is not None) == foreign
     if said:
-        assert "A (6/207/1), TSC 2.500 GHz; what was timed ran on " in said and "\n" not in said
-    assert limits.foreign({}, 2.5e9) is None
+        assert "A (6/207/1), TSC 2.500 GHz" in said
+    assert limits.foreign(None, 2.5e9) is None
 
 
 INTEL = {"model": "X", "vendor": "GenuineIntel", "family": 6, "stepping": 2}
@@ -334,13 +327,12 @@ EMERALD = INTEL | {"model_number": 207}
 def test_the_peak_is_ports_times_lanes_times_two(
     cpu: dict, precision: str, bits: int, peak: float | None
 ) -> None:
-    here = ceilings.check(small() | {"cpu": cpu}, "test").peak("fma", precision, bits)
-    assert math.isnan(here) if peak is None else here == peak
-    added = ceilings.check(small() | {"cpu": cpu}, "test").peak("add", precision, bits)
-    assert math.isnan(added) if peak is None else added == peak / 2
+    for kind, of in (("fma", 1), ("add", 2)):
+        here = peaks.peak(cpu, kind, precision, bits)
+        assert math.isnan(here) if peak is None else here == peak / of
 
 
-def fmas(cpu: dict | None = None, **values: float | None) -> ceilings.Ceilings:
+def fmas(cpu: dict | None = None, **values: float | None) -> Ceilings:
     """FMA ceilings alone, `d256` for double precision and 256 bits; flop per core cycle."""
     rows = []
     for name, value in values.items():
@@ -352,7 +344,7 @@ def fmas(cpu: dict | None = None, **values: float | None) -> ceilings.Ceilings:
             one["instructions_per_core_cycle"] = value / 2 / (bits // element)
         rows.append(one)
     data = {"schema": 1, "tsc_hz": 2.5e9, "core_hz": 4e9, "ceilings": rows, "cpu": cpu or {}}
-    return ceilings.check(data, "test")
+    return made(data)
 
 
 def test_fma_ceilings_that_do_not_agree_are_told() -> None:
@@ -391,13 +383,13 @@ def test_it_measures_again_until_they_agree(monkeypatch: pytest.MonkeyPatch) -> 
         left = iter(runs)
         monkeypatch.setattr(ceilings, "_once", lambda *_, left=left: next(left))
         found = ceilings.measure(tries=tries)
-        assert (found.tries, [row["value"] for row in found.rows]) == (made, values)
+        assert (found.tries, [one.value for one in found.ceilings]) == (made, values)
         assert found.steady() == (tries == 6)
     assert "measured 2 times" in found.remarks()[0]
     several = {"d256": 17.0, "s256": 40.0, "d512": 33.0}, {"d256": 19.0, "s256": None, "d512": None}
     for one, other in (several, several[::-1]):  # none allowed: the nearest to it, and rather than none
         found = fmas(EMERALD, **one).better(fmas(EMERALD, **other))
-        assert [row["value"] for row in found.rows] == [17.0, 40.0, 33.0]
+        assert [one.value for one in found.ceilings] == [17.0, 40.0, 33.0]
 
 
 def test_issue_is_the_best_of_any_mix() -> None:
@@ -405,34 +397,26 @@ def test_issue_is_the_best_of_any_mix() -> None:
     for number, name in enumerate(ceilings.TOGETHER, 1):
         one = data["ceilings"][0] | {"name": name, "instructions_per_core_cycle": 2 + number / 4}
         data["ceilings"].append(one)
-        assert ceilings.check(data, "test").issue("double", 256) == 2 + number / 4
+        assert made(data).issue("double", 256) == 2 + number / 4
 
 
 @pytest.mark.slow
 def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        str(ROOT / "scripts" / "stepwise"),
-        "ceilings",
-        "--samples",
-        "5",
-        "--json",
-        "--run",
-    ]
-    done = started.run([*command, tmp_path])
-    assert done.returncode == 2 and "not a run" in done.stderr
+    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "ceilings", "--samples", "5", "--json"]
+    command += ["--run", str(tmp_path)]
+    assert started.run(command).returncode == 2  # not a run
     store.write_json(tmp_path / "plan.json", {})
-    done = started.run([*command, tmp_path])
+    done = started.run(command)
     assert done.returncode == 0, done.stderr
     limits = ceilings.read(tmp_path)
-    assert emitted.result(done.stdout)["ceilings"] == limits.rows
-    context = {"cpu": machine.cpu()}
-    assert limits.data["compiler"] and limits.foreign(context, limits.data["tsc_hz"]) is None
-    context["cpu"]["stepping"] += 1
-    assert limits.foreign(context, limits.data["tsc_hz"])
+    assert emitted.result(done.stdout)["ceilings"] == store.read_json(tmp_path / "ceilings.json")["ceilings"]
+    cpu = dict(machine.cpu())
+    assert limits.compiler and limits.foreign(cpu, limits.tsc_hz) is None
+    cpu["stepping"] += 1
+    assert limits.foreign(cpu, limits.tsc_hz)
     # A run of another machine cannot have its ceilings measured here.
     before = (tmp_path / "ceilings.json").read_bytes()
-    store.write_json(tmp_path / "context.json", context)
-    done = started.run([*command, tmp_path])
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
-    assert "another machine" in done.stderr and (tmp_path / "ceilings.json").read_bytes() == before
+    store.write_json(tmp_path / "context.json", {"cpu": cpu})
+    done = started.run(command)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert (tmp_path / "ceilings.json").read_bytes() == before

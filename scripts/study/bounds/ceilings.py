@@ -163,10 +163,8 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
     def steady(self) -> bool:
         """Whether the FMA ceilings agree with each other and, where those are known, with the ports."""
         above, below = self.off_ports()
-        # For the clock, not for the CPU.
-        lost = [
-            one for one in self.ceilings if one.name == "fma" and not (one.reason or LACKS).startswith(LACKS)
-        ]
+        fmas = (one for one in self.ceilings if one.name == "fma" and one.value is None)
+        lost = [one for one in fmas if not (one.reason or "").startswith(LACKS)]  # for the clock
         return not (self.uneven() or below or lost or any(said.startswith("fma ") for said in above))
 
     def remarks(self) -> list[str]:
