@@ -9,13 +9,15 @@ import shutil
 import subprocess
 from fractions import Fraction
 
+import msgspec
 import numpy as np
 import pytest
 from mpmath import mp
 
-from study.experiments.functions import coefficients as functions_coefficients
-from study.experiments.functions import edges as functions_edges
+from study.experiments.functions import coefficients, edges
 from study.experiments.functions import measure as functions
+from study.experiments.functions.schema import Entry
+from study.measuring import function_bench
 
 pytestmark = pytest.mark.slow
 
@@ -34,22 +36,22 @@ LOMONT = (0.0343655, 0.00175124, 4.65437e-6)
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[dict]:
+def rows() -> list[Entry]:
     """Every entry with its errors (quick)."""
-    found, _ = functions.entries()
+    found, *_ = functions.entries()
     functions.add_errors(found, True, 2, 1)
     return found
 
 
-def entry(rows: list[dict], function: str, name: str, isa: str, precision: str = "float") -> dict:
+def entry(rows: list[Entry], function: str, name: str, isa: str, precision: str = "float") -> Entry:
     wanted = (function, name, isa, precision)
-    row = next(r for r in rows if (r["function"], r["name"], r["isa"], r["precision"]) == wanted)
-    if row["missing"]:
-        pytest.skip(f"{name}, {isa}: {row['missing']}")
+    row = next(r for r in rows if (r.function, r.name, r.isa, r.precision) == wanted)
+    if row.missing:
+        pytest.skip(f"{name}, {isa}: {row.missing}")
     return row
 
 
-def relative_errors(row: dict) -> np.ndarray:
+def relative_errors(row: Entry) -> np.ndarray:
     exact = 1 / np.sqrt(ONE_TO_FOUR.astype(np.float64))
     return np.abs(functions.evaluate(row, ONE_TO_FOUR).astype(np.float64) / exact - 1)
 
@@ -65,12 +67,12 @@ def ulp_error(got: float, numerator: int, shift: int) -> Fraction:
 
 
 @pytest.mark.parametrize("name", ["1/sqrt", "rsqrtss + 1", "Lomont + 2"])
-def test_the_largest_error_is_that_of_whole_number_arithmetic(rows: list[dict], name: str) -> None:
+def test_the_largest_error_is_that_of_whole_number_arithmetic(rows: list[Entry], name: str) -> None:
     """1/√x to 2⁻¹⁶⁰ by integer square roots; every 7th of the quick run's arguments, and its worst one."""
     row = entry(rows, "rsqrt", name, "scalar")
     bits = np.arange(0x00800000, 0x7F800000, QUICK_STRIDE, dtype=np.uint32)
-    assert row["count"] == len(bits)
-    some = np.append(bits[::7], np.float32(row["worst_a"]).view(np.uint32))
+    assert row.count == len(bits)
+    some = np.append(bits[::7], np.float32(row.worst_a).view(np.uint32))
     some = np.append(some, np.repeat(some[-1], -len(some) % 16)).astype(np.uint32)
     arguments = some.view(np.float32)
     values = functions.evaluate(row, arguments)
@@ -79,69 +81,57 @@ def test_the_largest_error_is_that_of_whole_number_arithmetic(rows: list[dict], 
         top, bottom = a.as_integer_ratio()  # 1/√a = √(bottom/top)
         root = math.isqrt((bottom << 320) // top)
         errors.append(ulp_error(value, root, 160))
-    assert float(max(errors)) == pytest.approx(row["max_ulp"], abs=2**-27)
-    assert float(errors[-1]) == pytest.approx(row["max_ulp"], abs=2**-27)
+    assert float(max(errors)) == pytest.approx(row.max_ulp, abs=2**-27)
+    assert float(errors[-1]) == pytest.approx(row.max_ulp, abs=2**-27)
     rms = math.sqrt(sum(float(e) ** 2 for e in errors[: len(bits[::7])]) / len(bits[::7]))
-    assert rms == pytest.approx(row["rms_ulp"], rel=0.02)
+    assert rms == pytest.approx(row.rms_ulp, rel=0.02)
 
 
-def test_errors_of_doubles_are_those_of_mpmath(rows: list[dict]) -> None:
-    row = entry(rows, "sin", "own", "AVX2", "double")
-    if not row.get("count"):
-        pytest.skip(functions.WITHOUT_MPFR)
-    arguments = np.full(16, row["worst_a"])
-    with mp.workdps(60):
-        exact = mp.sin(mp.mpf(row["worst_a"]))
-        ulp = mp.mpf(2) ** (mp.frexp(exact)[1] - 53)
-        error = abs(mp.mpf(float(functions.evaluate(row, arguments)[0])) - exact) / ulp
-    assert float(error) == pytest.approx(row["max_ulp"], rel=1e-9)
-
-
-def test_square_roots_are_exactly_rounded(rows: list[dict]) -> None:
+def test_square_roots_are_exactly_rounded(rows: list[Entry]) -> None:
     """IEEE 754: half an ulp; 2⁻²⁷ is the reference's own error."""
-    exact = [r for r in rows if r["function"] == "sqrt" and r["name"] in ("sqrt", "libm") and r.get("count")]
+    exact = [r for r in rows if r.function == "sqrt" and r.name in ("sqrt", "libm") and r.count]
     assert len(exact) >= 2
     for row in exact:
-        assert 0.49 < row["max_ulp"] <= 0.5 + 2**-27, row
+        assert 0.49 < row.max_ulp <= 0.5 + 2**-27, row
 
 
-def test_libraries_keep_their_bounds(rows: list[dict]) -> None:
-    judged = [r for r in rows if r["name"] in STATED and r.get("count")]
-    assert {"libm"} <= {r["name"] for r in judged}
+def test_libraries_keep_their_bounds(rows: list[Entry]) -> None:
+    judged = [r for r in rows if r.name in STATED and r.count]
+    assert {"libm"} <= {r.name for r in judged}
     for row in judged:
-        assert row["max_ulp"] is not None and row["max_ulp"] <= STATED[row["name"]], row
-        assert row["non_finite"] == 0
+        assert row.max_ulp is not None and row.max_ulp <= STATED[row.name], row
+        assert row.non_finite == 0
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
-def test_own_functions_keep_their_bounds(rows: list[dict], precision: str) -> None:
-    own = [r for r in rows if r["family"] == "own" and r["precision"] == precision and r.get("count")]
+def test_own_functions_keep_their_bounds(rows: list[Entry], precision: str) -> None:
+    own = [r for r in rows if r.family == "own" and r.precision == precision and r.count]
     if not own:
         pytest.skip("no AVX2 or no MPFR here")
     for row in own:
-        if row["function"] == "pow":  # (2 + |b·ln a|) ulp of relative error, and two to an ulp
+        if row.function == "pow":  # (2 + |b·ln a|) ulp of relative error, and two to an ulp
             largest = 12 if precision == "float" else 100
             bound = 2 * (2 + largest * 10 * math.log(2))
         else:
-            bound = OWN[row["function"]]
-        assert row["non_finite"] == 0 and row["max_ulp"] <= bound, row
-        assert row["max_ulp"] > 0.49  # nothing is exact
+            bound = OWN[row.function]
+        assert row.non_finite == 0 and row.max_ulp <= bound, row
+        assert row.max_ulp > 0.49  # nothing is exact
 
 
 @pytest.mark.parametrize(("steps", "published"), list(enumerate(LOMONT)))
-def test_the_bit_trick_has_the_published_error(rows: list[dict], steps: int, published: float) -> None:
+def test_the_bit_trick_has_the_published_error(rows: list[Entry], steps: int, published: float) -> None:
     """The published errors are of real arithmetic: floats add their rounding."""
     error = relative_errors(entry(rows, "rsqrt", f"Lomont + {steps}", "scalar")).max()
     assert error == pytest.approx(published, rel=1e-5, abs=2.5 * 2**-24)
 
 
-def test_a_corrected_step_halves_the_error_of_the_trick(rows: list[dict]) -> None:
+def test_a_corrected_step_halves_the_error_of_the_trick(rows: list[Entry]) -> None:
     """L. Moroz et al.: 8.8e-4 after one corrected step instead of 1.75e-3."""
     assert relative_errors(entry(rows, "rsqrt", "Moroz + 1", "scalar")).max() < 8.8e-4
     assert relative_errors(entry(rows, "rsqrt", "Moroz + 2", "scalar")).max() < LOMONT[2] / 4
 
 
-def test_newton_squares_the_error(rows: list[dict]) -> None:
+def test_newton_squares_the_error(rows: list[Entry]) -> None:
     """y(1 + δ) → y(1 − 3δ²/2 − δ³/2), plus the roundings of four operations."""
     first = relative_errors(entry(rows, "rsqrt", "rsqrtps + 0", "SSE")).max()
     second = relative_errors(entry(rows, "rsqrt", "rsqrtps + 1", "SSE")).max()
@@ -152,57 +142,45 @@ def test_newton_squares_the_error(rows: list[dict]) -> None:
 # --- Tables of rsqrt
 
 
-def test_rsqrt_tables(rows: list[dict]) -> None:
+def test_rsqrt_tables(rows: list[Entry]) -> None:
     """Intel SDM vol. 2: |relative error| ≤ 1.5·2⁻¹² and < 2⁻¹⁴. One table behind all widths of rsqrtps."""
-    tables = {t["instruction"]: t for t in functions.rsqrt_tables(rows)}
+    tables = {t.instruction: t for t in functions.rsqrt_tables(rows)}
     assert set(tables) == set(functions.TABLES)
-    narrow = [t for name, t in tables.items() if not name.startswith("vrsqrt14") and "sha256" in t]
+    narrow = [t for name, t in tables.items() if not name.startswith("vrsqrt14") and t.sha256]
     assert len(narrow) >= 2
-    assert len({t["sha256"] for t in narrow}) == 1
+    assert len({t.sha256 for t in narrow}) == 1
     for table in narrow:
-        assert 2**-13 < table["max_relative_error"] <= 1.5 * 2**-12
+        assert 2**-13 < table.max_relative_error <= 1.5 * 2**-12
     # The same arguments another way: 1 + k/2²³, then 2 + k/2²².
     k = np.arange(1 << 23) / 2.0**23
     values = functions.evaluate(
         entry(rows, "rsqrt", "rsqrtps + 0", "SSE"), np.concatenate((1 + k, 2 + 2 * k))
     )
-    assert hashlib.sha256(values).hexdigest() == narrow[0]["sha256"]
+    assert hashlib.sha256(values).hexdigest() == narrow[0].sha256
     for name in ("vrsqrt14ps", "vrsqrt14pd"):
         wide = tables[name]
-        assert "missing" in wide or (
-            wide["max_relative_error"] < 2**-14 and wide["sha256"] != narrow[0]["sha256"]
-        )
-
-
-def test_the_table_of_doubles_is_of_doubles(rows: list[dict]) -> None:
-    """Its arguments another way; twice as many bytes as those of floats, whose results it is not to be."""
-    table = next(t for t in functions.rsqrt_tables(rows) if t["instruction"] == "vrsqrt14pd")
-    row = entry(rows, "rsqrt", "rsqrt14pd + 0", "AVX-512", "double")
-    k = np.arange(1 << 23) / 2.0**23
-    values = functions.evaluate(row, np.concatenate((1 + k, 2 + 2 * k)))
-    assert (values.dtype, len(values)) == (np.float64, 1 << 24) and table["precision"] == "double"
-    assert hashlib.sha256(values).hexdigest() == table["sha256"]
+        assert wide.missing or (wide.max_relative_error < 2**-14 and wide.sha256 != narrow[0].sha256)
 
 
 # --- Edges
 
 
-def test_libm_is_right_at_every_edge(rows: list[dict]) -> None:
+def test_libm_is_right_at_every_edge(rows: list[Entry]) -> None:
     """The table of expected values against an implementation of C's Annex F."""
-    libm = [r for r in rows if r["family"] == "libm"]
+    libm = [r for r in rows if r.family == "libm"]
     functions.add_edges(libm)
-    wrong = [(r["function"], e) for r in libm for e in r["edges"] if not e["right"]]
+    wrong = [(r.function, e) for r in libm for e in r.edges if not e.right]
     assert wrong == []
-    assert {r["function"] for r in libm} == set(functions.FUNCTIONS)
+    assert {r.function for r in libm} == set(functions.FUNCTIONS)
 
 
-def test_rsqrt_of_zero_is_lost_by_newton(rows: list[dict]) -> None:
+def test_rsqrt_of_zero_is_lost_by_newton(rows: list[Entry]) -> None:
     """∞·0 in the step: NaN, where the instruction itself gives infinity."""
     for steps, value, good in ((0, "∞", True), (1, "NaN", False)):
         row = entry(rows, "rsqrt", f"rsqrtps + {steps}", "SSE")
         functions.add_edges([row])
-        assert (row["edges"][0]["argument"], row["edges"][0]["value"]) == ("0", value)
-        assert row["edges"][0]["right"] == good
+        assert (row.edges[0].argument, row.edges[0].value) == ("0", value)
+        assert row.edges[0].right == good
 
 
 @pytest.mark.parametrize(
@@ -225,23 +203,7 @@ def test_rsqrt_of_zero_is_lost_by_newton(rows: list[dict]) -> None:
     ],
 )
 def test_right(value: float, exact: object, good: bool) -> None:
-    assert functions_edges.right(value, exact, "float") == good
-
-
-def test_expected_values_are_pythons() -> None:
-    for name, f in (("sqrt", math.sqrt), ("exp", math.exp), ("log", math.log), ("acos", math.acos)):
-        assert float(functions_edges.expected(name, (0.25,))) == pytest.approx(f(0.25), rel=1e-15)
-    for (y, x), _ in functions_edges.ATAN2:
-        got = float(functions_edges.expected("atan2", (y, x)))
-        assert got == pytest.approx(math.atan2(y, x), rel=1e-15)
-        assert math.copysign(1, got) == math.copysign(1, math.atan2(y, x))
-    for (a, b), value in functions_edges.POW:
-        try:
-            theirs = math.pow(a, b)
-        except (ValueError, OverflowError):  # Python raises where C gives NaN or infinity
-            assert not math.isfinite(value)
-            continue
-        assert theirs == value and math.copysign(1, theirs) == math.copysign(1, value)
+    assert edges.right(value, exact, "float") == good
 
 
 # --- Dispatch
@@ -251,15 +213,14 @@ def test_nothing_of_a_wider_set_runs_without_it() -> None:
     """On an emulated CPU without AVX: wide entries name what is missing, and the rest runs."""
     if not shutil.which("qemu-x86_64"):
         pytest.skip("qemu-x86_64 is missing")
-    command = ["qemu-x86_64", "-cpu", "Nehalem", str(functions.program())]
-    found = json.loads(subprocess.run([*command, "list"], capture_output=True, check=True).stdout)["entries"]
-    wide = [r for r in found if r["isa"] in ("AVX2", "AVX-512")]
-    assert wide and all(r["missing"] == "the CPU lacks the instruction set" for r in wide)
-    assert [r for r in found if r["isa"] == "SSE" and not r["missing"]]
-    said = functions.without(found, True)
-    assert any(s.startswith("AVX2: the CPU lacks") for s in said)
+    command = ["qemu-x86_64", "-cpu", "Nehalem", str(function_bench.program())]
+    listed = json.loads(subprocess.run([*command, "list"], capture_output=True, check=True).stdout)
+    found = msgspec.convert(listed["entries"], list[Entry])
+    wide = [r for r in found if r.isa in ("AVX2", "AVX-512")]
+    assert wide and all(r.missing for r in wide)
+    assert [r for r in found if r.isa == "SSE" and not r.missing]
     refused = subprocess.run(
-        [*command, "evaluate", "--id", str(wide[0]["id"])], capture_output=True, text=True, input=""
+        [*command, "evaluate", "--id", str(wide[0].id)], capture_output=True, text=True, input=""
     )
     assert refused.returncode == 2 and "lacks the instruction set" in refused.stderr
     ran = subprocess.run(
@@ -272,7 +233,7 @@ def test_nothing_of_a_wider_set_runs_without_it() -> None:
 
 
 def test_the_coefficients_are_those_derived() -> None:
-    assert functions_coefficients.FILE.read_text() == functions_coefficients.header()
+    assert coefficients.FILE.read_text() == coefficients.header()
 
 
 # --- Normalisation
@@ -280,10 +241,10 @@ def test_the_coefficients_are_those_derived() -> None:
 
 def test_normalised_vectors_are_of_unit_length() -> None:
     """Three roundings below the root, 1/√ and the product: under 4.5 ulp; the Newton step's own included."""
-    found = functions.normalise(1024, 1, 3, None)
-    checked = [r for r in found if r["name"] != "no arithmetic"]
-    assert {"AoS", "SoA"} == {r["layout"] for r in checked}
+    found = function_bench.normalise(1024, 1, 3, None)
+    checked = [r for r in found if r.name != "no arithmetic"]
+    assert {"AoS", "SoA"} == {r.layout for r in checked}
     for row in checked:
-        assert 0.5 < row["max_ulp"] < 4.5 and row["bytes"] == 12288
-    bare = [r for r in found if r["name"] == "no arithmetic"]
-    assert bare and all(r["max_ulp"] is None and r["share_of_memory"] == 1 for r in bare)
+        assert 0.5 < row.max_ulp < 4.5 and row.bytes == 12288
+    bare = [r for r in found if r.name == "no arithmetic"]
+    assert bare and all(r.max_ulp is None and r.share_of_memory == 1 for r in bare)

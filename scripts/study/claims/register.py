@@ -261,16 +261,17 @@ def _never_misses(data: Data, claim: Claim) -> Found:
 
 
 def _normalize(data: Data, claim: Claim) -> Found:
-    rows = Functions.read_if_there(data.path / "functions.json").get("normalise", [])
-    mine = [row for row in rows if row["isa"] == "SSE" and row["name"].endswith("+ 1")]
-    mine = [row for row in mine if known((row["speedup"] or {}).get("value"))]
+    result = Functions.load_if_there(data.path / "functions.json")
+    rows = result.normalise if result else []
+    mine = [r for r in rows if r.isa == "SSE" and r.name.endswith("+ 1") and r.speedup.value is not None]
     if not mine:
         return missing("functions.json")
-    row = max(mine, key=lambda row: row["vectors"])
-    gain, n = row["speedup"], row["vectors"]
-    text = f"{gain['value']:.2f}× for {n:,} vectors"
-    verdict, why = judged(gain["value"], claim["value"])
-    found = timed(Found(text, verdict, why, gain["value"], *_ends(gain, "low", "high"), n))
+    row = max(mine, key=lambda row: row.vectors)
+    gain = row.speedup
+    text = f"{gain.value:.2f}× for {row.vectors:,} vectors"
+    verdict, why = judged(gain.value, claim["value"])
+    ends = (math.nan if end is None else end for end in (gain.low, gain.high))
+    found = timed(Found(text, verdict, why, gain.value, *ends, row.vectors))
     return sized(found, claim["n"], unit="vectors = ")
 
 

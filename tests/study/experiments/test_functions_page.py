@@ -1,124 +1,127 @@
-"""scripts/stepwise functions: the front, what is missing, the script, its tables and figures, bad input."""
+"""scripts/stepwise functions: fronts, edges, what is missing, the command, its tables and figures."""
 
 from __future__ import annotations
 
-import json
 import subprocess
-import sys
 from pathlib import Path
 
-import emitted
+import msgspec
 import pytest
-import started
 
-from study.core import show
-from study.core.cli import StudyError
-from study.experiments.functions import edge_tables as functions_edges_page
-from study.experiments.functions import figures as functions_figures
+from study.core import cli, commands, show, store
+from study.core.run_schema import Context, Cpu
+from study.experiments.functions import chapter, edge_tables, figures, tables
 from study.experiments.functions import measure as functions
-from study.experiments.functions import tables as functions_page
+from study.experiments.functions.schema import FILE, Edge, Entry, Functions, Table
+from study.measuring import function_bench
+from study.numbers.schema import Range
 
-pytestmark = pytest.mark.slow
-
-ROOT = Path(__file__).parents[3]
-SCRIPT = (ROOT / "scripts" / "stepwise", "functions")
+CPU = Cpu(model="Example CPU", vendor="Example Inc", family=6, model_number=7, stepping=2)
+ASKED = (("0", "∞"), ("−1", "NaN"), ("∞", "0"))  # 1/√x, by IEEE 754's rSqrt
 
 
-def made(name: str, ns: float, ulp: float | None, **more: object) -> dict:
-    row = {"function": "exp", "precision": "float", "family": "own", "name": name, "isa": "AVX2"}
-    time = {"value": ns, "low": ns, "high": ns}
-    return row | {"max_ulp": ulp, "stream_ns": time, "missing": None} | more
+def entry(name: str, isa: str, stream: float, latency: float, ulp: float | None, *at: str) -> Entry:
+    """An entry of 1/√x; `at`: what it gives at 0, −1, ∞."""
+    times = {
+        key: Range(value=ns, low=ns, high=ns) for key, ns in (("stream_ns", stream), ("latency_ns", latency))
+    }
+    edges = [
+        Edge(argument=a, value=v, exact=e, right=v == e)
+        for (a, e), v in zip(ASKED, at or ("∞", "NaN", "0"), strict=True)
+    ]
+    about = {"function": "rsqrt", "precision": "float", "isa": isa, "bits": 128, "count": 16}
+    family = "libm" if name == "libm" else "instruction"
+    return Entry(name=name, family=family, max_ulp=ulp, edges=edges, **about, **times)
+
+
+# libm: alone on the front of latency; fast and near: on that of throughput, whose Newton step loses 0.
+LIBM = entry("libm", "scalar", 2.0, 5.0, 0.5)
+NEAR = entry("rsqrtps + 1", "AVX2", 1.0, 9.0, 2.5, "NaN", "NaN", "0")
+NARROW = entry("rsqrtps + 1", "SSE", 1.5, 9.5, 2.5, "NaN", "NaN", "0")
+TRICK = entry("Lomont + 0", "SSE", 1.2, 6.0, 5e5, "1.3212e+19", "3.2879e+38", "0")
+NOISE = entry("noise", "SSE", 3.0, -0.1, 0.4)  # nearest; its latency is within the chain's own noise
+
+
+def result(*entries: Entry) -> Functions:
+    rsqrt = [Table(instruction="rsqrtss", isa="scalar", precision="float", sha256="ab" * 32)]
+    return Functions(
+        schema=1, quick=True, context=Context(cpu=CPU), entries=list(entries), rsqrt_tables=rsqrt
+    )
 
 
 def test_front() -> None:
-    rows = [made("fast", 1, 9.0), made("exact", 5, 0.5), made("worse", 5, 9.0), made("between", 3, 2.0)]
-    rows += [made("equal", 3, 2.0), made("NaN", 0.1, None)]
-    rows += [made("other", 9, 9.0, function="log"), made("as exact", 4, 2.0), made("as fast", 3, 3.0)]
+    def made(ns: float, ulp: float | None, function: str = "exp") -> Entry:
+        return msgspec.structs.replace(entry("x", "SSE", ns, ns, ulp), function=function)
+
+    rows = [made(1, 9.0), made(5, 0.5), made(5, 9.0), made(3, 2.0), made(3, 2.0), made(0.1, None)]
+    rows += [made(9, 9.0, "log"), made(4, 2.0), made(3, 3.0)]
     functions.mark_front(rows)
-    assert [r.get("front") for r in rows] == [True, True, False, True, True, None, True, False, False]
+    assert [r.front for r in rows] == [True, True, False, True, True, False, True, False, False]
+
+
+def test_fronts_of_throughput_and_of_latency_are_told_apart() -> None:
+    fronts = {r.name: r.fronts for r in tables.fronts(result(LIBM, NEAR, TRICK, NOISE))}
+    one = ["throughput"]
+    assert fronts == {"libm": [*one, "latency"], "rsqrtps + 1": one, "noise": one}
 
 
 def test_what_is_missing_is_said_once() -> None:
-    why = "libsleef.so.3 is not installed"
-    rows = [made("a", 1, 1, family="SLEEF", missing=why), made("b", 1, 1, family="SLEEF", missing=why)]
-    assert functions.without(rows, False) == [
-        f"SLEEF: {why}; 2 entries are left out",
-        functions.WITHOUT_MPFR,
+    lacking = msgspec.structs.replace(LIBM, family="SLEEF", missing="libsleef.so.3 is not installed")
+    said = functions.without([lacking, lacking], False)
+    assert len(said) == 2 and said[0].startswith("SLEEF") and "2 entries" in said[0]
+    broken = msgspec.structs.replace(LIBM, non_finite=3)
+    assert len(functions.wrong([broken, LIBM])) == 1
+
+
+def test_edges_show_only_who_differs_and_where(tmp_path: Path) -> None:
+    store.write_json(tmp_path / FILE, cli.plain(result(LIBM, NEAR, NARROW, TRICK)))
+    parts = {part.name: part for part in chapter.approximations(tmp_path).parts}
+    table = parts["functions-edges"].table
+    assert [column.name for column in table.columns[2:]] == ["0", "−1"]  # ∞: all agree
+    assert [[text for text, _ in row[1:]] for row in table.cells] == [
+        [edge_tables.ASKED, "∞", "NaN"],
+        ["rsqrtps + 1 (AVX2, SSE)", "NaN", edge_tables.AGREES],
+        ["Lomont + 0 (SSE)", "1.32e+19", "3.29e+38"],
     ]
-    assert functions.wrong([made("a", 1, None, non_finite=3)]) and not functions.wrong([made("a", 1, 1)])
+    marks = [["bad" in mark.split() for _, mark in row[2:]] for row in table.cells]
+    assert marks == [[False, False], [True, False], [True, True]]
+    assert "1 of 4" in parts["functions-edges"].foot
+    assert parts["rsqrt"].table.cells[0][1][0] == "Example CPU; Example Inc, family 6, model 7, stepping 2"
+    alone = result(LIBM)
+    assert all(edge_tables.rows(alone, of) == [] for of in edge_tables.TABLES.values())
+    values = {"−5.3419e-155": "−5.34e−155", "0.0049620": "0.00496", "NaN": "NaN", "−∞": "−∞", "−0": "−0"}
+    assert {text: edge_tables.short(text) for text in values} == values
 
 
-def test_the_legend_has_what_is_drawn() -> None:
-    rows = [made("a", 1, 1), made("b", 1, 1, isa="SSE"), made("c", 1, None, isa="AVX-512", family="SLEEF")]
-    (legend,) = functions_figures.figure({"entries": rows}, "float").legends
-    named = {text.get_text() for text in legend.get_texts()}
-    assert named == {"own", "SSE", "AVX2", "front (filled marks)"}
+def test_both_precisions_and_both_times_have_a_figure() -> None:
+    made = figures.drawings(result(LIBM, NEAR, NOISE))
+    assert list(made) == [f"functions-{p}{time}" for time in ("", "-latency") for p in ("float", "double")]
+    figure = made["functions-float-latency"].make()
+    drawn = sorted(tuple(marks.get_offsets()[0]) for marks in figure.axes[1].collections)
+    assert drawn == [(0.5, 5.0), (2.5, 9.0)]
+    named = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"libm", "instruction", "scalar", "AVX2"} <= named and "AVX-512" not in named
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A quick run by the script."""
-    path = tmp_path_factory.mktemp("functions")
-    command = [sys.executable, *SCRIPT, "--quick", "--rounds", "6", "--vectors", "1024", "--seed", "1"]
-    done = started.run([*command, "--json", "--run", path])
-    assert done.returncode == 0, done.stderr
-    assert emitted.result(done.stdout) == json.loads((path / functions.FILE).read_text())
-    return path
-
-
-def test_script_and_page(folder: Path) -> None:
-    result = functions.read(folder)
-    assert {r["function"] for r in result["entries"]} == set(functions.FUNCTIONS)
+@pytest.mark.slow
+def test_the_command_and_its_chapter(tmp_path: Path) -> None:
+    words = ["--quick", "--rounds", "6", "--vectors", "1024", "--seed", "1", "--run", str(tmp_path)]
+    assert commands.called("functions", words)[0].ended == 0
+    found = Functions.load(tmp_path / FILE)
+    assert {r.function for r in found.entries} == set(functions.FUNCTIONS)
     names = [f"functions-{p}{time}" for p in ("float", "double") for time in ("", "-latency")] + ["normalise"]
-    assert {f.name for f in (folder / "figures").iterdir()} == {
-        f"{n}.{s}" for n in names for s in ("svg", "png")
-    }
-    for row in result["entries"]:
-        if not row["missing"]:
-            assert row["stream_ns"]["value"] > 0 and row["edges"]
-    front = functions_page.fronts(result)
-    text = show.markdown(show.table(front, functions_page.ON_FRONTS))
-    for function in functions.FUNCTIONS:
-        assert functions_page.TITLES[function] in text
-    ranges = show.markdown(show.table(result["targets"], functions_page.TARGETS))
-    assert "every float of [1.175e-38, 3.403e+38]" in ranges and "±[1e-18" not in ranges
-    assert "18.35×" in functions_figures.normalise_note(result)
-    assert "entries agree with it at every input tried" in functions_edges_page.remark(result)
-    tables = functions_page.tables(result)
-    assert show.markdown(show.table(tables, functions_page.TABLES)).count(tables[0]["cpu"]) == 5
-    assert show.markdown(show.table(result["normalise"], functions_page.NORMALISE)).count("SSE") == 3
+    drawn = {f.name for f in (tmp_path / "figures").iterdir()}
+    assert drawn == {f"{name}.{kind}" for name in names for kind in ("svg", "png")}
+    assert all(r.ns("stream_ns") > 0 and r.edges for r in found.entries if not r.missing)
+    parts = {part.name: part.markdown for part in chapter.approximations(tmp_path).parts}
+    assert all(tables.TITLES[function] in parts["functions"] for function in functions.FUNCTIONS)
+    assert "[1.175e-38, 3.403e+38]" in parts["functions-targets"]
+    assert parts["normalise"].count("SSE") >= 3 and "18.35×" in parts["normalise"]
+    assert show.markdown(show.table(found.entries, tables.ENTRIES)) == parts["functions-all"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--rounds", "0"], "whole number from 1 to 1000"),
-        (["--vectors", "x"], "whole number from 1024"),
-        (["--cpu", "9999"], "CPU 9999 is not available"),
-    ],
-)
-def test_bad_arguments(arguments: list[str], said: str) -> None:
-    done = started.run([sys.executable, *SCRIPT, *arguments])
-    assert done.returncode == 2 and said in done.stderr and not done.stdout
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ([], "usage"),
-        (["errors", "--threads", "0"], "1 to 1024 is required"),
-        (["times", "--rounds"], 'not ""'),
-        (["evaluate", "--id", "99999"], "is required"),
-        (["evaluate", "--id", "1"], "multiple of 64 bytes"),
-        (["sing"], "usage"),
-    ],
-)
-def test_bad_arguments_of_the_bench(arguments: list[str], said: str) -> None:
-    done = subprocess.run([functions.program(), *arguments], capture_output=True, text=True, input="abc")
-    assert done.returncode == 2 and said in done.stderr and not done.stdout
-
-
-def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / functions.FILE).write_text('{"schema": 2}')
-    with pytest.raises(StudyError, match=r"functions\.json: .*\$\.schema: Invalid enum value 2"):
-        functions.read(tmp_path)
+@pytest.mark.parametrize("words", [[], ["evaluate", "--id", "1"], ["sing"]])
+def test_bad_arguments_of_the_bench(words: list[str]) -> None:
+    command = [function_bench.program(), *words]
+    done = subprocess.run(command, capture_output=True, text=True, input="abc")
+    assert done.returncode == 2 and done.stderr and not done.stdout

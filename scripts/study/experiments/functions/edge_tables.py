@@ -5,14 +5,15 @@ implementations that differ from what C's Annex F and IEEE 754 ask, and only inp
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from study.core.show import Column
 from study.experiments.functions import measure as functions
+from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES
 
-Row = dict[str, Any]
-AGREES = "·"
+AGREES, ASKED = "·", "asked for"
 # Functions of one table: those that are asked for the same inputs.
 TABLES = {
     "functions-edges": [name for name in functions.FUNCTIONS if name not in ("pow", "atan2")],
@@ -21,13 +22,20 @@ TABLES = {
 }
 
 
-def judged(result: Row) -> list[Row]:
+@dataclass(frozen=True)
+class Line:
+    """What is asked of a function, or implementations that differ from it alike. `values`: by input, the
+    right ones too; `wrong`: the inputs where they differ."""
+
+    kind: tuple[str, str]
+    name: str
+    values: dict[str, str]
+    wrong: Sequence[str] = ()
+
+
+def judged(result: Functions) -> list[Entry]:
     """Entries that were tried at the edges."""
-    return [row for row in result["entries"] if row.get("edges")]
-
-
-def agrees(row: Row) -> bool:
-    return all(edge["right"] for edge in row["edges"])
+    return [row for row in result.entries if row.edges]
 
 
 def short(text: str) -> str:
@@ -36,92 +44,69 @@ def short(text: str) -> str:
     return f"{value:.3g}".replace("-", "−") if math.isfinite(value) and value else text
 
 
-def _asked(row: Row) -> Row:
-    """The line above a function's: what is asked of it."""
-    values = {edge["argument"]: edge["exact"] for edge in row["edges"]}
-    about = {"function": row["function"], "precision": row["precision"], "values": values}
-    return about | {"name": "asked for", "wrong": []}
-
-
-def rows(result: Row, names: list[str]) -> list[Row]:
-    """Per function and precision what is asked, then a row for all whose values differ from it alike.
-
-    values: input → value, the right ones too; wrong: the inputs where they differ.
-    """
+def rows(result: Functions, names: list[str]) -> list[Line]:
+    """Per function and precision what is asked, then a row for all whose values differ from it alike."""
     made = []
-    for function in names:
-        for precision in ("float", "double"):
-            mine = [r for r in judged(result) if (r["function"], r["precision"]) == (function, precision)]
-            alike: dict[tuple, list[Row]] = {}
-            for row in mine:
-                if not agrees(row):
-                    alike.setdefault(tuple((e["value"], e["right"]) for e in row["edges"]), []).append(row)
-            made += [_asked(mine[0])] if alike else []
-            for same in alike.values():
-                sets: dict[str, list[str]] = {}
-                for row in same:
-                    sets.setdefault(row["name"], []).append(row["isa"])
-                edges = same[0]["edges"]
-                made.append(
-                    {
-                        "function": function,
-                        "precision": precision,
-                        "name": "; ".join(f"{name} ({', '.join(isas)})" for name, isas in sets.items()),
-                        "values": {e["argument"]: e["value"] for e in edges},
-                        "wrong": [e["argument"] for e in edges if not e["right"]],
-                    }
-                )
+    for kind in ((function, precision) for function in names for precision in ("float", "double")):
+        mine = [row for row in judged(result) if row.kind == kind]
+        alike: dict[tuple, list[Entry]] = {}
+        for row in mine:
+            if not row.agrees:
+                alike.setdefault(tuple((e.value, e.right) for e in row.edges), []).append(row)
+        if alike:
+            made.append(Line(kind, ASKED, {edge.argument: edge.exact for edge in mine[0].edges}))
+        for same in alike.values():
+            sets: dict[str, list[str]] = {}
+            for row in same:
+                sets.setdefault(row.name, []).append(row.isa)
+            name = "; ".join(f"{name} ({', '.join(isas)})" for name, isas in sets.items())
+            edges = same[0].edges
+            values = {edge.argument: edge.value for edge in edges}
+            made.append(Line(kind, name, values, [edge.argument for edge in edges if not edge.right]))
     return made
 
 
-def _cell(argument: str):
-    def text(row: Row) -> str:
-        known = row["name"] == "asked for" or argument in row["wrong"]
-        return short(row["values"][argument]) if known else AGREES
+def _at(argument: str) -> Column:
+    def text(row: Line) -> str:
+        return short(row.values[argument]) if row.name == ASKED or argument in row.wrong else AGREES
 
-    return text
+    return Column("at", argument, text, lambda row: "bad tight" if argument in row.wrong else "")
 
 
-def columns(rows: list[Row]) -> list[Column]:
+def columns(rows: list[Line]) -> list[Column]:
     """Function and precision, implementations, and a column for each input at which any of them differs."""
-    wrong = {argument for row in rows for argument in row["wrong"]}
-    arguments = [argument for argument in (rows[0]["values"] if rows else ()) if argument in wrong]
+    wrong = {argument for row in rows for argument in row.wrong}
     return [
-        Column("", "function", lambda r: f"{TITLES[r['function']]}, {r['precision']}"),
-        Column("", "implementations", lambda r: r["name"]),
-        *(
-            Column("at", a, _cell(a), lambda r, a=a: "bad tight" if a in r["wrong"] else "")
-            for a in arguments
-        ),
+        Column("", "function", lambda r: f"{TITLES[r.kind[0]]}, {r.kind[1]}"),
+        Column("", "implementations", lambda r: r.name),
+        *(_at(argument) for argument in (rows[0].values if rows else ()) if argument in wrong),
     ]
 
 
-def caption(result: Row, names: list[str]) -> str:
+def caption(result: Functions, names: list[str]) -> str:
     """What the table of these functions is, and how many are not in it."""
-    tried = [row for row in judged(result) if row["function"] in names]
-    good = sum(map(agrees, tried))
+    tried = [row for row in judged(result) if row.function in names]
     return (
         f"At the edges, {', '.join(TITLES[name] for name in names)}: what is given where it is not what C "
-        f"and IEEE 754 ask for; {AGREES} where it is. The other {good} of {len(tried)} entries agree "
-        "throughout"
+        f"and IEEE 754 ask for; {AGREES} where it is. The other {sum(row.agrees for row in tried)} of "
+        f"{len(tried)} entries agree throughout"
     )
 
 
-def remark(result: Row) -> str | None:
+def remark(result: Functions) -> str:
     """How many agree everywhere, and what is judged."""
     tried = judged(result)
     if not tried:
-        return None
-    good = [row for row in tried if agrees(row)]
-    sound = [
-        family
-        for family in dict.fromkeys(row["family"] for row in tried)
-        if all(agrees(row) for row in tried if row["family"] == family)
-    ]
+        return ""
+    families: dict[str, bool] = {}
+    for row in tried:
+        families[row.family] = families.get(row.family, True) and row.agrees
+    sound = [family for family, agrees in families.items() if agrees]
     named = f", every one of {' and '.join(sound)} among them" if sound else ""
     return (
         f"Edges: {AGREES} is the value that C's Annex F (of 1/√x: IEEE 754's rSqrt) asks for, a finite one "
-        f"to within 5 % or one ulp; nearer is the matter of the errors above. {len(good)} of {len(tried)} "
+        f"to within 5 % or one ulp; nearer is the matter of the errors above. "
+        f"{sum(row.agrees for row in tried)} of {len(tried)} "
         f"entries agree with it at every input tried{named}, and are not in the table; inputs at which all "
         "agree are not either."
     )

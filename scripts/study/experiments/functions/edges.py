@@ -12,6 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from mpmath import acos, cos, exp, log, mp, mpf, pi, power, sin, sqrt
 
+from study.experiments.functions.schema import Edge
+
 TYPES = {"float": np.float32, "double": np.float64}
 NEAR = 0.05
 INF, NAN = math.inf, math.nan
@@ -131,8 +133,8 @@ def right(value: float, exact: mpf | float, precision: str) -> bool:
 
 def judge(
     function: str, precision: str, evaluate: Callable[[np.ndarray, np.ndarray | None], np.ndarray]
-) -> list[dict]:
-    """One row per edge argument: argument, value, exact, right. `evaluate`: arrays to results."""
+) -> list[Edge]:
+    """One row per edge argument. `evaluate`: arrays to results."""
     cases = arguments(function, precision)
     kind = TYPES[precision]
     padded = np.array((cases + [cases[-1]] * (-len(cases) % 16)), kind)
@@ -142,12 +144,12 @@ def judge(
     for case, value in zip(cases, values[: len(cases)].tolist(), strict=True):
         exact = expected(function, case)
         rows.append(
-            {
-                "argument": ", ".join(_name(a, precision) for a in case),
-                "value": text(value),
-                "exact": text(float(exact) if abs(exact) < float(np.finfo(kind).max) else exact),
-                "right": right(value, exact, precision),
-            }
+            Edge(
+                argument=", ".join(_name(a, precision) for a in case),
+                value=text(value),
+                exact=text(float(exact) if abs(exact) < float(np.finfo(kind).max) else exact),
+                right=right(value, exact, precision),
+            )
         )
     return rows
 

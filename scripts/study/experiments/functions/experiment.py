@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.functions import chapter
+from study.experiments.functions import chapter, command
 from study.experiments.functions.schema import SCHEMAS
 
 
@@ -18,5 +18,6 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
+    command=command,
     sections=[(620, lambda data: chapter.approximations(data.path))],
 )

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,12 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from study.core import machine, show
+from study.core import cli, machine, show
 from study.experiments.functions import measure as functions
+from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES, judged
-from study.pictures.draw import COLOURS, MARKERS, Drawing, plain_log, save
+from study.measuring.function_bench import Normalise
+from study.pictures.draw import COLOURS, MARKERS, Drawing, plain_log
 
-Row = dict[str, Any]
 FAMILIES = ("libm", "instruction", "bit trick", "own", "libmvec", "SLEEF")
 LOOKS = {name: (COLOURS[i], MARKERS[i]) for i, name in enumerate(FAMILIES)}
 # What is on the axis of time, and how to read it.
@@ -27,19 +26,19 @@ TIMES = {"stream_ns": "ns per element, throughput", "latency_ns": "ns per call, 
 SIZES = {"scalar": 22, "SSE": 34, "AVX2": 52, "AVX-512": 80}
 
 
-def _label(axes: Axes, rows: Sequence[Row], marks: Sequence[Row], time: str) -> None:
+def _label(axes: Axes, rows: Sequence[Entry], marks: Sequence[Entry], time: str) -> None:
     """Names at the points, each where it covers no other name or mark as far as sixteen places allow."""
     (left, right), (low, high) = (np.log(axes.get_xlim()), np.log(axes.get_ylim()))
     wide, tall = 280, 230  # points, of a panel
 
-    def place_of(row: Row) -> tuple[float, float]:
-        x = (math.log(row["max_ulp"]) - left) / (right - left) * wide
-        return x, (math.log(row[time]["value"]) - low) / (high - low) * tall
+    def place_of(row: Entry) -> tuple[float, float]:
+        x = (math.log(row.ulp) - left) / (right - left) * wide
+        return x, (math.log(row.ns(time)) - low) / (high - low) * tall
 
     taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in map(place_of, marks)]
-    for row in sorted(rows, key=lambda r: -r[time]["value"]):
+    for row in sorted(rows, key=lambda r: -r.ns(time)):
         x, y = place_of(row)
-        name = f"{row['name']}, {row['isa']}"
+        name = f"{row.name}, {row.isa}"
         length = 3.6 * len(name)
         best, least = None, math.inf
         for dy in (-9, 7, -18, 16, -27, 25, -36, 34):
@@ -54,7 +53,7 @@ def _label(axes: Axes, rows: Sequence[Row], marks: Sequence[Row], time: str) -> 
         taken.append(box)
         place = {"xytext": (dx, dy), "textcoords": "offset points", "ha": ha}
         line = {"arrowstyle": "-", "color": "#999999", "linewidth": 0.5}
-        point = (row["max_ulp"], row[time]["value"])
+        point = (row.ulp, row.ns(time))
         axes.annotate(name, point, **place, fontsize=6.5, arrowprops=line if abs(dy) > 9 else None)
 
 
@@ -63,14 +62,14 @@ def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     return max(0, min(a[2], b[2]) - max(a[0], b[0])) * max(0, min(a[3], b[3]) - max(a[1], b[1]))
 
 
-def _panel(axes: Axes, rows: Sequence[Row], title: str, time: str) -> None:
-    front = sorted((r for r in rows if functions.on_front(r, rows, time)), key=lambda r: r["max_ulp"])
+def _panel(axes: Axes, rows: Sequence[Entry], title: str, time: str) -> None:
+    front = sorted((r for r in rows if functions.on_front(r, rows, time)), key=lambda r: r.ulp)
     for row in rows:
-        colour, marker = LOOKS[row["family"]]
+        colour, marker = LOOKS[row.family]
         axes.scatter(
-            row["max_ulp"],
-            row[time]["value"],
-            s=SIZES[row["isa"]],
+            row.ulp,
+            row.ns(time),
+            s=SIZES[row.isa],
             marker=marker,
             facecolor=colour if row in front else "white",
             edgecolor=colour,
@@ -78,8 +77,8 @@ def _panel(axes: Axes, rows: Sequence[Row], title: str, time: str) -> None:
             zorder=4 if row in front else 3,
         )
     axes.plot(
-        [r["max_ulp"] for r in front],
-        [r[time]["value"] for r in front],
+        [r.ulp for r in front],
+        [r.ns(time) for r in front],
         color="#555555",
         linewidth=1,
         drawstyle="steps-post",
@@ -87,7 +86,7 @@ def _panel(axes: Axes, rows: Sequence[Row], title: str, time: str) -> None:
     )
     axes.set(title=title, xscale="log", yscale="log")
     axes.margins(0.12, 0.14)
-    scalar = [r for r in rows if r["family"] == "libm" and r not in front]
+    scalar = [r for r in rows if r.family == "libm" and r not in front]
     _label(axes, [*front, *scalar], rows, time)
     plain_log(axes.yaxis)
     low, high = axes.get_xlim()
@@ -97,7 +96,7 @@ def _panel(axes: Axes, rows: Sequence[Row], title: str, time: str) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def figure(result: Row, precision: str, time: str = "stream_ns") -> Figure:
+def figure(result: Functions, precision: str, time: str = "stream_ns") -> Figure:
     """A panel per function: largest error in ulp against time, the front filled and named."""
     made = Figure(figsize=(13.5, 11.5), layout="constrained")
     grid = made.subplots(3, 3)
@@ -108,7 +107,7 @@ def figure(result: Row, precision: str, time: str = "stream_ns") -> Figure:
         fontsize=12,
     )
     for axes, function in zip(grid.flat, functions.FUNCTIONS, strict=True):
-        rows = judged(result, function, precision, time)
+        rows = judged(result.entries, (function, precision), time)
         if not rows:
             axes.set_axis_off()
             axes.set_title(f"{TITLES[function]}: no errors measured")
@@ -118,23 +117,23 @@ def figure(result: Row, precision: str, time: str = "stream_ns") -> Figure:
         axes.set_xlabel("largest error, ulp")
     for axes in grid[:, 0]:
         axes.set_ylabel(TIMES[time])
-    seen = [r for f in functions.FUNCTIONS for r in judged(result, f, precision, time)]
+    seen = [r for f in functions.FUNCTIONS for r in judged(result.entries, (f, precision), time)]
     marks = [
         Line2D([], [], color=c, marker=m, linestyle="none", label=name)
         for name, (c, m) in LOOKS.items()
-        if any(r["family"] == name for r in seen)
+        if any(r.family == name for r in seen)
     ]
     marks += [
         Line2D([], [], color="#777777", marker="o", linestyle="none", markersize=size**0.5, label=isa)
         for isa, size in SIZES.items()
-        if any(r["isa"] == isa for r in seen)  # no AVX-512 where the CPU has none
+        if any(r.isa == isa for r in seen)  # no AVX-512 where the CPU has none
     ]
     marks.append(Line2D([], [], color="#555555", linewidth=1, label="front (filled marks)"))
     made.legend(handles=marks, loc="outside right upper", frameon=False, fontsize=9)
     return made
 
 
-def normalise_figure(result: Row) -> Figure:
+def normalise_figure(result: Functions) -> Figure:
     """ns per vector against the bytes of the arrays: where the lines meet, memory is measured."""
     made = Figure(figsize=(9.5, 5.2), layout="constrained")
     axes = made.subplots()
@@ -142,14 +141,14 @@ def normalise_figure(result: Row) -> Figure:
         "Normalising vectors: time of each against the size of the arrays", x=0.01, ha="left", fontsize=12
     )
     widths = {isa: i for i, isa in enumerate(SIZES)}
-    lines: dict[tuple[str, str, str], list[Row]] = {}
-    for row in result["normalise"]:
-        lines.setdefault((row["isa"], row["name"], row["layout"]), []).append(row)
+    lines: dict[tuple[str, str, str], list[Normalise]] = {}
+    for row in result.normalise:
+        lines.setdefault((row.isa, row.name, row.layout), []).append(row)
     for (isa, name, layout), rows in lines.items():
         bare = name == "no arithmetic"
         axes.plot(
-            [r["bytes"] / 1e6 for r in rows],
-            [r["ns"]["value"] for r in rows],
+            [r.bytes / 1e6 for r in rows],
+            [r.ns.value for r in rows],
             color=COLOURS[widths[isa]],
             marker="" if bare else MARKERS[widths[isa]],
             markerfacecolor="white" if name == "1/sqrt" and isa != "scalar" else None,
@@ -171,37 +170,37 @@ ABOUT = {
 }
 
 
-def note(result: Row, time: str = "stream_ns") -> str:
-    cpu = machine.name(result.get("context"))
+def note(result: Functions, time: str = "stream_ns") -> str:
+    cpu = machine.name(cli.plain(result.context))
     how = (
         "a quick run, one float in thousands: the largest errors are lower bounds"
-        if result["quick"]
+        if result.quick
         else "floats of one argument exhaustively; others by stratified samples (lower bounds)"
     )
     return (
-        f"{cpu}; median of {result['rounds']} interleaved rounds on one thread, arrays in the L1 cache. "
+        f"{cpu}; median of {result.rounds} interleaved rounds on one thread, arrays in the L1 cache. "
         f"Errors: {how}. Doubles against MPFR. {ABOUT[time]}"
     )
 
 
-def normalise_note(result: Row) -> str:
-    article = result["article"]
-    largest = max(r["vectors"] for r in result["normalise"])
-    ours = [r for r in result["normalise"] if r["vectors"] == largest and r["name"].endswith("+ 1")]
+def normalise_note(result: Functions) -> str:
+    article = result.article
+    largest = max(r.vectors for r in result.normalise)
+    ours = [r for r in result.normalise if r.vectors == largest and r.name.endswith("+ 1")]
     named = "; ".join(
-        f"{r['isa']} {r['speedup']['value']:.3g}× (loads and stores alone take "
-        f"{show.percent(r['share_of_memory'])} of its time)"
+        f"{r.isa} {r.speedup.value:.3g}× (loads and stores alone take "
+        f"{show.percent(r.share_of_memory)} of its time)"
         for r in ours
     )
     return (
-        f"The article: {article['scalar_ms']} ms against {article['sse_ms']} ms, {article['speedup']}×, for "
-        f"{article['vectors']:,} equal vectors on a {article['cpu']}. Here, {largest:,} random ones, "
+        f"The article: {article.scalar_ms:g} ms against {article.sse_ms:g} ms, {article.speedup}×, for "
+        f"{article.vectors:,} equal vectors on a {article.cpu}. Here, {largest:,} random ones, "
         f"scalar AoS over reciprocal root + 1 Newton step: {named}. Dotted: the same loads and stores "
         "without arithmetic; where a line lies on it, memory is what was measured."
     )
 
 
-def drawings(result: Row) -> dict[str, Drawing]:
+def drawings(result: Functions) -> dict[str, Drawing]:
     """Name → figure, of throughput and of latency in each precision, and of normalisation."""
     made = {}
     for time, word in (("stream_ns", ""), ("latency_ns", "-latency")):
@@ -209,17 +208,8 @@ def drawings(result: Row) -> dict[str, Drawing]:
             about = f"{precision.capitalize()}s: {TIMES[time]}, against the largest error"
             draw = partial(figure, result, precision, time)
             made[f"functions-{precision}{word}"] = Drawing(about, note(result, time), draw)
-    if result["normalise"]:
+    if result.normalise:
         about = "Normalising vectors, from the first cache to memory"
         draw = partial(normalise_figure, result)
         made["normalise"] = Drawing(about, normalise_note(result), draw)
     return made
-
-
-def save_all(result: Row, folder: Path) -> list[Path]:
-    """Every figure as SVG and PNG."""
-    return [
-        file
-        for name, drawing in drawings(result).items()
-        for file in save(drawing.make(), folder / name, drawing.note)
-    ]

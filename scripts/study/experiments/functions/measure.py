@@ -10,27 +10,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-import os
-from collections.abc import Sequence
-from pathlib import Path
+from collections import Counter
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 
-from study.core import machine, run
-from study.core.build import build
-from study.core.cli import CANNOT_RUN, StudyError
-from study.core.host import child
-from study.experiments.functions import edges as functions_edges
-from study.experiments.functions.schema import Functions
-from study.numbers import stats
+from study.experiments.functions import edges
+from study.experiments.functions.schema import Entry, Table, Target
+from study.measuring.function_bench import ARTICLE, bench, median, normalise
+from study.numbers.schema import Range
 
-FILE = "functions.json"
 FUNCTIONS = ("sqrt", "rsqrt", "exp", "log", "pow", "sin", "cos", "atan2", "acos")
 ROUNDS, QUICK_ROUNDS = 25, 7
 NORMALISE_ROUNDS = 11
-VECTORS, QUICK_VECTORS = 20_000_000, 16_384
+QUICK_VECTORS = 16_384
 TABLES = {  # instruction: instruction set, precision
     "rsqrtss": ("scalar", "float"),
     "rsqrtps": ("SSE", "float"),
@@ -38,116 +33,57 @@ TABLES = {  # instruction: instruction set, precision
     "vrsqrt14ps": ("AVX-512", "float"),
     "vrsqrt14pd": ("AVX-512", "double"),
 }
-ARTICLE = {
-    "cpu": "Core 2 Duo, 1.6 GHz",
-    "vectors": VECTORS,
-    "scalar_ms": 3156,
-    "sse_ms": 172,
-    "speedup": 18.35,
-    "source": 'J. Bikker, "Architecture of a Real-Time Ray-Tracer" (NHTV Breda)',
-}
 WITHOUT_MPFR = "MPFR's header (libmpfr-dev) is not installed: no errors of the double entries"
-Row = dict[str, Any]
 
 
-def program() -> Path:
-    return build("functions", "bench")
-
-
-def bench(*arguments: str, cpu: int | None = None, data: bytes | None = None) -> bytes:
-    """Standard output of build/functions/bench, pinned to `cpu`. StudyError with what it said."""
-    pin = run.cpu_set(cpu, 1)
-    done = child.run(
-        [program(), *arguments],
-        input=data,
-        capture_output=True,
-        preexec_fn=(lambda: os.sched_setaffinity(0, pin)) if pin else None,
-    )
-    if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        raise StudyError(said[-1] if said else f"bench: exit status {done.returncode}", CANNOT_RUN)
-    return done.stdout
-
-
-def entries() -> tuple[list[Row], bool]:
-    """All entries with their `missing`, and whether there is MPFR."""
+def entries() -> tuple[list[Entry], list[Target], bool]:
+    """All entries with their `missing`, what each function is tried on, and whether there is MPFR."""
     found = json.loads(bench("list"))
-    return found["entries"], found["mpfr"]
+    targets = msgspec.convert(found["targets"], list[Target])
+    return msgspec.convert(found["entries"], list[Entry]), targets, found["mpfr"]
 
 
-def targets() -> list[Row]:
-    """What each function is tried and timed on."""
-    return json.loads(bench("list"))["targets"]
-
-
-def evaluate(entry: Row, a: np.ndarray, b: np.ndarray | None = None) -> np.ndarray:
+def evaluate(entry: Entry, a: np.ndarray, b: np.ndarray | None = None) -> np.ndarray:
     """Results of one entry; `a`, `b` in its format, a multiple of 16 long."""
-    kind = functions_edges.TYPES[entry["precision"]]
-    data = np.ascontiguousarray(a, kind).tobytes() + (
-        b"" if b is None else np.ascontiguousarray(b, kind).tobytes()
-    )
-    return np.frombuffer(bench("evaluate", "--id", str(entry["id"]), data=data), kind)
+    kind = edges.TYPES[entry.precision]
+    data = b"".join(np.ascontiguousarray(x, kind).tobytes() for x in (a, b) if x is not None)
+    return np.frombuffer(bench("evaluate", "--id", str(entry.id), data=data), kind)
 
 
-def _interval(values: Sequence[float]) -> Row:
-    found = stats.median_interval(values)
-    return {"value": found.value, "low": found.low, "high": found.high}
-
-
-def add_errors(rows: list[Row], quick: bool, threads: int, seed: int) -> None:
+def add_errors(rows: Sequence[Entry], quick: bool, threads: int, seed: int) -> None:
     """count, max_ulp, rms_ulp, worst_a, worst_b, non_finite to each entry that was tried."""
     flags = ["--quick"] * quick
     found = json.loads(bench("errors", *flags, "--threads", str(threads), "--seed", str(seed)))
     for row, errors in zip(rows, found["entries"], strict=True):
-        row |= {key: value for key, value in errors.items() if errors["count"]}
+        for name, value in errors.items() if errors["count"] else ():
+            setattr(row, name, value)
 
 
-def add_times(rows: list[Row], rounds: int, seed: int, cpu: int | None) -> Row:
-    """stream and latency (ns), stream_cycles and latency_cycles (core cycles): medians with intervals.
+def add_times(rows: Sequence[Entry], rounds: int, seed: int, cpu: int | None) -> dict[str, Range]:
+    """Stream and latency (ns and core cycles): medians with intervals. Returns the core's clocks.
 
-    Stream figures are per element, latencies per call (of a whole vector). Returns the core's clocks.
+    Stream figures are per element, latencies per call (of a whole vector).
     """
     found = json.loads(bench("times", "--rounds", str(rounds), "--seed", str(seed), cpu=cpu))
     clocks = {int(k.rpartition("_")[2]): np.array(v) for k, v in found.items() if k != "entries"}
-    taken = {row["id"]: found["entries"][row["id"]] for row in rows if not row["missing"]}
-    link = {
-        (row["isa"], row["precision"]): np.array(taken[row["id"]]["chain_ns"])
-        for row in rows
-        if row["function"] == "link" and row["id"] in taken
-    }
+    taken = {row.id: found["entries"][row.id] for row in rows if not row.missing}
+    chains = {row.id: np.array(one["chain_ns"]) for row in rows if (one := taken.get(row.id))}
+    links = [row for row in rows if row.function == "link" and row.id in chains]
+    link = {(row.isa, row.precision): chains[row.id] for row in links}
     for row in rows:
-        if row["id"] not in taken or row["function"] == "link":
+        if row.id not in taken or row.function == "link":
             continue
-        hz = clocks[0 if row["isa"] == "scalar" else row["bits"]]
-        stream = np.array(taken[row["id"]]["stream_ns"])
-        latency = np.array(taken[row["id"]]["chain_ns"]) - link[row["isa"], row["precision"]]
-        for name, values in (("stream", stream), ("latency", latency)):
-            row[f"{name}_ns"] = _interval(values)
-            # of a width the CPU's clock was not seen under, there is none
-            row[f"{name}_cycles"] = _interval(values * hz * 1e-9) if (hz > 0).all() else None
-    return {f"core_hz_{bits}": _interval(values) for bits, values in clocks.items()}
+        hz = clocks[0 if row.isa == "scalar" else row.bits]
+        seen = bool((hz > 0).all())  # of a width the CPU's clock was not seen under, there are no cycles
+        stream = np.array(taken[row.id]["stream_ns"])
+        latency = chains[row.id] - link[row.isa, row.precision]
+        row.stream_ns, row.latency_ns = median(stream), median(latency)
+        row.stream_cycles = median(stream * hz * 1e-9) if seen else None
+        row.latency_cycles = median(latency * hz * 1e-9) if seen else None
+    return {f"core_hz_{bits}": median(values) for bits, values in clocks.items()}
 
 
-def normalise(vectors: int, rounds: int, seed: int, cpu: int | None) -> list[Row]:
-    """P2's benchmark: ns per vector and bandwidth per size, kernel and width, over sizes up to `vectors`."""
-    flags = ["--vectors", str(vectors), "--rounds", str(rounds), "--seed", str(seed)]
-    rows = json.loads(bench("normalise", *flags, cpu=cpu))["rows"]
-    scalar = {r["vectors"]: r["ns"] for r in rows if (r["isa"], r["layout"]) == ("scalar", "AoS")}
-    floor = {(r["vectors"], r["isa"]): r["ns"] for r in rows if r["name"] == "no arithmetic"}
-    for row in rows:
-        size, taken = row["vectors"], row["ns"]
-        ratio = stats.ratio_interval(scalar[size], taken)
-        row["speedup"] = {"value": ratio.value, "low": ratio.low, "high": ratio.high}
-        bound = floor.get((size, row["isa"]))
-        # 1: as fast as loading and storing alone
-        row["share_of_memory"] = float(np.median(bound) / np.median(taken)) if bound else None
-        row["bytes"] = 12 * size
-        row["ns"] = _interval(taken)
-        row["gb_per_s"] = 24 / row["ns"]["value"]  # 12 bytes in, 12 out
-    return rows
-
-
-def rsqrt_tables(rows: Sequence[Row]) -> list[Row]:
+def rsqrt_tables(rows: Sequence[Entry]) -> list[Table]:
     """SHA-256 of each instruction's results for all 2²⁴ floats in [1, 4), little-endian, in order.
 
     That of doubles gets the same arguments, as doubles. Whose CPU it was is the file's `context`.
@@ -155,66 +91,64 @@ def rsqrt_tables(rows: Sequence[Row]) -> list[Row]:
     bits = np.arange(1 << 24, dtype=np.uint32) + np.uint32(0x3F800000)
     arguments = bits.view(np.float32)
     exact = 1 / np.sqrt(arguments.astype(np.float64))
+    known = {(row.name, row.isa, *row.kind): row for row in rows}
     found = []
     for instruction, (isa, precision) in TABLES.items():
-        name = f"{instruction.removeprefix('v')} + 0"
-        wanted = (name, isa, "rsqrt", precision)
-        entry = next(
-            (r for r in rows if (r["name"], r["isa"], r["function"], r["precision"]) == wanted), None
-        )
-        row: Row = {"instruction": instruction, "isa": isa, "precision": precision}
-        if entry is None or entry["missing"]:
-            found.append(row | {"missing": (entry or {}).get("missing") or "no such entry"})
+        entry = known.get((f"{instruction.removeprefix('v')} + 0", isa, "rsqrt", precision))
+        table = Table(instruction=instruction, isa=isa, precision=precision)
+        found.append(table)
+        if entry is None or entry.missing:
+            table.missing = entry.missing if entry else "no such entry"
             continue
         values = evaluate(entry, arguments)
-        error = float(np.max(np.abs(values.astype(np.float64) / exact - 1)))
-        found.append(row | {"sha256": hashlib.sha256(values).hexdigest(), "max_relative_error": error})
+        table.sha256 = hashlib.sha256(values).hexdigest()
+        table.max_relative_error = float(np.max(np.abs(values.astype(np.float64) / exact - 1)))
     return found
 
 
-def add_edges(rows: list[Row]) -> None:
-    """`edges` to each entry that runs: argument, value, exact, right."""
+def add_edges(rows: Sequence[Entry]) -> None:
+    """`edges` to each entry that runs."""
     for row in rows:
-        if not row["missing"] and row["function"] in FUNCTIONS:
-            row["edges"] = functions_edges.judge(
-                row["function"], row["precision"], lambda a, b, row=row: evaluate(row, a, b)
-            )
+        if not row.missing and row.function in FUNCTIONS:
+            row.edges = edges.judge(*row.kind, lambda a, b, row=row: evaluate(row, a, b))
 
 
-def on_front(row: Row, rows: Sequence[Row], time: str = "stream_ns") -> bool:
+def on_front(row: Entry, rows: Sequence[Entry], time: str = "stream_ns") -> bool:
     """Whether none of `rows`, all of its function and precision, is as fast and exact, and better in one."""
-    mine = (row[time]["value"], row["max_ulp"])
-    others = ((r[time]["value"], r["max_ulp"]) for r in rows)
+    mine = (row.ns(time), row.ulp)
+    others = ((r.ns(time), r.ulp) for r in rows)
     return not any(a <= mine[0] and b <= mine[1] and (a, b) != mine for a, b in others)
 
 
-def mark_front(rows: Sequence[Row]) -> None:
+def mark_front(rows: Sequence[Entry]) -> None:
     """`front` to each entry with a time and an error: whether it is on the front of throughput."""
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        if row.get("max_ulp") is not None and "stream_ns" in row:
-            groups.setdefault((row["function"], row["precision"]), []).append(row)
-    for group in groups.values():
-        for row in group:
-            row["front"] = on_front(row, group)
+    able = [row for row in rows if row.max_ulp is not None and row.stream_ns]
+    for row in able:
+        row.front = on_front(row, [one for one in able if one.kind == row.kind])
 
 
-def without(rows: Sequence[Row], mpfr: bool) -> list[str]:
+def without(rows: Sequence[Entry], mpfr: bool) -> list[str]:
     """One sentence for each thing that is not here and what it would add."""
-    counts: dict[tuple[str, str], int] = {}
-    for row in rows:
-        if row["missing"]:
-            which = row["family"] if row["missing"].startswith(("lib", "this")) else row["isa"]
-            counts[which, row["missing"]] = counts.get((which, row["missing"]), 0) + 1
+    lacking = [row for row in rows if row.missing]
+    counts = Counter(
+        (row.family if str(row.missing).startswith(("lib", "this")) else row.isa, row.missing)
+        for row in lacking
+    )
     said = [f"{which}: {why}; {count} entries are left out" for (which, why), count in counts.items()]
     return said + ([] if mpfr else [WITHOUT_MPFR])
 
 
 def study(
-    quick: bool, rounds: int, vectors: int, threads: int, seed: int, cpu: int | None, say=lambda text: None
-) -> Row:
-    """Everything functions.json has."""
-    rows, mpfr = entries()
+    quick: bool,
+    rounds: int,
+    vectors: int,
+    threads: int,
+    seed: int,
+    cpu: int | None,
+    say: Callable[[str], None],
+) -> dict[str, Any]:
+    """What functions.json has, by its keys, but for the context."""
+    rows, targets, mpfr = entries()
     lacking = without(rows, mpfr)
     for sentence in lacking:
         say(sentence)
@@ -225,38 +159,25 @@ def study(
     tables = rsqrt_tables(rows)
     say("times …")
     clocks = add_times(rows, rounds, seed, cpu)
-    vectors_rows = normalise(vectors, min(rounds, NORMALISE_ROUNDS), seed, cpu)
+    normalised = normalise(vectors, min(rounds, NORMALISE_ROUNDS), seed, cpu)
     mark_front(rows)
     settings = {"quick": quick, "rounds": rounds, "vectors": vectors, "threads": threads, "seed": seed}
     return {
-        "schema": 1,
         **settings,
-        "context": machine.context(),
         "clocks": clocks,
-        "targets": targets(),
-        "entries": [r for r in rows if r["function"] != "link"],
-        "normalise": vectors_rows,
+        "targets": targets,
+        "entries": [row for row in rows if row.function != "link"],
+        "normalise": normalised,
         "article": ARTICLE,
         "rsqrt_tables": tables,
         "without": lacking,
     }
 
 
-def read(folder: Path) -> Row:
-    """functions.json of a folder. StudyError if it is none, or of another schema."""
-    path = Path(folder) / FILE
-    return Functions.read(path)
-
-
-def wrong(rows: Sequence[Row]) -> list[str]:
+def wrong(rows: Sequence[Entry]) -> list[str]:
     """What no implementation may do: give no number within its range."""
     return [
-        f"{r['function']} ({r['precision']}), {r['name']}, {r['isa']}: {r['non_finite']} results not finite"
+        f"{r.function} ({r.precision}), {r.name}, {r.isa}: {r.non_finite} results not finite"
         for r in rows
-        if r.get("non_finite")
+        if r.non_finite
     ]
-
-
-def level(row: Row) -> float:
-    """Largest error in ulp; infinite where a result was not finite."""
-    return math.inf if row.get("max_ulp") is None else row["max_ulp"]

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, Record, key
+import msgspec
+
+from study.core.schema import Record, key
+from study.measuring.function_bench import Article, Normalise
 from study.numbers.schema import Measured, Range
 
 
@@ -20,37 +24,49 @@ class Edge(Record, kw_only=True):
 class Entry(Record, kw_only=True):
     """One function, precision, implementation and instruction set."""
 
-    id: Annotated[int | Absent, key("", "number in the program")] = ABSENT
+    id: Annotated[int, key("", "number in the program")] = 0
     function: Annotated[str, key("", "rsqrt, exp, sin …")]
     family: Annotated[str, key("", "how it is made: libm, instruction, polynomial …")]
     name: Annotated[str, key("", "of the implementation")]
     isa: Annotated[str, key("", "instruction set")]
     bits: Annotated[int, key("bits", "of the register")]
     precision: Annotated[str, key("", "float or double")]
-    arguments: Annotated[int | Absent, key("", "1 or 2")] = ABSENT
-    missing: Annotated[str | Absent | None, key("", "why it did not run; else null")] = ABSENT
-    count: Annotated[int | Absent, key("", "arguments tried")] = ABSENT
-    non_finite: Annotated[int | Absent, key("results", "not finite within its range")] = ABSENT
+    arguments: Annotated[int, key("", "1 or 2")] = 1
+    missing: Annotated[str | None, key("", "why it did not run; else null")] = None
+    count: Annotated[int, key("", "arguments tried")] = 0
+    non_finite: Annotated[int, key("results", "not finite within its range")] = 0
     max_ulp: Annotated[
-        float | Absent | None, key("ulp of the exact value", "largest error; of samples a lower bound")
-    ] = ABSENT
-    rms_ulp: Annotated[float | Absent | None, key("ulp of the exact value", "root mean square error")] = (
-        ABSENT
-    )
-    worst_a: Annotated[float | Absent | None, key("", "argument of the largest error")] = ABSENT
-    worst_b: Annotated[float | Absent | None, key("", "the second argument there")] = ABSENT
-    edges: Annotated[list[Edge] | Absent, key("", "values at the edges")] = ABSENT
-    stream_ns: Annotated[
-        Range | Absent | None, key("ns", "per element, independent ones; median over rounds")
-    ] = ABSENT
-    stream_cycles: Annotated[Range | Absent | None, key("core cycles", "the same")] = ABSENT
-    latency_ns: Annotated[Range | Absent | None, key("ns", "per call in a chain, less the chain's own")] = (
-        ABSENT
-    )
-    latency_cycles: Annotated[Range | Absent | None, key("core cycles", "the same")] = ABSENT
-    front: Annotated[
-        bool | Absent | None, key("", "whether none is faster at a smaller error (throughput)")
-    ] = ABSENT
+        float | None, key("ulp of the exact value", "largest error; of samples a lower bound")
+    ] = None
+    rms_ulp: Annotated[float | None, key("ulp of the exact value", "root mean square error")] = None
+    worst_a: Annotated[float | None, key("", "argument of the largest error")] = None
+    worst_b: Annotated[float | None, key("", "the second argument there")] = None
+    edges: Annotated[list[Edge], key("", "values at the edges")] = msgspec.field(default_factory=list)
+    stream_ns: Annotated[Range | None, key("ns", "per element, independent ones; median over rounds")] = None
+    stream_cycles: Annotated[Range | None, key("core cycles", "the same")] = None
+    latency_ns: Annotated[Range | None, key("ns", "per call in a chain, less the chain's own")] = None
+    latency_cycles: Annotated[Range | None, key("core cycles", "the same")] = None
+    front: Annotated[bool, key("", "whether none is faster at a smaller error (throughput)")] = False
+
+    @property
+    def kind(self) -> tuple[str, str]:
+        return self.function, self.precision
+
+    def ns(self, time: str) -> float:
+        """Of `stream_ns` or `latency_ns`; NaN where there is none. A latency that the noise of the chain's
+        own cost leaves at nothing is none."""
+        found = getattr(self, time)
+        return found.value if found and found.value and found.value > 0 else math.nan
+
+    @property
+    def ulp(self) -> float:
+        """Largest error; NaN where none was measured."""
+        return math.nan if self.max_ulp is None else self.max_ulp
+
+    @property
+    def agrees(self) -> bool:
+        """Whether all values at the edges are right."""
+        return all(edge.right for edge in self.edges)
 
 
 class Segment(Record, kw_only=True):
@@ -73,43 +89,15 @@ class Target(Record, kw_only=True):
     """A function, and where its errors are measured."""
 
     function: Annotated[str, key("", "its name")]
-    float_segments: Annotated[list[Segment] | Absent, key("", "all floats that are tried")] = ABSENT
-    float_a: Annotated[Arguments | Absent, key("", "first argument, floats by samples")] = ABSENT
-    float_b: Annotated[Arguments | Absent, key("", "second argument")] = ABSENT
-    double_a: Annotated[Arguments | Absent, key("", "first argument, doubles")] = ABSENT
-    double_b: Annotated[Arguments | Absent, key("", "second argument")] = ABSENT
-    timed_a: Annotated[Arguments | Absent, key("", "first argument, where it is timed")] = ABSENT
-    timed_b: Annotated[Arguments | Absent, key("", "second argument")] = ABSENT
-
-
-class Normalise(Record, kw_only=True):
-    """One way to normalise vectors."""
-
-    vectors: Annotated[int, key("vectors", "normalised")]
-    isa: Annotated[str, key("", "instruction set")]
-    bits: Annotated[int | Absent, key("bits", "of the register")] = ABSENT
-    name: Annotated[str, key("", "of the kernel")]
-    layout: Annotated[str, key("", "AoS or SoA")]
-    max_ulp: Annotated[float | Absent | None, key("ulp", "largest error")] = ABSENT
-    rms_ulp: Annotated[float | Absent | None, key("ulp", "root mean square error")] = ABSENT
-    ns: Annotated[Range, key("ns", "per vector")]
-    speedup: Annotated[Range, key("×", "over scalar triples")]
-    share_of_memory: Annotated[
-        float | Absent | None, key("share", "time of the same loads and stores alone over its own")
-    ] = ABSENT
-    bytes: Annotated[int | Absent, key("bytes", "moved")] = ABSENT
-    gb_per_s: Annotated[float | Absent, key("GB/s", "moved")] = ABSENT
-
-
-class Article(Record, kw_only=True):
-    """The article's figures beside it."""
-
-    cpu: Annotated[str, key("", "its machine")]
-    vectors: Annotated[int, key("vectors", "normalised")]
-    scalar_ms: Annotated[float, key("ms", "scalar code")]
-    sse_ms: Annotated[float, key("ms", "SSE code")]
-    speedup: Annotated[float, key("×", "of the two")]
-    source: Annotated[str | Absent, key("", "the article")] = ABSENT
+    float_segments: Annotated[list[Segment], key("", "all floats that are tried")] = msgspec.field(
+        default_factory=list
+    )
+    float_a: Annotated[Arguments | None, key("", "first argument, floats by samples")] = None
+    float_b: Annotated[Arguments | None, key("", "second argument")] = None
+    double_a: Annotated[Arguments | None, key("", "first argument, doubles")] = None
+    double_b: Annotated[Arguments | None, key("", "second argument")] = None
+    timed_a: Annotated[Arguments | None, key("", "first argument, where it is timed")] = None
+    timed_b: Annotated[Arguments | None, key("", "second argument")] = None
 
 
 class Table(Record, kw_only=True):
@@ -118,8 +106,9 @@ class Table(Record, kw_only=True):
     instruction: Annotated[str, key("", "its name")]
     isa: Annotated[str, key("", "instruction set")]
     precision: Annotated[str, key("", "float or double")]
-    sha256: Annotated[str, key("", "of all results")]
-    max_relative_error: Annotated[float, key("", "largest relative error")]
+    sha256: Annotated[str | None, key("", "of all results")] = None
+    max_relative_error: Annotated[float | None, key("", "largest relative error")] = None
+    missing: Annotated[str | None, key("", "why there are none; else null")] = None
 
 
 class Functions(Measured, kw_only=True):
@@ -130,17 +119,26 @@ class Functions(Measured, kw_only=True):
     """
 
     made_by: ClassVar[str] = "functions"
-    quick: Annotated[bool | Absent, key("", "samples alone: every maximum is a lower bound")] = ABSENT
-    rounds: Annotated[int | Absent, key("rounds", "timed")] = ABSENT
-    vectors: Annotated[int | Absent, key("vectors", "of the timed arrays")] = ABSENT
-    threads: Annotated[int | Absent, key("threads", "that tried arguments")] = ABSENT
-    clocks: Annotated[dict[str, Range] | Absent, key("Hz", "core clock by bits of the register")] = ABSENT
-    targets: Annotated[list[Target] | Absent, key("", "functions and where errors are measured")] = ABSENT
+    quick: Annotated[bool, key("", "samples alone: every maximum is a lower bound")] = False
+    rounds: Annotated[int | None, key("rounds", "timed")] = None
+    vectors: Annotated[int | None, key("vectors", "of the timed arrays")] = None
+    threads: Annotated[int | None, key("threads", "that tried arguments")] = None
+    clocks: Annotated[dict[str, Range], key("Hz", "core clock by bits of the register")] = msgspec.field(
+        default_factory=dict
+    )
+    targets: Annotated[list[Target], key("", "functions and where errors are measured")] = msgspec.field(
+        default_factory=list
+    )
     entries: Annotated[list[Entry], key("", "implementations", min_length=1)]
-    normalise: Annotated[list[Normalise] | Absent, key("", "vectors normalised")] = ABSENT
-    article: Annotated[Article | Absent, key("", "figures beside it")] = ABSENT
-    rsqrt_tables: Annotated[list[Table] | Absent, key("", "what this CPU's approximate roots give")] = ABSENT
-    without: Annotated[list[str] | Absent, key("", "libraries that are not here")] = ABSENT
+    normalise: Annotated[list[Normalise], key("", "vectors normalised")] = msgspec.field(default_factory=list)
+    article: Annotated[Article | None, key("", "figures beside it")] = None
+    rsqrt_tables: Annotated[list[Table], key("", "what this CPU's approximate roots give")] = msgspec.field(
+        default_factory=list
+    )
+    without: Annotated[list[str], key("", "libraries that are not here")] = msgspec.field(
+        default_factory=list
+    )
 
 
-SCHEMAS = {"functions.json": Functions}
+FILE = "functions.json"
+SCHEMAS = {FILE: Functions}

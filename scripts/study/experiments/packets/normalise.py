@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import os
-
 import msgspec
 from msgspec.structs import asdict
 
 from study.core import run, show
-from study.core.build import build
-from study.core.cli import CANNOT_RUN, StudyError
-from study.core.host import child
 from study.experiments.packets.schema import Article, Normalise, Packets
 from study.experiments.section import Claim
-from study.measuring import hit_tables, launches
+from study.measuring import function_bench, hit_tables, launches
 
 ARTICLE = Article(scalar_ms=3156, sse_ms=172, speed_up=18.35, cpu="Core 2 Duo, 1.6 GHz")
-VECTORS = 20_000_000  # the article's
+VECTORS = function_bench.VECTORS  # the article's
 ROUNDS = 6  # the fewest that have an interval
 SCALAR, SSE = ("scalar", "AoS", "1/sqrt"), ("SSE", "SoA", "rsqrtps + 1")  # one Newton step
 
@@ -36,15 +31,8 @@ def measured(vectors: int, seed: int) -> list[Normalise]:
     """ms to normalise so many vectors of three floats, error in ulp, and how many times as fast as scalar
     code that is. Raises StudyError."""
     words = ["normalise", "--vectors", vectors, "--rounds", ROUNDS, "--seed", seed]
-    cpus = run.cpu_set(run.FASTEST, 1) or set(run.USABLE)
-    done = child.run(
-        [str(word) for word in (build("functions", "bench"), *words)],
-        capture_output=True,
-        preexec_fn=lambda: os.sched_setaffinity(0, cpus),
-    )
-    if done.returncode:
-        raise StudyError(done.stderr.decode(errors="replace").strip(), CANNOT_RUN)
-    rows = msgspec.json.decode(done.stdout, type=dict[str, list[Kernel]])["rows"]
+    said = function_bench.bench(*map(str, words), cpu=run.FASTEST)
+    rows = msgspec.json.decode(said, type=dict[str, list[Kernel]])["rows"]
     largest = [row for row in rows if row.vectors == max(one.vectors for one in rows)]
     scalar = next(row.ns for row in largest if (row.isa, row.layout) == SCALAR[:2])
     found = []
