@@ -63,7 +63,6 @@ def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
     assert "it is marched" in chapter.parts[1].markdown
     (drawing,) = chapter.drawn.values()
     assert "gcc 12" in drawing.note and drawing.make().axes
-    assert "1,800" in tables.sentence(row(), "opt9_convex")
 
 
 def test_frames_needed_are_said() -> None:

@@ -47,7 +47,7 @@ def test_intervals_have_their_ends_the_right_way_round() -> None:
     assert row.ms_low < row.ms < row.ms_high
     assert row.program_low < row.program < row.program_high
     few = lattice.row(lattice.Point("opt4", SIZE, 1), [10], ERRORS)
-    assert few.ms_low is None and "insufficient" in tables.sentence(few)
+    assert few.ms_low is None and few.ms == 10
 
 
 def test_tables_are_made_from_the_file_alone(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from study.core.registry import Scene, Spec
 from study.experiments.peers import measure, peer, shader, tables
 from study.experiments.peers.measure import Measuring, Point
 from study.experiments.peers.peer import Drawn, Job, Peer
-from study.experiments.peers.programs import drjit, embree, fidget, povray
+from study.experiments.peers.programs import drjit, embree, povray
 from study.numbers.beside import PEERS, PLAIN, Peers, Program
 from study.numbers.schema import Skipped
 from study.truth import truth
@@ -112,57 +112,6 @@ def test_embrees_hits_are_shaded_as_the_format_has_it(tmp_path: Path) -> None:
     assert seen[0] == pytest.approx([2.105 * fog, 0.6 * fog, 3.61 * fog]) and list(seen[1]) == [0.25, 0, 0]
 
 
-def test_fidgets_solids_are_below_zero_inside() -> None:
-    """Points just inside and just outside of each solid, on an axis and off it."""
-    for shape, inside, outside in (
-        ({"type": "sphere", "radius": 2}, [0, 1.99, 0], [0, 2.01, 0]),
-        ({"type": "plane", "normal": [0, 2, 0], "offset": 3}, [9, 1.49, 9], [9, 1.51, 9]),
-        ({"type": "box", "half_size": [1, 2, 3]}, [0.99, -1.99, 2.99], [0.99, -2.01, 2.99]),
-        ({"type": "torus", "major_radius": 3, "minor_radius": 1}, [0, 0, 2.01], [0, 0, 1.99]),
-        ({"type": "octahedron", "radius": 3}, [0.99, -1, 1], [1.01, -1, 1]),
-        (
-            {"type": "cone", "bottom_radius": 2, "top_radius": 1, "half_height": 1},
-            [0, -0.99, 1.98],
-            [0, -0.99, 2.01],
-        ),
-        ({"type": "sphere", "radius": 1, "position": [5, 0, 0]}, [5.99, 0, 0], [6.01, 0, 0]),
-        ({"type": "box", "half_size": [1, 2, 3], "rotation_degrees": [90, 0, 0]}, [0, 2.99, 0], [0, 0, 2.01]),
-    ):
-        found = [fidget.solid(shape, list(map(float, p)), math.sqrt) for p in (inside, outside)]
-        assert found[0] < 0 < found[1], shape
-    with pytest.raises(StudyError, match="gets no mandelbulb"):
-        fidget.solid({"type": "mandelbulb"}, [0, 0, 0], math.sqrt)
-
-
-def test_fidgets_text_says_the_same() -> None:
-    data, known = registry.find_scene("scene0_plain").data, {}
-    p = (1.7, -1.2, 11.5)
-    operations = {
-        **{"add": float.__add__, "sub": float.__sub__, "mul": float.__mul__, "min": min, "max": max},
-        **{"abs": abs, "sqrt": math.sqrt, "const": float},
-    }
-    for name, operation, *operands in map(str.split, fidget.expression(data).splitlines()):
-        values = [known.get(one, one) for one in operands]
-        axis = "xyz".find(operation[-1]) if operation.startswith("var-") else -1
-        known[name] = p[axis] if axis >= 0 else operations[operation](*values)
-    least = min(fidget.solid(shape, list(p), math.sqrt) for shape in data["shapes"])
-    assert known[name] == pytest.approx(least) and least < 0  # inside the cone
-
-
-def test_fidgets_voxels_lie_along_a_pixels_ray() -> None:
-    """The middle of 90 rows, 160 columns; nearest and farthest voxel; and fidget's own map of them undone."""
-    data = registry.find_scene("scene0_plain").data
-    both = [fidget.from_voxels(data, 160, 90) @ [79.5, 44.5, k, 1] for k in (0, fidget.DEPTH)]
-    assert [p[:3] / p[3] for p in both] == [pytest.approx([0, 0, 100]), pytest.approx([0, 0, 10])]
-    corner = fidget.from_voxels(data, 160, 90) @ [-0.5, -0.5, fidget.DEPTH, 1]
-    up = 10 * math.tan(math.radians(15))
-    assert corner[:3] / corner[3] == pytest.approx([-up * 16 / 9, up, 10])
-    world = [(3 - 80) / 45, (7 - 44) / -45, (9 - 512) / 45, 1]
-    assert fidget.from_world(data, 160, 90) @ world == pytest.approx(
-        fidget.from_voxels(data, 160, 90) @ [3, 7, 9, 1]
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "scene"), [(name, scene) for name, one in ALL.items() for scene in one.least_db]
@@ -181,7 +130,7 @@ def test_a_peer_draws_the_scene(name: str, scene: str, tmp_path: Path) -> None:
 def test_what_is_not_there_says_what_it_needs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(peer.shutil, "which", lambda name: None)
     monkeypatch.setattr(peer, "HOME", tmp_path)
-    assert "povray" in (GONE.lacking() or "") and "pyopencl" in (ALL["pocl"].lacking() or "")
+    assert "povray" in (GONE.lacking() or "") and "moderngl" in (ALL["llvmpipe"].lacking() or "")
 
 
 def test_the_newest_llvm_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -203,19 +152,19 @@ def test_the_newest_llvm_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_worker_that_fails_or_says_nothing_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    python = tmp_path / "pocl" / "venv" / "bin" / "python"
+    python = tmp_path / "llvmpipe" / "venv" / "bin" / "python"
     python.parent.mkdir(parents=True)
     monkeypatch.setattr(peer, "HOME", tmp_path)
     scene = registry.find_scene("scene0_plain")
     job = Job(scene, (32, 18), 1, 1, set(run.USABLE), tmp_path)
-    for text, said in (("echo no such module >&2; exit 3", "PoCL: no such module"), ("", "PoCL: ")):
+    for text, said in (("echo no such module >&2; exit 3", "no such module"), ("", "llvmpipe")):
         python.write_text(f"#!/bin/sh\n{text}\n")
         python.chmod(0o755)
         with pytest.raises(StudyError, match=said) as error:
-            ALL["pocl"].draw(job)
+            ALL["llvmpipe"].draw(job)
         assert error.value.exit_status == cli.CANNOT_RUN
     python.write_text('#!/bin/sh\necho "a remark"\necho \'{"ns": [5, 6], "version": "9"}\'\n')
-    assert ALL["pocl"].draw(job) == Drawn([5, 6], "9", None)
+    assert ALL["llvmpipe"].draw(job) == Drawn([5, 6], "9", None)
     task = json.loads((tmp_path / "task.json").read_text())
     assert task["scene"]["march"]["hit_distance"] == 1e-5 and "torus(" in task["source"]
 
@@ -321,6 +270,7 @@ def test_a_run_beside_a_peer_that_is_there(tmp_path: Path, monkeypatch: pytest.M
     made = Peers.load(tmp_path / PEERS)
     assert outcome.ended == cli.OK and cli.plain(outcome.result) == cli.plain(made)
     assert [row.program for row in made.rows].count("Wall") == 1 and made.rows[-1].ms.value == 7
+    assert [row.program for row in made.rows].count("opt1") == len(PLAIN)
     reasons = {one.phase: one.reason for one in made.left_out}
     assert reasons.keys() == {"Gone", "Offline", "Wall"} and reasons["Offline"] == "there is no network"
     monkeypatch.setattr(peer, "find_all", lambda: {"gone": GONE})

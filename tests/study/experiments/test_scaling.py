@@ -18,10 +18,10 @@ from study.core import cli, commands, generated_scenes, registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
-from study.experiments.scaling import command, experiment, figures, laws, memory, tables
+from study.experiments.scaling import command, experiment, figures, laws, tables
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling.measure import First
-from study.experiments.scaling.schema import Memory, Row, Scaling
+from study.experiments.scaling.schema import Row, Scaling
 from study.experiments.scaling.series import Picture, Point, Series, foreseen, series, thread_counts
 from study.numbers.schema import Interval
 from study.pictures.draw import STYLE
@@ -197,11 +197,9 @@ def row(phase: str, x: float, each: float, name: str = "shapes-scattered", **mor
 
 def test_many_shapes_stand_beside_few() -> None:
     rows = [row("a", 16, 100), row("a", 4096, 399), row("c", 16, 9), row("c", 1024, 9), row("d", 16, 1)]
-    about = {"scene": "scene0", "shapes": 6, "threads": 1, "seconds": 1, "peak_rss_mib": 9}
-    told = [Memory(phase="a", above_frame_mib=mib, **about) for mib in (2.0, 63.9, None)]
-    a, c, d = laws.crowds(rows, told, list("acd"))
+    a, c, d = laws.crowds(rows, list("acd"))
     assert a.ratio.value == pytest.approx(3.99) and (a.shapes, c.shapes) == (4096, 1024)
-    assert d.ratio is None and (a.above_frame_mib, d.above_frame_mib) == (63.9, None)
+    assert d.ratio is None is d.shapes
 
 
 def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
@@ -211,31 +209,14 @@ def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
         row("a", 16, 0, "crowd", scenes=80, ns=few * 8),
         row("a", 4096, 0, "crowd", scenes=12, ns=[390.0] * 12),
     ]
-    (a,) = laws.crowds(rows, [], ["a"])
+    (a,) = laws.crowds(rows, ["a"])
     assert a.ratio.value == pytest.approx(3.9) and 3 < a.ratio.low < 3.9 < a.ratio.high < 5
     assert a.scenes == [80, 12] and a.mean_ms == pytest.approx([100e-6, 390e-6])
     assert a.by_medians.value == pytest.approx(6.5)
     # Of one scene each by their medians.
     rows = [row("a", 16, 0, "crowd", ns=few), row("a", 4096, 0, "crowd", ns=[390.0] * 10)]
-    (a,) = laws.crowds(rows, [], ["a"])
+    (a,) = laws.crowds(rows, ["a"])
     assert a.ratio.value == pytest.approx(6.5) and a.scenes == [1, 1] and a.mean_ms is None
-
-
-def test_memory_at_4k_is_foreseen_of_each_scene(monkeypatch, tmp_path: Path) -> None:
-    """By its largest picture; a scene without one is left out, and what takes too long."""
-    bulb = [
-        row("opt9_convex", n, 9, "n-mandelbulb", n=n, scene="mandelbulb", ns_per_pixel=of(ns))
-        for n, ns in ((90, 9.0), (180, 5.0))
-    ]
-    rows = [row("opt9_convex", 90, 1.0, "n-scene0", scene="scene0"), *bulb]
-    assert [memory.pace(rows, "opt9_convex", scene) for scene in memory.SCENES] == [1.0, 5.0, None]
-    drawn: list[str] = []
-    monkeypatch.setattr(memory, "at_4k", lambda spec, about, scene: drawn.append(scene.name))
-    _, left = memory.measure([NEW], rows, 1e9, 1, tmp_path)
-    assert drawn[0] == "scene0" and {*drawn} == {"scene0", "mandelbulb"}
-    assert {one.scene for one in left} == {"scattered"}
-    _, left = memory.measure([NEW], rows, 3e-9 * 3840 * 2160, 1, tmp_path)
-    assert "mandelbulb" in {one.scene for one in left if one.foreseen_s}
 
 
 def test_verdicts_beside_the_papers_law() -> None:
@@ -254,9 +235,9 @@ def test_verdicts_beside_the_papers_law() -> None:
 def result(rows: list[Row]) -> Scaling:
     known = series(90, 1, Path("nowhere"))["shapes-scattered"]
     return Scaling(
-        **{"schema": 1, "n": 90, "launches": 6, "rows": rows, "left_out": [], "memory": []},
+        **{"schema": 1, "n": 90, "launches": 6, "rows": rows, "left_out": []},
         fits=laws.fits(rows, [known]),
-        goals=laws.crowds(rows, [], ["opt4"]),
+        goals=laws.crowds(rows, ["opt4"]),
         axes={known.name: known.axis},
         titles={known.name: known.title},
     )
@@ -310,7 +291,6 @@ def test_labels_keep_apart_and_inside() -> None:
         (["--phase", "opt9x"], "opt9x"),
         (["--phase", "truth"], "truth"),
         (["--cpu", "4096"], "4096"),
-        (["--series", "memory"], "was not timed"),
     ],
 )
 def test_bad_input_is_said(words: list[str], said: str, tmp_path: Path) -> None:

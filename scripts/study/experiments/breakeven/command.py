@@ -54,7 +54,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         left_out=left_out,
     )
     store.write_json(folder / FILE, result)
-    lines = [*(tables.sentence(row, args.against) for row in rows), folder / FILE]
+    lines = [*(part.markdown for part in tables.found(result).parts), folder / FILE]
     bad = [row for row in rows if row.error and row.error.non_finite]
     failed = [f"{row.scene}: {row.error.non_finite} samples not finite" for row in bad if row.error]
     return Outcome(result, lines, folder, [f"left out {r.scene}: {r.reason}" for r in left_out], failed)

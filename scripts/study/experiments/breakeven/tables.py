@@ -36,19 +36,6 @@ def _psnr(row: Row) -> str:
     return row.error.psnr if row.error else show.NOTHING
 
 
-def sentence(row: Row, against: str) -> str:
-    """For a terminal."""
-    head = f"{row.scene}, {row.width}×{row.n}"
-    if not row.generated:
-        return f"{head}: no kernel: {row.reason}"
-    return (
-        f"{head}: {against} {_interval('general_ms')(row)} ms, kernel {_interval('generated_ms')(row)} ms "
-        f"({_interval('gain', '×')(row)}; {_psnr(row)} dB apart); compiling takes {row.compile_s:.2f} s, "
-        f"set-up with the kernel found {row.setup_found_ms:.2f} ms; breaks even after "
-        f"{frames_needed(row)} frames"
-    )
-
-
 def columns(against: str) -> list[Column]:
     return [
         Column("", "scene", lambda r: f"{r.scene}, {r.width}×{r.n}"),

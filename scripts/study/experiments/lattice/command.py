@@ -62,7 +62,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         rows=[lattice.row(point, ms, errors) for point, ms in times.items()],
     )
     store.write_json(folder / lattice.FILE, result)
-    lines = [*map(tables.sentence, result.rows), tables.note(result)]
+    lines = [part.markdown for part in tables.parts(result)]
     bad = [name for name, found in errors.items() if found.non_finite]
     failed = [f"{name} on {lattice.SCENE}: samples that are not finite" for name in bad]
     return Outcome(result, lines, folder, failed=failed)

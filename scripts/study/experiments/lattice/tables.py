@@ -7,8 +7,8 @@ from pathlib import Path
 from study.core import show
 from study.core.show import Column
 from study.experiments.lattice.measure import FILE, SCENE
-from study.experiments.lattice.schema import Lattice, Row
-from study.experiments.section import Claim, System, part
+from study.experiments.lattice.schema import Lattice
+from study.experiments.section import Claim, Part, System, part
 
 COLUMNS = [
     Column("", "phase", lambda r: r.phase),
@@ -21,16 +21,6 @@ COLUMNS = [
     Column("to ground truth", "wrong hits, ppm", show.plain("wrong_ppm")),
     Column("to ground truth", "|Δt| 99 %", show.plain("dt_p99", 2)),
 ]
-
-
-def sentence(row: Row) -> str:
-    """For a terminal."""
-    than = f", {show.times(row.program)} CPU-RTRM's figure of another machine" if row.program else ""
-    return (
-        f"{row.phase} {row.width}×{row.n}, threads {row.threads}: "
-        f"{show.interval(row, 'ms', 3)} ms{than}; {show.number(row.psnr_db)} dB to ground truth, "
-        f"{show.number(row.wrong_ppm)} ppm wrong hits"
-    )
 
 
 def claims(result: Lattice) -> list[Claim]:
@@ -56,9 +46,13 @@ def system(run: Path) -> System | None:
     result = Lattice.load_if_there(run / FILE)
     if result is None or not result.rows:
         return None
-    caption = "CPU-RTRM's scene by every phase of the ladder"
     about = f"CPU-RTRM: its own program and shading, on {result.program.machine}; not measured here."
-    return System(claims(result), part("lattice", caption, result.rows, COLUMNS, note(result)), about)
+    return System(claims(result), parts(result), about)
+
+
+def parts(result: Lattice) -> list[Part]:
+    caption = "CPU-RTRM's scene by every phase of the ladder"
+    return part("lattice", caption, result.rows, COLUMNS, note(result))
 
 
 def note(result: Lattice) -> str:

@@ -16,9 +16,9 @@ from study.numbers.beside import PEERS, Peers, Program
 from study.numbers.schema import Skipped
 
 DESCRIPTION = """\
-Draws scenes without shadows and mirrors by our phases and by other programs: POV-Ray, llvmpipe, PoCL, Dr.Jit,
-Embree and others. A program that is not there is left out by name. --install puts those from PyPI and
-crates.io into build/peers; Debian's packages are named."""
+Draws scenes without shadows and mirrors by our phases and by other programs: POV-Ray, Embree, Dr.Jit, and
+OpenGL on the CPU by Mesa's llvmpipe. A program that is not there is left out by name. --install puts those
+from PyPI into build/peers; Debian's packages are named."""
 STATUSES = {cli.FAILED: "a picture is wrong", cli.CANNOT_RUN: "none of the other programs can run here"}
 
 
@@ -35,7 +35,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     running.height(parser, 180, "height of the pictures that are judged", "--error-n")
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
     add("--cpu", type=int, default=run.FASTEST, help="first CPU to pin to; default: of a fast core")
-    add("--install", action="store_true", help="put what comes from PyPI and crates.io into build/peers")
+    add("--install", action="store_true", help="put what comes from PyPI into build/peers")
     running.options(parser, PEERS, "peers")
 
 
@@ -77,10 +77,11 @@ def measure(args: argparse.Namespace) -> Outcome:
         raise StudyError(f"--threads {max(threads)}: there are {len(run.USABLE)} CPUs")
     scenes = scenes_of(args)
     specs = [Spec.parse(name) for name in dict.fromkeys(args.phase or peers.PHASES)]
+    specs = [spec for spec in specs if registry.cpu_supports(spec)]
     able, out = others(args)
     for one in out:
         cli.say(f"left out: {one.phase}: {one.reason}")
-    points = peers.points(filter(registry.cpu_supports, specs), able, scenes, threads)
+    points = peers.points(specs, able, scenes, threads)
     if not points:
         what = "draws these scenes" if able else "is here; --install gets what it can"
         raise StudyError(f"none of the other programs {what}", cli.CANNOT_RUN)

@@ -14,7 +14,7 @@ from study.core.show import Column
 from study.experiments.section import Found, Section, chapter, part
 from study.numbers.schema import Interval, Measured, PictureErrors
 
-FILE, DRJIT, OWN = "drjit.json", "Dr.Jit", "the scene's own"
+FILE, DRJIT = "drjit.json", "Dr.Jit"
 
 
 class Row(PictureErrors, kw_only=True):
@@ -61,29 +61,13 @@ def published(row: Row) -> str:
     return show.number(row.published_ms if row.program == DRJIT else None)
 
 
-def answer(result: DrJit) -> str:
-    """Of each scene the fastest phase on most threads: how many times as fast as Dr.Jit, both errors."""
-    said = []
-    own = [row for row in result.rows if row.ratio and row.limits == OWN]
-    threads = max((row.threads for row in own), default=0)
-    for theirs in (row for row in result.rows if (row.program, row.threads) == (DRJIT, threads)):
-        mine = [row for row in own if (row.scene, row.threads) == (theirs.scene, threads)]
-        best = max(mine, key=lambda row: row.ratio.ends[0])
-        wrong = [show.decibels(row.to_own.psnr) for row in (best, theirs)]
-        said.append(
-            f"{best.program} is {show.spread(best.ratio, 3, '×')} as fast as Dr.Jit on {best.scene} "
-            f"({wrong[0]} to the reference, Dr.Jit {wrong[1]})"
-        )
-    return f"On {threads} thread{'s' * (threads > 1)}, {'; '.join(said)}." if said else ""
-
-
 def found(result: DrJit) -> Found:
     foot = (
         f"{result.machine}; n = {result.n}, {result.launches} interleaved launches; drjit {result.drjit} on "
         f"{result.llvm}. Compiling is in no time."
     )
     parts = part("drjit", "Our phases and Dr.Jit on the same scenes", result.rows, COLUMNS, foot)
-    return Found(parts, answer(result))
+    return Found(parts)
 
 
 def section(run: Path) -> Section:

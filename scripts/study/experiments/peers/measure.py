@@ -143,7 +143,7 @@ class Measuring:
 
 
 def points(
-    specs: Iterable[Spec], others: Mapping[str, Peer], scenes: Iterable[str], threads: Iterable[int]
+    specs: Sequence[Spec], others: Mapping[str, Peer], scenes: Iterable[str], threads: Sequence[int]
 ) -> list[Point]:
     """On each scene that another program draws, that and our phases."""
     made = []

@@ -1,7 +1,7 @@
 """What a peer is: another program that draws a scene of ours. Each module of programs/ exports one, PEER.
 
-A peer that is not there is left out by name. `--install` puts what comes from PyPI or crates.io into
-build/peers; a Debian package is only named.
+A peer that is not there is left out by name. `--install` puts what comes from PyPI into build/peers; a Debian
+package is only named.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A scene as the text of a kernel in the words that GLSL and OpenCL C share."""
+"""A scene as the text of a shader in GLSL; its camera and its turns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TEXT = Path(__file__).with_name("workers") / "march.h"
 
 
 def number(x: float) -> str:
-    """A float literal of both languages."""
+    """A float literal."""
     return repr(float(x))
 
 
@@ -88,23 +88,14 @@ def source(data: dict[str, Any], width: int, height: int) -> str:
     each = [distance(shape) for shape in data["shapes"]]
     of = [data["materials"][shape["material"]] for shape in data["shapes"]]
     lines = [f"#define {name} {value}" for name, value in values.items()]
-    lines += ["float to_scene(vec3 p) {", "    float least = 1e30;"]
-    lines += [f"    least = min(least, {one});" for one in each]
-    lines += [
-        "    return least;",
-        "}",
-        "int nearest_to(vec3 p) {",
-        "    float least = 1e30, d;",
-        "    int i = 0;",
-    ]
+    lines += ["float to_scene(vec3 p) {", "float least = 1e30;"]
+    lines += [f"least = min(least, {one});" for one in each]
+    lines += ["return least;", "}", "int nearest_to(vec3 p) {", "float least = 1e30, d;", "int i = 0;"]
     for i, one in enumerate(each):
-        lines += [f"    d = {one};", f"    if (d < least) {{ least = d; i = {i}; }}"]
-    lines += ["    return i;", "}"]
-    for kind, name, key, write in (
-        ("vec3", "colour_of", "color", vec3),
-        ("float", "shininess_of", "shininess", number),
-    ):
-        lines += [f"{kind} {name}(int i) {{"]
-        lines += [f"    if (i == {i}) return {write(one[key])};" for i, one in enumerate(of)]
-        lines += [f"    return {write(of[-1][key])};", "}"]
+        lines += [f"d = {one};", f"if (d < least) {{ least = d; i = {i}; }}"]
+    lines += ["return i;", "}", "vec3 colour_of(int i) {"]
+    lines += [f"if (i == {i}) return {vec3(one['color'])};" for i, one in enumerate(of)]
+    lines += ["return vec3(0.0);", "}", "float shininess_of(int i) {"]
+    lines += [f"if (i == {i}) return {number(one['shininess'])};" for i, one in enumerate(of)]
+    lines += ["return 1.0;", "}"]
     return TEXT.read_text(encoding="utf-8").replace("@SCENE", "\n".join(lines))

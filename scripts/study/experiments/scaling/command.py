@@ -1,4 +1,4 @@
-"""How cost grows: time, evaluations and error against n, shapes, steps, bounces and threads; memory at 4K."""
+"""How cost grows: time, evaluations and error against n, shapes, steps, bounces and threads."""
 
 from __future__ import annotations
 
@@ -10,27 +10,25 @@ from study.core import cli, registry, run, store, temporary
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.scaling import figures, laws, memory
+from study.experiments.scaling import figures, laws
 from study.experiments.scaling import measure as scaling
-from study.experiments.scaling.schema import LeftOut, Memory, Row, Scaling
+from study.experiments.scaling.schema import LeftOut, Row, Scaling
 from study.experiments.scaling.series import chosen, series
 from study.numbers import power_laws
 
 DESCRIPTION = """\
 How time grows: each program is timed over picture height, number of shapes, step cap, bounces and threads, in
 interleaved launches. Scenes of many shapes are made to order and cover the same share of the picture. Power
-laws are fitted and set beside the paper's O(K·T·N²). What does not fit the time is left out and named. Also:
-peak memory at 4K."""
+laws are fitted and set beside the paper's O(K·T·N²). What does not fit the time is left out and named."""
 STATUSES = {cli.FAILED: "a picture has samples that are not finite"}
 FILE = "scaling.json"
 SECONDS, FULL_SECONDS = 540.0, 14400.0
 HEIGHT, FULL_HEIGHT = 90, 360
-MEMORY_SHARE = 0.1
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     add, ladder = parser.add_argument, list(registry.ladder())
-    about = "all, or by name or its beginning: n, shapes, shapes-scattered, steps, bounces, threads, memory"
+    about = "all, or by name or its beginning: n, shapes, shapes-scattered, steps, bounces, threads"
     add("--series", nargs="+", metavar="NAME", help=about)
     add("--phase", nargs="+", default=ladder, metavar="PHASE", help="default: the ladder")
     about = f"height where it is not what varies; default: {HEIGHT}"
@@ -68,9 +66,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     specs, left_out = programs(args.phase)
     scenes = registry.ROOT / "build" / "scaling" / "scenes"
     known = series(height, args.scene_seed, scenes)
-    names = args.series or [*known, "memory"]
-    wanted = chosen(known, [name for name in names if name != "memory"])
-    left = seconds * (1 - MEMORY_SHARE if "memory" in names and wanted else 1)
+    wanted = chosen(known, args.series or [*known])
+    left = seconds
     rows: list[Row] = []
     with temporary.folder() as scratch:
         settings = scaling.Settings(args.launches, args.seed, args.cpu, scratch)
@@ -82,11 +79,6 @@ def measure(args: argparse.Namespace) -> Outcome:
             left -= took
             rows, left_out = rows + found, left_out + without
             cli.say(f"{one.name}: {len(found)} points in {took:.0f} s")
-    at_4k: list[Memory] = []
-    if "memory" in names:
-        more = max(left, 0) + MEMORY_SHARE * seconds
-        at_4k, without = memory.measure(specs, rows, more, args.scene_seed, scenes)
-        left_out = left_out + without
     if not rows:
         reasons = "; ".join(dict.fromkeys(one.reason for one in left_out))
         raise StudyError(f"nothing was measured: {reasons}")
@@ -98,8 +90,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         rows=rows,
         left_out=left_out,
         fits=laws.fits(rows, known.values()),
-        memory=at_4k,
-        goals=laws.crowds(rows, at_4k, [str(spec) for spec in specs]),
+        goals=laws.crowds(rows, [str(spec) for spec in specs]),
         axes={one.name: one.axis for one in wanted},
         titles={one.name: one.title for one in wanted},
     )

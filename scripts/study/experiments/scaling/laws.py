@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from study.core import cli
-from study.experiments.scaling.schema import Crowd, Fit, Law, Memory, Row
+from study.experiments.scaling.schema import Crowd, Fit, Law, Row
 from study.experiments.scaling.series import Series
 from study.numbers import power_laws, stats
 from study.numbers.schema import Interval
@@ -67,8 +67,8 @@ def verdict(found: Law, paper: float | None) -> str:
     return "grows slower than the paper's bound" if value < paper else "grows faster than the paper's law"
 
 
-def crowds(rows: Sequence[Row], memory: Sequence[Memory], phases: Sequence[str]) -> list[Crowd]:
-    """4,096 scattered shapes against 16 at equal coverage, and memory at 4K, per program."""
+def crowds(rows: Sequence[Row], phases: Sequence[str]) -> list[Crowd]:
+    """4,096 scattered shapes against 16 at equal coverage, per program."""
     made = []
     for phase in phases:
         own = [row for row in rows if row.phase == phase]
@@ -77,10 +77,7 @@ def crowds(rows: Sequence[Row], memory: Sequence[Memory], phases: Sequence[str])
             mine = {row.x: row for row in own if row.series == SCATTERED}
         most = max(mine, default=0)
         few, many = mine.get(FEW), mine.get(most if most > FEW else MANY)
-        mib = [
-            one.above_frame_mib for one in memory if one.phase == phase and one.above_frame_mib is not None
-        ]
-        crowd = Crowd(phase=phase, above_frame_mib=max(mib, default=None))
+        crowd = Crowd(phase=phase)
         if few and many:
             crowd.n, crowd.shapes, crowd.ratio = many.n, int(most), over(many, few)
             crowd.scenes = [one.scenes or 1 for one in (few, many)]

@@ -104,7 +104,7 @@ class Crowd(Record, kw_only=True):
         Interval | None, key("×", "time of that many shapes over that of 16; of `crowd` where it is there")
     ] = None
     coverage: Annotated[list[float | None] | None, key("share of pixels", "that hit, of both")] = None
-    above_frame_mib: Annotated[float | None, key("MiB", "the most of `memory`")] = None
+    above_frame_mib: Annotated[float | None, key("MiB", "of earlier runs: the most of `memory`")] = None
     scenes: Annotated[list[int] | None, key("scenes", "of `crowd`; null: one of each")] = None
     mean_ms: Annotated[
         list[float] | None, key("ms", "their means; `ratio` is of these, by Welch's interval")
@@ -122,7 +122,7 @@ class Scaling(Measured, kw_only=True):
     rows: Annotated[list[Row], key("", "the points", min_length=1)]
     fits: Annotated[list[Fit], key("", "power laws")]
     left_out: Annotated[list[LeftOut], key("", "points that were not measured")]
-    memory: Annotated[list[Memory], key("", "frames at 3840×2160")]
+    memory: Annotated[list[Memory], key("", "of earlier runs: frames at 3840×2160")] = []
     goals: Annotated[list[Crowd], key("", "growth and memory by phase")]
     axes: Annotated[dict[str, str], key("", "series → what x is, with its unit")]
     titles: Annotated[dict[str, str], key("", "series → in words")]

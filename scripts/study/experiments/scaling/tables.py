@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
 
 from study.core import registry, show
 from study.core.show import Column
@@ -107,34 +106,13 @@ LEFT_OUT = [
 
 
 def parts(result: Scaling) -> list[Part]:
-    made: list[tuple[str, str, Sequence[Any], list[Column], str]] = [
-        ("scaling", f"Exponents of the time of a frame beside {LAW}", result.fits, EXPONENTS, ""),
-        ("scaling-crowds", "Many shapes, and memory", result.goals, CROWDS, ""),
-        ("scaling-memory", "Peak memory at 3840×2160", result.memory, MEMORY, ""),
-        ("scaling-points", "Every point", result.rows, POINTS, ""),
-        ("scaling-left-out", "Points left out", result.left_out, LEFT_OUT, without(result)),
+    return [
+        *part("scaling", f"Exponents of the time of a frame beside {LAW}", result.fits, EXPONENTS),
+        *part("scaling-crowds", "Many shapes, and memory", result.goals, CROWDS),
+        *part("scaling-memory", "Peak memory at 3840×2160", result.memory, MEMORY),
+        *part("scaling-points", "Every point", result.rows, POINTS),
+        *part("scaling-left-out", "Points left out", result.left_out, LEFT_OUT),
     ]
-    return [one for table in made for one in part(*table)]
-
-
-def without(result: Scaling) -> str:
-    """What was left out, a clause a series: from which x on of which programs."""
-    found: dict[str, dict[tuple[float, str], list[str]]] = {}
-    first: dict[tuple[str, str], float] = {}
-    for row in result.left_out:
-        if row.series not in ("memory", "all"):
-            first[row.series, row.phase] = min(first.get((row.series, row.phase), row.x), row.x)
-    for (series, phase), x in first.items():
-        more = any((r.series, r.phase) == (series, phase) and r.x >= x for r in result.rows)
-        found.setdefault(series, {}).setdefault((x, "some " if more else ""), []).append(phase)
-    clauses = [
-        f"{series}: "
-        + ", ".join(
-            f"{' and '.join(phases)} {how}from {x:,g} on" for (x, how), phases in sorted(some.items())
-        )
-        for series, some in found.items()
-    ]
-    return f"Left out, as the seconds were over (see the table): {'; '.join(clauses)}." if clauses else ""
 
 
 def answer(result: Scaling) -> str:

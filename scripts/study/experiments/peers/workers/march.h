@@ -1,5 +1,5 @@
-// Sphere tracing in the words that GLSL and OpenCL C share: the phases' formulas (phases/baseline), in float,
-// without shadows or mirrors. shader.py puts the scene in the place of the line that begins with "@".
+// Sphere tracing in GLSL: the phases' formulas (phases/baseline), in float, without shadows or mirrors.
+// shader.py puts the scene in the place of the line that begins with "@".
 
 float norm2(float x, float y) {
     return sqrt(x * x + y * y);
