@@ -4,32 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from study.core import imports
 from study.core.registry import ROOT
 
 STUDY = ROOT / "scripts" / "study"
-ORDER = [
-    "core",
-    "numbers",
-    "pictures",
-    "truth",
-    "counting",
-    "bounds",
-    "measuring",
-    "experiments",
-    "claims",
-    "report",
-    "commands",
-]
-MODULES = 20  # of a folder at most
+ORDER = ["core", "numbers", "pictures", "truth", "counting", "bounds", "measuring", "experiments", "claims"]
+ORDER += ["report", "commands"]
+# Of study/experiments: what every experiment may import beside the packages below.
+BASE = {"experiment", "section", "running", "cuts", "shards", "venvs", "keys"}
+MOST_FILES, MOST_LINES = 20, 400  # of a folder, of a module
 FILES = sorted(path for path in STUDY.rglob("*.py") if "__pycache__" not in path.parts)
 
 
 def module(path: Path) -> str:
-    name = ".".join(path.relative_to(STUDY.parent).with_suffix("").parts)
-    return name.removesuffix(".__init__")
+    return ".".join(path.relative_to(STUDY.parent).with_suffix("").parts).removesuffix(".__init__")
 
 
 NAMES = {module(path) for path in FILES}
@@ -46,11 +34,19 @@ def imported(path: Path) -> set[str]:
     return found - {module(path)}
 
 
-def upward(path: Path, names: set[str]) -> set[str]:
-    """Of the imported modules those of packages that come later than the file's own."""
-    own = path.relative_to(STUDY).parts[0]
-    level = ORDER.index(own)
-    return {name for name in names if ORDER.index(name.split(".")[1]) > level}
+EDGES = {module(path): imported(path) for path in FILES}
+
+
+def upward(name: str, others: set[str]) -> set[str]:
+    """Of the imported modules those of packages that come later than the module's own."""
+    level = ORDER.index(name.split(".")[1])
+    return {other for other in others if ORDER.index(other.split(".")[1]) > level}
+
+
+def experiment_of(name: str) -> str | None:
+    """The named experiment that a module is of."""
+    words = name.split(".")
+    return words[2] if len(words) > 2 and words[1] == "experiments" and words[2] not in BASE else None
 
 
 def circles(edges: dict[str, set[str]]) -> set[str]:
@@ -68,48 +64,42 @@ def test_every_package_has_its_place() -> None:
 
 
 def test_imports_go_down_only() -> None:
-    wrong = {str(path): found for path in FILES[1:] if (found := upward(path, imported(path)))}
-    assert not wrong
+    assert {
+        name: up for name, others in EDGES.items() if name != "study" and (up := upward(name, others))
+    } == {}
 
 
 def test_an_import_that_goes_up_is_seen() -> None:
-    assert upward(STUDY / "core" / "store.py", {"study.core.cli", "study.report.facts"}) == {
-        "study.report.facts"
-    }
+    names = {"study.core.cli", "study.report.facts"}
+    assert upward("study.core.store", names) == {"study.report.facts"}
 
 
 def test_no_modules_import_one_another() -> None:
-    edges = {module(path): imported(path) for path in FILES}
     packages = {name for name in NAMES if (STUDY.parent / name.replace(".", "/")).is_dir()}
-    assert not circles({name: others - packages for name, others in edges.items() if name not in packages})
+    assert (
+        circles({name: others - packages for name, others in EDGES.items() if name not in packages}) == set()
+    )
 
 
-def test_experiments_do_not_go_in_circles() -> None:
-    edges: dict[str, set[str]] = {}
-    for path in (STUDY / "experiments").glob("*/*.py"):
-        others = {n.split(".")[2] for n in imported(path) if n.startswith("study.experiments.")}
-        mine = edges.setdefault(path.parent.name, set())
-        mine |= others - {path.parent.name, "section", "experiment"}
-    assert not circles(edges)
+def test_circles_by_hand() -> None:
+    assert circles({"a": {"b"}, "b": {"c"}, "c": set()}) == set()
+    assert circles({"a": {"b"}, "b": {"a"}, "c": {"a"}}) == {"a", "b", "c"}
 
 
-@pytest.mark.parametrize(
-    ("edges", "found"),
-    [
-        ({"a": {"b"}, "b": {"c"}, "c": set()}, set()),
-        ({"a": {"b"}, "b": {"a"}, "c": {"a"}}, {"a", "b", "c"}),
-    ],
-)
-def test_circles_by_hand(edges: dict[str, set[str]], found: set[str]) -> None:
-    assert circles(edges) == found
+def test_an_experiment_knows_no_other_and_nothing_above_knows_one_by_name() -> None:
+    """They are known by their objects (study.experiments.experiment)."""
+    wrong = {
+        name: found
+        for name, others in EDGES.items()
+        if (found := {o for o in others if experiment_of(o) and experiment_of(o) != experiment_of(name)})
+    }
+    assert wrong == {}
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent for path in FILES}), ids=lambda path: path.name)
-def test_a_folder_has_at_most_so_many_modules(folder: Path) -> None:
-    assert len([path for path in folder.glob("*.py") if path.name != "__init__.py"]) <= MODULES
-
-
-@pytest.mark.parametrize("path", FILES, ids=module)
-def test_a_module_says_what_it_is_and_is_not_long(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert text.startswith('"""') and len(text.splitlines()) <= 400
+def test_a_folder_has_few_modules_and_a_module_few_lines() -> None:
+    folders: dict[Path, int] = {}
+    for path in FILES:
+        text = path.read_text(encoding="utf-8")
+        assert text.startswith('"""') and len(text.splitlines()) <= MOST_LINES, path
+        folders[path.parent] = folders.get(path.parent, 0) + (path.name != "__init__.py")
+    assert {str(folder): count for folder, count in folders.items() if count > MOST_FILES} == {}

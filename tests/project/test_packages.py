@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from study.core import cli, imports
+from study.core import imports
 from study.core.registry import ROOT
 
 SCRIPTS = ROOT / "scripts"
@@ -31,6 +31,17 @@ sys.meta_path.insert(0, Undeclared)
 for name in sorted(names):
     importlib.import_module(name)
 """
+
+
+def declared(section: str) -> list[str]:
+    """Distributions below the heading "# section" of requirements.in."""
+    found, inside = [], False
+    for line in (ROOT / "requirements.in").read_text(encoding="utf-8").splitlines():
+        if line.startswith("#"):
+            inside = line == f"# {section}"
+        elif inside and (name := re.match(r"[\w.-]+", line)):
+            found.append(name.group())
+    return found
 
 
 def normal(distribution: str) -> str:
@@ -67,7 +78,7 @@ def module(path: Path) -> str:
 
 @pytest.fixture(scope="module")
 def run_time() -> set[str]:
-    found = {normal(name) for name in cli.declared(cli.RUN_TIME)}
+    found = {normal(name) for name in declared("The study")}
     assert "numpy" in found and "pytest" not in found
     return found
 
@@ -108,14 +119,5 @@ def test_the_lock_has_what_is_declared() -> None:
         re.MULTILINE,
     )
     direct = {normal(name) for name, via in locked if "-r requirements.in" in via}
-    sections = (cli.RUN_TIME, "Tests and formatting")
-    assert direct == {normal(name) for section in sections for name in cli.declared(section)}
-
-
-def test_a_script_without_a_declared_package_says_which(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setenv(cli._GUARD, "1")
-    monkeypatch.setattr(cli, "_is_installed", lambda name: name not in ("scipy", "mpmath"))
-    with pytest.raises(SystemExit) as end:
-        cli._need_packages()
-    assert end.value.code == cli.CANNOT_RUN
-    assert "scipy, mpmath missing; run `make setup` first" in capsys.readouterr().err
+    sections = ("The study", "Tests and formatting")
+    assert direct == {normal(name) for section in sections for name in declared(section)}

@@ -179,8 +179,8 @@ def measure(args: argparse.Namespace) -> Outcome:
 def told(result: dict, folder: Path) -> Outcome:
     """A table; what was skipped and what failed."""
     pairs = result["pairs"]
-    lines = [
-        table(pairs),
+    lines: list[object] = [
+        table(pairs) if pairs else "",
         f"Linear RGB in [0, 1] where not called display; FLIP: {images.FLIP_TOOL}.",
         f"Pictures: {folder}/images",
     ]
