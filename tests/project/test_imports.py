@@ -1,4 +1,4 @@
-"""What a module imports, by its text; and what a calibration is kept for."""
+"""What a module imports, by its text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from study.core import imports
-from study.counting import backend
 
 FILES = {
     "__init__.py": "",
@@ -46,43 +45,3 @@ def test_imports_are_followed_wherever_they_stand(toy: Path) -> None:
     assert names(imports.closure("toy.low"), toy) == {"__init__.py", "low.py"}
     with pytest.raises(ModuleNotFoundError):
         imports.closure("toy.nothing")
-
-
-@pytest.mark.parametrize(
-    ("changed", "again"), [("top.py", True), ("sub/deep.py", True), ("far/away.py", True), ("page.py", False)]
-)
-def test_known_work_is_counted_again_when_the_analysis_changes_and_for_no_page(
-    changed: str, again: bool, toy: Path, tmp_path: Path
-) -> None:
-    counted: list[str] = []
-
-    def calibrate(part: str) -> list[str]:
-        counted.append(part)
-        return []
-
-    def known() -> bool:
-        return backend.known_work(tmp_path / "known.json", "toy.top", [], ["sse"], calibrate)
-
-    assert known() and known() and len(counted) == 1
-    path = toy / changed
-    path.write_text(path.read_text() + "# changed\n")
-    assert known() and (len(counted) == 2) is again
-
-
-def test_another_version_of_a_package_is_another_analysis(
-    toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    counted: list[str] = []
-    for version in ("1.0", "1.0", "2.0"):
-        monkeypatch.setattr(backend.metadata, "version", lambda _, version=version: version)
-        backend.known_work(tmp_path / "known.json", "toy.top", [], ["sse"], lambda p: counted.append(p) or [])
-    assert len(counted) == 2
-
-
-@pytest.mark.parametrize("module", ["study.counting.blocks", "study.counting.qemu", "study.counting.ptrace"])
-def test_a_back_end_rests_on_its_decoder_and_on_no_page(module: str) -> None:
-    found = imports.closure(module)
-    stems = {path.stem for path in found.files}
-    assert {"decode", "counts", "calibration", "backend", "elf"} <= stems
-    assert {"iced_x86", "elftools"} <= found.packages
-    assert not stems & {"show", "draw", "section", "tables", "figures"}

@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import complete
 import numpy as np
@@ -156,15 +157,17 @@ def test_float_over_double_is_flops_per_cycle_and_not_time(run, monkeypatch: pyt
     """Half the time with three quarters of the FLOPs: 1.5 times the flops/cycle, where 2 were by time."""
     data = run(cell("opt3", 2000, 100), cell("opt4", 2000, 50))
     flops = {"opt3": 4e6 * 400, "opt4": 4e6 * 300}
-    points = pd.DataFrame(
-        {
-            **{"scene": "scene0", "phase": name, "height": 2000, "width": 2000, "flops_per_core_cycle": 9.0},
-            **{"paper_rule_flops": count},
-            "paper_rule_flops_per_core_cycle": count / (4e6 * 4 * pace),
-        }
+    about = {"scene": "scene0", "height": 2000, "width": 2000, "pixels": 4e6, "flops_per_core_cycle": 9.0}
+    points = [
+        SimpleNamespace(
+            **about,
+            phase=name,
+            paper_rule_flops=count,
+            paper_rule_flops_per_core_cycle=count / (4e6 * 4 * pace),
+        )
         for (name, count), pace in zip(flops.items(), (100, 50), strict=True)
-    )
-    monkeypatch.setattr(roof, "rows", lambda *_: points)
+    ]
+    monkeypatch.setattr(roof, "points", lambda *_: points)
     for stated, verdict in ((1.5, HOLDS), (1.8, PART)):
         claim = CLAIM | {"phase": "opt4", "base": "opt3", "value": stated, "n": 2000}
         found = register.CHECKS["flops_gain"](data, claim)

@@ -15,8 +15,8 @@ from study.core import registry
 from study.core.build import build
 from study.core.registry import ROOT, Spec
 from study.counting import blocks, costs, flops
-from study.counting.schema import Declared, Executed, Flops, Function, Measurement
-from study.experiments.flops import table1
+from study.counting.schema import Declared, Executed, Flops, Function, Measurement, Row
+from study.experiments.flops import chapter, table1
 
 DECLARING = sorted(name for name in registry.phases() if costs.declares(name))
 CHECKED = [name for name in DECLARING if name in registry.ladder()]
@@ -99,6 +99,28 @@ def test_costs_def_reads_as_the_compiler_reads_it(phase):
                 n * lanes for (f, p), n in parts.items() if lines[f, p].stands_for_call and p == "call"
             )
         assert by_hand == total, kind
+
+
+def test_each_scene_and_phase_has_its_picture():
+    """720 where it was counted, also beside a larger one; else the largest. Other flags are left out."""
+    sizes = [("scene0", "baseline", 90), ("scene0", "baseline", 720), ("scene0", "baseline", 1080)]
+    sizes += [("trio", "baseline", 90), ("trio", "baseline", 45), ("scene0", "opt1", 180)]
+    several = [picture(phase, 1, 1, scene=scene, height=height) for scene, phase, height in sizes]
+    several.append(picture("opt1", 1, 1, height=360, flags_from="opt2"))
+    shown = {(one.scene, one.phase, one.height) for one in chapter._pictures(several)}
+    assert shown == {("scene0", "baseline", 720), ("trio", "baseline", 90), ("scene0", "opt1", 180)}
+
+
+def test_back_ends_are_summed_apart():
+    def row(backend: str, within: bool = True) -> Row:
+        about = {"phase": "opt1", "flags_from": "opt1", "scene": "s", "counted": 1, "measured": 1}
+        return Row(**about, scope="calls of sdf", backend=backend, within=within)
+
+    rows = [row("blocks"), row("blocks"), row("ptrace"), row("ptrace", within=False)]
+    _, *said = chapter._said(rows, rows)
+    assert ["2 of 2" in said[0] and "blocks" in said[0], "1 of 2" in said[1] and "ptrace" in said[1]] == [
+        True
+    ] * 2
 
 
 def command(*arguments: object, **environment: str) -> subprocess.CompletedProcess:

@@ -220,39 +220,6 @@ def test_hotspots_refuses_a_broken_file_before_it_samples(
 # What is shown
 
 
-def test_each_scene_and_phase_has_its_picture(run: Path) -> None:
-    """720 where it was counted, also beside a larger one; else the largest there is."""
-    pictures = [("scene0", "baseline", 90), ("scene0", "baseline", 720), ("scene0", "baseline", 1080)]
-    pictures += [("trio", "baseline", 90), ("trio", "baseline", 45), ("scene0", "opt1", 180)]
-    rows = [declared(phase, height, scene) for scene, phase, height in pictures]
-    put(run, "counts.json", {"schema": 1, "declared": rows, "measured": []})
-    shown = parts_of(flops_chapter.counted(run))["table1"].rows
-    found = {(row["scene"], row["phase"], row["height"]) for row in shown}
-    assert len(shown) == 3
-    assert found == {("scene0", "baseline", 720), ("trio", "baseline", 90), ("scene0", "opt1", 180)}
-
-
-def test_other_flags_are_the_same_flops(run: Path) -> None:
-    rows = [declared("opt1", 720), declared("opt1", 90) | {"flags_from": "opt2"}]
-    put(run, "counts.json", {"schema": 1, "declared": rows, "measured": []})
-    assert [row["height"] for row in parts_of(flops_chapter.counted(run))["table1"].rows] == [720]
-
-
-def test_back_ends_are_named_and_summed_apart(run: Path) -> None:
-    rows = [checked("calls of sdf"), checked("calls of root"), checked("calls of sdf", "qemu")]
-    rows += [checked("calls of root", "qemu", within=False), checked("total", "pmu")]
-    put(run, "validation.json", {"schema": 1, "rows": rows})
-    said = parts_of(flops_chapter.counted(run))["validation"].foot.splitlines()
-    about = next(line for line in said if "Measured: by" in line)
-    assert all(name in about for name in ("blocks (every basic block", "qemu (", "pmu ("))
-    assert [line for line in said if line.startswith("Calls by name")] == [
-        "Calls by name, counting build against blocks: 2 of 2 equal.",
-        "Calls by name, counting build against qemu: 1 of 2 equal.",
-    ]
-    put(run, "validation.json", {"schema": 1, "rows": [checked("total", "pmu")]})
-    assert "block" not in parts_of(flops_chapter.counted(run))["validation"].foot
-
-
 @pytest.mark.parametrize(
     "per_cycle, name, shown",
     [

@@ -1,21 +1,24 @@
-"""The rungs a line each: evaluations and lane efficiency from counts, joined with ladder and roof."""
+"""Phases a line each: evaluations and lane efficiency from counts, joined with ladder and roof."""
 
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
+import msgspec
 import pandas as pd
 import pytest
 
 from study.bounds import work
+from study.counting.schema import Declared, Function
 
 SIZE = {"width": 20, "height": 10}
 
 
-def counts(phase: str, lanes: dict[str, float], kernel: str | None = None, **more: object) -> dict:
-    by = {name: {"lanes": n} for name, n in lanes.items()}
-    about = {"phase": phase, "scene": "scene0", **SIZE, "kernel": kernel, "useful": 60, "executed": 80}
-    return {**about, "by_function": by, **more}
+def counts(phase: str, active: dict[str, int], **more: object) -> Declared:
+    by = {name: Function(calls=1, lanes=n) for name, n in active.items()}
+    about = {"phase": phase, "scene": "scene0", **SIZE, "useful": 60, "executed": 80}
+    return Declared(**{**about, **more}, by_function=by)
 
 
 @pytest.mark.parametrize(
@@ -31,17 +34,21 @@ def counts(phase: str, lanes: dict[str, float], kernel: str | None = None, **mor
     ],
 )
 def test_evaluations_are_of_one_solid_and_no_plane(lanes: dict, expected: float) -> None:
-    found = work.evaluations({name: {"lanes": n} for name, n in lanes.items()})
+    found = work.evaluations(counts("a", lanes).by_function)
     assert found == pytest.approx(expected, nan_ok=True)
 
 
 def test_counts_are_of_the_whole_picture_and_of_the_nearest_size() -> None:
     some = [counts("a", {"sdf_sphere": 400}), counts("a", {"sdf_sphere": 9}, width=2, height=3)]
     found = work.counted(some, "a", "scene0", 12)
-    assert (found["evals_per_pixel"], found["lane_efficiency"]) == (2.0, 0.75)
-    assert (found["counted_at"], found["counts_of"]) == (10, "")
-    assert work.counted(some, "a", "trio", 12) == {}
-    assert math.isnan(work.counted([counts("a", {}, executed=0)], "a", "scene0", 9)["lane_efficiency"])
+    assert found == work.Work(evals_per_pixel=2.0, lane_efficiency=0.75, counted_at=10)
+    assert work.counted(some, "a", "trio", 12) is None
+
+
+def test_without_declared_flops_lanes_of_calls_are_the_efficiency() -> None:
+    one = counts("opt7_tiles", {"march_step": 6, "soft_step": 4}, executed=0, useful=0, lanes=8)
+    assert work.efficiency(one) == 10 / 16
+    assert math.isnan(work.efficiency(counts("a", {}, executed=0, lanes=8)))
 
 
 def test_a_row_says_of_which_code_its_counts_are_and_what_is_lacking() -> None:
@@ -58,28 +65,27 @@ def test_a_row_says_of_which_code_its_counts_are_and_what_is_lacking() -> None:
             {**one, "phase": "opt2@opt3"},
         ]
     )
-    roofs = pd.DataFrame([{"phase": "opt10_scene", "scene": "scene0", "height": 10, "threads": 1}])
-    roofs["share_of_mix_roof"] = 0.227
     names = ["opt9_convex", "opt10_scene"]
     declared = [counts("opt10_scene", {"enter": 424}, kernel="general: a counting build counts")]
-    kernel, other = work.rows(table, declared, roofs, names)
+
+    def rows(declared: list[Declared], scaled: int | None = None) -> list[work.Row]:
+        near = SimpleNamespace(phase="opt10_scene", scene="scene0", height=10)
+        near.share_of_mix_roof, near.scaled_from_n = 0.227, scaled
+        return work.rows(table, declared, [near], names)
+
+    kernel, other = rows(declared)
     cells = [column.text(kernel) for column in work.COLUMNS]
     assert cells[:2] == ["scene0, 20×10", "opt10_scene"] and "1,728× [1,434" in cells[2]
-    assert cells[4:7] == [f"{text} (of its general code)" for text in ("2.12", "75.0 %", "22.7 %")]
+    general = f" ({work.GENERAL})"
+    assert cells[4:7] == [f"{text}{general}" for text in ("2.12", "75.0 %", "22.7 %")]
     assert cells[7:] == ["96.0", "0"]
-    smaller = [
-        {**declared[0], "width": 2, "height": 1},
-        {**declared[0], "width": 8, "height": 4, "kernel": None},
-    ]
-    for height, text in ((1, "212 (of its general code; counted at n = 1)"), (4, "13.2 (counted at n = 4)")):
-        (row, _) = work.rows(table, [one for one in smaller if one["height"] == height], roofs, names)
-        assert work.COLUMNS[4].text(row) == text and text[text.index("(") :] in work.COLUMNS[5].text(row)
-        assert "counted at" not in work.COLUMNS[6].text(row), "the roofline says of which height its are"
-    (row, _) = work.rows(table, declared, roofs.assign(scaled_from_n=90.0), names)
-    assert work.COLUMNS[6].text(row) == "22.7 % (of its general code; counted at n = 90)"
-    (row, _) = work.rows(table, declared, roofs.assign(scaled_from_n=math.nan), names)
-    assert work.COLUMNS[6].text(row) == "22.7 % (of its general code)"
     lacking = [column.text(other) for column in work.COLUMNS]
     assert lacking[4:8] == ["–"] * 4 and lacking[1] == "opt9_convex"
-    assert work.rows(pd.DataFrame(), declared, roofs, names) == []
-    assert math.isnan(work.rows(table, declared, pd.DataFrame(), names)[0]["share_of_mix_roof"])
+    for width, height, text in ((2, 1, "212"), (8, 4, "13.2")):
+        smaller = msgspec.structs.replace(declared[0], width=width, height=height)
+        cells = [column.text(rows([smaller])[0]) for column in work.COLUMNS]
+        assert cells[4].startswith(text) and f"counted at n = {height}" in cells[4]
+        assert "counted at" not in cells[6], "the roofline says of which height its are"
+    assert "counted at n = 90" in work.COLUMNS[6].text(rows(declared, 90)[0])
+    assert work.rows(pd.DataFrame(), declared, [], names) == []
+    assert math.isnan(work.rows(table, declared, [], names)[0].share_of_mix_roof)
