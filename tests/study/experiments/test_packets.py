@@ -17,7 +17,6 @@ from study.core.registry import Scene, find_scene
 from study.experiments.packets import figures, normalise, pictures, scenes, tables
 from study.experiments.packets import measure as packets
 from study.experiments.packets.schema import FILE, Agreement, Limits, Packets
-from study.experiments.systems import tables as systems
 from study.measuring import rays
 from study.measuring.rays import Record
 
@@ -169,5 +168,4 @@ def test_from_rays_to_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert {row.vectors for row in result.normalise} == {4096}
     assert (tmp_path / "images" / f"{pictures.PICTURES}.png").exists()
     assert (tmp_path / "figures" / f"{figures.FIGURE}.svg").exists()
-    assert systems.section(tmp_path).parts[0].name == "packets", "of another number of vectors: no claim"
     assert isinstance(balls, Scene)

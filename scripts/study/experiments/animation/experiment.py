@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.animation import command
-from study.experiments.animation.schema import SCHEMAS
+from study.experiments.animation.schema import FILE, SCHEMAS
 from study.experiments.experiment import Experiment
 from study.experiments.shards import Sharded
 
@@ -14,5 +14,6 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     depth=None,
     cut="It measures nothing.",
-    sharded=Sharded(command.FILE, ("rows",), command.units, command.films),
+    sharded=Sharded(FILE, ("rows",), command.units, command.films),
+    command=command,
 )

@@ -29,4 +29,5 @@ class Animation(Result, kw_only=True):
     rows: Annotated[list[Row], key("", "frames", min_length=1)]
 
 
-SCHEMAS = {"animation.json": Animation}
+FILE = "animation.json"
+SCHEMAS = {FILE: Animation}

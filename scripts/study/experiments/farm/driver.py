@@ -1,14 +1,14 @@
 """Has the workers of a Dask cluster draw shards of an experiment; run by the Python in build/farm.
 
 One JSON object on standard input says what to do (study.experiments.farm.measure.plan), one on standard
-output what came of it. Nothing of the project is imported here: the workers start its command.
+output what came of it. Nothing of the project is imported here: the workers start its command. Dask gives the
+shard of a worker that dies to another.
 """
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
-import itertools
 import json
 import logging
 import os
@@ -17,22 +17,23 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, field, replace
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 PR_SET_PDEATHSIG = 1  # of prctl(2): the signal that a process gets when its parent dies
-POLL = 2.0  # s between two looks at whether the workers asked for still live
 MOST = 3  # times that a shard whose worker has died, or could not draw it, is given to another
 ONE_IN = 100  # shards: one of so many is drawn on another worker as well, and one of each worker at least
+Result = dict[str, Any]
 
 
 class Failed(Exception):
     """One line: why the farm cannot go on."""
 
 
-def run_shard(command: list[str], number: int, of: int, file: str) -> dict[str, Any]:
-    """On a worker: its name, and what `drawn` gives or, as `error`, why there is nothing."""
+def run_shard(command: list[str], number: int, of: int, file: str) -> Result:
+    """On a worker: its name and address, and what `drawn` gives or, as `error`, why there is nothing."""
     from distributed import get_worker
 
     worker = get_worker()
@@ -41,10 +42,10 @@ def run_shard(command: list[str], number: int, of: int, file: str) -> dict[str, 
         made = drawn([*command, "--shard", f"{number}/{of}", "--run", str(run)], run, file)
     except OSError as error:
         made = {"error": str(error)}
-    return {"worker": str(worker.name), **made}
+    return {"worker": str(worker.name), "address": worker.address, **made}
 
 
-def drawn(words: list[str], run: Path, file: str) -> dict[str, Any]:
+def drawn(words: list[str], run: Path, file: str) -> Result:
     """One shard by the project's command, in the folder `run` of this worker. Raises OSError.
 
     Pictures of the worker's earlier shards lie there, so that none is rendered twice. The command ends with
@@ -73,142 +74,74 @@ def drawn(words: list[str], run: Path, file: str) -> dict[str, Any]:
     }
 
 
-@dataclass
-class Job:
-    """A shard that is to be drawn, by a worker that is not among `avoid`, if it can be by `by`. `check`: only
-    to be compared, so that its pictures are not kept."""
-
-    shard: int
-    avoid: set[str] = field(default_factory=set)
-    by: str | None = None
-    check: bool = False
-    failures: int = 0  # workers that could not draw it
-
-
 class Farm:
     """The shards `of` a command on the workers of a client."""
 
-    def __init__(self, client: Any, plan: dict[str, Any]) -> None:
+    def __init__(self, client: Any, plan: Result) -> None:
         self.client, self.plan = client, plan
         self.of, self.folder = plan["shards"], Path(plan["folder"])
-        self.killed = self.recomputed = 0
-        self.keys = (f"farm-{os.getpid()}-{number}" for number in itertools.count())
-        self.running: dict[str, int] = {}  # key → shard
-        self.known: dict[str, str] = {}
-        self.asked = -POLL  # when they were last asked for
-        self.broken: dict[str, str] = {}  # worker → how its command failed; it gets nothing more
-        self.counts: dict[str, int] = {}  # worker → shards that it has drawn
-        client.subscribe_topic("all", self._event)
-
-    def _event(self, event: tuple[float, Any]) -> None:
-        """Of the scheduler: a worker has gone. Dask gives its tasks to another."""
-        message = event[1]
-        if not isinstance(message, dict) or message.get("action") != "remove-worker":
-            return
-        shards = [self.running[key] for key in message["processing-tasks"] if key in self.running]
-        self.asked = -POLL
-        if shards:
-            self.killed += 1
-            self.recomputed += len(shards)
-            say(f"a worker has died; drawn again on another: shard {', '.join(map(str, shards))}")
+        self.counts: Counter[str] = Counter()  # worker → shards that it has drawn
 
     def living(self) -> dict[str, str]:
-        """Name → address of the workers that are not broken, as of POLL ago at most: the list may be long.
-
-        Raises Failed for one with more than one thread.
-        """
-        if time.monotonic() - self.asked < POLL:
-            return self.known
+        """Name → address of the workers. Raises Failed for one with more than one thread."""
         found = self.client.scheduler_info(n_workers=-1)["workers"]
         for one in found.values():
             if one["nthreads"] != 1:
                 raise Failed(f"worker {one['name']} has {one['nthreads']} threads; give it --nthreads 1")
-        self.known = {
-            str(one["name"]): address for address, one in found.items() if str(one["name"]) not in self.broken
-        }
-        if found and not self.known:
-            raise Failed(next(reversed(self.broken.values())))
-        self.asked = time.monotonic()
-        return self.known
+        return {str(one["name"]): address for address, one in found.items()}
 
-    def _submit(self, job: Job, living: dict[str, str]) -> tuple[Any, list[str]]:
-        """The future, and the addresses it may run on: none means all."""
-        allowed = [address for name, address in living.items() if name not in job.avoid]
-        if job.by in living:
-            allowed = [living[job.by]]
-        key = next(self.keys)
-        self.running[key] = job.shard
-        words = self.plan["command"], job.shard, self.of, self.plan["file"].replace("{K}", str(job.shard))
-        chosen = allowed if job.avoid or job.by or self.broken else []
-        where = {"workers": chosen} if chosen else {}
-        return self.client.submit(run_shard, *words, key=key, pure=False, **where), chosen
+    def _submit(self, shard: int, addresses: list[str]) -> Any:
+        words = self.plan["command"], shard, self.of, self.plan["file"].replace("{K}", str(shard))
+        where = {"workers": addresses, "allow_other_workers": True} if addresses else {}
+        return self.client.submit(run_shard, *words, pure=False, **where)
 
-    def draw(self, jobs: list[Job]) -> dict[int, dict[str, Any] | None]:
-        """Each job's result by its shard, None: nobody may draw it. No more run than there are workers, so
-        that one that dies loses one. Raises Failed."""
-        from distributed import wait
+    def draw(self, wanted: Mapping[int, list[str]], keep: bool = True) -> dict[int, Result]:
+        """Each shard's result, drawn at best by workers of those addresses. Not `keep`: only to be compared.
+        Raises Failed."""
+        from distributed import KilledWorker, as_completed
 
-        waiting, results = list(reversed(jobs)), {}
-        flying: dict[Any, tuple[Job, list[str]]] = {}
-        while waiting or flying:
-            living = self.living()
-            while waiting and len(flying) < max(1, len(living)):
-                job = waiting.pop()
-                if living and not set(living) - job.avoid:
-                    results[job.shard] = None  # there is nobody else to draw it
-                    continue
-                future, chosen = self._submit(job, living)
-                flying[future] = job, chosen
-            if not flying:
-                continue
+        shards = {self._submit(shard, addresses): shard for shard, addresses in wanted.items()}
+        failures: Counter[int] = Counter()
+        results: dict[int, Result] = {}
+        done = as_completed(list(shards))
+        for future in done:
+            shard = shards.pop(future)
             try:
-                done = wait(list(flying), timeout=POLL, return_when="FIRST_COMPLETED").done
-            except TimeoutError:
-                done = set()
-            for future in done:
-                job, _ = flying.pop(future)
-                result = self._taken(future, job)
-                if "error" in result:
-                    waiting.append(self._elsewhere(job, result))
-                else:
-                    results[job.shard] = result
-            addresses = set(living.values())
-            for future, (job, chosen) in list(flying.items()):
-                if chosen and not addresses & set(chosen):  # all that it may run on have gone
-                    future.cancel()
-                    self.running.pop(future.key, None)
-                    del flying[future]
-                    waiting.append(replace(job, by=None))
+                result = future.result()
+            except KilledWorker:
+                many = f"{MOST + 1} workers that took it have died"
+                raise Failed(f"shard {shard}/{self.of}: {many}") from None
+            future.release()
+            if "error" not in result:
+                results[shard] = self._taken(result, keep)
+                continue
+            said = f"shard {shard}/{self.of}: worker {result['worker']}: {result['error']}"
+            failures[shard] += 1
+            if failures[shard] > MOST or not self.retire(result["worker"], result["address"]):
+                raise Failed(said)
+            say(f"{said}; it gets no more")
+            again = self._submit(shard, [])
+            shards[again] = shard
+            done.add(again)
         return results
 
-    def _elsewhere(self, job: Job, result: dict[str, Any]) -> Job:
-        """The job again, for a worker that can run the command. Raises Failed if many could not."""
-        worker = result["worker"]
-        self.broken[worker] = f"shard {job.shard}/{self.of}: worker {worker}: {result['error']}"
-        self.asked = -POLL
-        if job.failures == MOST:
-            raise Failed(self.broken[worker])
-        say(f"{self.broken[worker]}; it gets no more")
-        return replace(job, by=None, failures=job.failures + 1)
+    def retire(self, worker: str, address: str) -> bool:
+        """Gives a worker nothing more. Whether there is another."""
+        living = self.living()
+        if set(living) <= {worker}:
+            return False
+        if worker in living:
+            self.client.retire_workers([address])
+        return True
 
-    def _taken(self, future: Any, job: Job) -> dict[str, Any]:
-        """A result without its data, which are written as a file named by their hash. Raises Failed."""
-        from distributed import KilledWorker
-
-        self.running.pop(future.key, None)
-        try:
-            result = future.result()
-        except KilledWorker:
-            raise Failed(f"shard {job.shard}/{self.of}: {MOST + 1} workers that took it have died") from None
-        future.release()
-        if "error" in result:
-            return result
+    def _taken(self, result: Result, keep: bool) -> Result:
+        """A result without its data, which are written as a file named by their hash."""
         result["hash"] = hashlib.sha256(result["data"]).hexdigest()
         write(self.folder / "shards" / f"{result['hash']}.json", result.pop("data"))
         for name, data in result.pop("pictures").items():
-            if not job.check:
+            if keep:
                 write(self.folder / name, data)
-        self.counts[result["worker"]] = self.counts.get(result["worker"], 0) + 1
+        self.counts[result["worker"]] += 1
         return result
 
 
@@ -220,32 +153,22 @@ def write(path: Path, data: bytes) -> None:
     made.replace(path)
 
 
-def checks(first: dict[int, dict[str, Any]], living: list[str]) -> list[Job]:
-    """What is to be drawn on a second worker: a shard of each worker, and of all shards one in ONE_IN.
-
-    Workers are paired: where the second draws the first's shard, both are held against each other.
-    """
+def checks(first: Mapping[int, Result], living: list[str]) -> dict[int, str]:
+    """What is to be drawn on a second worker: shard → that worker. A shard of each worker, by the next one
+    of those that live, and of all shards one in ONE_IN."""
     drawn: dict[str, list[int]] = {}
-    for shard, result in first.items():
-        drawn.setdefault(result["worker"], []).append(shard)
-    jobs: dict[int, Job] = {}
-    held: set[str | None] = set()
-    for name, shards in drawn.items():
-        others = [other for other in (*drawn, *living) if other != name and other in living]
-        partner = next((other for other in others if other not in held), others[0] if others else None)
-        if name not in held:
-            jobs[shards[0]] = Job(shards[0], {name}, partner, check=True)
-            held |= {name, partner}
-    more = -(-len(first) // ONE_IN) - len(jobs)
-    left = [shard for shard in sorted(first) if shard not in jobs]
-    for shard in left[:: max(1, len(left) // more)][:more] if more > 0 else ():
-        name = first[shard]["worker"]
-        others = [other for other in living if other != name]
-        jobs[shard] = Job(shard, {name}, others[shard % len(others)] if others else None, check=True)
-    return list(jobs.values())
+    for shard in sorted(first):
+        drawn.setdefault(first[shard]["worker"], []).append(shard)
+    chosen = {shards[0] for shards in drawn.values()} | set(sorted(first)[::ONE_IN])
+    found = {}
+    for turn, shard in enumerate(sorted(chosen)):
+        others = [name for name in sorted(living) if name != first[shard]["worker"]]
+        if others:
+            found[shard] = others[turn % len(others)]
+    return found
 
 
-def odd_one(results: list[dict[str, Any]]) -> str | None:
+def odd_one(results: list[Result]) -> str | None:
     """Whose result differs from those of two others that agree; None: no two agree, or there are but two."""
     for one in results:
         others = {other["hash"] for other in results if other is not one}
@@ -254,28 +177,34 @@ def odd_one(results: list[dict[str, Any]]) -> str | None:
     return None
 
 
-def judge(farm: Farm, first: dict[int, dict[str, Any]]) -> dict[str, Any]:
+def judge(farm: Farm, first: dict[int, Result]) -> Result:
     """Has some shards drawn twice, and a third time where two workers differ. Changes `first`: what an odd
     worker drew is replaced, and what nobody knows loses its hash. Raises Failed."""
-    jobs = checks(first, list(farm.living()))
-    second = {shard: one for shard, one in farm.draw(jobs).items() if one}
-    mismatches, odd = [], set()
+    living = farm.living()
+    wanted = {shard: [living[name]] for shard, name in checks(first, list(living)).items()}
+    second = farm.draw(wanted, keep=False)
     unlike = [shard for shard, one in second.items() if one["hash"] != first[shard]["hash"]]
-    third = farm.draw([Job(n, {first[n]["worker"], second[n]["worker"]}, check=True) for n in unlike])
+    others = {
+        shard: [
+            at for name, at in living.items() if name not in (first[shard]["worker"], second[shard]["worker"])
+        ]
+        for shard in unlike
+    }
+    third = farm.draw({shard: where for shard, where in others.items() if where}, keep=False)
+    mismatches, odd = [], {}
     for shard in unlike:
-        drawn = [one for one in (first[shard], second[shard], third[shard]) if one]
-        wrong = odd_one(drawn)
-        workers = [one["worker"] for one in drawn]
-        mismatches.append({"shard": shard, "workers": workers, "odd": wrong})
+        results = [by[shard] for by in (first, second, third) if shard in by]
+        wrong = odd_one(results)
+        mismatches.append({"shard": shard, "workers": [one["worker"] for one in results], "odd": wrong})
         if wrong:
-            odd.add(wrong)
+            odd[wrong] = next(one["address"] for one in results if one["worker"] == wrong)
         else:
             first[shard]["hash"] = None  # nobody knows it
+    for worker, address in odd.items():
+        farm.retire(worker, address)
     again = [shard for shard, one in first.items() if one["worker"] in odd and one["hash"]]
-    farm.recomputed += len(again)
-    anew = farm.draw([Job(shard, set(odd)) for shard in again])
-    first |= {shard: one or first[shard] | {"hash": None} for shard, one in anew.items()}
-    return {"drawn_twice": len(second), "mismatches": mismatches}
+    first |= farm.draw({shard: [] for shard in again})
+    return {"drawn_twice": len(second), "mismatches": mismatches, "recomputed": len(again)}
 
 
 def say(text: str) -> None:
@@ -283,7 +212,7 @@ def say(text: str) -> None:
     sys.stderr.flush()
 
 
-def cluster_of(plan: dict[str, Any]) -> Any:
+def cluster_of(plan: Result) -> Any:
     """What a client connects to: an address, processes of this machine, or jobs of Slurm."""
     if plan["scheduler"]:
         return plan["scheduler"]
@@ -301,12 +230,14 @@ def cluster_of(plan: dict[str, Any]) -> Any:
     return LocalCluster(**workers, dashboard_address=None, memory_limit=0, local_directory=plan["scratch"])
 
 
-def work(plan: dict[str, Any]) -> dict[str, Any]:
+def work(plan: Result) -> Result:
     """Everything: the farm's table, and each shard's hash. Raises Failed."""
     import dask
     from distributed import CancelledError, Client
 
-    dask.config.set({"distributed.scheduler.allowed-failures": MOST})
+    # A worker has one shard at a time: one that dies loses no other.
+    how = {"allowed-failures": MOST, "worker-saturation": 1.0}
+    dask.config.set({f"distributed.scheduler.{name}": value for name, value in how.items()})
     begun = time.monotonic()
     cluster = cluster_of(plan)
     try:
@@ -318,25 +249,23 @@ def work(plan: dict[str, Any]) -> dict[str, Any]:
     except TimeoutError:
         raise Failed(f"no worker has come within {plan['wait_s']:g} s") from None
     farm = Farm(client, plan)
+    farm.living()
     try:
-        first = farm.draw([Job(number) for number in range(1, farm.of + 1)])
+        first = farm.draw({shard: [] for shard in range(1, farm.of + 1)})
         about = judge(farm, first)
     except CancelledError:
         raise Failed("the scheduler has gone") from None
-    table = {
-        "workers": [{"name": name, "shards": count} for name, count in sorted(farm.counts.items())],
-        "shards": farm.of,
-        "done": sum(1 for one in first.values() if one["hash"]),
-        "killed": farm.killed,
-        "recomputed": farm.recomputed,
-        **about,
-        "seconds": time.monotonic() - begun,
-    }
-    client.unsubscribe_topic("all")
     client.close()
     if hasattr(cluster, "close"):
         cluster.close()
     order = [first[number] for number in sorted(first)]
+    table = {
+        "workers": [{"name": name, "shards": count} for name, count in sorted(farm.counts.items())],
+        "shards": farm.of,
+        "done": sum(1 for one in order if one["hash"]),
+        **about,
+        "seconds": time.monotonic() - begun,
+    }
     failed = [line for one in order for line in one["failed"]]
     return {"table": table, "hashes": [one["hash"] for one in order], "failed": failed}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.farm import command
 from study.experiments.farm.schema import SCHEMAS
 
 
@@ -22,4 +23,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth=None,
     cut="It measures nothing of its own.",
+    command=command,
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import subprocess
@@ -11,26 +10,35 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from study.core import commands, json_files, registry, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.experiments import experiment, shards, venvs
-from study.experiments.experiment import Experiment
-from study.experiments.shards import Shard
+from study.experiments.farm.schema import Farm
+from study.experiments.shards import Shard, Sharded
 
-FILE = "farm.json"
 HOME = registry.ROOT / "build" / "farm"
 PACKAGES = ("dask==2026.8.0", "distributed==2026.8.0", "dask-jobqueue==0.9.0")
 DRIVER = Path(__file__).with_name("driver.py")
 COMMAND = [sys.executable, str(registry.ROOT / "scripts" / "stepwise")]
 OWN = ("--run", "--shard", "--jobs")  # options of the experiment that the farm gives it
-Json = dict[str, Any]
 WAIT = 600.0  # s for the first worker; a queue of Slurm may take days
+Json = dict[str, Any]
 
 
-def able() -> dict[str, Experiment]:
+class Found(msgspec.Struct):
+    """What the driver says."""
+
+    table: Json
+    hashes: list[str | None]
+    failed: list[str]
+
+
+def able() -> dict[str, Sharded]:
     """The experiments whose work can be parted, by name."""
-    return {name: one for name, one in experiment.find_all().items() if one.sharded}
+    return {name: one.sharded for name, one in experiment.find_all().items() if one.sharded}
 
 
 def find_python(install: bool) -> Path:
@@ -47,19 +55,16 @@ def units(name: str, words: Sequence[str]) -> int:
     """How many units of work an experiment has by those arguments. Ends as its command does for bad ones."""
     if own := [word for word in words if word.partition("=")[0] in OWN]:
         raise StudyError(f"{own[0]} is no option for behind --: the farm gives it itself")
-    args: argparse.Namespace = commands.parser_of(commands.find_all()[name]).parse_args(list(words))
-    sharded = able()[name].sharded
-    assert sharded
-    return len(sharded.units(args))
+    args = commands.parser_of(commands.find_all()[name]).parse_args(list(words))
+    return len(able()[name].units(args))
 
 
 def plan(name: str, words: Sequence[str], count: int, folder: Path, cluster: Json) -> Json:
     """For the driver, as JSON. `cluster`: workers, scheduler and slurm, of which one is not None."""
-    sharded = able()[name].sharded
-    assert sharded
+    file = shards.file_name(able()[name].file, Shard(1, count))
     return {
         "command": [*COMMAND, name, *words, "--jobs", "1"],
-        "file": shards.file_name(sharded.file, Shard(1, count)).replace("shard-1-", "shard-{K}-"),
+        "file": file.replace("shard-1-", "shard-{K}-"),
         "shards": count,
         "folder": str(folder.resolve()),
         "wait_s": None if cluster["slurm"] else WAIT,
@@ -67,28 +72,33 @@ def plan(name: str, words: Sequence[str], count: int, folder: Path, cluster: Jso
     }
 
 
-def drive(python: Path, told: Json) -> Json:
+def drive(python: Path, told: Json) -> Found:
     """What the driver found. Raises StudyError with its one line."""
     command = [python, "-I", DRIVER]
     with temporary.folder(prefix="stepwise-farm-") as scratch:
         text = json.dumps(told | {"scratch": str(scratch)})
         done = child.run(command, input=text, stdout=subprocess.PIPE, text=True, timeout=math.inf)
     try:
-        result: Json = json.loads(done.stdout)
+        result = json.loads(done.stdout)
     except json.JSONDecodeError:
         raise StudyError(f"the farm's driver ended with status {done.returncode}", CANNOT_RUN) from None
     if "error" in result:
         raise StudyError(f"farm: {result['error']}", CANNOT_RUN)
-    return result
+    return msgspec.convert(result, Found)
 
 
-def join(name: str, folder: Path, hashes: Sequence[str]) -> list[str]:
+def told(name: str, words: Sequence[str], found: Found) -> Farm:
+    """farm.json."""
+    about = {"schema": 1, "experiment": name, "arguments": list(words)}
+    return msgspec.convert(about | found.table, Farm)
+
+
+def join(name: str, folder: Path, hashes: Sequence[str | None]) -> list[str]:
     """Writes the run's whole file from FOLDER/shards. Lines that say so. Raises StudyError."""
     one = able()[name]
-    assert one.sharded
     parts = [json_files.read_json(folder / "shards" / f"{made}.json") for made in hashes]
-    whole = shards.join(parts, one.sharded.lists)
-    path = folder / one.sharded.file
-    one.schemas[one.sharded.file].checked(whole, str(path))
+    whole = shards.join(parts, one.lists)
+    path = folder / one.file
+    experiment.find_all()[name].schemas[one.file].checked(whole, str(path))
     store.write_json(path, whole)
-    return [*(one.sharded.says(whole, folder) if one.sharded.says else []), str(path)]
+    return [*(one.says(whole, folder) if one.says else []), str(path)]

@@ -33,11 +33,11 @@ class Farm(Result, kw_only=True):
     workers: Annotated[list[Worker], key("", "who has drawn a shard")]
     shards: Annotated[int, key("shards", "that the work was parted into")]
     done: Annotated[int, key("shards", "with a result that no other contradicts")]
-    killed: Annotated[int, key("workers", "that died in a shard")]
-    recomputed: Annotated[int, key("shards", "drawn again: their worker died, or is the odd one")]
+    recomputed: Annotated[int, key("shards", "drawn again: their worker is the odd one")]
     drawn_twice: Annotated[int, key("shards", "on two workers, to compare")]
     mismatches: Annotated[list[Mismatch], key("", "shards of which results differ")]
     seconds: Annotated[float, key("s", "that the cluster worked")]
 
 
-SCHEMAS = {"farm.json": Farm}
+FILE = "farm.json"
+SCHEMAS = {FILE: Farm}
