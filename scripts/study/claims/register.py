@@ -11,22 +11,16 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable
-from typing import Any
 
 from study.bounds import roof
 from study.bounds.roof import Point
 from study.claims import compilers
+from study.claims.claim import Claim
 from study.claims.compilers import known
 from study.core import show
 from study.counting import flops, paper_rule
 from study.counting.schema import Declared
-from study.experiments.ablations.schema import Ablations
-from study.experiments.fixed.schema import Fixed
-from study.experiments.functions.schema import Functions
-from study.experiments.hotspots.schema import Hotspots
-from study.experiments.lattice.schema import Lattice
-from study.experiments.packets.schema import Packets
-from study.experiments.rods.schema import Rods
+from study.experiments import experiment
 from study.measuring import animation_tables
 from study.numbers import accuracy, stats
 from study.numbers.analysis import Data
@@ -47,13 +41,6 @@ from study.numbers.verdicts import (
     sized,
     timed,
 )
-
-Claim = dict[str, Any]
-
-
-def _ends(row: dict[str, Any], low: str, high: str) -> list[float]:
-    """Of an interval in a file: NaN where it has none."""
-    return [row[end] if known(row.get(end)) else math.nan for end in (low, high)]
 
 
 def _declared(data: Data) -> dict[tuple[str, str], Declared]:
@@ -78,15 +65,15 @@ def _count(one: Declared) -> float:
 
 
 def _flops(data: Data, claim: Claim) -> Found:
-    one = _declared(data).get((claim["scene"], claim["phase"]))
-    if one is None or one.height != claim["n"]:
-        return missing(f"count of {claim['phase']} on {claim['scene']} at n = {claim['n']:.0f}")
+    one = _declared(data).get((claim.scene, claim.phase))
+    if one is None or one.height != claim.n:
+        return missing(f"count of {claim.phase} on {claim.scene} at n = {claim.n:.0f}")
     giga, entered = _count(one) / 1e9, _entered(one) / 1e9
     if math.isnan(giga):
         return Found(f"{entered:.2f} GFLOP as entered", NEVER, "the paper's rule says nothing of this phase")
     text = f"{giga:.2f} GFLOP by the paper's rule"
     text += f" ({entered:.2f} with iterations as entered)" if entered != giga else ""
-    return Found(text, *near(giga, claim["value"]), value=giga, n=one.height)
+    return Found(text, *near(giga, claim.value), value=giga, n=one.height)
 
 
 def _pair(data: Data, one: tuple[str, str], base: tuple[str, str]) -> tuple[Declared, Declared] | None:
@@ -102,31 +89,31 @@ def _pair(data: Data, one: tuple[str, str], base: tuple[str, str]) -> tuple[Decl
 
 
 def _flop_cut(data: Data, claim: Claim) -> Found:
-    scene = claim["scene"]
-    pair = _pair(data, (scene, claim["phase"]), (scene, claim["base"]))
+    scene = claim.scene
+    pair = _pair(data, (scene, claim.phase), (scene, claim.base))
     if not pair:
-        return missing(f"counts of {claim['phase']} and {claim['base']} on {scene}")
+        return missing(f"counts of {claim.phase} and {claim.base} on {scene}")
     cut, n = 100 * (1 - _count(pair[0]) / _count(pair[1])), pair[0].height
     entered = 100 * (1 - _entered(pair[0]) / _entered(pair[1]))
     beside = f" ({entered:.1f} % with iterations as entered)" if entered != cut else ""
-    verdict, why = near(cut, claim["value"])
+    verdict, why = near(cut, claim.value)
     if verdict == FAILS and cut > 0:
         verdict, why = PART, f"a cut, {why}"
-    return sized(Found(f"{cut:.1f} % at n = {n}{beside}", verdict, why, cut, n=n), claim["n"])
+    return sized(Found(f"{cut:.1f} % at n = {n}{beside}", verdict, why, cut, n=n), claim.n)
 
 
 def _flop_ratio(data: Data, claim: Claim) -> Found:
-    pair = _pair(data, (claim["scene"], claim["phase"]), (claim["base"], claim["phase"]))
+    pair = _pair(data, (claim.scene, claim.phase), (claim.base, claim.phase))
     if not pair:
-        return missing(f"counts of {claim['phase']} on {claim['scene']} and {claim['base']}")
-    ratio, stated, n = _count(pair[0]) / _count(pair[1]), claim["value"], pair[0].height
+        return missing(f"counts of {claim.phase} on {claim.scene} and {claim.base}")
+    ratio, stated, n = _count(pair[0]) / _count(pair[1]), claim.value, pair[0].height
     entered = _entered(pair[0]) / _entered(pair[1])
     beside = f" ({entered:.2f}× with iterations as entered)" if entered != ratio else ""
     if ratio > stated:
         verdict, why = HOLDS, f"more than {stated:g}"
     else:
         verdict, why = (PART, f"more, and not {stated:g}") if ratio > 1 else (FAILS, "no more")
-    return sized(Found(f"{ratio:.2f}× as many at n = {n}{beside}", verdict, why, ratio, n=n), claim["n"])
+    return sized(Found(f"{ratio:.2f}× as many at n = {n}{beside}", verdict, why, ratio, n=n), claim.n)
 
 
 def _points(data: Data) -> dict[tuple[str, str], Point]:
@@ -144,28 +131,28 @@ UNKNOWN = "this CPU's theoretical peak is not known"
 def _gain_flops(data: Data, claim: Claim) -> Found:
     """FLOPs per core cycle by the paper's rule, `phase` over `base`, at the largest size of both."""
     points = _points(data)
-    one, base = (points.get((claim["scene"], claim[key])) for key in ("phase", "base"))
+    one, base = (points.get((claim.scene, getattr(claim, key))) for key in ("phase", "base"))
     if not one or not base or one.height != base.height:
-        return missing(f"count of {claim['phase']} and {claim['base']} beside their times")
-    cells = [data.cell(claim["scene"], r.phase, r.height, r.width) for r in (base, one)]
+        return missing(f"count of {claim.phase} and {claim.base} beside their times")
+    cells = [data.cell(claim.scene, r.phase, r.height, r.width) for r in (base, one)]
     ratio = stats.ratio_interval(*(cell.values["core_cycles"] for cell in cells if cell))
     more = one.paper_rule_flops / base.paper_rule_flops
     if not more > 0:
-        return missing(f"count of {claim['phase']} and {claim['base']} by the paper's rule")
+        return missing(f"count of {claim.phase} and {claim.base} by the paper's rule")
     ends = [more * x for x in (ratio.value, ratio.low, ratio.high)]
     gain = Interval(*ends, ratio.launches, ratio.sufficient)
     rates = [point.paper_rule_flops_per_core_cycle for point in (one, base)]
     text = f"{rates[0]:.3g} over {rates[1]:.3g} flop/core cycle at n = {one.height}: "
     text += f"{gain.text().replace(' ', '× ', 1)}, with {more:.3g}× the FLOPs"
-    return sized(figure(gain, text, *judged(gain.value, claim["value"]), one.height), claim["n"])
+    return sized(figure(gain, text, *judged(gain.value, claim.value), one.height), claim.n)
 
 
 def _more_flops_per_cycle(data: Data, claim: Claim) -> Found:
     points = _points(data)
     pairs = [
-        (phase, row, points[claim["base"], phase])
+        (phase, row, points[claim.base, phase])
         for (scene, phase), row in points.items()
-        if scene == claim["scene"] and (claim["base"], phase) in points
+        if scene == claim.scene and (claim.base, phase) in points
     ]
     speeds = [(phase, a.flops_per_core_cycle, b.flops_per_core_cycle, a.height) for phase, a, b in pairs]
     pairs = [one for one in speeds if one[1] > 0 and one[2] > 0]
@@ -176,7 +163,7 @@ def _more_flops_per_cycle(data: Data, claim: Claim) -> Found:
     verdict = HOLDS if higher == len(pairs) else PART if higher else FAILS
     n = min(height for *_, height in pairs)
     why = f"more in {higher} of {len(pairs)} phases"
-    return sized(Found(f"{text} flop/core cycle", verdict, why, least, n=n), claim["n"])
+    return sized(Found(f"{text} flop/core cycle", verdict, why, least, n=n), claim.n)
 
 
 def _peak(point: Point | None, theoretical: bool) -> float:
@@ -188,24 +175,24 @@ def _peak(point: Point | None, theoretical: bool) -> float:
 
 
 def _share_of_peak(data: Data, claim: Claim) -> Found:
-    row = _points(data).get((claim["scene"], claim["phase"]))
+    row = _points(data).get((claim.scene, claim.phase))
     known, measured = _peak(row, True), _peak(row, False)
     share = known if known > 0 else measured
     if row is None or not share > 0:
-        return missing(f"ceilings, or count of {claim['phase']} on {claim['scene']}")
-    verdict, why = judged(share, claim["value"])
+        return missing(f"ceilings, or count of {claim.phase} on {claim.scene}")
+    verdict, why = judged(share, claim.value)
     text = f"{known:.1f} % of what its ports allow" if known > 0 else UNKNOWN
     text += f"; {measured:.1f} % of the measured roof" if measured > 0 else ""
-    return sized(Found(f"{text} (the paper's rule)", verdict, why, share, n=row.height), claim["n"])
+    return sized(Found(f"{text} (the paper's rule)", verdict, why, share, n=row.height), claim.n)
 
 
 def _share_falls(data: Data, claim: Claim) -> Found:
     points = _points(data)
-    rows = [points.get((claim["scene"], claim[key])) for key in ("base", "phase")]
+    rows = [points.get((claim.scene, getattr(claim, key))) for key in ("base", "phase")]
     known, measured = ([_peak(row, theoretical) for row in rows] for theoretical in (True, False))
     shares = known if all(share > 0 for share in known) else measured
     if not all(share > 0 for share in shares):
-        return missing(f"ceilings, or counts of {claim['phase']} and {claim['base']}")
+        return missing(f"ceilings, or counts of {claim.phase} and {claim.base}")
     said = (
         f"from {known[0]:.1f} % to {known[1]:.1f} % of what its ports allow" if shares is known else UNKNOWN
     )
@@ -214,13 +201,13 @@ def _share_falls(data: Data, claim: Claim) -> Found:
     text = f"{said}, of its own precision"
     verdict, why = (HOLDS, "it decreases") if shares[1] < shares[0] else (FAILS, "it does not decrease")
     n = min(row.height for row in rows if row)
-    return sized(Found(text, verdict, why, shares[1] / shares[0], n=n), claim["n"])
+    return sized(Found(text, verdict, why, shares[1] / shares[0], n=n), claim.n)
 
 
 def _ablation(data: Data, claim: Claim) -> Found:
-    result = Ablations.load_if_there(data.path / "ablations.json")
+    result = experiment.load(data.path, "ablations.json")
     for row in result.rows if result else ():
-        if (row.ablation, row.scene) != (claim["phase"], claim["scene"]):
+        if (row.ablation, row.scene) != (claim.phase, claim.scene):
             continue
         gain = Interval(*row.gain.ends, row.gain.launches, row.gain.sufficient)
         picture = "not finite" if row.non_finite else "identical picture"  # JSON's null is either
@@ -229,39 +216,40 @@ def _ablation(data: Data, claim: Claim) -> Found:
         verdict, why = held(row.paper, gain, row.failed)
         if not verdict:
             return Found(text, NEVER, "the step's patch states no claim of the paper's")
-        return sized(figure(gain, text, verdict, why, row.height), claim["n"])
-    return missing(f"ablation {claim['phase']} on {claim['scene']}")
+        return sized(figure(gain, text, verdict, why, row.height), claim.n)
+    return missing(f"ablation {claim.phase} on {claim.scene}")
 
 
 def _hottest(data: Data, claim: Claim) -> Found:
-    mine = set(claim["base"].split("|"))
-    for profile in Hotspots.read_if_there(data.path / "hotspots.json").get("profiles", []):
-        if (profile["scene"], profile["phase"], profile["variant"]) != (claim["scene"], "baseline", "calls"):
+    mine = set(claim.base.split("|"))
+    result = experiment.load(data.path, "hotspots.json")
+    for profile in result.profiles if result else ():
+        if (profile.scene, profile.phase, profile.variant) != (claim.scene, "baseline", "calls"):
             continue
-        shares = {one["function"].split(" ")[0]: one["share"] for one in profile["functions"]}
+        shares = {one.function.split(" ")[0]: one.share for one in profile.functions}
         together = sum(share for name, share in shares.items() if name in mine)
         rest = max((share, name) for name, share in shares.items() if name not in mine)
         text = f"{100 * together:.0f} % of the time together; next: {rest[1]}, {100 * rest[0]:.0f} %"
         verdict = HOLDS if together > rest[0] else FAILS
         why = f"{'more' if verdict == HOLDS else 'no more'} than the next"
-        return sized(Found(text, verdict, why, 100 * together, n=profile["height"]), claim["n"])
-    return missing(f"profile of baseline on {claim['scene']}, without inlining")
+        return sized(Found(text, verdict, why, 100 * together, n=profile.height), claim.n)
+    return missing(f"profile of baseline on {claim.scene}, without inlining")
 
 
 def _never_misses(data: Data, claim: Claim) -> Found:
     for row in accuracy.rows(data.path):
-        if (row.scene, row.phase) == (claim["scene"], claim["phase"]):
+        if (row.scene, row.phase) == (claim.scene, claim.phase):
             ppm, height = row.false_misses_ppm, row.height
             if not known(ppm):
                 return missing("pixel that truth proves")
             text = f"{ppm:.3g} ppm of the pixels missed at n = {height}, by proof"
             verdict, why = (HOLDS, "none is missed") if ppm == 0 else (FAILS, "one miss refutes at any size")
-            return sized(Found(text, verdict, why, ppm, n=height), claim["n"])
-    return missing(f"accuracy of {claim['phase']} on {claim['scene']}")
+            return sized(Found(text, verdict, why, ppm, n=height), claim.n)
+    return missing(f"accuracy of {claim.phase} on {claim.scene}")
 
 
 def _normalize(data: Data, claim: Claim) -> Found:
-    result = Functions.load_if_there(data.path / "functions.json")
+    result = experiment.load(data.path, "functions.json")
     rows = result.normalise if result else []
     mine = [r for r in rows if r.isa == "SSE" and r.name.endswith("+ 1") and r.speedup.value is not None]
     if not mine:
@@ -269,38 +257,38 @@ def _normalize(data: Data, claim: Claim) -> Found:
     row = max(mine, key=lambda row: row.vectors)
     gain = row.speedup
     text = f"{gain.value:.2f}× for {row.vectors:,} vectors"
-    verdict, why = judged(gain.value, claim["value"])
+    verdict, why = judged(gain.value, claim.value)
     ends = (math.nan if end is None else end for end in (gain.low, gain.high))
     found = timed(Found(text, verdict, why, gain.value, *ends, row.vectors))
-    return sized(found, claim["n"], unit="vectors = ")
+    return sized(found, claim.n, unit="vectors = ")
 
 
 def _rtrm(data: Data, claim: Claim) -> Found:
     """Beside figures of another machine: that decides nothing. The figure is of the claim's phase; without
     a time of it the fastest one's stands in the words alone."""
-    result = Lattice.load_if_there(data.path / "lattice.json")
+    result = experiment.load(data.path, "lattice.json")
     fastest = result.best(2) if result else None
     if result is None or fastest is None:
         return missing("time of scene lattice on two threads")
     other = f"{fastest.phase} {fastest.program:.2f}×"
-    named = [r for r in result.rows if (r.phase, r.threads) == (claim["phase"], 2) and r.program]
+    named = [r for r in result.rows if (r.phase, r.threads) == (claim.phase, 2) and r.program]
     if not named:
-        text = f"{other} its figure of another machine; no time of {claim['phase']} on two threads"
-        return Found(text, NEVER, claim["note"], n=fastest.n)
+        text = f"{other} its figure of another machine; no time of {claim.phase} on two threads"
+        return Found(text, NEVER, claim.note, n=fastest.n)
     one = named[0]
     text = f"{one.program:.2f}× its figure of another machine; {other}"
     ends = (math.nan if end is None else end for end in (one.program_low, one.program_high))
-    return Found(text, NEVER, claim["note"], one.program, *ends, one.n)
+    return Found(text, NEVER, claim.note, one.program, *ends, one.n)
 
 
 def _integers(data: Data, claim: Claim) -> Found:
     """Beside figures of 35 cores of another CPU: that decides nothing. Fewer frames than the article's are
     another stretch of the animation, whose frames drift: no ratio then."""
-    result = Fixed.load_if_there(data.path / "fixed.json")
-    mine = [r for r in result.animation if (r.phase, r.n) == (claim["phase"], claim["n"])] if result else []
+    result = experiment.load(data.path, "fixed.json")
+    mine = [r for r in result.animation if (r.phase, r.n) == (claim.phase, claim.n)] if result else []
     mine = [r for r in mine if r.shadows]
     if not result or not mine:
-        return missing(f"frames of {claim['scene']} at n = {claim['n']:.0f}")
+        return missing(f"frames of {claim.scene} at n = {claim.n:.0f}")
     said = result.article
     one = max(mine, key=lambda row: (row.frames == said.frames, row.threads))
     cores = f"{one.threads} thread{'s' * (one.threads > 1)}"
@@ -311,15 +299,15 @@ def _integers(data: Data, claim: Claim) -> Found:
         beside = f"{one.frames} frames of {one.width}×{one.n}, no ratio"
     text = f"{one.ms.mean:.1f} ms on {cores}: {beside}"
     text += f" (5 to 95 % of its frames: {one.ms.p5:.1f} to {one.ms.p95:.1f} ms)"
-    return Found(text, NEVER, claim["note"], one.ms.mean, n=one.n)  # of one process: no interval
+    return Found(text, NEVER, claim.note, one.ms.mean, n=one.n)  # of one process: no interval
 
 
 def _linear(data: Data, claim: Claim) -> Found:
     """The gain of the most threads over one, per thread, of the longest frame: waking is no work."""
     made: list[tuple[float, Interval, str, int]] = []
-    result = Packets.load_if_there(data.path / "packets.json")
+    result = experiment.load(data.path, "packets.json")
     for drawn in result.drawn if result else ():
-        by = {t.threads: t.launches or [] for r in drawn.rows if r.phase == claim["phase"] for t in r.threads}
+        by = {t.threads: t.launches or [] for r in drawn.rows if r.phase == claim.phase for t in r.threads}
         if len(by) > 1 and 1 in by:
             most = max(by)
             gain = stats.ratio_interval(by[1], by[most])
@@ -331,32 +319,32 @@ def _linear(data: Data, claim: Claim) -> Found:
             text = f"{gain.value:.2f}× on {most} threads, {what}"
             made.append((longest, share, text, drawn.n))
     if not made:
-        return missing(f"time of {claim['phase']} on several threads")
+        return missing(f"time of {claim.phase} on several threads")
     _, share, text, n = max(made, key=lambda one: one[0])
-    verdict, why = reached(share, claim["value"] / NEAR)
-    if verdict == FAILS and share.low > 0.5 * claim["value"]:
+    verdict, why = reached(share, claim.value / NEAR)
+    if verdict == FAILS and share.low > 0.5 * claim.value:
         verdict, why = PART, f"more than half of linear; {why}"
     return figure(share, text, verdict, why, n)
 
 
 def _rods_fewer(data: Data, claim: Claim) -> Found:
-    if not (result := Rods.load_if_there(data.path / "rods.json")):
+    if not (result := experiment.load(data.path, "rods.json")):
         return missing("rods.json")
     own = result.own
     counts = [one.evaluations for one in (own.pixels, own.rods)]
     text = f"{counts[0]:.3g} evaluations a pixel against {counts[1]:.3g}: {own.fewer:.3g}×"
-    verdict, why = judged(own.fewer, claim["value"])
-    return sized(Found(text, verdict, why, own.fewer, n=own.n), claim["n"])
+    verdict, why = judged(own.fewer, claim.value)
+    return sized(Found(text, verdict, why, own.fewer, n=own.n), claim.n)
 
 
 def _rods_gain(data: Data, claim: Claim) -> Found:
-    if not (result := Rods.load_if_there(data.path / "rods.json")):
+    if not (result := experiment.load(data.path, "rods.json")):
         return missing("rods.json")
     own = result.own
     text = f"{own.gain:.2f}×: {own.pixels.ms:.3g} ms per pixel, {own.rods.ms:.3g} ms by rods"
-    verdict, why = judged(own.gain, claim["value"])
+    verdict, why = judged(own.gain, claim.value)
     ends = (math.nan if end is None else end for end in (own.gain_low, own.gain_high))
-    return sized(timed(Found(text, verdict, why, own.gain, *ends, own.n)), claim["n"])
+    return sized(timed(Found(text, verdict, why, own.gain, *ends, own.n)), claim.n)
 
 
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {

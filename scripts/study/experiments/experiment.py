@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from study.core import commands
 from study.core.cli import StudyError
@@ -116,6 +117,12 @@ def find_all(folder: Path = FOLDER) -> dict[str, Experiment]:
             raise StudyError(f"{path}: must define EXPERIMENT, named {path.parent.name!r}")
         found.append(made)
     return {one.name: one for one in sorted(found, key=lambda one: (one.turn, one.name))}
+
+
+def load(run: Path, name: str) -> Any:
+    """The file `name` of a run, read by the experiment that writes it; None without it. Raises StudyError."""
+    kinds = {file: kind for one in find_all().values() for file, kind in one.schemas.items()}
+    return kinds[name].load_if_there(run / name)
 
 
 def placed(data: Data) -> list[tuple[int, Section]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from study.claims import claims
+from study.claims.claims import Checked
 from study.core import html, patches, registry
 from study.core.registry import Phase
 from study.core.run_schema import PhaseJson
@@ -43,16 +44,16 @@ RERUN = (
 )
 
 
-def by_paper(found: Sequence[Mapping[str, Any]]) -> dict[str, Counter[str]]:
+def by_paper(found: Sequence[Checked]) -> dict[str, Counter[str]]:
     """Paper → how many of its claims have which verdict."""
     counts: dict[str, Counter[str]] = {}
     for claim in found:
-        word = next(word for word in verdicts.WORDS if claim["verdict"].startswith(word))
-        counts.setdefault(claim["text"], Counter())[word] += 1
+        word = next(word for word in verdicts.WORDS if claim.verdict.startswith(word))
+        counts.setdefault(claim.text, Counter())[word] += 1
     return dict(sorted(counts.items()))
 
 
-def _draw(found: Sequence[Mapping[str, Any]]) -> Figure:
+def _draw(found: Sequence[Checked]) -> Figure:
     counts = by_paper(found)
     figure = Figure(figsize=(9, 0.5 * len(counts) + 1.5), layout="constrained")
     figure.suptitle("What became of the papers' claims here", x=0.01, ha="left", fontsize=12)
