@@ -1,0 +1,21 @@
+"""Claims made to order, and those of the register."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from study.claims import claim
+from study.claims.claim import Claim
+
+ANY = Claim("P1", "", "scene0", "baseline", "baseline", math.nan, "×", math.nan, "", 1, "", "a note", "")
+
+
+def claimed(**about: object) -> Claim:
+    return dataclasses.replace(ANY, **about)
+
+
+def of(quantity: str) -> Claim:
+    """The register's only one of that kind."""
+    (found,) = [one for one in claim.read() if one.quantity == quantity]
+    return found
