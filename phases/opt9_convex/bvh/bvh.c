@@ -133,24 +133,3 @@ void bvh_build(struct bvh *tree, struct bvh_leaf *leaves, int count) {
         sum += nodes->radius[i];
     tree->spacing = nodes->count ? (float)(sum / nodes->count) : 0;
 }
-
-static float distance_to(const struct sphere_array *s, int i, const float from[3]) {
-    float x = s->x[i] - from[0], y = s->y[i] - from[1], z = s->z[i] - from[2];
-    return sqrtf(x * x + y * y + z * z) - s->radius[i];
-}
-
-float bvh_gap(const struct bvh *tree, int i) {
-    const struct sphere_array *leaves = &tree->level[0];
-    float from[3] = {leaves->x[i], leaves->y[i], leaves->z[i]}, least = INFINITY;
-    int nodes = nodes_for(leaves->count);
-    for (int k = 0; k < nodes && least > 0; k++) {
-        int node = (i / BVH_WIDTH + k) % nodes; // leaf i's own node first
-        if (tree->levels > 1 && distance_to(&tree->level[1], node, from) >= least)
-            continue;
-        int end = (node + 1) * BVH_WIDTH < leaves->count ? (node + 1) * BVH_WIDTH : leaves->count;
-        for (int other = node * BVH_WIDTH; other < end; other++)
-            if (other != i)
-                least = fminf(least, distance_to(leaves, other, from));
-    }
-    return least;
-}

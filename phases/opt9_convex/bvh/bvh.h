@@ -34,8 +34,5 @@ bool bvh_reserve(struct bvh *tree, int leaves);
 // Builds the BVH and leaves the leaves in its order.
 void bvh_build(struct bvh *tree, struct bvh_leaf *leaves, int count);
 void bvh_free(struct bvh *tree);
-// Returns the distance from the centre of leaf i to the nearest other leaf's sphere. Infinite: no other leaf;
-// 0 or less: inside one.
-float bvh_gap(const struct bvh *tree, int i);
 
 #endif

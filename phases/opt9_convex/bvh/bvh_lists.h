@@ -46,8 +46,7 @@ int bvh_list_along(struct vec origin, struct vec direction, vmask active,
 vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light, vfloat facing,
                         vfloat shape, vmask active, const struct tile_context *work);
 
-// Sets the rays' end, their first entry into a solid of scratch->entry_list, and the leap limit of rays from
-// planes.
+// Sets the rays' end and their first entry into a solid of scratch->entry_list.
 void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
                      const struct tile_context *work);
 

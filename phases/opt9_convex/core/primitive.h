@@ -60,10 +60,7 @@ struct primitive {
 struct primitive_extra {
     float position_lo[3]; // position − (float)position
     double radius_sq;     // EVAL_POWER
-    // With a BVH: the distance from the solid's position to the nearest other bounding sphere, and the
-    // solid's index among the leaves.
-    float clearance;
-    int bvh_rank;
+    int bvh_rank;         // with a BVH: the solid's index among the leaves
 };
 
 // The part of a scene that a generated kernel has as constants (opt10_scene). A type of its own: what may

@@ -237,11 +237,8 @@ static void build_bvh(struct prepared *prepared) {
             leaf->centre[k] = p->position[k];
     }
     bvh_build(&prepared->bvh, prepared->leaves, solids);
-    for (int i = 0; i < solids; i++) {
-        struct primitive_extra *extra = &prepared->extras[prepared->bvh.shape[i]];
-        extra->clearance = bvh_gap(&prepared->bvh, i);
-        extra->bvh_rank = i;
-    }
+    for (int i = 0; i < solids; i++)
+        prepared->extras[prepared->bvh.shape[i]].bvh_rank = i;
 }
 
 // Links the repeated shapes after `first` that have its frame and its cells.

@@ -1,5 +1,5 @@
-// Marches the shadow rays of a scene with a BVH in batches: the queue is sorted (shadow/shadow_sort.c), rays
-// leave their own solid (shadow/solid_exit.c) and march among the shapes nearby (shadow/active_set.c).
+// Marches the shadow rays of a scene with a BVH in batches: the queue is sorted (shadow/shadow_sort.c),
+// and rays march among the shapes nearby (shadow/active_set.c).
 #include "shadow/shadow_batch.h"
 #include "bvh/bvh_lists.h"
 #include "shadow/soft_shadow.h"
@@ -21,7 +21,6 @@ static struct shadow_rays load_sorted_packet(float field[][QUEUE_ROOM], const un
                                 .facing = v_gather(field[S_FACING], at),
                                 .shape = v_gather(field[S_SHAPE], at),
                                 .end = v_splat(0.0f),
-                                .leap_limit = v_splat(INFINITY),
                                 .on_plane = v_mask_none(),
                                 .meets_one = v_mask_none(),
                                 .meets_many = v_mask_none(),
@@ -78,7 +77,7 @@ static bool active_step(struct shadow_batch *batch, vfloat strength, vfloat hit)
         vfloat room = v_splat(batch->set.within) - w->least;
         w->waits = v_or(w->waits, v_not(v_cmp_ge(room * v_abs(room), vec_dot(off, off))));
         vmask still = is_idle(w), done = m->done;
-        step_others(m, still, w->least, strength, hit, false);
+        step_others(m, still, w->least, strength, hit);
         m->done = v_or(done, v_andnot(still, m->done));
     }
     return moves;
@@ -103,7 +102,8 @@ static void load_batch_packet(struct batch_packet *w, int first, int end,
     w->ray = v_load(ray);
     int shape = (int)v_lane0(w->rays.shape);
     w->solid = work->scene->primitives[shape].eval == EVAL_LINEAR ? -1 : shape;
-    w->local_to = w->rays.to_light;
+    w->local_to =
+        w->solid < 0 ? w->rays.to_light : turned(&work->scene->primitives[shape], w->rays.to_light);
     w->start =
         (struct vec){w->rays.point.x - v_splat(origin[0]), w->rays.point.y - v_splat(origin[1]),
                      w->rays.point.z - v_splat(origin[2])};
@@ -192,7 +192,6 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
         bvh_list_for_packet(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
         begin_batch_packet(&batch.packet[i], work);
     }
-    leave_own_solid(&batch, strength, hit, work);
     // Limits steps and active sets together. An active set in which no ray can step, as with a place that is
     // NaN, counts too, so the loop ends.
     long left = 2L * model->march.max_steps * BATCH_RAYS;

@@ -103,7 +103,7 @@ static inline vmask is_idle(const struct batch_packet *w) {
     return v_or(w->march.done, w->waits);
 }
 
-// Steps between two cone queries, in an active set or away from the rays' own solid.
+// Steps between two cone queries in an active set.
 enum { CHECK_INTERVAL = 6 };
 
 // Sorts the queued rays into scratch->order[0]: rays from one solid follow one another in the BVH's order,
@@ -122,9 +122,5 @@ void store_lit(const struct batch_packet *w, vmask done, struct worker_scratch *
 // Moves the rays into as few packets as hold them: first the rays that march, behind them the rays that wait.
 // Rays that have ended are stored and left out. Returns whether any ray has moved.
 bool compact_packets(struct shadow_batch *batch, struct worker_scratch *scratch);
-
-// Marches the rays from a solid, as long as no other shape can be nearer than that solid.
-void leave_own_solid(struct shadow_batch *batch, vfloat strength, vfloat hit,
-                     const struct tile_context *work);
 
 #endif

@@ -59,16 +59,12 @@ shadow_step(struct shadow_march *m, vfloat h, vfloat strength, vfloat hit_distan
     advance_by(m, h, live);
 }
 
-// One step of all rays except those in `still`. settled: no term of this step can be the least, so none is
-// formed.
+// One step of all rays except those in `still`.
 static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vfloat strength,
-                               vfloat hit, bool settled) {
+                               vfloat hit) {
     vfloat previous = m->previous, from = m->step_began;
     m->done = still;
-    if (settled)
-        advance_by(m, h, off_surfaces(m, h, hit));
-    else
-        shadow_step(m, h, strength, hit, 0.0f);
+    shadow_step(m, h, strength, hit, 0.0f);
     m->previous = v_select(still, previous, m->previous);
     m->step_began = v_select(still, from, m->step_began);
 }
@@ -84,7 +80,6 @@ static inline void load_shadow_packet(float field[][QUEUE_ROOM], int first, int 
     r->facing = v_load(&field[S_FACING][first]);
     r->shape = v_load(&field[S_SHAPE][first]);
     r->end = v_splat(0.0f);
-    r->leap_limit = v_splat(INFINITY);
     r->on_plane = r->meets_one = r->meets_many = v_mask_none();
     r->first = v_splat(INFINITY);
     r->cosine = v_splat(1.0f);
