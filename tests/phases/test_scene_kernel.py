@@ -719,13 +719,13 @@ def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: b
 
     It is one of what the general code reads.
     """
-    folder = registry.phases()[PHASE].file("core/known_scene.h").parents[1]
+    folder = registry.phases()[PHASE].file("types/known_scene.h").parents[1]
     include = ["-I", registry.ROOT / "common", "-iquote", folder]
     source = tmp_path / "known.c"
 
     def compiled(expression: str) -> subprocess.CompletedProcess[str]:
         function = f"double f(const struct prepared *p) {{ return {expression}; }}\n"
-        source.write_text(f'#include "core/known_scene.h"\n{function}')
+        source.write_text(f'#include "types/known_scene.h"\n{function}')
         command = ["gcc", "-std=c11", "-fsyntax-only", *include, source]
         return subprocess.run(command, capture_output=True, text=True)
 

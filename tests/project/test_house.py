@@ -102,6 +102,36 @@ def test_no_chain_has_more_than_five_includes(phase: str) -> None:
     assert len(chain) - 1 <= MOST_INCLUDES, " -> ".join(chain)
 
 
+# Folders of a phase and of those derived from it, from the bottom up: none includes a file of one above it.
+LAYERS = {
+    "opt9_convex": ("types", "hit", "bvh", "repetition", "bulb", "shadow", "fallback", "kernel", "frame")
+}
+
+
+def layers(phase: str) -> tuple[str, ...]:
+    return next((LAYERS[name] for name in patches.lineage(phase) if name in LAYERS), ())
+
+
+@pytest.mark.parametrize("phase", [name for name in registry.phases() if layers(name)])
+def test_includes_and_calls_go_down(phase: str) -> None:
+    """A call needs a header with its declaration: includes tell of calls too. A kernel's root stands
+    above what it includes."""
+    order = layers(phase)
+    graph = includes(phase)
+    assert {
+        Path(name).parts[0] for name in patches.files(phase) if "/" in name and name.endswith((".c", ".h"))
+    } <= {*order}
+    wrong = [
+        f"{name} includes {other}"
+        for name, others in graph.items()
+        for other in others
+        if {Path(name).parts[0], Path(other).parts[0]} <= {*order}
+        and order.index(Path(other).parts[0]) > order.index(Path(name).parts[0])
+        and name != "kernel/kernel_root.h"
+    ]
+    assert wrong == []
+
+
 def calls(objects: list[Path]) -> dict[str, set[str]]:
     """Which object uses a symbol that another one defines."""
     defined: dict[str, str] = {}

@@ -1,11 +1,11 @@
-// A kernel for one scene: core/analytic_tile.c and the code below it, compiled with the scene as constants
+// A kernel for one scene: frame/analytic_tile.c and the code below it, compiled with the scene as constants
 // (scene_kernel.h, written by kernel/generate.c) and cached by its hash. Camera, light, max_steps and
 // hit_distance stay variables, because a sweep varies them.
 #ifndef OPT10_KERNEL_H
 #define OPT10_KERNEL_H
 
-#include "core/primitive.h"
 #include "phase.h"
+#include "types/primitive.h"
 
 // What a compiled kernel exports as `stepwise_kernel`.
 struct scene_kernel {

@@ -1,6 +1,6 @@
 // The end of a generated kernel's source: what the program calls of it. The files before it are listed in
 // phase.json ("embedded"); common/build/phase_info.py puts them one behind the other into the program.
-#include "core/worker_scratch.h"
+#include "frame/worker_scratch.h"
 #include "kernel/kernel.h"
 
 static int kernel_tiles(const struct job *job) {

@@ -1,10 +1,10 @@
-// In place of core/known_scene.h in a generated kernel: the scene is a constant, so the compiler drops what it
+// In place of types/known_scene.h in a generated kernel: the scene is a constant, so the compiler drops what it
 // lacks. kernel/generate.c writes scene_kernel.h, with struct known_scene scene_known.
 #ifndef OPT9_KNOWN_SCENE_H
 #define OPT9_KNOWN_SCENE_H
 
 #define SCENE_KERNEL 1
-#include "core/primitive.h"
+#include "types/primitive.h"
 
 #include "scene_kernel.h"
 
@@ -65,7 +65,7 @@ static inline int set_shape(const struct shape_set *set, int k) {
 }
 #else
 #define UNROLL_SHAPES
-#include "core/shape_sets.h"
+#include "types/shape_sets.h"
 #endif
 
 #endif

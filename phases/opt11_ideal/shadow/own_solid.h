@@ -3,9 +3,9 @@
 #ifndef OPT11_OWN_SOLID_H
 #define OPT11_OWN_SOLID_H
 
-#include "core/known_scene.h"
 #include "shadow/widest_cone.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 // How much √square grows if the square grows by `rise`. root: √square.
 INLINE vfloat root_rise(vfloat rise, vfloat square, vfloat root) {

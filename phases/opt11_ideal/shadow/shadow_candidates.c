@@ -3,11 +3,11 @@
 // and a sphere: see struct shadow_cone.
 #include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
-#include "core/numerics.h"
-#include "core/shading_packet.h"
-#include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
+#include "types/numerics.h"
+#include "types/shading_packet.h"
+#include "types/tile_context.h"
 
 // The slope of the cone about a hard shadow ray: it covers rounding.
 #define HARD_SHADOW_SLOPE 1e-3f

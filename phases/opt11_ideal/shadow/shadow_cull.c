@@ -1,10 +1,10 @@
 // Shadow rays that no shape but their own can darken, and that one's shadow. The ratio of a convex solid on which
 // a ray starts is least at the start (PROOFS.md, 5.).
 #include "bulb/bulb_estimate.h"
-#include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/own_solid.h"
 #include "shadow/shadow_cone.h"
+#include "types/tile_context.h"
 
 // Rays whose ratio is nowhere below this are lit. The margin is for rounding.
 static inline float lit_ratio(const struct known_scene *scene) {

@@ -2,8 +2,8 @@
 #ifndef OPT11_SOFT_PACKET_H
 #define OPT11_SOFT_PACKET_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 struct tile_context;
 

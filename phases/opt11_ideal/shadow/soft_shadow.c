@@ -1,8 +1,6 @@
 // Soft shadows without a march: the least strength·h(t)/t between the start of a shadow ray and the light, solid by
 // solid. The scene's least ratio is the least over its shapes, in any order.
 #include "bvh/bvh_lists.h"
-#include "core/sdf.h"
-#include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/own_solid.h"
 #include "shadow/shadow_batch.h"
@@ -10,6 +8,8 @@
 #include "shadow/shadow_rays.h"
 #include "shadow/soft_packet.h"
 #include "shadow/widest_torus.h"
+#include "types/sdf.h"
+#include "types/tile_context.h"
 
 // The ratio of a plane falls or rises all along.
 INLINE void darken_by_plane(int i, struct soft_packet *w, const struct known_scene *scene) {

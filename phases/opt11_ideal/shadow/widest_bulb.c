@@ -1,10 +1,10 @@
 // The least ratio of a Mandelbulb for all queued shadow rays. Its estimate has no closed form: steps that no ratio
 // below the best can hide in. Some rays take hundreds of them, so ended lanes get other rays.
 #include "bulb/bulb_estimate.h"
-#include "core/sdf.h"
-#include "core/tile_context.h"
 #include "shadow/soft_packet.h"
 #include "shadow/widest_cone.h"
+#include "types/sdf.h"
+#include "types/tile_context.h"
 
 // The share of t by which a ratio may be missed. The estimate falls about as fast as t grows.
 #define BULB_ROOM_SHARE (1.0f / 4)

@@ -1,10 +1,10 @@
 // The widest cone about a ray that holds nothing of the copies of a repeated solid. In each cell the nearest copy is
 // the cell's own (PROOFS.md of opt9_convex, 12.), so the ray is cut at the walls, and each part asks one copy.
-#include "core/sdf.h"
-#include "core/tile_context.h"
 #include "shadow/own_solid.h"
 #include "shadow/soft_packet.h"
 #include "shadow/widest_torus.h"
+#include "types/sdf.h"
+#include "types/tile_context.h"
 
 // One axis: the ray's coordinate in the first cell, the cells passed, and where the next wall is.
 struct cell_line {

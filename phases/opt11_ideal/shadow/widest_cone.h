@@ -4,8 +4,8 @@
 #ifndef OPT11_WIDEST_CONE_H
 #define OPT11_WIDEST_CONE_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 // Rays in a solid's frame. Only t from near to far counts.
 struct cone_rays {

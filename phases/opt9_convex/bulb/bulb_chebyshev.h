@@ -3,8 +3,8 @@
 #ifndef OPT9_BULB_CHEBYSHEV_H
 #define OPT9_BULB_CHEBYSHEV_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 struct worker_scratch;
 

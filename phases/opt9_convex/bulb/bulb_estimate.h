@@ -1,5 +1,5 @@
 // The Mandelbulb's distance estimate for several packets in turns, so that one packet's operations fill the
-// latencies of another's. The map is that of sdf_mandelbulb() in core/sdf.h, as three squarings of two unit
+// latencies of another's. The map is that of sdf_mandelbulb() in types/sdf.h, as three squarings of two unit
 // phasors: (ρ + iy)⁸ and (x + iz)⁸/ρ⁸, ρ² = x² + z². The derivative's small summand has 14 bits (8 lanes:
 // 11); it only scales the estimate, so the surface stays in place.
 //
@@ -9,10 +9,10 @@
 #ifndef OPT9_BULB_H
 #define OPT9_BULB_H
 
-#include "core/known_scene.h"
-#include "core/numerics.h"
-#include "core/tile_context.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
+#include "types/numerics.h"
+#include "types/tile_context.h"
 
 #define BULB_SHARE 0.52f
 

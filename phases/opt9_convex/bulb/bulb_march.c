@@ -10,8 +10,8 @@
 #include "bulb/bulb_chebyshev.h"
 #include "bulb/bulb_estimate.h"
 #include "bulb/bulb_march.h"
-#include "core/sdf.h"
-#include "core/shading_packet.h"
+#include "types/sdf.h"
+#include "types/shading_packet.h"
 
 // With a hit distance of this or more, rays are marched in floats only: the error of 1e-7 does not matter
 // then.

@@ -2,8 +2,8 @@
 #ifndef OPT9_BULB_MARCH_H
 #define OPT9_BULB_MARCH_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 struct packet_ray;
 struct shading_packet;

@@ -1,6 +1,6 @@
 // Builds the BVH top-down: the leaves are halved along their longest axis, at whole nodes, until one node is
 // left.
-#include "bvh/bvh.h"
+#include "types/bvh.h"
 
 #include <math.h>
 #include <stdlib.h>

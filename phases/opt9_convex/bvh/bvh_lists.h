@@ -4,14 +4,11 @@
 #define OPT9_BVH_LISTS_H
 
 #include "simd/simd.h"
+#include "types/bvh.h"
 
-struct shadow_candidate;
-struct shadow_rays;
 struct tile_context;
 struct worker_scratch;
-
 struct tile_frustum;
-
 struct job;
 
 // Sets scratch->camera_shapes: solids whose bounding sphere meets the frustum, and planes that it sees.
@@ -42,24 +39,23 @@ void bvh_list_for_packet(const float centre[3], float radius, const float to_lig
 int bvh_list_along(struct vec origin, struct vec direction, vmask active,
                    const struct tile_context *work, int *list);
 
-// As trivially_lit(), with a cone query for each ray in place of scratch->occluders.
-vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light, vfloat facing,
-                        vfloat shape, vmask active, const struct tile_context *work);
-
-// Sets the rays' end and their first entry into a solid of scratch->entry_list.
-void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
-                     const struct tile_context *work);
-
-// A cone query for the rays `queried` of a packet: does any shape but `excluded` come nearer than q·t', for t'
-// from t on? Sets `until` in those lanes: where the blocker found ends, below 0 if there is none.
-struct cone_request {
-    const struct shadow_rays *rays;
-    vfloat t, q, until;
-    vfloat excluded; // a solid known to stay at q·t or further, −1: none
-    vmask queried;
+// The cones of a packet's rays. Query: does a sphere beyond t come nearer than q·t?
+struct ray_cone {
+    struct vec point, to_light;
+    vfloat q, a, ahead; // a: 1 − q²; ahead: a·t
 };
 
-// Runs the cone queries of BATCH_PACKETS packets at most.
-void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_context *work);
+// A packet's rays in a query.
+struct packet_cones {
+    struct ray_cone rays;
+    vfloat t, excluded; // excluded: a shape that is not tested
+    vfloat until;       // where the blocker found ends, below 0: none
+    vmask open, now;    // open: not in a bundle yet; now: in the current bundle, no blocker found
+};
+
+// Finds a blocker for each open ray of at most QUERY_PACKETS packets: a sphere, not of the shape `excluded`, that comes
+// into its cone. Sets `until` where there is one. *leaf: the leaf that blocked the last query, tested first.
+enum { QUERY_PACKETS = 8 };
+void bvh_cone_query(const struct bvh *tree, struct packet_cones *cones, int count, int *leaf);
 
 #endif

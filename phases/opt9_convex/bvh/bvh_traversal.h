@@ -2,8 +2,8 @@
 #ifndef OPT9_BVH_TRAVERSAL_H
 #define OPT9_BVH_TRAVERSAL_H
 
-#include "bvh/bvh.h"
-#include "core/tile_context.h"
+#include "types/bvh.h"
+#include "types/tile_context.h"
 
 static inline int append_planes(const struct prepared *scene, int *list, int count) {
     for (int k = 0; k < scene->plane_count; k++)

@@ -2,14 +2,7 @@
 // the cone about all rays at once; only the leaves that it meets are tested ray by ray.
 #include "bvh/bvh_lists.h"
 #include "bvh/bvh_traversal.h"
-#include "shadow/shadow_batch.h"
-#include "shadow/shadow_cone.h"
-
-// The cones of a packet's rays. Query: does a sphere beyond t come nearer than q·t?
-struct ray_cone {
-    struct vec point, to_light;
-    vfloat q, a, ahead; // a: 1 − q²; ahead: a·t
-};
+#include "types/numerics.h"
 
 // Tests which cones meet a sphere beyond t, and sets b and the discriminant (a quarter) of a·t² − 2·b·t + c =
 // 0. Its rounding is 8·2⁻²⁴·|v|², its margin 2e-6·a·|v|². For a < 1/4 (q > 0.87) a sphere that the cone only
@@ -28,14 +21,6 @@ static inline vmask cone_meets_sphere(const struct ray_cone *cone, struct vec ce
     vfloat over = v_max(cone->ahead - *b, zero);
     return v_and(comes, v_cmp_ge(*discriminant, over * over));
 }
-
-// A packet's rays in a query.
-struct packet_cones {
-    struct ray_cone rays;
-    vfloat t, excluded; // excluded: a shape that is not tested
-    vfloat until;       // where the blocker found ends, below 0: none
-    vmask open, now;    // open: not in a bundle yet; now: in the current bundle, no blocker found
-};
 
 // A bundle of rays that start within `radius` of `centre`: largest difference of directions, widest cone and
 // least t.
@@ -149,8 +134,7 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
 
 // Finds a blocker for each open ray; `until` is unchanged where there is none. Starts with the leaf that
 // blocked the last query, then takes bundles of neighbouring rays.
-static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, int count,
-                            int *leaf) {
+void bvh_cone_query(const struct bvh *tree, struct packet_cones *cones, int count, int *leaf) {
     bool left = false;
     for (int i = 0; i < count; i++) {
         cones[i].now = cones[i].open;
@@ -180,66 +164,4 @@ static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, 
         for (int i = 0; i < count; i++)
             left |= v_any(cones[i].open);
     }
-}
-
-void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_context *work) {
-    const struct prepared *scene = work->scene;
-    struct packet_cones cones[BATCH_PACKETS];
-    for (int i = 0; i < count; i++) {
-        struct cone_request *request = &asking[i];
-        vfloat q = v_min(request->q, v_splat(0.99f));
-        vmask blocked = v_mask_none();
-        for (int k = 0; k < scene->plane_count; k++) {
-            const struct primitive *s = &scene->primitives[scene->planes[k]];
-            vfloat slope = vec_dot(vec_set(s->normal), request->rays->to_light);
-            blocked = v_or(blocked, v_cmp_lt(slope, q));
-        }
-        vfloat a = v_nmadd(q, q, v_splat(1.0f));
-        cones[i] = (struct packet_cones){
-            {request->rays->point, request->rays->to_light, q, a, a * request->t},
-            request->t,
-            request->excluded,
-            v_select(blocked, v_splat(INFINITY), v_splat(-1.0f)),
-            v_andnot(blocked, request->queried),
-            v_mask_none()};
-    }
-    cone_query_rays(&scene->bvh, cones, count, &work->scratch->far);
-    for (int i = 0; i < count; i++)
-        asking[i].until = cones[i].until;
-}
-
-vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light, vfloat facing,
-                        vfloat shape, vmask active, const struct tile_context *work) {
-    const struct prepared *scene = work->scene;
-    float q = scene->known.lit_slope;
-    vmask clear = active;
-    for (int k = 0; k < scene->plane_count; k++) {
-        int i = scene->planes[k];
-        vmask here =
-            plane_clears(height_over(&scene->primitives[i], point),
-                         vec_dot(vec_set(scene->primitives[i].normal), to_light), q, &scene->known);
-        clear = v_and(clear, v_or(is_shape(shape, i), here));
-    }
-    float id[LANES];
-    v_store(shape, id);
-    for (unsigned rest = v_mask_bits(clear); rest;) { // once for each shape that rays start on
-        int i = (int)id[__builtin_ctz(rest)];
-        vmask same = v_and(v_mask_of_bits(rest), is_shape(shape, i));
-        rest &= ~v_mask_bits(same);
-        if (scene->primitives[i].eval != EVAL_LINEAR)
-            clear = v_andnot(
-                v_andnot(convex_from(&scene->primitives[i], local, facing, &scene->known), same),
-                clear);
-    }
-    if (!v_any(clear) || q >= 0.99f)
-        return v_mask_none();
-    vfloat zero = v_splat(0.0f);
-    struct packet_cones cones = {{point, to_light, v_splat(q), v_splat(1 - q * q), zero},
-                                 zero,
-                                 shape,
-                                 v_splat(-1.0f),
-                                 clear,
-                                 v_mask_none()};
-    cone_query_rays(&scene->bvh, &cones, 1, &work->scratch->leaf);
-    return v_and(clear, v_cmp_lt(cones.until, zero));
 }

@@ -1,8 +1,8 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
 #include "fallback/trace.h"
-#include "shadow/ideal.h"
 #include "simd/simd.h"
+#include "types/ideal.h"
 
 #include <limits.h>
 

@@ -1,9 +1,9 @@
-// Marching and shading of packets in frames that closed forms cannot draw: called by core/tile.c.
+// Marching and shading of packets in frames that closed forms cannot draw: called by frame/tile.c.
 #ifndef OPT9_TRACE_H
 #define OPT9_TRACE_H
 
-#include "core/sdf.h"
 #include "simd/simd.h"
+#include "types/sdf.h"
 
 struct trace_context {
     const struct prepared *scene;

@@ -7,8 +7,8 @@
 #ifndef OPT9_SOLIDS_H
 #define OPT9_SOLIDS_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 static inline vfloat inverse_of(vfloat d) { // of a component of a direction; 0 becomes 1e-20
     return v_splat(1.0f) / v_copysign(v_max(v_abs(d), v_splat(1e-20f)), d);

@@ -3,11 +3,11 @@
 #ifndef OPT9_CELL_WALK_H
 #define OPT9_CELL_WALK_H
 
-#include "core/sdf.h"
-#include "core/shading_packet.h"
-#include "core/tile_context.h"
 #include "hit/solids.h"
 #include "repetition/repeated_rays.h"
+#include "types/sdf.h"
+#include "types/shading_packet.h"
+#include "types/tile_context.h"
 
 // One axis of a walk. The ray passes the middle of its cell at t = middle = base + count·step, the box about
 // the copy within `half` of that, and the cell within `wall`. size: t per unit of this coordinate.

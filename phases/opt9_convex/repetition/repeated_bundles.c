@@ -7,8 +7,8 @@
 // that its rays meet, in their order. Beyond that each ray walks by itself.
 //
 // In the walk a lane is a bundle; at a copy it is a ray (repetition/copy_hit.c).
-#include "core/numerics.h"
 #include "repetition/cell_walk.h"
+#include "types/numerics.h"
 
 // Returns one coordinate of the camera relative to the middle of each lane's cell; *rest gets its low part.
 static inline vfloat lane_coordinate(const struct cell_grid *grid, int axis, vfloat d, vfloat count,

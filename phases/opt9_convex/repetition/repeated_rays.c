@@ -3,12 +3,12 @@
 // there. When all lanes have met one, or have ended, the shape's closed form is evaluated.
 //
 // Precondition: the shape lies in its cell and is its own mirror image (fits_its_cells() in
-// core/primitives.c), so the wrapped distance is the distance to all copies.
+// frame/primitives.c), so the wrapped distance is the distance to all copies.
 #include "repetition/repeated_rays.h"
-#include "core/shading_packet.h"
+#include "hit/solids.h"
 #include "repetition/cell_walk.h"
-#include "shadow/shadow_cone.h"
 #include "simd/simd.h"
+#include "types/shading_packet.h"
 
 static inline vhalf half_cell_size(vhalf o, vhalf t, vhalf d, vhalf count, double cell) {
     return v_half_nmadd(count, v_half_splat(cell), v_half_madd(t, d, o));
@@ -107,18 +107,11 @@ KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primiti
     return v_or(met, inside);
 }
 
-KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct shadow_rays *r,
-                                        const struct limits *limits) {
-    vmask self = is_shape(r->shape, i);
-    struct vec at, o = vec_select(self, r->local, to_local(s, r->point));
-    vfloat t, end = v_min(r->first, bounds_distance(r->point, r->to_light, limits));
-    struct repeated_query among = repeated_query_of(s, &o, r->to_light, self, r->active, end);
-    vmask in = enter_cells(s, &among, &t, &at);
-    in = v_and(in, v_cmp_lt(t, r->first));
-    if (v_any(in)) {
-        r->first = v_select(in, t, r->first);
-        r->cosine = v_select(in, entry_cosine(at, turned(s, r->to_light), s, r), r->cosine);
-    }
+KERNEL_SHARED vmask shadow_enters_cells(const struct primitive *s, struct vec origin,
+                                        struct vec to_light, vmask self, vmask active, vfloat end,
+                                        vfloat *t, struct vec *at) {
+    struct repeated_query among = repeated_query_of(s, &origin, to_light, self, active, end);
+    return enter_cells(s, &among, t, at);
 }
 
 KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,

@@ -2,13 +2,12 @@
 #ifndef OPT9_REPEATED_RAYS_H
 #define OPT9_REPEATED_RAYS_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 struct job;
 struct packet_ray;
 struct primary_hit;
-struct shadow_rays;
 
 #define REPEATED(shape) ((shape)->repeated)
 
@@ -60,8 +59,9 @@ KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated
 KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask self,
                               vfloat end, float offset, vfloat *t, struct vec *local);
 
-KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct shadow_rays *r,
-                                        const struct limits *limits);
+KERNEL_SHARED vmask shadow_enters_cells(const struct primitive *s, struct vec origin,
+                                        struct vec to_light, vmask self, vmask active, vfloat end,
+                                        vfloat *t, struct vec *at);
 
 KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
                                   struct vec direction, vmask self, vmask active, vfloat reach);

@@ -5,50 +5,73 @@
 // A ray repeats its cone query once its slope has fallen below this share of the slope of the last query.
 #define REQUERY_SLOPE 0.75f
 
-// Prepares the cone query of one packet. Returns whether any ray needs one. A ray needs one when it has
-// passed the last blocker found, or when its least term allows a cone of smaller slope q.
-static bool needs_cone_query(const struct batch_packet *w, struct cone_request *asking,
-                             const struct tile_context *work) {
+// A packet's cone query: its rays, and the slopes of their cones.
+struct ahead {
+    struct batch_packet *packet;
+    vmask queried;
+    vfloat q;
+};
+
+// Returns whether any ray needs a cone query: because it has passed the last blocker found, or because its
+// least term allows a cone of smaller slope q.
+static bool needs_cone_query(struct batch_packet *w, struct ahead *a, float strength) {
     const struct shadow_march *m = &w->march;
-    vfloat q = v_sqrt(m->square / m->divisor) *
-               v_splat(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
+    a->packet = w;
+    a->q = v_sqrt(m->square / m->divisor) * v_splat(1.0f / (0.866f * strength));
     // q bounds the term of the step to here only if that step began at q·t or further from all shapes.
-    vmask queried = v_andnot(m->done, v_cmp_ge(m->previous, q * m->step_began));
-    queried = v_and(queried, v_or(v_cmp_ge(m->t, w->until),
-                                  v_cmp_lt(q, w->query_slope * v_splat(REQUERY_SLOPE))));
+    vmask queried = v_andnot(m->done, v_cmp_ge(m->previous, a->q * m->step_began));
+    a->queried = v_and(queried, v_or(v_cmp_ge(m->t, w->until),
+                                     v_cmp_lt(a->q, w->query_slope * v_splat(REQUERY_SLOPE))));
+    return v_any(a->queried);
+}
+
+// Returns the cones. Where a plane comes into a cone, no query is needed: the plane blocks to the end.
+static struct packet_cones cones_of(const struct ahead *a, const struct prepared *scene) {
+    const struct batch_packet *w = a->packet;
+    const struct shadow_march *m = &w->march;
     // Along a ray from a convex solid, the solid's distance over t never falls. It was q or more where the
-    // last step began, so the query leaves the solid out. A ray without a step (`from` is 0) has no such
+    // last step began, so the query leaves the solid out. A ray without a step (step_began is 0) has no such
     // bound.
-    bool convex = w->solid >= 0 && work->scene->primitives[w->solid].convex;
+    bool convex = w->solid >= 0 && scene->primitives[w->solid].convex;
     vfloat excluded = v_select(v_cmp_gt(m->step_began, v_splat(0.0f)),
                                v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
-    *asking = (struct cone_request){
-        .rays = &w->rays, .t = m->t, .q = q, .excluded = excluded, .queried = queried};
-    return v_any(queried);
+    vfloat q = v_min(a->q, v_splat(0.99f)), left = v_nmadd(q, q, v_splat(1.0f));
+    vmask blocked = v_mask_none();
+    for (int k = 0; k < scene->plane_count; k++) {
+        const struct primitive *s = &scene->primitives[scene->planes[k]];
+        blocked = v_or(blocked, v_cmp_lt(vec_dot(vec_set(s->normal), w->rays.to_light), q));
+    }
+    return (struct packet_cones){{w->rays.point, w->rays.to_light, q, left, left * m->t},
+                                 m->t,
+                                 excluded,
+                                 v_select(blocked, v_splat(INFINITY), v_splat(-1.0f)),
+                                 v_andnot(blocked, a->queried),
+                                 v_mask_none()};
 }
 
 // The rays of a batch start close together, on one solid or on planes. Mostly the same shapes block them, so
 // one query serves all packets.
 void query_ahead(struct shadow_batch *batch, int packets, const struct tile_context *work) {
-    struct cone_request asking[BATCH_PACKETS];
-    struct batch_packet *of[BATCH_PACKETS];
+    _Static_assert((int)BATCH_PACKETS <= (int)QUERY_PACKETS, "one query for a batch");
+    struct packet_cones cones[BATCH_PACKETS];
+    struct ahead asking[BATCH_PACKETS];
     int count = 0;
-    for (int i = 0; i < packets; i++) {
-        struct batch_packet *w = &batch->packet[i];
-        if (v_all(w->march.done))
-            continue;
-        of[count] = w;
-        count += needs_cone_query(w, &asking[count], work);
-    }
+    for (int i = 0; i < packets; i++)
+        if (!v_all(batch->packet[i].march.done))
+            count += needs_cone_query(&batch->packet[i], &asking[count],
+                                      (float)work->scene->model.shadow_strength);
     if (!count)
         return;
-    bvh_query_ahead(asking, count, work);
+    for (int i = 0; i < count; i++)
+        cones[i] = cones_of(&asking[i], work->scene);
+    bvh_cone_query(&work->scene->bvh, cones, count, &work->scratch->far);
     for (int i = 0; i < count; i++) {
-        struct batch_packet *w = of[i];
-        const struct cone_request *a = &asking[i];
-        w->march.done = v_or(w->march.done, v_and(a->queried, v_cmp_lt(a->until, v_splat(0.0f))));
-        w->until = v_select(a->queried, a->until, w->until);
-        w->query_slope = v_select(a->queried, a->q, w->query_slope);
+        struct batch_packet *w = asking[i].packet;
+        vmask queried = asking[i].queried;
+        vfloat until = cones[i].until;
+        w->march.done = v_or(w->march.done, v_and(queried, v_cmp_lt(until, v_splat(0.0f))));
+        w->until = v_select(queried, until, w->until);
+        w->query_slope = v_select(queried, asking[i].q, w->query_slope);
     }
 }
 

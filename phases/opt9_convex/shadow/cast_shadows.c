@@ -1,6 +1,6 @@
 // Chooses how the queued shadow rays are marched: in streams, in batches or packet by packet.
-#include "core/tile_context.h"
 #include "shadow/shadow_rays.h"
+#include "types/tile_context.h"
 
 void cast_shadows(const struct tile_context *work) {
     if (KNOWN(work->scene)->bulbs)

@@ -3,10 +3,10 @@
 #ifndef OPT9_SHADOW_BATCH_H
 #define OPT9_SHADOW_BATCH_H
 
-#include "core/numerics.h"
-#include "core/sdf.h"
-#include "core/tile_context.h"
 #include "shadow/shadow_rays.h"
+#include "types/numerics.h"
+#include "types/sdf.h"
+#include "types/tile_context.h"
 
 enum { BATCH_PACKETS = 8, BATCH_RAYS = BATCH_PACKETS * LANES };
 
@@ -93,10 +93,6 @@ static inline vfloat plane_height(const struct primitive *s, vmask self,
                                   const struct batch_packet *w) {
     return v_madd(w->march.t, vec_dot(vec_set(s->normal), w->rays.to_light),
                   v_zero_where(self, height_over(s, w->rays.point)));
-}
-
-static inline float most_lane(vfloat x) {
-    return -least_lane(v_splat(0.0f) - x);
 }
 
 static inline vmask is_idle(const struct batch_packet *w) {

@@ -3,11 +3,11 @@
 // and a sphere: see struct shadow_cone.
 #include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
-#include "core/numerics.h"
-#include "core/shading_packet.h"
-#include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
+#include "types/numerics.h"
+#include "types/shading_packet.h"
+#include "types/tile_context.h"
 
 // The slope of the cone about a hard shadow ray: it covers rounding.
 #define HARD_SHADOW_SLOPE 1e-3f
@@ -164,6 +164,20 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
     candidate->from = from;
     if (v_any(met) && !bulb)
         first_entry(s, i, r, met);
+}
+
+// As first_entry() for a repeated shape.
+INLINE void first_entry_in_cells(const struct primitive *s, int i, struct shadow_rays *r,
+                                 const struct limits *limits) {
+    vmask self = is_shape(r->shape, i);
+    struct vec at, o = vec_select(self, r->local, to_local(s, r->point));
+    vfloat t, end = v_min(r->first, bounds_distance(r->point, r->to_light, limits));
+    vmask in = shadow_enters_cells(s, o, r->to_light, self, r->active, end, &t, &at);
+    in = v_and(in, v_cmp_lt(t, r->first));
+    if (v_any(in)) {
+        r->first = v_select(in, t, r->first);
+        r->cosine = v_select(in, entry_cosine(at, turned(s, r->to_light), s, r), r->cosine);
+    }
 }
 
 // Repeated shapes: a copy may be the nearest anywhere and bring any term below 1.

@@ -3,9 +3,9 @@
 #ifndef OPT9_SHADOW_CONE_H
 #define OPT9_SHADOW_CONE_H
 
-#include "core/sdf.h"
 #include "hit/solids.h"
 #include "shadow/shadow_rays.h"
+#include "types/sdf.h"
 
 // A cone of slope q about a ray, against a sphere of radius R; v: from the ray's origin to the centre, l: the
 // direction. The cone meets the sphere where a·t² − 2·b·t + c ≤ 0, a = 1 − q². It misses if |v − t·l| ≥ R +

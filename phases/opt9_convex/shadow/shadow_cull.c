@@ -1,9 +1,9 @@
 // Shadow rays that need no march. The soft shadow is the paper's: the least term strength·√(h² − y²)/(t − y)
 // over the steps of a march by the distance h to the scene, with y = h²/(2·previous h). It depends on the
 // steps, but for most rays its value follows from bounds (PROOFS.md).
-#include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
+#include "types/tile_context.h"
 
 // Removes from *clear the rays that shape i may darken.
 INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light,

@@ -2,8 +2,8 @@
 #ifndef OPT9_SHADOW_RAYS_H
 #define OPT9_SHADOW_RAYS_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 struct shading_packet;
 struct tile_context;
@@ -65,6 +65,10 @@ KERNEL_SHARED vmask trivially_lit(const struct vec *point, const struct vec *loc
                                   const struct vec *to_light, vfloat facing, vfloat shape,
                                   vmask active, const struct tile_context *work);
 
+// As trivially_lit(), with a cone query for each ray in place of scratch->occluders.
+vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light, vfloat facing,
+                        vfloat shape, vmask active, const struct tile_context *work);
+
 // Returns the shadow of such rays that graze their own shape s: the lesser of the first two terms, or 1.
 KERNEL_SHARED vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light,
                                  vfloat facing, const struct prepared *scene);
@@ -95,6 +99,10 @@ KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
 // end and first entry of the rays.
 KERNEL_SHARED void list_candidates(struct shadow_rays *r, struct shadow_candidate *candidates,
                                    struct shape_set *listed, const struct tile_context *work);
+
+// Sets the rays' end and their first entry into a solid of scratch->entry_list.
+void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
+                     const struct tile_context *work);
 
 // Starts a march: sets the first t, and ends rays that are dark by proof (PROOFS.md, 4.). With a BVH nothing
 // is listed.

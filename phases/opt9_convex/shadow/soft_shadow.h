@@ -1,11 +1,11 @@
 // One step of a packet of soft shadow rays: shared by packets (shadow/soft_shadow.c), batches
-// (shadow/shadow_batch.c) and streams (bulb/bulb_shadows.c).
+// (shadow/shadow_batch.c) and streams (shadow/bulb_shadows.c).
 #ifndef OPT9_SOFT_SHADOW_H
 #define OPT9_SOFT_SHADOW_H
 
-#include "core/sdf.h"
-#include "core/tile_context.h"
 #include "shadow/shadow_rays.h"
+#include "types/sdf.h"
+#include "types/tile_context.h"
 
 // Returns the distance to shape s at t. Near its own sphere a ray's distance in float errs in the third
 // digit; the power does not.

@@ -2,8 +2,8 @@
 #ifndef OPT9_TILE_H
 #define OPT9_TILE_H
 
-#include "core/shading_packet.h"
-#include "core/tile_context.h"
+#include "types/shading_packet.h"
+#include "types/tile_context.h"
 
 // Neighbouring pixels, one per lane.
 struct pixel_block {
@@ -40,7 +40,7 @@ static inline void set_camera_ray(const struct tile *tile, struct vec direction,
     ray->local = (struct vec){zero, zero, zero};
 }
 
-// core/store_pixels.c: lanes of a block into one channel; a block as displayed; a block's depth, shape,
+// frame/store_pixels.c: lanes of a block into one channel; a block as displayed; a block's depth, shape,
 // normal and evaluations; a block from worker_scratch.color; whole rows of a tile, if is_whole_lines(); a
 // tile of background.
 KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
@@ -56,7 +56,7 @@ KERNEL_SHARED void store_rows(struct frame *frame, int left, int right, int top,
 KERNEL_SHARED void fill_background(struct frame *frame, int left, int right, int top, int bottom,
                                    const struct known_model *model);
 
-// hit/camera_rays.c: the hits of a whole tile in a scene with repeated shapes; the hits of a tile on
+// frame/camera_rays.c: the hits of a whole tile in a scene with repeated shapes; the hits of a tile on
 // Mandelbulbs, to worker_scratch.met; and a row of packets with their hits, whose number is returned.
 KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
                                  const struct worker_scratch *scratch, struct primary_hit *hits);
@@ -65,5 +65,22 @@ KERNEL_SHARED void march_tile_bulbs(const struct tile *tile, const struct job *j
 KERNEL_SHARED int camera_row(const struct tile *tile, int row, int pixel,
                              const struct primary_hit *hits, const struct job *job,
                              struct worker_scratch *scratch, struct shading_packet *stage);
+
+// Sets hit.local to the normals of hits on shapes that are not repeated.
+KERNEL_SHARED void primary_normals(struct primary_hit *seen, const struct prepared *scene);
+
+// Sets at->color from the hits. Precondition: needs_no_secondary().
+KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at,
+                                     const struct tile_context *work);
+
+// Sets the colours of packets whose hits are known. Light that depends on a march, and mirror rays, are queued.
+KERNEL_SHARED void shade_packets(struct shading_packet *stage, int count,
+                                 const struct tile_context *work);
+
+// Returns the number of analytic tiles of a frame, and draws one (frame/analytic_tile.c).
+KERNEL_SHARED int count_tiles(const struct job *job);
+
+KERNEL_SHARED void draw_analytic_tile(const struct job *job, int tile,
+                                      struct worker_scratch *scratch);
 
 #endif

@@ -3,8 +3,8 @@
 #ifndef OPT9_KNOWN_SCENE_H
 #define OPT9_KNOWN_SCENE_H
 
-#include "core/primitive.h"
-#include "core/shape_sets.h"
+#include "types/primitive.h"
+#include "types/shape_sets.h"
 
 // The scene as `const struct known_scene *`.
 #define KNOWN(scene) (&(scene)->known)

@@ -11,8 +11,8 @@
 #ifndef OPT9_SDF_H
 #define OPT9_SDF_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 // Rays in the frame of one shape. EVAL_LINEAR: the distance is origin.x + t·direction.x. EVAL_POWER:
 // |p|² − radius² is power + t·(t + slope).

@@ -3,8 +3,8 @@
 #include <string.h>
 
 #include "bulb/bulb_estimate.h"
-#include "core/numerics.h"
 #include "shadow/soft_shadow.h"
+#include "types/numerics.h"
 
 static void add_light_to_lane(int i, float lit, struct worker_scratch *scratch) {
     float (*field)[QUEUE_ROOM] = scratch->shadow;

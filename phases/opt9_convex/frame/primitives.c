@@ -1,11 +1,11 @@
-// Prepares a scene's shapes once (core/primitive.h): frames, sizes, bounds, whether closed forms can draw the
+// Prepares a scene's shapes once (types/primitive.h): frames, sizes, bounds, whether closed forms can draw the
 // scene, which repeated shapes share a grid, and the BVH. No vectors here.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/primitive.h"
-#include "shadow/ideal.h"
+#include "frame/prepare.h"
+#include "types/ideal.h"
 
 // Sets the matrix of a rotation about x, then y, then z. Each turns (u, v) to (c·u − s·v, s·u + c·v), on
 // (y,z), (x,z) and (x,y).

@@ -1,5 +1,5 @@
 // Stores the pixels of a tile: linear colours, other channels, or 8-bit colours as displayed.
-#include "core/tile.h"
+#include "frame/tile.h"
 #include "phase.h"
 #include "simd/simd.h"
 

@@ -9,6 +9,10 @@ static inline float least_lane(vfloat a) {
     return v_reduce_min(a);
 }
 
+static inline float most_lane(vfloat x) {
+    return -least_lane(v_splat(0.0f) - x);
+}
+
 // Returns 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
 static inline vfloat root_guess(vfloat a) {
     return v_rsqrt_approx(a);

@@ -3,10 +3,10 @@
 #ifndef OPT9_LIGHTING_H
 #define OPT9_LIGHTING_H
 
-#include "core/sdf.h"
-#include "core/shading_packet.h"
-#include "core/tile_context.h"
 #include "simd/simd.h"
+#include "types/sdf.h"
+#include "types/shading_packet.h"
+#include "types/tile_context.h"
 
 // Returns a to the power of the shininess. A whole number that is known needs only products.
 static inline vfloat phong_power(vfloat a, vfloat shininess) {

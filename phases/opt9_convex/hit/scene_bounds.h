@@ -2,7 +2,7 @@
 #ifndef OPT9_SCENE_BOUNDS_H
 #define OPT9_SCENE_BOUNDS_H
 
-#include "core/shading_packet.h"
+#include "types/shading_packet.h"
 
 static double dot3(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -3,9 +3,10 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "core/draw_path.h"
 #include "counting/flops.h"
 #include "driver/variant.h"
+#include "frame/draw_path.h"
+#include "frame/prepare.h"
 #include "phase.h"
 #include "workers/workers.h"
 

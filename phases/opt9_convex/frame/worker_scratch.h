@@ -2,8 +2,8 @@
 #ifndef OPT9_WORKER_SCRATCH_H
 #define OPT9_WORKER_SCRATCH_H
 
-#include "core/tile_context.h"
 #include "shadow/shadow_rays.h"
+#include "types/tile_context.h"
 
 // CANDIDATE_SLOTS: packets of shadow rays with a candidate for every shape. With a BVH: one packet, and the
 // active set in the room of two.

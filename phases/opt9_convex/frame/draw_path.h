@@ -4,7 +4,7 @@
 #ifndef OPT9_DRAW_PATH_H
 #define OPT9_DRAW_PATH_H
 
-#include "core/primitive.h"
+#include "types/primitive.h"
 
 // Returns the path that STEPWISE_PATH names, PATH_DEFAULT if it names none.
 enum draw_path draw_path_forced(void);

@@ -2,13 +2,13 @@
 // Mirror and shadow rays wait in queues until they fill all lanes; each adds its light to its pixel.
 #include "bulb/bulb_march.h"
 #include "bvh/bvh_lists.h"
-#include "core/sdf.h"
-#include "core/tile.h"
+#include "frame/tile.h"
 #include "hit/solids.h"
 #include "hit/tile_frustum.h"
 #include "phase.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_rays.h"
+#include "types/sdf.h"
 
 // Returns which mirror rays hit the solid s; o, d: the rays in its frame; self: rays that start on s. A
 // mirror ray starts surface_offset off its surface, in a crevice inside another solid. Like a march it then

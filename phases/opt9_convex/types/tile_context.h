@@ -4,8 +4,8 @@
 
 #include <string.h>
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
+#include "types/known_scene.h"
 
 enum {
     TILE_WIDTH = 32,
@@ -81,7 +81,7 @@ enum { BATCH_CANDIDATES_ROOM = 256 }; // solids
 
 struct shadow_candidate;
 
-// A worker's memory. core/worker_scratch.h lays out the arrays that the pointers name.
+// A worker's memory. frame/worker_scratch.h lays out the arrays that the pointers name.
 struct worker_scratch {
     float color[3 * COLOR_ROOM]; // red, green and blue of the tile, block after block
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
@@ -128,12 +128,6 @@ struct tile_context {
     float light_from_eye[3];     // light position minus camera position
     float inside;                // up to this t, a camera ray is within the bounds
 };
-
-// Returns the number of analytic tiles of a frame, and draws one (core/analytic_tile.c).
-KERNEL_SHARED int count_tiles(const struct job *job);
-
-KERNEL_SHARED void draw_analytic_tile(const struct job *job, int tile,
-                                      struct worker_scratch *scratch);
 
 static inline int int_min(int a, int b) {
     return a < b ? a : b;

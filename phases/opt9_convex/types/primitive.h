@@ -1,4 +1,4 @@
-// The prepared scene (core/primitives.c) and one frame's job (core/render.c). No vectors here: the files that
+// The prepared scene (frame/primitives.c) and one frame's job (frame/render.c). No vectors here: the files that
 // are built for 8 and for 16 lanes share this header with the files that are built once.
 #ifndef OPT9_PRIMITIVE_H
 #define OPT9_PRIMITIVE_H
@@ -6,8 +6,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "bvh/bvh.h"
 #include "scene/scene.h"
+#include "types/bvh.h"
 
 struct frame;
 
@@ -32,7 +32,7 @@ struct primitive {
     float turn[3][3]; // the rotation from world to local axes, by rows
     float cell[3], per_cell[3];
     float normal[3];              // plane: its normal in world axes
-    float a, b, c;                // sizes: see prepare_shape() in core/primitives.c
+    float a, b, c;                // sizes: see prepare_shape() in frame/primitives.c
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
     float size[3];                // box: half size; plane: normal; Mandelbox: squares of its radii
     float bailout;
@@ -86,11 +86,11 @@ struct known_scene {
     bool repeats;                       // some shape is repeated
     int plane;                          // index of the first linear plane, −1: none
     int bulbs;                          // number of Mandelbulbs
-    float lit_slope;                    // see lit_slope() in core/primitives.c
+    float lit_slope;                    // see lit_slope() in frame/primitives.c
 };
 
-// How every ray of a frame is drawn. By default the scene decides (core/render.c, core/primitives.c);
-// STEPWISE_PATH forces one way (core/draw_path.h).
+// How every ray of a frame is drawn. By default the scene decides (frame/render.c, frame/primitives.c);
+// STEPWISE_PATH forces one way (frame/draw_path.h).
 enum draw_path { PATH_DEFAULT, PATH_LIST, PATH_BVH, PATH_MARCH };
 
 struct prepared {
@@ -99,28 +99,16 @@ struct prepared {
     struct primitive *primitives;   // one per shape, known.primitives
     struct primitive_extra *extras; // one per shape
     struct local_camera *cameras;   // one per shape, set for each frame
-    bool analytic;                  // core/analytic_tile.c can draw the scene
+    bool analytic;                  // frame/analytic_tile.c can draw the scene
     struct bvh bvh;                 // of the solids; no levels: the scene has none
     struct bvh_leaf *leaves;        // of the BVH
     int *planes, plane_count;
     enum draw_path path; // set by phase_prepare, read by prepare_shapes
 };
 
-// Scenes with fewer shapes get no BVH (build_bvh() in core/primitives.c): two nodes are the least that can
+// Scenes with fewer shapes get no BVH (build_bvh() in frame/primitives.c): two nodes are the least that can
 // save a test.
 enum { BVH_MIN_SHAPES = 2 * BVH_WIDTH };
-
-// Allocates the arrays for shape_count shapes. Precondition: *prepared is zeroed. Returns false if memory is
-// short; the caller frees `prepared` in either case.
-bool reserve_prepared(struct prepared *prepared, int shape_count);
-void free_prepared(struct prepared *prepared);
-// Sets everything but `cameras`. Precondition: reserve_prepared() returned true.
-void prepare_shapes(struct prepared *prepared, const struct model *model);
-// Sets prepared->cameras for a frame (hit/local_cameras.c). Returns whether closed forms can draw the frame;
-// if not, fallback/ marches it. sixteen: 16 lanes, else 8.
-bool set_local_cameras(const struct prepared *prepared, const struct view *view, bool sixteen);
-// Returns the height in pixels of the analytic tiles of a frame of this height.
-int tile_height(const struct prepared *prepared, int height);
 
 // The camera as a shape sees it.
 struct local_camera {
@@ -140,19 +128,7 @@ struct job {
     struct frame *frame;
     const struct local_camera *cameras; // one per shape
     int tile_height;                    // of analytic tiles, in pixels
-    bool analytic;                      // draw by core/analytic_tile.c, else by fallback/march.c
+    bool analytic;                      // draw by frame/analytic_tile.c, else by fallback/march.c
 };
-
-// The entry points of core/tile.c for each lane width: bytes of a worker's memory, number of tiles, one tile,
-// and distances for tests.
-#define KERNEL(width)                                                                              \
-    size_t width##_scratch_size(const struct model *model);                                        \
-    int width##_tiles(const struct job *job);                                                      \
-    void width##_tile(const struct job *job, int tile, void *memory);                              \
-    bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
-                           double *distance, int *nearest);
-KERNEL(lanes8)
-KERNEL(lanes16)
-#undef KERNEL
 
 #endif

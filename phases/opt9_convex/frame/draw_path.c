@@ -1,6 +1,7 @@
-// See core/draw_path.h. A forced path is tried on the scene: prepare_shapes and set_local_cameras
+// See frame/draw_path.h. A forced path is tried on the scene: prepare_shapes and set_local_cameras
 // are the only ones to say what a path can draw.
-#include "core/draw_path.h"
+#include "frame/draw_path.h"
+#include "frame/prepare.h"
 
 #include <stdio.h>
 #include <stdlib.h>

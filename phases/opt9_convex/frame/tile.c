@@ -2,9 +2,10 @@
 // pixels, one ray through the middle of each. Lanes outside the picture are masked.
 #include <stdlib.h>
 
-#include "core/tile.h"
-#include "core/worker_scratch.h"
 #include "fallback/trace.h"
+#include "frame/prepare.h"
+#include "frame/tile.h"
+#include "frame/worker_scratch.h"
 #include "phase.h"
 
 static struct point point_from_double(const double a[3]) {

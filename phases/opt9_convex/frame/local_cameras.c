@@ -1,7 +1,7 @@
 // The camera in the frame of each shape, and whether closed forms can draw the frame. No vectors here.
 #include <math.h>
 
-#include "core/primitive.h"
+#include "frame/prepare.h"
 
 static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -1,13 +1,13 @@
 // The camera rays of a tile and their hits, by closed forms.
 #include "bulb/bulb_march.h"
 #include "bvh/bvh_lists.h"
-#include "core/sdf.h"
-#include "core/tile.h"
+#include "frame/tile.h"
 #include "hit/solids.h"
 #include "hit/tile_frustum.h"
 #include "phase.h"
 #include "repetition/repeated_rays.h"
 #include "simd/simd.h"
+#include "types/sdf.h"
 
 static inline vmask in_picture(struct pixel_block block) {
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)

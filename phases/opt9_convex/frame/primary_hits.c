@@ -1,6 +1,6 @@
 // Shades camera rays in scenes without secondary rays. The normal was computed when the ray hit the shape.
-#include "core/lighting.h"
-#include "core/scene_bounds.h"
+#include "frame/lighting.h"
+#include "hit/scene_bounds.h"
 
 // Sets the material of the lanes that hit shape i.
 INLINE void material_of(int i, const struct primary_hit *seen, const struct prepared *scene,

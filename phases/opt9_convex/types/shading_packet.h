@@ -2,10 +2,8 @@
 #ifndef OPT9_SHADING_PACKET_H
 #define OPT9_SHADING_PACKET_H
 
-#include "core/known_scene.h"
 #include "simd/simd.h"
-
-struct tile_context;
+#include "types/known_scene.h"
 
 // The nearest hits of a packet so far.
 struct surface_hit {
@@ -79,16 +77,5 @@ struct primary_hit {
     struct surface_hit hit;
     int only;
 };
-
-// Sets hit.local to the normals of hits on shapes that are not repeated.
-KERNEL_SHARED void primary_normals(struct primary_hit *seen, const struct prepared *scene);
-
-// Sets at->color from the hits. Precondition: needs_no_secondary().
-KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at,
-                                     const struct tile_context *work);
-
-// Sets the colours of packets whose hits are known. Light that depends on a march, and mirror rays, are queued.
-KERNEL_SHARED void shade_packets(struct shading_packet *stage, int count,
-                                 const struct tile_context *work);
 
 #endif

@@ -1,9 +1,9 @@
-// Shades a group of packets: normals in closed form, light (core/lighting.h), and the queues of shadow and
-// mirror rays. Scenes without secondary rays: hit/primary_hits.c.
+// Shades a group of packets: normals in closed form, light (frame/lighting.h), and the queues of shadow and
+// mirror rays. Scenes without secondary rays: frame/primary_hits.c.
 #include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
-#include "core/lighting.h"
-#include "core/scene_bounds.h"
+#include "frame/lighting.h"
+#include "hit/scene_bounds.h"
 #include "hit/solids.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_rays.h"
