@@ -42,7 +42,6 @@ class Git(Record, kw_only=True):
     dirty: Annotated[bool | None, key("", "whether sources were changed; null: not known")] = None
     diff_sha256: Annotated[str | None, key("", "of that change; null: none")] = None
     unknown: Annotated[str | None, key("", "why something of it is not known")] = None
-    kind: Annotated[str | None, key("", "clone, worktree, submodule, archive")] = None
 
 
 class Pinned(Record, kw_only=True):

@@ -51,9 +51,9 @@ def _archived() -> str | None:
 
 def state() -> Git:
     """Commit; whether the tree differs from it (None: not known), with a SHA-256 over what differs or is new;
-    `unknown`: why something is not known; `kind` of checkout."""
+    `unknown`: why something is not known."""
     if why := _unknown():
-        return Git(commit=_archived(), unknown=why, kind="archive" if _archived() else None)
+        return Git(commit=_archived(), unknown=why)
     status, _ = _git("status", "--porcelain")
     dirty = None if status is None else bool(status)
     return Git(
@@ -61,16 +61,7 @@ def state() -> Git:
         dirty=dirty,
         diff_sha256=_digest() if dirty else None,
         unknown="git status fails" if dirty is None else None,
-        kind=_kind(),
     )
-
-
-def _kind() -> str:
-    if _git("rev-parse", "--show-superproject-working-tree")[0]:
-        return "submodule"
-    if _git("rev-parse", "--git-dir")[0] != _git("rev-parse", "--git-common-dir")[0]:
-        return "worktree"
-    return "shallow clone" if _git("rev-parse", "--is-shallow-repository")[0] == "true" else "clone"
 
 
 def _digest() -> str:
