@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import time
 from pathlib import Path
 
 from study.core import cli, registry, temporary
 from study.core.build import build
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import FASTEST, render
 from study.pictures import images, panels
@@ -57,8 +58,7 @@ def note(shot: dict) -> str:
     return f"{speed(shot)}\none thread, {rays}"
 
 
-def main() -> int:
-    parser = cli.parser(__doc__)
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--phase", default="opt4", metavar="PHASE", help="the faster one; default: opt4")
     parser.add_argument("--scene", default="scene0", metavar="SCENE", help="default: scene0")
     parser.add_argument(
@@ -66,7 +66,9 @@ def main() -> int:
     )
     out = registry.ROOT / "build" / "demo.png"
     parser.add_argument("-o", "--out", type=Path, default=out, metavar="PATH", help="default: build/demo.png")
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> Outcome:
     reference, spec = Spec.parse("baseline"), able(Spec.parse(args.phase))
     scene = registry.find_scene(args.scene)
     for needed in (reference, spec):
@@ -85,11 +87,8 @@ def main() -> int:
     notes = note(slow), note(fast), "one frame each; make study has intervals"
     names, title = (str(reference), str(spec)), f"{scene.name}, {size}: {spec} is {faster}"
     panels.save(panels.pair(pictures, names, title, metrics, notes), args.out)
-    if args.json:
-        found = {"schema": 1, "scene": scene.name, "reference": slow, "phase": fast, "speedup": ratio}
-        cli.emit({**found, **metrics, "seconds": time.monotonic() - began, "picture": args.out})
-    else:
-        print(f"{reference}, {scene.name}, {size}: {speed(slow)}")
-        print(f"{spec}: {speed(fast)}, {faster} (one thread each); {panels.error_text(metrics)}")
-        cli.say(f"picture: {args.out}")
-    return cli.OK
+    found = {"schema": 1, "scene": scene.name, "reference": slow, "phase": fast, "speedup": ratio}
+    found |= {**metrics, "seconds": time.monotonic() - began, "picture": args.out}
+    lines = [f"{reference}, {scene.name}, {size}: {speed(slow)}"]
+    lines += [f"{spec}: {speed(fast)}, {faster} (one thread each); {panels.error_text(metrics)}"]
+    return Outcome(found, lines, remarks=[f"picture: {args.out}"])

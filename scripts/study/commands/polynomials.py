@@ -9,10 +9,11 @@ the phase). log(m) for m in [√½, √2]: s = (m−1)/(m+1), log m = 2s + s·u�
 
 from __future__ import annotations
 
-from study.core import cli
+import argparse
 
-# isort: split
 from mpmath import atanh, chebyfit, exp, log, mp, mpf, nstr, sqrt
+
+from study.core.cli import Outcome
 
 mp.dps = 50
 
@@ -28,22 +29,21 @@ def exp_tail(r: mpf) -> mpf:
     return (exp(r) - 1 - r) / (r * r) if abs(r) > mpf(10) ** -15 else mpf(1) / 2
 
 
-def main() -> int:
-    options = cli.parser(__doc__ or "").parse_args()
+def options(parser: argparse.ArgumentParser) -> None:
+    del parser  # it has no option of its own
+
+
+def run(args: argparse.Namespace) -> Outcome:
     s = (sqrt(mpf(2)) - 1) / (sqrt(mpf(2)) + 1)
     half = log(mpf(2)) / 2
-    found = {}
+    found, lines = {}, []
     for name, log_terms, exp_terms, digits in (("double", 7, 10, 20), ("float", 3, 5, 11)):
         for function, tail, terms, low, high in (
             ("log", log_tail, log_terms, mpf(0), s * s),
             ("exp", exp_tail, exp_terms, -half, half),
         ):
             coefficients, error = chebyfit(tail, [low, high], terms, error=True)
-            texts = [nstr(c, digits) for c in coefficients]
-            found[f"{function}, {name}"] = {"coefficients": texts, "largest_error": nstr(error, 3)}
-    if options.json:
-        cli.emit(found)
-        return cli.OK
-    for title, result in found.items():
-        print(f"{title}: largest error {result['largest_error']}", *result["coefficients"], sep="\n    ")
-    return cli.OK
+            texts, title = [nstr(one, digits) for one in coefficients], f"{function}, {name}"
+            found[title] = {"coefficients": texts, "largest_error": nstr(error, 3)}
+            lines += [f"{title}: largest error {nstr(error, 3)}", *(f"    {text}" for text in texts)]
+    return Outcome(found, lines)

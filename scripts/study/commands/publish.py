@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import gzip
 import json
 import os
@@ -14,7 +15,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from study.core import cli, machine, provenance, store, temporary
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.run_schema import RUN_TOML, About, Context
 from study.experiments import experiment
 from study.numbers import analysis
@@ -166,32 +167,25 @@ def commits_said(commits: dict[str, list[str]]) -> str:
     return "\n".join([f"of {len(commits)} commits, which the note on the folder must say:", *each])
 
 
-def main() -> int:
-    parser = cli.parser(DESCRIPTION)
-    parser.add_argument("run", type=Path, metavar="RUN", help="its folder")
-    parser.add_argument(
-        "folder", type=Path, metavar="FOLDER", help="new, e.g. results/reference/MACHINE-DATE"
-    )
-    parser.add_argument(
-        "--command", nargs="+", default=[], metavar="TEXT", help="what made the run, for run.toml"
-    )
-    parser.add_argument("--caveat", default="", metavar="TEXT", help="what limits its numbers, for run.toml")
+def options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("run", type=Path, metavar="RUN", help="its folder")
+    add("folder", type=Path, metavar="FOLDER", help="new, e.g. results/reference/MACHINE-DATE")
+    add("--command", nargs="+", default=[], metavar="TEXT", help="what made the run, for run.toml")
+    add("--caveat", default="", metavar="TEXT", help="what limits its numbers, for run.toml")
     cli.add_unclean(parser)
-    args = parser.parse_args()
-    run = store.Run.open(args.run)
-    provenance.need_clean(run.path, args.unclean)
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    source = store.Run.open(args.run)
+    provenance.need_clean(source.path, args.unclean)
     if args.folder.exists() and any(args.folder.iterdir()):
         raise StudyError(f"{args.folder}: is there already and not empty")
     folder = args.folder.absolute()
-    with run.still():
-        names = publish(run.path, folder, args.command, args.caveat)
+    with source.still():
+        names = publish(source.path, folder, args.command, args.caveat)
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
     commits = provenance.commits(folder)
-    said = {"folder": args.folder, "bytes": size, "pictures": names}
-    said |= {"commits": commits}
-    if args.json:
-        cli.emit(said, run.path)
-    else:
-        print(f"{args.folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}")
-        print(commits_said(commits))
-    return cli.OK
+    told = {"folder": args.folder, "bytes": size, "pictures": names, "commits": commits}
+    line = f"{args.folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}"
+    return Outcome(told, [line, commits_said(commits)], source.path)

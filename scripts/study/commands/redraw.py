@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from study.core import cli, store
-from study.core.cli import StudyError
+from study.core import store
+from study.core.cli import Outcome, StudyError
 from study.experiments import experiment
 from study.experiments.section import reading
 from study.numbers import analysis
@@ -17,20 +18,18 @@ def sheets() -> dict[str, Callable[[Path], list[Path]]]:
     return {name: make for one in experiment.find_all().values() for name, make in one.sheets.items()}
 
 
-def main() -> int:
-    parser, known = cli.parser(__doc__ or ""), sheets()
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN", help="its folder")
     about = "where figures/ and images/ go; default: RUN"
     parser.add_argument("-o", "--out", type=Path, metavar="PATH", help=about)
-    about = (
-        f"chapters of the report (pareto, roofline …), or of {', '.join(known)}, whose phases must be "
-        "built; default: all chapters"
-    )
-    parser.add_argument("--only", nargs="+", metavar="NAME", help=about)
-    args = parser.parse_args()
-    data = analysis.load(args.run, strict=False)
+    about = f"chapters of the report (pareto, roofline …), or of {', '.join(sheets())}, whose phases must be "
+    parser.add_argument("--only", nargs="+", metavar="NAME", help=about + "built; default: all chapters")
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    data, known = analysis.load(args.run, strict=False), sheets()
     chapters = {one.id: one for one in experiment.sections(data)}
-    out, made = store.writable(args.out or args.run), []
+    out, made, remarks = store.writable(args.out or args.run), [], []
     for name in args.only or chapters:
         if name in known:
             made += known[name](out)
@@ -39,12 +38,8 @@ def main() -> int:
         else:
             section = chapters[name]
             if args.only and not section.drawn:
-                cli.say(f"{name}: left out, the run has nothing to draw it from; {section.lacking}")
+                remarks.append(f"{name}: left out, the run has nothing to draw it from; {section.lacking}")
             for stem, drawing in section.drawn.items():
                 with reading(section.file or section.id, f"{section.script} --run {args.run}"):
                     made += drawing.write(out / "figures" / stem)
-    if args.json:
-        cli.emit({"files": made}, args.run)
-    else:
-        print("\n".join(map(str, made)))
-    return cli.OK
+    return Outcome({"files": made}, made, args.run, remarks)

@@ -3,6 +3,7 @@ and what became of the papers' claims."""
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 from collections.abc import Sequence
 
@@ -10,7 +11,7 @@ import pandas as pd
 
 from study.claims import claims
 from study.core import cli, provenance, show, store, table_files
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.marked_blocks import between
 from study.core.registry import ROOT
 from study.experiments import experiment
@@ -88,8 +89,7 @@ def systems_page(text: str, data: Data) -> str:
     )
 
 
-def main() -> int:
-    parser = cli.parser(__doc__)
+def options(parser: argparse.ArgumentParser) -> None:
     cli.of_run(parser, "default: RUN/tables", height=True)
     for page, what in (
         ("readme", "the ladder between the marks in README.md"),
@@ -97,7 +97,9 @@ def main() -> int:
         ("machines", "the tables of results/reference/machines.md"),
     ):
         parser.add_argument(f"--{page}", action="store_true", help=f"rewrite {what}")
-    args = parser.parse_args()
+
+
+def run(args: argparse.Namespace) -> Outcome:
     data = dataclasses.replace(analysis.load(args.run), height=args.n)
     rows = ladder.rows(data)
     if not rows["headline"].any():
@@ -108,17 +110,7 @@ def main() -> int:
     rewritten |= {SYSTEMS: lambda text: systems_page(text, data)} if args.systems else {}
     rewritten |= {MACHINES: machines} if args.machines else {}
     for page, made_anew in rewritten.items():
-        try:
-            store.write_text(page, made_anew(page.read_text(encoding="utf-8")))
-        except OSError as error:
-            raise StudyError(f"{page}: {error.strerror}") from None
+        store.write_text(page, made_anew(page.read_text(encoding="utf-8")))
         paths.append(page)
-    for note in data.notes:
-        cli.say(note)
-    if args.json:
-        cli.emit(
-            {name: rows.to_dict("records") for name, (rows, _) in made.items()} | {"files": paths}, data.path
-        )
-    else:
-        print("\n".join(map(str, paths)))
-    return cli.OK
+    found = {name: table.to_dict("records") for name, (table, _) in made.items()}
+    return Outcome(found | {"files": paths}, paths, data.path, data.notes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import complete
 import pandas as pd
@@ -267,8 +268,9 @@ def test_frames_of_other_cores_decide_nothing(data) -> None:
     assert found.here == f"100.0 ms on 2 threads: 225 frames of 1920×1080, no ratio{spread}"
 
 
-def point(height: int = 2000, **shares: float) -> dict:
-    return {f"paper_rule_share_of_avx2_{name}": share for name, share in shares.items()} | {"height": height}
+def point(height: int = 2000, **shares: float) -> SimpleNamespace:
+    named = {f"paper_rule_share_of_avx2_{name}": share for name, share in shares.items()}
+    return SimpleNamespace(height=height, **named)
 
 
 @pytest.mark.parametrize(
