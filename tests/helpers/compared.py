@@ -58,4 +58,4 @@ def sides(*runs, leave_out=False) -> list[compare.Side]:
 
 
 def rows(*runs, **how) -> dict:
-    return {(row["spec"], row["scene"]): row for row in compare.rows(*sides(*runs), **how)}
+    return {(row.spec, row.scene): row for row in compare.rows(*sides(*runs), **how)}

@@ -13,7 +13,7 @@ import pandas as pd
 
 from study.bounds import ceilings
 from study.core import cli, store
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.registry import BASE
 from study.core.store import Run
 from study.numbers import accuracy, clocks, exports, history, stats, summary
@@ -33,6 +33,7 @@ Runs of two machines, different scenes and other sizes of the picture are said f
 With --fail-on-slower the status is 1 for a configuration that is slower, or that the run lacks (vanished).
 It is also 1 for a phase outside its tolerance (failed) or not judged (unverified), and for runs without
 a verdict (machine, scene, size). --allow names what is let through."""
+STATUSES = {1: "with --fail-on-slower: see above"}
 KEY = ["scene", "width", "height", "threads", "spec"]
 LIMITS = ["hit_distance", "max_steps", "scene_hash"]
 COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads"), ("run", "run")]
@@ -185,11 +186,29 @@ def moved(cycles: Interval | None, clock: Interval | None) -> str:
     return " and ".join(changed)
 
 
-def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = False) -> list[dict[str, Any]]:
-    """One row per configuration of both runs: base_ms, ms, the ratios time, cycles, clock, baseline, verdict.
+@dataclass(frozen=True)
+class Row:
+    """A configuration of both runs: times, and the ratios of the base over the run; None: not measured."""
 
-    `by`: the ratio that the verdict is of, time, cycles or baseline. Other work has no ratio.
-    """
+    scene: str
+    width: int
+    height: int
+    threads: int
+    spec: str
+    size: str
+    run: str
+    base_ms: Interval
+    ms: Interval
+    time: Interval | None
+    cycles: Interval | None
+    clock: Interval | None
+    baseline: Interval | None
+    moved: str
+    verdict: str
+
+
+def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = False) -> list[Row]:
+    """`by`: the ratio that the verdict is of, time, cycles or baseline. Other work has no ratio."""
     ours, theirs = _values(base.frames), _values(other.frames)
     no_scene = other_work(base.frames, other.frames)
     another = not machine_may_differ and other_machine(base, other) is not None
@@ -197,21 +216,19 @@ def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = F
     for key in ours.keys() & theirs.keys():
         a, b = ours[key], theirs[key]
         same = key[0] not in no_scene
-        ratios = {
-            "time": ratio(a["ns"], b["ns"]) if same else None,
-            "cycles": ratio(a["core_cycles"], b["core_cycles"]) if same else None,
-            "clock": ratio(b["core_hz"], a["core_hz"]) if same else None,
-            "baseline": over_baseline(key, ours, theirs) if same else None,
-        }
-        verdict = judge(ratios[by]) if same else f"{NONE} (other scene)"
-        found.append(
-            dict(zip(KEY, key, strict=True))
-            | {"size": f"{key[1]}x{key[2]}", "run": other.letter}
-            | {"base_ms": stats.median_interval(a["ns"] / 1e6), "ms": stats.median_interval(b["ns"] / 1e6)}
-            | ratios
-            | {"moved": moved(ratios["cycles"], ratios["clock"])}
-            | {"verdict": f"{NONE} (other machine)" if another and same else verdict}
+        ratios = dict.fromkeys(("time", "cycles", "clock", "baseline"))
+        if same:
+            ratios["time"], ratios["cycles"] = ratio(a.ns, b.ns), ratio(a.core_cycles, b.core_cycles)
+            ratios["clock"], ratios["baseline"] = (
+                ratio(b.core_hz, a.core_hz),
+                over_baseline(key, ours, theirs),
+            )
+        verdict = (
+            f"{NONE} (other {'machine' if same else 'scene'})" if another or not same else judge(ratios[by])
         )
+        times = [stats.median_interval(one.ns / 1e6) for one in (a, b)]
+        about = (f"{key[1]}x{key[2]}", other.letter, *times)
+        found.append(Row(*key, *about, *ratios.values(), moved(ratios["cycles"], ratios["clock"]), verdict))
     return found
 
 
@@ -226,13 +243,15 @@ def warnings(base: Side, other: Side, machine_may_differ: bool) -> list[Fault]:
 
 def judged(run: Run) -> dict[tuple[str, str], bool]:
     """(phase, scene) → within its tolerance, of all sizes, against baseline and against ground truth."""
-    pairs = Verify.read_if_there(run.path / "verify.json").get("pairs") or []
-    told = [(pair.get("phase"), pair.get("scene"), pair.get("within_tolerance")) for pair in pairs]
+    verified = Verify.load_if_there(run.path / "verify.json")
+    told = [
+        (one.phase, one.scene, one.within_tolerance) for one in (verified.pairs if verified else None) or []
+    ]
     told += [(r.phase, r.scene, not r.failed) for r in accuracy.rows(run.path) if r.gated]
     found: dict[tuple[str, str], bool] = {}
     for phase, scene, within in told:
-        if within is not None:
-            found[phase, scene] = found.get((phase, scene), True) and bool(within)
+        if isinstance(within, bool):
+            found[phase, scene] = found.get((phase, scene), True) and within
     return found
 
 
@@ -256,10 +275,10 @@ def faults(base: Side, other: Side) -> list[Fault]:
 
 def facts(side: Side) -> dict[str, Any]:
     """What may explain a difference: from the context, and flags and compiler of each spec."""
-    context = cli.plain(side.run.context)
-    found = {name: context.get(name) for name in CONTEXT}
+    context = side.run.context
+    found = {name: getattr(context, name) for name in CONTEXT}
     for part, names in CONTEXT_PARTS.items():
-        found |= {f"{part}.{name}": (context.get(part) or {}).get(name) for name in names}
+        found |= {f"{part}.{name}": getattr(getattr(context, part), name) for name in names}
     for (spec, flags, compiler, libc), _ in side.frames.groupby(["spec", "flags", "compiler", "libc"]):
         found[f"build of {spec}"] = f"{compiler}, glibc {libc}, {flags}"
     return found
@@ -273,114 +292,95 @@ def differences(sides: Sequence[Side]) -> dict[str, dict[str, Any]]:
     return {name: each for name, each in values.items() if len({str(v) for v in each.values()}) > 1}
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "with --fail-on-slower: see above"})
-    parser.add_argument("runs", metavar="RUN", nargs="*", type=Path, help="folders of runs, the base first")
-    parser.add_argument("--base", metavar="RUN", type=Path, help="the base; default: the first RUN")
-    parser.add_argument(
-        "--by", choices=("time", "cycles", "baseline"), default="time", help="of the verdict; default: time"
-    )
+def options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("runs", metavar="RUN", nargs="*", type=Path, help="folders of runs, the base first")
+    add("--base", metavar="RUN", type=Path, help="the base; default: the first RUN")
+    add("--by", choices=("time", "cycles", "baseline"), default="time", help="of the verdict; default: time")
     about = "leave out launches whose TSC rate is 0.01 %% off the run's, or whose core clock 3 %% off its "
-    parser.add_argument("--leave-out-off-clock", action="store_true", help=about + "configuration's")
-    parser.add_argument("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
+    add("--leave-out-off-clock", action="store_true", help=about + "configuration's")
+    add("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
     about = f"do not fail for it (machine: and give a verdict): {', '.join(KINDS)}; may be repeated"
-    parser.add_argument("--allow", action="append", default=[], choices=KINDS, metavar="KIND", help=about)
+    add("--allow", action="append", default=[], choices=KINDS, metavar="KIND", help=about)
     about = "instead: this phase in all runs below results/, by machine and date, with its steps"
-    parser.add_argument("--history", metavar="PHASE", help=about)
-    parser.add_argument("--scene", nargs="+", default=[], metavar="SCENE", help="of --history; default: all")
+    add("--history", metavar="PHASE", help=about)
+    add("--scene", nargs="+", default=[], metavar="SCENE", help="of --history; default: all")
     about = "instead: the times of one RUN for other programs; with --by baseline over baseline's"
-    parser.add_argument("--export", choices=exports.KINDS, help=about)
-    parser.add_argument(
-        "-o", "--out", type=Path, metavar="PATH", help="of --export; default: standard output"
-    )
-    options = parser.parse_args()
-    if options.history or options.export:
-        wanted = 0 if options.history else 1
-        if len(options.runs) != wanted or (options.history and options.export):
-            parser.error("--history takes no RUN, --export takes one RUN; not both")
-        return options
-    if options.base is not None:
-        rest = [path for path in options.runs if path.resolve() != options.base.resolve()]
-        options.runs = [options.base, *rest]
-    if len(options.runs) < 2:
-        parser.error("two runs or more are compared: RUN_A RUN_B")
-    if len(options.runs) > len(ascii_uppercase):
-        parser.error(f"{len(ascii_uppercase)} runs at the most")
-    return options
+    add("--export", choices=exports.KINDS, help=about)
+    add("-o", "--out", type=Path, metavar="PATH", help="of --export; default: standard output")
 
 
-def show(
-    sides: Sequence[Side],
-    first: Sequence[Fault],
-    found: Sequence[dict[str, Any]],
-    options: argparse.Namespace,
-) -> None:
-    for side in sides:
-        print(cli.one_line(f"{side.letter}: {side.run}"))
-    print(*(cli.one_line(f"{NONE} on {one.run}: {one.text}") for one in first), "", sep="\n")
+def compared(args: argparse.Namespace) -> list[Path]:
+    """The runs, the base first. Raises StudyError."""
+    rest = [path for path in args.runs if not args.base or path.resolve() != args.base.resolve()]
+    found = [args.base, *rest] if args.base else rest
+    if not 2 <= len(found) <= len(ascii_uppercase):
+        raise StudyError(f"2 to {len(ascii_uppercase)} runs are compared: RUN_A RUN_B; not {len(found)}")
+    return found
+
+
+def shown(sides: Sequence[Side], first: Sequence[Fault], found: Sequence[Row], by: str) -> list[str]:
+    lines = [f"{side.letter}: {side.run}" for side in sides]
+    lines += [*(f"{NONE} on {one.run}: {one.text}" for one in first), ""]
     if found:
-        print(
-            summary.table(found, [one for one in COLUMNS if options.by == "baseline" or one[0] != "baseline"])
-        )
-    for side in sides:
-        for one in side.off:
-            left = "left out of" if options.leave_out_off_clock else "in"
-            print(cli.one_line(f"{left} {side.letter}: {one.text()}"))
+        columns = [one for one in COLUMNS if by == "baseline" or one[0] != "baseline"]
+        lines.append(summary.table([vars(row) for row in found], columns))
+    return lines
 
 
-def show_history(found: Sequence[history.Point]) -> None:
+def over_time(args: argparse.Namespace) -> Outcome:
     """A table a machine; `step` names how a point differs from the one above it."""
-    for machine in dict.fromkeys(point.machine for point in found):
-        made = history.shown([point for point in found if point.machine == machine])
-        print(cli.one_line(machine), "", summary.table(made, history.COLUMNS), "", sep="\n")
+    points = history.points(history.runs(), args.history, args.scene)
+    if not points:
+        on = " on " + " ".join(args.scene) if args.scene else ""
+        raise StudyError(f"no run has timed {args.history}{on}")
+    lines = []
+    for machine in dict.fromkeys(point.machine for point in points):
+        rows = history.shown([point for point in points if point.machine == machine])
+        lines += [machine, "", summary.table(rows, history.COLUMNS), ""]
+    return Outcome({"points": points}, lines)
 
 
-def main() -> int:
-    options = arguments()
-    if options.history:
-        points = history.points(history.runs(), options.history, options.scene)
-        if not points:
-            on = " on " + " ".join(options.scene) if options.scene else ""
-            raise cli.StudyError(f"no run has timed {options.history}{on}")
-        cli.emit({"points": points}) if options.json else show_history(points)
-        return cli.OK
-    if options.export:
-        made = exports.text(Run.open(options.runs[0]), options.export, options.by == "baseline")
-        print(made, end="") if options.out is None else store.write_text(options.out, made)
-        return cli.OK
+def run(args: argparse.Namespace) -> Outcome:
+    if args.history or args.export:
+        if len(args.runs) != (0 if args.history else 1) or (args.history and args.export):
+            raise StudyError("--history takes no RUN, --export takes one RUN; not both")
+        if args.history:
+            return over_time(args)
+        made = exports.text(Run.open(args.runs[0]), args.export, args.by == "baseline")
+        if args.out:
+            store.write_text(args.out, made)
+        return Outcome(made, [] if args.out else [made.rstrip("\n")])
     sides = [
-        read(letter, path, options.leave_out_off_clock)
-        for letter, path in zip(ascii_uppercase, options.runs, strict=False)
+        read(letter, path, args.leave_out_off_clock)
+        for letter, path in zip(ascii_uppercase, compared(args), strict=False)
     ]
     base, *others = sides
-    lenient = MACHINE in options.allow
-    found = [row for other in others for row in rows(base, other, options.by, lenient)]
-    found.sort(key=lambda row: [row[key] for key in [*KEY, "run"]])
+    lenient = MACHINE in args.allow
+    found = [row for other in others for row in rows(base, other, args.by, lenient)]
+    found.sort(key=lambda row: (row.scene, row.width, row.height, row.threads, row.spec, row.run))
     first = [fault for other in others for fault in warnings(base, other, lenient)]
     if not found and not first:
-        raise StudyError(f"{', '.join(map(str, options.runs))}: no phase, scene and size in common")
+        raise StudyError(f"{', '.join(str(side.run) for side in sides)}: no phase, scene and size in common")
     missing = [fault for other in others for fault in faults(base, other)]
     new = [f"only in {other.letter}: {name}" for other in others for name in other.beyond(base)]
     differ = differences(sides)
-    if options.json:
-        about = {"runs": {side.letter: str(side.run) for side in sides}, "rows": found}
-        about |= {"no_verdict": first, "missing": missing, "new": new, "differences": differ}
-        cli.emit(about | {"off_clock": {side.letter: list(side.off) for side in sides}})
-    else:
-        show(sides, first, found, options)
-        for text in (*(fault.text for fault in missing), *new):
-            print(cli.one_line(text))
-        print("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
-        for name, values in differ.items():
-            print(*map(cli.one_line, [f"  {name}", *(f"    {k}  {v}" for k, v in values.items())]), sep="\n")
-    if not options.fail_on_slower:
-        return cli.OK
+    told = {"runs": {side.letter: str(side.run) for side in sides}, "rows": found}
+    told |= {"no_verdict": first, "missing": missing, "new": new, "differences": differ}
+    told |= {"off_clock": {side.letter: list(side.off) for side in sides}}
+    left = "left out of" if args.leave_out_off_clock else "in"
+    lines = shown(sides, first, found, args.by)
+    lines += [f"{left} {side.letter}: {one.text()}" for side in sides for one in side.off]
+    lines += [*(fault.text for fault in missing), *new]
+    lines.append("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
+    for name, values in differ.items():
+        lines += [f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items())]
+    if not args.fail_on_slower:
+        return Outcome(told, lines)
     slower = [
-        Fault(SLOWER, row["run"], f"{SLOWER} in {row['run']}: {row['spec']} {row['scene']} {row['size']}")
+        Fault(SLOWER, row.run, f"{SLOWER} in {row.run}: {row.spec} {row.scene} {row.size}")
         for row in found
-        if row["verdict"] == SLOWER
+        if row.verdict == SLOWER
     ]
-    stopping = [fault for fault in (*first, *missing, *slower) if fault.kind not in options.allow]
-    for fault in stopping:
-        cli.say(cli.one_line(f"FAIL {fault.text}"))
-    return cli.FAILED if stopping else cli.OK
+    stopping = [one for one in (*first, *missing, *slower) if one.kind not in args.allow]
+    return Outcome(told, lines, failed=[one.text for one in stopping])

@@ -107,13 +107,13 @@ def test_a_slow_hour_is_no_slower_phase(tmp_path):
     slow = {key: ms * 1.3 * (1.2 if key[0] == "opt2" else 1) for key, ms in times.items()}
     b = make_run(tmp_path / "b", slow)
     found = rows(a, b, by="baseline")
-    assert {key[0]: row["verdict"] for key, row in found.items()} == {
+    assert {key[0]: row.verdict for key, row in found.items()} == {
         "baseline": "no verdict (not measured)",
         "opt1": "the same within noise",
         "opt2": "slower",
     }
-    assert found["opt2", "s"]["baseline"].value == pytest.approx(1 / 1.2)
-    assert {row["verdict"] for row in rows(a, b).values()} == {"slower"}
+    assert found["opt2", "s"].baseline.value == pytest.approx(1 / 1.2)
+    assert {row.verdict for row in rows(a, b).values()} == {"slower"}
     done = run(a, b, "--by", "baseline", "--fail-on-slower")
     assert done.returncode == 1 and done.stderr.count("FAIL") == 1 and "opt2" in done.stderr
 
