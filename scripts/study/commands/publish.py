@@ -25,8 +25,8 @@ from study.report import compared
 DESCRIPTION = """\
 Copies to FOLDER what the report of a run is made from: every JSON file at the top of the run, frames.jsonl
 and the pictures that chapters show. Large files are packed. Pictures are scaled down to 300 kB each, and
-to 320 pixels across for the two scenes that the report compares. Of throttle.json the thousands of settings
-that no table shows are left out. run.toml names the machine, the commit, the commands and a caveat.
+to 320 pixels across for the two scenes that the report compares. run.toml names the machine, the commit,
+the commands and a caveat.
 
 Then every chapter is read from the copies. It must have the parts, figures and pictures that it has in the
 run. Only then is there a FOLDER. A run that is being measured is refused.
@@ -37,18 +37,10 @@ PACKED = ("counts.json", "validation.json", "hotspots.json")
 SMALLER = 0.85  # each time a picture is still too large
 
 
-def without_all(throttled: Any) -> Any:
-    """throttle.json without what no table shows."""
-    rows = [{key: value for key, value in row.items() if key != "all"} for row in throttled["rows"]]
-    return throttled | {"rows": rows}
-
-
 def copy_files(run: Path, folder: Path) -> None:
     """The JSON files and the frames. Raises StudyError."""
     for file in sorted(run.glob("*.json")):
-        if file.name == "throttle.json":
-            store.write_json(folder / file.name, without_all(store.read_json(file)))
-        elif file.name in PACKED:
+        if file.name in PACKED:
             text = json.dumps(store.read_json(file), separators=(",", ":"))
             (folder / f"{file.name}.gz").write_bytes(gzip.compress(text.encode(), mtime=0))
         else:

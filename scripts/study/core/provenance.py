@@ -84,7 +84,7 @@ def _launches(content: Any) -> Iterator[Sequence[float]]:
             if key in SPREADS and isinstance(value, list) and len(value) > 1:
                 if all(isinstance(one, int | float) and one > 0 for one in value):
                     yield value
-            elif key != "all":  # the throttle's settings, in no table and not published
+            else:
                 yield from _launches(value)
     elif isinstance(content, list):
         for value in content:

@@ -254,26 +254,6 @@ def frames(
         yield _parse(line, arguments[0])
 
 
-def frames_into(
-    file: int,
-    spec: Spec | str,
-    scene_path: Path,
-    height: int,
-    width: int | None = None,
-    *,
-    cpu: int | None = None,
-    threads: int = 1,
-    timed: bool = True,
-    told: Mapping[str, str] | None = None,
-    **options: Any,
-) -> None:
-    """`frames`, written by the driver itself at the end of the open `file`, a line flushed after each frame:
-    no reader takes time from the threads, and what was written stays if this process is killed."""
-    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
-    with _child(arguments, cpu_set(cpu, threads), environment(0, timed, told), file):
-        pass
-
-
 def execute(
     program: Path,
     scene_path: Path,

@@ -20,10 +20,7 @@ def error_said(error: FrameErrors | None) -> str:
 
 
 def frames_said(row: Animation) -> str:
-    """How many, of which size; how many an earlier start had measured; where it was interrupted."""
-    rest = f", {row.reused:,} of an earlier start" if row.reused else ""
-    rest += "".join(f", resumed at {frame:,}" for frame in row.resumed_at)
-    return f"{row.frames:,} at {row.width}×{row.n}{rest}"
+    return f"{row.frames:,} at {row.width}×{row.n}"
 
 
 def per_article(row: Animation, said: Article) -> float | None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import msgspec
-
 from study.core.schema import Record, key
 
 Ms = Annotated[float | None, key("ms", "median over process launches")]
@@ -90,10 +88,6 @@ class Animation(Record, kw_only=True):
     update_ms: Annotated[float | None, key("ms", "of it the update, median")] = None
     core_ns_per_pixel: Annotated[float, key("ns", "mean × threads over pixels")]
     all_ms: Annotated[list[float] | None, key("ms", "every frame, in order")] = None
-    resumed_at: Annotated[list[int], key("frames", "at which another process went on")] = msgspec.field(
-        default_factory=list
-    )
-    reused: Annotated[int | None, key("frames", "that an earlier start had measured")] = None
     error: Annotated[FrameErrors | None, key("", "of the picture at its beginning, to truth")] = None
     common_frames: Annotated[int | None, key("frames", "the fewest that a row has")] = None
     common_ms: Annotated[float | None, key("ms", "mean of that many first ones")] = None

@@ -10,14 +10,13 @@ from study.experiments import running
 from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import pictures, tables
 from study.experiments.fixed.schema import FILE, Fixed
-from study.measuring import animation_tables, animations, hit_tables
+from study.measuring import animation_tables, hit_tables
 
 DESCRIPTION = """\
 spheres40 by the integer ray tracer: the article's way, one lane, 8 and 16, and the same in floats, timed in
 interleaved launches with the error of each to truth; bits of fraction from 8 to 28 with the article's
 roots, two Newton steps and three; which pixels the article's four-corner test clears wrongly; and the frame
-times of the animation beside the article's 14.29 ms on 35 cores. Interrupted in the animation, it goes
-on behind the last frame with the same --run and --resume."""
+times of the animation beside the article's 14.29 ms on 35 cores."""
 STATUSES = {1: "a picture has samples that are not finite"}
 
 
@@ -32,17 +31,12 @@ def options(parser: argparse.ArgumentParser) -> None:
         "fewer, as the table says; default: 900, the article's")  # fmt: skip
     running.height(parser, 1080, "its height", "--frame-n")
     running.options(parser, f"{FILE}, images/, figures/", "systems", 2, "the order")
-    about = "go on with the animation of a run that was interrupted: its frames are kept in --run"
-    add("--resume", action="store_true", help=about)
 
 
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
-    if not args.resume:
-        animations.forget(folder, fixed.ANIMATED)
-    found = fixed.study(args.n, args.sizes, args.frames, args.frame_n, args.launches, args.seed, folder)
+    found = fixed.study(args.n, args.sizes, args.frames, args.frame_n, args.launches, args.seed)
     running.write(folder / FILE, {"launches": args.launches, "seed": args.seed}, found)
-    animations.forget(folder, fixed.ANIMATED)
     result = Fixed.load(folder / FILE)
     paths = pictures.write_pictures(folder)
     paths += running.draw(folder, tables.drawings(result))

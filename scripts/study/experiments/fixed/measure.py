@@ -39,7 +39,6 @@ SAFE = "clear=lists"
 CLEARS = ("never", "corners", "safe", "lists")
 TRUTH_HEIGHT = 400  # up to which truth is drawn: its 1,920 × 1,080 would take as long as all the rest
 FIFTEENTH = 15  # of the animation's frames are timed by the article's program, but for the slowest
-ANIMATED = ("fixed", "fixed_simd", "fixed_float")
 
 
 class Case(NamedTuple):
@@ -219,7 +218,7 @@ def share(frames: int, article: bool, threads: int, shadows: bool) -> int:
     return frames if every else max(2, frames // QUARTER)
 
 
-def animated(frames: int, n: int, keep: Path) -> list[Moving]:
+def animated(frames: int, n: int) -> list[Moving]:
     """The article's program first, then ours in lanes and in floats; then both integers without shadows, as
     the article's picture is, on every core. Raises StudyError."""
     rows, shadowed = [], registry.animated()[animations.MOVING]
@@ -235,22 +234,19 @@ def animated(frames: int, n: int, keep: Path) -> list[Moving]:
                 error = animations.still_error(case.phase, scene, n, case.told)
                 for threads in counts if shadows else counts[-1:]:
                     many = share(frames, name == "article", threads, shadows)
-                    row = animations.animation(case.phase, many, n, threads, keep, scene, case.told)
+                    row = animations.animation(case.phase, many, n, threads, scene, case.told)
                     made = asdict(row) | {"error": error}
                     rows.append(Moving(program=name, shadows=shadows, **made))
     return animations.with_common(rows)
 
 
-def study(
-    n: int, sizes: Sequence[int], frames: int, frame_n: int, count: int, seed: int, keep: Path
-) -> dict[str, Any]:
-    """All of fixed.json but the context. `keep`: where the animation's frames outlive an interruption."""
+def study(n: int, sizes: Sequence[int], frames: int, frame_n: int, count: int, seed: int) -> dict[str, Any]:
+    """All of fixed.json but the context."""
     fast = "fixed_simd" if registry.cpu_supports(registry.find_phase("fixed_simd")) else "fixed"
-    moved = animated(frames, frame_n, keep)  # first: the longest that an interruption can cut
     return {
         "article": ARTICLE,
         "rows": beside(n, count, seed),
         "sweep": sweep(n, count, seed, fast),
         "clearing": clearing(sizes, count, seed, fast),
-        "animation": moved,
+        "animation": animated(frames, frame_n),
     }

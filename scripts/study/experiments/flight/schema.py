@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from study.core.schema import Record, key
 from study.measuring.schema import Gain, Timed, TimedErrors
@@ -83,9 +83,6 @@ class Choice(Gain, kw_only=True):
     wrong_ppm: Annotated[float | None, key("ppm", "at most")]
     tried: Annotated[int, key("settings", "tried")]
     within: Annotated[int, key("settings", "with rods, within the error")]
-    all: Annotated[list[dict[str, Any]] | None, key("", "every setting with its errors; not published")] = (
-        None
-    )
     finalists: Annotated[dict[str, Timed], key("ms", "the fastest within it, by which the choice was made")]
     chosen: Annotated[Setting | None, key("", "timed anew, interleaved; null: none is within")]
     plain: Annotated[Setting, key("", "packets without rods")]

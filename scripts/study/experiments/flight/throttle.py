@@ -133,6 +133,5 @@ def choose(
         plain=rows[PLAIN],
         finalists=finals,
         large=larger(scene, large, chosen, count, seed) if chosen and large else None,
-        all=[asdict(one) for one in tried],
         **(asdict(launches.gain(anew[PLAIN], anew[chosen])) if chosen else {}),
     )

@@ -10,7 +10,7 @@ from study.experiments import running
 from study.experiments.packets import figures, normalise, pictures, tables
 from study.experiments.packets import measure as packets
 from study.experiments.packets.schema import FILE, Packets
-from study.measuring import animation_tables, animations
+from study.measuring import animation_tables
 
 DESCRIPTION = """\
 Rays a second of phase packets: of the camera, to the light, mirrored, in any direction; by tree, number of
@@ -32,21 +32,16 @@ def options(parser: argparse.ArgumentParser) -> None:
     about = "that the article's own benchmark normalises; default: 20,000,000"
     add("--vectors", type=cli.at_least(1024), default=normalise.VECTORS, metavar="N", help=about)
     running.options(parser, f"{FILE}, images/, figures/", "systems", 2, "rays and order")
-    about = "go on with the animation of a run that was interrupted: its frames are kept in --run"
-    add("--resume", action="store_true", help=about)
 
 
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
-    if not args.resume:
-        animations.forget(folder, ["packets"])
     made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
-    animation = packets.animated(args.frames, args.frame_n, folder)  # first: may refuse a size
+    animation = packets.animated(args.frames, args.frame_n)  # first: may refuse a size
     found = packets.study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
     found |= {"animation": animation, "normalise": normalise.measured(args.vectors, args.seed)}
     about = {"launches": args.launches, "reps": args.reps, "seed": args.seed, "article": normalise.ARTICLE}
     running.write(folder / FILE, about, found)
-    animations.forget(folder, ["packets"])
     result = Packets.load(folder / FILE)
     paths = pictures.write_pictures(folder, args.n)
     paths += running.draw(folder, figures.drawings(result))

@@ -204,16 +204,15 @@ def share(frames: int, tree: str, threads: int) -> int:
     return frames if headline else max(2, frames // animations.QUARTER)
 
 
-def animated(frames: int, n: int, keep: Path | None = None) -> list[Tree]:
-    """A row for each tree, built anew for each frame, and number of threads; `keep` as animations.animation
-    has it. Raises StudyError."""
+def animated(frames: int, n: int) -> list[Tree]:
+    """A row for each tree, built anew for each frame, and number of threads. Raises StudyError."""
     rows = []
     for name, words in TREES.items():
         told = {rays.SETTINGS: words}
         error = animations.still_error("packets", registry.animated()[animations.MOVING], n, told)
         for threads in animations.thread_counts():
             many = share(frames, name, threads)
-            row = animations.animation("packets", many, n, threads, keep, told=told)
+            row = animations.animation("packets", many, n, threads, told=told)
             rows.append(Tree(tree=name, **asdict(msgspec.structs.replace(row, error=error))))
     return animations.with_common(rows)
 

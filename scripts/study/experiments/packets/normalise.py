@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import msgspec
-from msgspec.structs import asdict
-
 from study.core import run, show
 from study.experiments.packets.schema import Article, Normalise, Packets
 from study.experiments.section import Claim
-from study.measuring import function_bench, hit_tables, launches
+from study.measuring import function_bench, hit_tables
 
 ARTICLE = Article(scalar_ms=3156, sse_ms=172, speed_up=18.35, cpu="Core 2 Duo, 1.6 GHz")
 VECTORS = function_bench.VECTORS  # the article's
@@ -16,32 +13,22 @@ ROUNDS = 6  # the fewest that have an interval
 SCALAR, SSE = ("scalar", "AoS", "1/sqrt"), ("SSE", "SoA", "rsqrtps + 1")  # one Newton step
 
 
-class Kernel(msgspec.Struct):
-    """What the program says of one, in ns a vector."""
-
-    vectors: int
-    isa: str
-    layout: str
-    name: str
-    ns: list[float]
-    max_ulp: float | None = None
-
-
 def measured(vectors: int, seed: int) -> list[Normalise]:
     """ms to normalise so many vectors of three floats, error in ulp, and how many times as fast as scalar
     code that is. Raises StudyError."""
-    words = ["normalise", "--vectors", vectors, "--rounds", ROUNDS, "--seed", seed]
-    said = function_bench.bench(*map(str, words), cpu=run.FASTEST)
-    rows = msgspec.json.decode(said, type=dict[str, list[Kernel]])["rows"]
-    largest = [row for row in rows if row.vectors == max(one.vectors for one in rows)]
-    scalar = next(row.ns for row in largest if (row.isa, row.layout) == SCALAR[:2])
-    found = []
-    for row in largest:
-        timed = launches.timed([ns * row.vectors * 1e-6 for ns in row.ns])
-        about = {key: getattr(row, key) for key in ("vectors", "isa", "layout", "name", "max_ulp")}
-        ms = {key: getattr(timed, key) for key in ("ms", "ms_low", "ms_high")}
-        found.append(Normalise(**about, **ms, **asdict(launches.gain(scalar, row.ns))))
-    return found
+    rows = function_bench.normalise(vectors, ROUNDS, seed, run.FASTEST)
+    largest = max(row.vectors for row in rows)
+    return [_of(row) for row in rows if row.vectors == largest]
+
+
+def _of(row: function_bench.Normalise) -> Normalise:
+    """A row of the function study, its ns a vector as ms of all."""
+    about = {key: getattr(row, key) for key in ("vectors", "isa", "layout", "name", "max_ulp")}
+    for end, key in (("", "value"), ("_low", "low"), ("_high", "high")):
+        ns = getattr(row.ns, key)
+        about[f"ms{end}"] = ns and ns * row.vectors * 1e-6
+        about[f"gain{end}"] = getattr(row.speedup, key)
+    return Normalise(**about)
 
 
 def claims(result: Packets) -> list[Claim]:

@@ -6,19 +6,12 @@ from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.systems import command, pictures, tables
 
 # Each command writes its own file and judges it; the last draws a sheet of all.
-COMMANDS = {
-    "rods": [],
-    "flight": ["--still"],
-    "lattice": [],
-    "fixed": ["--resume"],  # an animation takes minutes: it goes on behind the last frame
-    "packets": ["--resume"],
-    "systems": [],
-}
+COMMANDS = ("rods", "flight --still", "lattice", "fixed", "packets", "systems")
 
 
 def calls(study: Study) -> list[Call]:
     run = ["--run", str(study.run)]
-    return [Call(name, [*run, *words], may_lack=True) for name, words in COMMANDS.items()]
+    return [Call(name, [*words, *run], may_lack=True) for name, *words in map(str.split, COMMANDS)]
 
 
 EXPERIMENT = Experiment(
