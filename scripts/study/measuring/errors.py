@@ -24,10 +24,10 @@ def to_truth(exact: Picture, image: Picture) -> Errors:
 
 def to_picture(reference: Picture, image: Picture, fractal: bool = False) -> Errors:
     """Of a fractal's 4×4 means, as its single samples are chaotic."""
-    pair = [images.rgb(picture) for picture in (reference, image)]
+    base, own = images.rgb(reference), images.rgb(image)
     if fractal:
-        pair = [images.box_average(linear, FACTOR) for linear in pair]
-    colours = images.colour_errors(*pair, with_flip=False)
+        base, own = images.box_average(base, FACTOR), images.box_average(own, FACTOR)
+    colours = images.colour_errors(base, own, with_flip=False)
     geometry = images.geometry(reference, image)
     return cli.plain(
         {

@@ -178,7 +178,8 @@ def converted(theirs: Theirs, path: Path) -> dict[str, Any]:
         }
         for i, one in enumerate(theirs.materials)
     }
-    light = {"position": triple(theirs.pointlight.position), "emission": triple(theirs.pointlight.emission)}
+    lamp = theirs.pointlight
+    light: dict[str, Any] = {"position": triple(lamp.position), "emission": triple(lamp.emission)}
     light |= {"shadows": "soft" if len(shapes) > 1 else "none", "shadow_strength": SHADOW_STRENGTH}
     used = {shape["material"] for shape in shapes}
     kept = {name: one for name, one in materials.items() if name in used}

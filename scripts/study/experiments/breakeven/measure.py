@@ -86,13 +86,12 @@ def set_up(spec: Spec, scene: Scene, cache: Mapping[str, str]) -> dict[str, Any]
 def apart(specs: tuple[Spec, Spec], scene: Scene, cache: Mapping[str, str]) -> PictureErrors:
     """How far the kernel's picture is from the other's, in linear RGB."""
     height = SMALL * (errors.FACTOR if scene.fractal else 1)
-    made = []
     with temporary.folder() as folder:
-        for spec in specs:
-            out = folder / f"{spec}.exr"
+        paths = [folder / f"{spec}.exr" for spec in specs]
+        for spec, out in zip(specs, paths, strict=True):
             run.render(spec, scene.path, height, aov=True, out=out, timed=False, told=cache)
-            made.append(images.read(out))
-    return msgspec.convert(errors.to_picture(*made, scene.fractal), PictureErrors)
+        general, generated = map(images.read, paths)
+    return msgspec.convert(errors.to_picture(general, generated, scene.fractal), PictureErrors)
 
 
 def reps_of(seconds: float) -> int:
@@ -111,8 +110,8 @@ def measure(specs: tuple[Spec, Spec], scene: Scene, settings: Settings, folder: 
     reps = reps_of(run.render(specs[0], scene.path, high, wide, cpu=cpu)["frames"][0]["ns"] / 1e9)
 
     def once(spec: Spec, padding: int) -> float:
-        how = {"cpu": cpu, "env_bytes": padding, "reps": reps, "warmup": WARMUP, "told": cache}
-        made = run.render(spec, scene.path, high, wide, **how)
+        how: dict[str, Any] = {"cpu": cpu, "env_bytes": padding, "reps": reps, "warmup": WARMUP}
+        made = run.render(spec, scene.path, high, wide, told=cache, **how)
         if spec == specs[1] and (made["kernel"] != GENERATED or made["kernel_compile_ns"]):
             raise StudyError(f"{spec} on {scene.name}: the kernel was not found again in its cache")
         return float(np.median([frame["ns"] for frame in made["frames"] if not frame["warmup"]])) / 1e6
@@ -132,7 +131,8 @@ def study(
 ) -> tuple[list[Row], list[Skipped]]:
     """A scene is begun only if the longest one so far fits the rest of the seconds; the others are left."""
     begun, longest = time.monotonic(), 0.0
-    rows, left_out = [], []
+    rows: list[Row] = []
+    left_out = []
     for scene in scenes:
         start = time.monotonic()
         if rows and start - begun + longest > settings.seconds:

@@ -73,8 +73,9 @@ FOOT = (
 def draw(rows: list[Row]) -> Figure:
     shown = []
     for row in rows:
-        about = f"{row.scene}, n = {row.n}", f"paid after {frames_needed(row)} frames"
-        shown.append(dots.of(show.cells(row.gain), "", *about, True))
+        assert row.gain
+        text = f"paid after {frames_needed(row)} frames"
+        shown.append(dots.of(row.gain, "", f"{row.scene}, n = {row.n}", text, True))
     title = "Gain of a kernel generated for the scene"
     return dots.draw(shown, title, "times as fast as the general code", True)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 
@@ -48,15 +49,17 @@ def points(names: Sequence[str], sizes: Sequence[Size], threads: Sequence[int]) 
 def once(point: Point, scene: Scene, padding: int, cpu: int) -> float:
     """Median ms of a launch's frames: one frame of the phases in doubles, which take seconds."""
     slow = registry.find_phase(point.phase).precision == "double"
-    how = {"cpu": cpu, "threads": point.threads, "warmup": int(not slow)}
-    return milliseconds(point.phase, scene, point.size, 1 if slow else 5, padding, **how)
+    warmup, reps = (0, 1) if slow else (1, 5)
+    return milliseconds(
+        point.phase, scene, point.size, reps, padding, cpu=cpu, threads=point.threads, warmup=warmup
+    )
 
 
 def row(point: Point, times: Sequence[float], errors: Mapping[str, HitErrors]) -> Row:
     """Ms, and times as fast as CPU-RTRM's figure. `times`: in ms."""
     theirs = PROGRAM.ms.get(str(point.threads)) if [*point.size] == PROGRAM.size else None
     ms = Interval.of(stats.median_interval(times))
-    over = {
+    over: dict[str, Any] = {
         name: theirs / end if theirs and end else None
         for name, end in (("program", ms.value), ("program_low", ms.high), ("program_high", ms.low))
     }

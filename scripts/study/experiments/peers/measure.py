@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,13 +48,13 @@ def plain(name: str, folder: Path) -> Scene:
 def errors(exact: images.Picture, rgb: np.ndarray, fractal: bool) -> Errors:
     """Of linear colours to ground truth, where it knows them; of a fractal's 4×4 means."""
     known = (exact["status.all"] >= truth.CONVERGED) & np.isfinite(images.rgb(exact)).all(axis=-1)
-    pair = [np.where(known[..., None], one, 0).astype(np.float32) for one in (images.rgb(exact), rgb)]
-    bad = int((~np.isfinite(pair[1])).sum())
+    base, own = (np.where(known[..., None], one, 0).astype(np.float32) for one in (images.rgb(exact), rgb))
+    bad = int((~np.isfinite(own)).sum())
     if fractal:
         whole = np.repeat(known[..., None], 3, axis=-1).astype(np.float32)
         known = images.box_average(whole, FACTOR)[..., 0] == 1
-        pair = [images.box_average(one, FACTOR) for one in pair]
-    found = images.colour_errors(*pair, False, known)
+        base, own = images.box_average(base, FACTOR), images.box_average(own, FACTOR)
+    found = images.colour_errors(base, own, False, known)
     names = ("psnr_db", "rmse", "fraction_over_1_255", "psnr_display_db")
     return cli.plain({name: found[name] for name in names} | {"averaged": fractal, "non_finite": bad})
 
@@ -83,10 +82,10 @@ class Measuring:
                 job = Job(scene, size, point.threads, frames, cpus, folder, padding, picture)
                 return self.others[point.program].draw(job)
             out = folder / "picture.exr" if picture else None
-            how = {"cpu": self.cpu, "threads": point.threads, "env_bytes": padding, "out": out}
-            how |= {"warmup": int(frames > 1), "reps": frames}
-            with contextlib.closing(run.frames(point.program, scene.path, size[1], size[0], **how)) as made:
-                ns = [frame["ns"] for frame in made if not frame["warmup"]]
+            how: dict[str, Any] = {"cpu": self.cpu, "threads": point.threads, "env_bytes": padding}
+            how |= {"warmup": int(frames > 1), "reps": frames, "timed": False, "out": out}
+            made = run.render(point.program, scene.path, size[1], size[0], **how)
+            ns = [frame["ns"] for frame in made["frames"] if not frame["warmup"]]
             return Drawn(ns, "", images.rgb(images.read(out)) if out else None)
 
     def judge(self, point: Point, height: int) -> Errors:

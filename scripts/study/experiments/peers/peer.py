@@ -143,7 +143,7 @@ class Python(Peer):
         path, python = job.folder / "task.json", venvs.python_of(self.home)
         store.write_json(path, self.task(job))
         more = {name: value.format(threads=job.threads) for name, value in self.environment.items()}
-        command = [python, "-I", WORKERS / f"draw_{self.name}.py", path]
+        command: list[str | Path] = [python, "-I", WORKERS / f"draw_{self.name}.py", path]
         said, _ = run(command, job, self.title, **more)
         try:
             found = json.loads(said.strip().splitlines()[-1])

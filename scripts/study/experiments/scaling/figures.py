@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ from study.numbers import power_laws
 from study.pictures.draw import Drawing, legend, look, panels, plain_log
 
 APART = 0.052  # of a panel's height: labels that are nearer would overlap
-PAPERS = {"color": "#999999", "linestyle": (0, (1, 2)), "linewidth": 1.5, "zorder": 1}
+PAPERS: dict[str, Any] = {"color": "#999999", "linestyle": (0, (1, 2)), "linewidth": 1.5, "zorder": 1}
 Value = Callable[[Row], float | None]
 
 
@@ -42,7 +43,11 @@ def _labels(axes: Axes, ends: list[tuple[float, str, str]]) -> None:
     low, high = (math.log(y) for y in axes.get_ylim())
     heights = [(math.log(y) - low) / (high - low) for y, _, _ in ends]
     for (_, text, colour), place in zip(ends, _places(heights), strict=True):
-        where = {"xycoords": "axes fraction", "textcoords": "offset points", "annotation_clip": False}
+        where: dict[str, Any] = {
+            "xycoords": "axes fraction",
+            "textcoords": "offset points",
+            "annotation_clip": False,
+        }
         axes.annotate(text, (1.0, place), (3, 0), color=colour, fontsize=8, va="center", **where)
 
 
@@ -89,7 +94,7 @@ def _grown(result: Scaling, value: Value, title: str, axis: str) -> Figure:
         ends = []
         for phase, rows in panel.phases.items():
             style = panel.looks[phase, 1]
-            ys = [value(row) for row in rows]
+            ys = [value(row) or 0 for row in rows]
             marks = {"marker": style["marker"], "markersize": 4.5, "color": style["color"]}
             axes.plot([row.x for row in rows], ys, **marks, linewidth=0.8, label=phase, zorder=3)
             for law in _laws(result.fits, panel.title, phase, timed):
@@ -99,10 +104,11 @@ def _grown(result: Scaling, value: Value, title: str, axis: str) -> Figure:
         papers = [fit.paper for fit in result.fits if fit.title == panel.title and fit.paper is not None]
         if timed and papers:
             across = np.array([min(panel.xs), max(panel.xs)])
-            start = next(value(r) for rows in panel.phases.values() for r in rows if r.x == across[0])
+            every = [row for rows in panel.phases.values() for row in rows]
+            start = next(milliseconds(row) for row in every if row.x == across[0])
             bottom, top = axes.get_ylim()
             axes.plot(across, start * (across / across[0]) ** papers[0], **PAPERS, label=f"the paper's {LAW}")
-            axes.set_ylim(bottom, max(top, 2 * max(value(r) for rows in panel.phases.values() for r in rows)))
+            axes.set_ylim(bottom, max(top, 2 * max(map(milliseconds, every))))
         low, high = axes.get_ylim()
         wide = max(1.0, math.sqrt(4.5 * low / high))  # at least 4.5 from end to end: a tenth is nothing
         axes.set_ylim(low / wide, high * wide)
@@ -132,7 +138,7 @@ def _laws(fits: Sequence[Fit], title: str, phase: str, timed: bool) -> Iterator[
 
 def _dashed(axes: Axes, law: Law, scale: float, colour: str) -> None:
     across = np.array([law.first_x, law.last_x])
-    ys = scale * law.factor * across**law.exponent.value
+    ys = scale * (law.factor or 0) * across ** (law.exponent.value or 0)
     axes.plot(across, ys, "--", color=colour, linewidth=1.4, alpha=0.75)
 
 
@@ -152,7 +158,7 @@ def errors(result: Scaling) -> Figure:
                 axes.plot(*zip(*same, strict=True), color=style["color"], linewidth=0.8, zorder=2)
             fill = [style["color"] if row.reference == "truth" else "white" for row in some]
             marks = {"marker": style["marker"], "s": size, "edgecolor": style["color"], "zorder": 3}
-            axes.scatter([row.x for row in some], [level(row) for row in some], c=fill, **marks)
+            axes.scatter([row.x for row in some], [level(row) or 0 for row in some], c=fill, **marks)
             axes.plot([], [], marker=style["marker"], color=style["color"], linewidth=0.8, label=phase)
         plain_log(axes.xaxis)
         axes.set_ylim(0, TOP + 8)  # one scale: a tenth of a dB is nothing

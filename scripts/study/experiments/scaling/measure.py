@@ -61,8 +61,8 @@ class Plan:
     spent: float = 0.0
 
     def leave(self, point: Point, reason: str, foreseen_s: float | None = None) -> None:
-        about = {"series": point.series, "x": point.x, "phase": str(point.spec)}
-        self.left_out.append(LeftOut(**about, reason=reason, foreseen_s=foreseen_s))
+        series, x, phase = point.series, point.x, str(point.spec)
+        self.left_out.append(LeftOut(series=series, x=x, phase=phase, reason=reason, foreseen_s=foreseen_s))
 
 
 @dataclass

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -125,46 +125,39 @@ def series(height: int, seed: int, folder: Path) -> dict[str, Series]:
     def shapes(name: str) -> Callable[[int, int], Scene]:
         return lambda x, number: generated_scenes.of_shapes(name, x, seed + number, folder)
 
-    def of_shapes(name: str, **more: Any) -> Series:
+    def of_mirrors(x: int, number: int) -> Scene:
+        return generated_scenes.of_mirrors(x - 1, folder)
+
+    def of_shapes(name: str, first: tuple[int, ...], weight: int = 1) -> Series:
         title = f"number of shapes, {name}{' (worst case)' * (name == 'corridors')}"
-        return Series(f"shapes-{name}", title, "shapes", SHAPES, 1.2, 1, height, shapes(name), **more)
+        made = Series(f"shapes-{name}", title, "shapes", SHAPES, 1.2, 1, height, shapes(name))
+        return replace(made, first=first, weight=weight)
 
     def of_heights(name: str, first: tuple[int, ...]) -> Series:
-        title, scene = f"picture height, {name}", known(name)
-        more = {"varies": "height", "weight": 2, "first": first}
-        return Series(f"n-{name}", title, "n, pixels", HEIGHTS, 2, 2, height, scene, **more)
+        made = Series(f"n-{name}", f"picture height, {name}", "n, pixels", HEIGHTS, 2, 2, height, known(name))
+        return replace(made, varies="height", first=first, weight=2)
 
     def of_steps(name: str, title: str, scene: Callable[[int, int], Scene]) -> Series:
-        more = {"varies": "max_steps", "first": (4, 32, 256)}
-        return Series(f"steps-{name}", title, "step cap", STEPS, 1, 1, height, scene, **more)
+        made = Series(f"steps-{name}", title, "step cap", STEPS, 1, 1, height, scene)
+        return replace(made, varies="max_steps", first=(4, 32, 256))
 
-    crowd = f"shapes, scattered, n = {CROWD_HEIGHT}, a scene for every launch"
+    title = f"shapes, scattered, n = {CROWD_HEIGHT}, a scene for every launch"
+    crowd = Series("crowd", title, "shapes", CROWD, 0.3, 1, CROWD_HEIGHT, shapes("scattered"))
     counts, rays = thread_counts(len(run.USABLE)), tuple(b + 1 for b in BOUNCES)
-    corridors = f"step cap, corridors of {STEP_SHAPES} shapes"
+    threads = Series("threads", "threads, scene0", "threads", counts, 0, None, 2 * height, known("scene0"))
+    title = "rays in a chain of mirrors (bounces + 1)"
+    bounces = Series("bounces", title, "rays", rays, 1, None, height, of_mirrors, first=(1, 5, 17))
+    corridors, rows = f"step cap, corridors of {STEP_SHAPES} shapes", shapes("corridors")
     made = [
-        Series(
-            *("crowd", crowd, "shapes", CROWD, 0.3, 1, CROWD_HEIGHT, shapes("scattered")),
-            **{"weight": 9, "fast_only": True, "kept": False, "drawn": True},
-        ),
-        Series(
-            *("threads", "threads, scene0", "threads", counts, 0, None, 2 * height, known("scene0")),
-            **{"varies": "threads", "first": (1, 2), "weight": 2},
-        ),
-        of_shapes("scattered", weight=2, first=(16, 4096, 256)),
+        replace(crowd, weight=9, fast_only=True, kept=False, drawn=True),
+        replace(threads, varies="threads", first=(1, 2), weight=2),
+        of_shapes("scattered", (16, 4096, 256), 2),
         of_heights("scene0", (100, 280, 800)),
         of_heights("mandelbulb", (100, 200, 400)),
-        *[
-            of_shapes(name, first=(1, 16, 256))
-            for name in generated_scenes.ARRANGEMENTS
-            if name != "scattered"
-        ],
+        *[of_shapes(name, (1, 16, 256)) for name in generated_scenes.ARRANGEMENTS if name != "scattered"],
         of_steps("scene0", "step cap, scene0", known("scene0")),
-        of_steps("corridors", corridors, lambda x, number: shapes("corridors")(STEP_SHAPES, 0)),
-        Series(
-            *("bounces", "rays in a chain of mirrors (bounces + 1)", "rays", rays, 1, None, height),
-            lambda x, number: generated_scenes.of_mirrors(x - 1, folder),
-            first=(1, 5, 17),
-        ),
+        of_steps("corridors", corridors, lambda x, number: rows(STEP_SHAPES, 0)),
+        bounces,
     ]
     return {one.name: one for one in made}
 

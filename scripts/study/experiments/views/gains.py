@@ -32,7 +32,8 @@ def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed:
         return stats.Interval(value, math.nan, math.nan, launches, False)
     random = np.random.default_rng(seed)
     drawn = np.median([stats.resampled_ratios(*pair, random, RESAMPLES) for pair in pairs], axis=0)
-    return stats.Interval(value, *map(float, np.percentile(drawn, [2.5, 97.5])), launches, True)
+    low, high = np.percentile(drawn, [2.5, 97.5])
+    return stats.Interval(value, float(low), float(high), launches, True)
 
 
 def verdict(tuned: Sequence[Row], others: Sequence[Row], median: stats.Interval, slower: int) -> str:

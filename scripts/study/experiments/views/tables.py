@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -126,18 +127,23 @@ def ratios(result: Views) -> Figure:
         mine = [row for row in result.rows if row.phase == gain.phase and row.ratio]
         others, tuned = ([row.ends[0] for row in mine if row.tuned is flag] for flag in (False, True))
         aside = place + 0.5 * (np.arange(len(others)) / max(1, len(others) - 1) - 0.5)
-        dots = {"s": 16, "color": "#56B4E9", "linewidth": 0, "zorder": 2}
+        dots: dict[str, Any] = {"s": 16, "color": "#56B4E9", "linewidth": 0, "zorder": 2}
         axes.scatter(aside, others, **dots, label=named("another view"))
-        marks = {"s": 46, "marker": "D", "color": "#D55E00", "zorder": 3}
+        marks: dict[str, Any] = {"s": 46, "marker": "D", "color": "#D55E00", "zorder": 3}
         axes.scatter(
             [place - 0.36 + 0.08 * i for i in range(len(tuned))], tuned, **marks, label=named("a tuned view")
         )
         middle = gain.median.ends[0] if gain.median else math.nan
-        about = {"color": "black", "linewidth": 2, "zorder": 4, "label": named("median of the other views")}
+        about: dict[str, Any] = {
+            "color": "black",
+            "linewidth": 2,
+            "zorder": 4,
+            "label": named("median of the other views"),
+        }
         axes.plot([place - 0.3, place + 0.3], [middle] * 2, **about)
         if gain.worst:
             box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.85}
-            under = {"textcoords": "offset points", "ha": "center", "va": "top", "bbox": box}
+            under: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "top", "bbox": box}
             text = f"{gain.worst_scene}\n{gain.worst_view}"
             axes.annotate(text, (place, min(others)), (0, -5), fontsize=7.5, **under)
     axes.set_xticks(range(len(found)), [f"{one.phase}\nover {one.parent}" for one in found], fontsize=8.5)

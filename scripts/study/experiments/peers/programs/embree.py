@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class Embree(Peer):
 
     def draw(self, job: Job) -> Drawn:
         rays = packets.camera(job.scene.data, *job.size)
-        where = {"cpu": min(job.cpus), "env_bytes": job.padding}
+        where: dict[str, Any] = {"cpu": min(job.cpus), "env_bytes": job.padding}
         record, found = packets.hits(job.scene.path, rays, "primary", reps=job.frames, beside=True, **where)
         if not record.embree16_ns:
             raise StudyError(f"Embree: {record.embree}")

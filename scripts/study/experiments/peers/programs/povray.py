@@ -102,13 +102,10 @@ def translated(data: dict[str, Any], width: int, height: int) -> str:
 
 def read_linear(path: Path) -> np.ndarray:
     """The linear colours of a PNG of 16 bits."""
-    file = oiio.ImageInput.open(str(path))
-    if file is None:
+    pixels = oiio.ImageBuf(str(path)).get_pixels("uint16")
+    if pixels is None or not pixels.size:
         raise StudyError(f"POV-Ray: {path.name} is no readable picture", CANNOT_RUN)
-    try:
-        return file.read_image("uint16")[:, :, :3].astype(np.float32) / np.float32(65535)
-    finally:
-        file.close()
+    return pixels[:, :, :3].astype(np.float32) / np.float32(65535)
 
 
 @dataclass(frozen=True)
