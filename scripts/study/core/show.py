@@ -148,10 +148,11 @@ def error_psnr(error: Row | None) -> str:
     """Of an error as files have it: its PSNR is null where the pictures are identical."""
     if not error:
         return NOTHING
-    if error["rmse"] is None:
+    psnr_db = cell(error, "psnr_db")
+    if cell(error, "rmse") is None:
         return "not finite"
-    same = error["psnr_db"] is None or math.isinf(error["psnr_db"])
-    return ("identical" if same else number(error["psnr_db"])) + (" (4×4 means)" if error["averaged"] else "")
+    same = psnr_db is None or math.isinf(psnr_db)
+    return ("identical" if same else number(psnr_db)) + (" (4×4 means)" if cell(error, "averaged") else "")
 
 
 def decibels(text: str) -> str:

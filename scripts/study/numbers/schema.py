@@ -9,7 +9,7 @@ import msgspec
 
 from study.core import machine, show
 from study.core.run_schema import Context
-from study.core.schema import ABSENT, Absent, File, Record, key
+from study.core.schema import File, Record, key
 from study.numbers import stats
 
 
@@ -48,8 +48,8 @@ class Range(Record, kw_only=True):
 class Skipped(Record, kw_only=True):
     """What was left out or failed, named by the keys of a row (phase, scene …)."""
 
-    phase: Annotated[str | Absent | None, key("", "of what")] = ABSENT
-    scene: Annotated[str | Absent | None, key("", "on which scene; null: all")] = ABSENT
+    phase: Annotated[str | None, key("", "of what")] = None
+    scene: Annotated[str | None, key("", "on which scene; null: all")] = None
     reason: Annotated[str, key("", "why, in one sentence")]
 
 
@@ -61,18 +61,16 @@ class Measured(Result, kw_only=True):
     """A file of an experiment, with what made it."""
 
     schema: Annotated[Literal[1], key("", "version of the form")]
-    launches: Annotated[int | Absent, key("launches", "of each program")] = ABSENT
-    seed: Annotated[int | Absent, key("", "of the order and of the padding")] = ABSENT
-    cpu: Annotated[int | Absent | None, key("", "CPU that processes of one thread were pinned to")] = ABSENT
-    took_s: Annotated[float | Absent, key("s", "that the experiment took")] = ABSENT
-    context: Annotated[Context | Absent | None, key("", "where and of what it was made, as context.json")] = (
-        ABSENT
-    )
+    launches: Annotated[int | None, key("launches", "of each program")] = None
+    seed: Annotated[int | None, key("", "of the order and of the padding")] = None
+    cpu: Annotated[int | None, key("", "CPU that processes of one thread were pinned to")] = None
+    took_s: Annotated[float | None, key("s", "that the experiment took")] = None
+    context: Annotated[Context | None, key("", "where and of what it was made, as context.json")] = None
 
     @property
     def machine(self) -> str:
         """The name of its CPU."""
-        return machine.name(self.context or None)
+        return machine.name(self.context)
 
 
 class PictureErrors(Record, kw_only=True):
@@ -82,17 +80,15 @@ class PictureErrors(Record, kw_only=True):
         float | None, key("dB", "linear RGB in [0, 1]; null: infinite, where there is an RMSE")
     ]
     rmse: Annotated[float | None, key("linear RGB", "root mean square error")]
-    fraction_over_1_255: Annotated[
-        float | Absent | None, key("share of pixels", "any channel off by over 1/255")
-    ] = ABSENT
-    averaged: Annotated[bool | Absent, key("", "whether of 4×4 means")] = ABSENT
-    wrong_ppm: Annotated[float | Absent | None, key("ppm", "pixels whose hit, miss or shape is wrong")] = (
-        ABSENT
+    fraction_over_1_255: Annotated[float | None, key("share of pixels", "any channel off by over 1/255")] = (
+        None
     )
+    averaged: Annotated[bool | None, key("", "whether of 4×4 means")] = None
+    wrong_ppm: Annotated[float | None, key("ppm", "pixels whose hit, miss or shape is wrong")] = None
     depth_agree_fraction: Annotated[
-        float | Absent | None, key("share of pixels", "both miss, or both hit with |Δt| ≤ 1e-3·t")
-    ] = ABSENT
-    non_finite: Annotated[int | Absent, key("samples", "NaN or infinite where none may be")] = ABSENT
+        float | None, key("share of pixels", "both miss, or both hit with |Δt| ≤ 1e-3·t")
+    ] = None
+    non_finite: Annotated[int | None, key("samples", "NaN or infinite where none may be")] = None
 
     @property
     def level(self) -> float:
@@ -111,129 +107,121 @@ class PictureErrors(Record, kw_only=True):
 class HitErrors(Record, kw_only=True):
     """Errors of hits to ground truth, over the pixels whose camera ray truth proves."""
 
-    evaluations: Annotated[float | Absent | None, key("evaluations/pixel", "of the scene's distance")] = (
-        ABSENT
-    )
-    judged: Annotated[float | Absent | None, key("share of pixels", "whose hits are judged")] = ABSENT
-    known: Annotated[float | Absent | None, key("share of pixels", "whose colour truth knows")] = ABSENT
-    false_hits_ppm: Annotated[float | Absent | None, key("ppm", "hit where truth misses")] = ABSENT
-    false_misses_ppm: Annotated[float | Absent | None, key("ppm", "miss where truth hits")] = ABSENT
-    wrong_shape_ppm: Annotated[float | Absent | None, key("ppm", "another shape where both hit")] = ABSENT
-    wrong_ppm: Annotated[float | Absent | None, key("ppm", "the three together")] = ABSENT
-    dt_p50: Annotated[
-        float | Absent | None, key("scene units", "median of |Δt| where the shape is right")
-    ] = ABSENT
-    dt_p99: Annotated[float | Absent | None, key("scene units", "99th percentile of it")] = ABSENT
-    dt_p100: Annotated[float | Absent | None, key("scene units", "its maximum")] = ABSENT
-    psnr_db: Annotated[float | Absent | None, key("dB", "shaded picture to truth; null: identical")] = ABSENT
-    non_finite: Annotated[int | Absent, key("samples", "NaN or infinite where none may be")] = ABSENT
+    evaluations: Annotated[float | None, key("evaluations/pixel", "of the scene's distance")] = None
+    judged: Annotated[float | None, key("share of pixels", "whose hits are judged")] = None
+    known: Annotated[float | None, key("share of pixels", "whose colour truth knows")] = None
+    false_hits_ppm: Annotated[float | None, key("ppm", "hit where truth misses")] = None
+    false_misses_ppm: Annotated[float | None, key("ppm", "miss where truth hits")] = None
+    wrong_shape_ppm: Annotated[float | None, key("ppm", "another shape where both hit")] = None
+    wrong_ppm: Annotated[float | None, key("ppm", "the three together")] = None
+    dt_p50: Annotated[float | None, key("scene units", "median of |Δt| where the shape is right")] = None
+    dt_p99: Annotated[float | None, key("scene units", "99th percentile of it")] = None
+    dt_p100: Annotated[float | None, key("scene units", "its maximum")] = None
+    psnr_db: Annotated[float | None, key("dB", "shaded picture to truth; null: identical")] = None
+    non_finite: Annotated[int | None, key("samples", "NaN or infinite where none may be")] = None
 
 
-Ms = Annotated[float | Absent | None, key("ms", "median over process launches")]
-MsLow = Annotated[float | Absent | None, key("ms", "lower end, 95 %")]
-MsHigh = Annotated[float | Absent | None, key("ms", "upper end")]
-MsLaunches = Annotated[list[float] | Absent, key("ms", "one per process launch")]
-Times = Annotated[float | Absent | None, key("×", "time of the other over this one's")]
-TimesLow = Annotated[float | Absent | None, key("×", "lower end, 95 %")]
-TimesHigh = Annotated[float | Absent | None, key("×", "upper end")]
+Ms = Annotated[float | None, key("ms", "median over process launches")]
+MsLow = Annotated[float | None, key("ms", "lower end, 95 %")]
+MsHigh = Annotated[float | None, key("ms", "upper end")]
+MsLaunches = Annotated[list[float] | None, key("ms", "one per process launch")]
+Times = Annotated[float | None, key("×", "time of the other over this one's")]
+TimesLow = Annotated[float | None, key("×", "lower end, 95 %")]
+TimesHigh = Annotated[float | None, key("×", "upper end")]
 
 
 class Timed(Record, kw_only=True):
     """A time with its 95 % interval."""
 
-    ms: Ms = ABSENT
-    ms_low: MsLow = ABSENT
-    ms_high: MsHigh = ABSENT
-    launches: MsLaunches = ABSENT
+    ms: Ms = None
+    ms_low: MsLow = None
+    ms_high: MsHigh = None
+    launches: MsLaunches = None
 
 
 class TimedErrors(HitErrors, kw_only=True):
     """A time with its 95 % interval, and errors of hits to ground truth."""
 
-    ms: Ms = ABSENT
-    ms_low: MsLow = ABSENT
-    ms_high: MsHigh = ABSENT
-    launches: MsLaunches = ABSENT
+    ms: Ms = None
+    ms_low: MsLow = None
+    ms_high: MsHigh = None
+    launches: MsLaunches = None
 
 
 class Gain(Record, kw_only=True):
     """A ratio of times with its 95 % interval."""
 
-    gain: Times = ABSENT
-    gain_low: TimesLow = ABSENT
-    gain_high: TimesHigh = ABSENT
+    gain: Times = None
+    gain_low: TimesLow = None
+    gain_high: TimesHigh = None
 
 
 class Antialiased(Record, kw_only=True):
     """Errors of pictures averaged over 4×4 samples."""
 
     psnr_db: Annotated[float | None, key("dB", "linear RGB; null: infinite")]
-    rmse: Annotated[float | Absent | None, key("linear RGB", "root mean square error")] = ABSENT
+    rmse: Annotated[float | None, key("linear RGB", "root mean square error")] = None
     fraction_over_1_255: Annotated[float | None, key("share of pixels", "any channel off by over 1/255")]
-    non_finite: Annotated[int | Absent, key("samples", "NaN or infinite where none may be")] = ABSENT
+    non_finite: Annotated[int | None, key("samples", "NaN or infinite where none may be")] = None
 
 
 class Pair(Record, kw_only=True):
     """A phase's picture of a scene beside the reference's. The gate goes from hits to colours."""
 
     phase: Annotated[str, key("", "the phase, or phase@phase")]
-    reference: Annotated[str | Absent, key("", "whose picture it is held against")] = ABSENT
+    reference: Annotated[str | None, key("", "whose picture it is held against")] = None
     scene: Annotated[str, key("", "its name")]
-    kind: Annotated[str | Absent, key("", "`fractal` where there is one, else `smooth`")] = msgspec.field(
-        name="class", default=ABSENT
+    kind: Annotated[str | None, key("", "`fractal` where there is one, else `smooth`")] = msgspec.field(
+        name="class", default=None
     )
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     height: Annotated[int, key("pixels", "of the picture", ge=1)]
-    identical: Annotated[bool | Absent, key("", "every channel is equal bit for bit")] = ABSENT
+    identical: Annotated[bool | None, key("", "every channel is equal bit for bit")] = None
     non_finite: Annotated[
-        int | Absent, key("samples", "NaN or infinite where none may be, in either picture; must be 0")
-    ] = ABSENT
-    mask_mismatch_ppm: Annotated[float | Absent | None, key("ppm", "hit against miss")] = ABSENT
-    id_mismatch_ppm: Annotated[float | Absent | None, key("ppm", "another shape where both hit")] = ABSENT
+        int | None, key("samples", "NaN or infinite where none may be, in either picture; must be 0")
+    ] = None
+    mask_mismatch_ppm: Annotated[float | None, key("ppm", "hit against miss")] = None
+    id_mismatch_ppm: Annotated[float | None, key("ppm", "another shape where both hit")] = None
     dt_p99: Annotated[
-        float | Absent | None, key("scene units", "99th percentile of |Δt| where both hit the same shape")
-    ] = ABSENT
-    dt_max: Annotated[float | Absent | None, key("scene units", "its maximum")] = ABSENT
+        float | None, key("scene units", "99th percentile of |Δt| where both hit the same shape")
+    ] = None
+    dt_max: Annotated[float | None, key("scene units", "its maximum")] = None
     normal_p99_degrees: Annotated[
-        float | Absent | None,
+        float | None,
         key("degrees", "99th percentile of the angle between normals; not of unit length: 180"),
-    ] = ABSENT
+    ] = None
     depth_agree_fraction: Annotated[
-        float | Absent | None, key("share of pixels", "both miss, or both hit with |Δt| ≤ 1e-3·t")
-    ] = ABSENT
-    psnr_db: Annotated[float | Absent | None, key("dB", "linear RGB in [0, 1]; null: infinite")] = ABSENT
-    rmse: Annotated[float | Absent | None, key("linear RGB", "root mean square error")] = ABSENT
-    fraction_over_1_255: Annotated[
-        float | Absent | None, key("share of pixels", "any channel off by over 1/255")
-    ] = ABSENT
-    max_abs: Annotated[float | Absent | None, key("linear RGB", "largest difference, not clamped")] = ABSENT
-    psnr_display_db: Annotated[float | Absent | None, key("dB", "after c^0.4545 and 8 bits")] = ABSENT
-    fraction_over_1_255_display: Annotated[
-        float | Absent | None, key("share of pixels", "the same of these")
-    ] = ABSENT
-    flip_mean: Annotated[float | Absent | None, key("", "FLIP of the display pictures, mean")] = ABSENT
-    flip_max: Annotated[float | Absent | None, key("", "its maximum")] = ABSENT
-    antialiased: Annotated[Antialiased | Absent | None, key("", "the same of 4×4 means, fractals")] = ABSENT
-    tolerance: Annotated[
-        dict[str, Any] | Absent | None, key("", "as phases/NAME/phase.json declares it, with its reason")
-    ] = ABSENT
-    failed: Annotated[list[str] | Absent | None, key("", "metrics outside of it")] = ABSENT
-    why: Annotated[list[str] | Absent | None, key("", "the same in words")] = ABSENT
-    within_tolerance: Annotated[bool | Absent | None, key("", "null: `left_to` judges it")] = ABSENT
-    left_to: Annotated[str | Absent, key("", "command that judges a phase which declares `truth` alone")] = (
-        ABSENT
+        float | None, key("share of pixels", "both miss, or both hit with |Δt| ≤ 1e-3·t")
+    ] = None
+    psnr_db: Annotated[float | None, key("dB", "linear RGB in [0, 1]; null: infinite")] = None
+    rmse: Annotated[float | None, key("linear RGB", "root mean square error")] = None
+    fraction_over_1_255: Annotated[float | None, key("share of pixels", "any channel off by over 1/255")] = (
+        None
     )
-    reference_sha256: Annotated[str | Absent, key("", "of the reference's picture")] = ABSENT
-    sha256: Annotated[str | Absent, key("", "of the phase's picture")] = ABSENT
-    reference_binary_sha256: Annotated[str | Absent, key("", "of the reference's program")] = ABSENT
-    binary_sha256: Annotated[str | Absent, key("", "of the phase's program")] = ABSENT
-    reference_image: Annotated[str | Absent, key("", "float EXR below the run")] = ABSENT
-    reference_png: Annotated[str | Absent, key("", "as displayed")] = ABSENT
-    image: Annotated[str | Absent, key("", "float EXR below the run")] = ABSENT
-    png: Annotated[str | Absent, key("", "as displayed")] = ABSENT
-    reference_antialiased_png: Annotated[str | Absent, key("", "4×4 means as displayed")] = ABSENT
-    antialiased_png: Annotated[str | Absent, key("", "4×4 means as displayed")] = ABSENT
-    heatmap: Annotated[str | Absent, key("", "where the differences are")] = ABSENT
+    max_abs: Annotated[float | None, key("linear RGB", "largest difference, not clamped")] = None
+    psnr_display_db: Annotated[float | None, key("dB", "after c^0.4545 and 8 bits")] = None
+    fraction_over_1_255_display: Annotated[float | None, key("share of pixels", "the same of these")] = None
+    flip_mean: Annotated[float | None, key("", "FLIP of the display pictures, mean")] = None
+    flip_max: Annotated[float | None, key("", "its maximum")] = None
+    antialiased: Annotated[Antialiased | None, key("", "the same of 4×4 means, fractals")] = None
+    tolerance: Annotated[
+        dict[str, Any] | None, key("", "as phases/NAME/phase.json declares it, with its reason")
+    ] = None
+    failed: Annotated[list[str] | None, key("", "metrics outside of it")] = None
+    why: Annotated[list[str] | None, key("", "the same in words")] = None
+    within_tolerance: Annotated[bool | None, key("", "null: `left_to` judges it")] = None
+    left_to: Annotated[str | None, key("", "command that judges a phase which declares `truth` alone")] = None
+    reference_sha256: Annotated[str | None, key("", "of the reference's picture")] = None
+    sha256: Annotated[str | None, key("", "of the phase's picture")] = None
+    reference_binary_sha256: Annotated[str | None, key("", "of the reference's program")] = None
+    binary_sha256: Annotated[str | None, key("", "of the phase's program")] = None
+    reference_image: Annotated[str | None, key("", "float EXR below the run")] = None
+    reference_png: Annotated[str | None, key("", "as displayed")] = None
+    image: Annotated[str | None, key("", "float EXR below the run")] = None
+    png: Annotated[str | None, key("", "as displayed")] = None
+    reference_antialiased_png: Annotated[str | None, key("", "4×4 means as displayed")] = None
+    antialiased_png: Annotated[str | None, key("", "4×4 means as displayed")] = None
+    heatmap: Annotated[str | None, key("", "where the differences are")] = None
 
 
 class Verify(Result, kw_only=True):
@@ -244,9 +232,9 @@ class Verify(Result, kw_only=True):
     """
 
     made_by: ClassVar[str] = "verify"
-    schema: Annotated[Literal[1] | Absent, key("", "version of the form")] = ABSENT
-    reference: Annotated[str | Absent, key("", "the phase that all are held against")] = ABSENT
-    flip_tool: Annotated[str | Absent, key("", "name and version")] = ABSENT
-    picture_tool: Annotated[str | Absent, key("", "name and version")] = ABSENT
+    schema: Annotated[Literal[1] | None, key("", "version of the form")] = None
+    reference: Annotated[str | None, key("", "the phase that all are held against")] = None
+    flip_tool: Annotated[str | None, key("", "name and version")] = None
+    picture_tool: Annotated[str | None, key("", "name and version")] = None
     pairs: Annotated[list[Pair] | None, key("", "one per phase and scene")]
-    skipped: Annotated[list[Skipped] | Absent, key("", "what could not be drawn")] = ABSENT
+    skipped: Annotated[list[Skipped] | None, key("", "what could not be drawn")] = None

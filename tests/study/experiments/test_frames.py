@@ -7,26 +7,37 @@ import json
 import math
 from pathlib import Path
 
-import complete
 import emitted
 import matplotlib
+import msgspec
 import numpy as np
 import pytest
 
-from study.core import cli, registry
+from study.core import cli, registry, store
 from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments.frames import chapter as frames_chapter
 from study.experiments.frames import measure as frames
 from study.experiments.frames import tables as frames_page
 from study.experiments.frames.measure import Case, Settings
+from study.experiments.frames.schema import FILE, Frames, Marched
 from study.numbers import stats
-from study.numbers.stats import Interval
+from study.numbers.schema import PictureErrors
 from study.pictures import images
 from study.pictures.draw import STYLE
 
 OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")
-CASE = Case("scene0", 1080, 60, frames.OWN, 1e-6, Path("scene0.json"))
+CASE = Case("scene0", 1080, frames.OWN, 1e-6, Path("scene0.json"))
+
+
+ERRORS = {
+    "reference": "opt3",
+    "psnr_db": 50.0,
+    "rmse": 0.003,
+    "averaged": True,
+    "non_finite": 0,
+    "to_own": None,
+}
 
 
 def test_half_a_pixel_is_half_of_what_a_pixel_covers(tmp_path: Path) -> None:
@@ -34,7 +45,7 @@ def test_half_a_pixel_is_half_of_what_a_pixel_covers(tmp_path: Path) -> None:
     edge = 6 * math.tan(math.radians(12.5))
     assert frames.half_pixel(bulb, 720) == pytest.approx(2 * edge / 720 / 2)
     own, half = frames.cases(["mandelbulb"], tmp_path)
-    assert (own.height, own.goal, own.hit_distance, own.path) == (720, 30, 1e-6, bulb.path)
+    assert (own.height, own.hit_distance, own.path) == (720, 1e-6, bulb.path)
     made = json.loads(half.path.read_text())
     assert made["march"]["hit_distance"] == half.hit_distance == frames.half_pixel(bulb, 720)
     assert made["march"]["surface_offset"] == pytest.approx(10 * half.hit_distance)
@@ -51,28 +62,16 @@ def test_a_rate_is_one_over_the_median_time() -> None:
     assert not frames.rate(launches[:3]).sufficient
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "verdict"),
-    [(60, 70, "met"), (59, 61, "cannot be told apart here"), (50, 59, "missed")],
-)
-def test_the_whole_interval_is_asked(low: float, high: float, verdict: str) -> None:
-    assert frames.verdict(Interval((low + high) / 2, low, high, 6, True), CASE) == verdict
-    few = Interval(70, math.nan, math.nan, 5, False)
-    assert frames.verdict(few, CASE) == "too few launches"
-    small = Case("scene0", 180, 60, frames.OWN, 1e-6, CASE.path)
-    assert frames.verdict(Interval(99, 98, 100, 6, True), small) == "goal is for another size"
-
-
 def test_a_frame_is_rendering_and_presenting(tmp_path: Path) -> None:
     settings = Settings(6, 2, 1, 60, tmp_path)
     launches = [([10e6 + i * 1e6] * 20, [2e6] * 20) for i in range(6)]
-    made = frames.row(OPT5, CASE, launches, {"non_finite": 0}, settings)
-    assert (made["frames"], made["width"], made["n"], made["threads"]) == (120, 1920, 1080, 2)
-    assert made["median_ms"] == pytest.approx(14.5) and made["present_ms"] == pytest.approx(2)
-    assert made["frames_per_s"].value == pytest.approx(1000 / 14.5)
-    assert made["p99_ms"] == made["worst_ms"] == pytest.approx(17)
-    few = frames.row(OPT4, CASE, [([1e6], [1e6])] * 6, {"non_finite": 0}, settings)
-    assert few["p99_ms"] is None and few["threads"] == 1
+    made = frames.row(OPT5, CASE, launches, ERRORS, settings)
+    assert (made.frames, made.width, made.n, made.threads) == (120, 1920, 1080, 2)
+    assert made.median_ms == pytest.approx(14.5) and made.present_ms == pytest.approx(2)
+    assert made.frames_per_s.value == pytest.approx(1000 / 14.5)
+    assert made.p99_ms == made.worst_ms == pytest.approx(17)
+    few = frames.row(OPT4, CASE, [([1e6], [1e6])] * 6, ERRORS, settings)
+    assert few.p99_ms is None and few.threads == 1
 
 
 def chosen(tmp_path: Path, seconds: float, first) -> tuple[dict, list]:
@@ -86,7 +85,7 @@ def test_the_newest_phases_are_taken_while_the_time_lasts(tmp_path: Path) -> Non
     both, none = chosen(tmp_path, 2.01 * one, lambda spec, case: 0.1)
     assert list(both) == [(OPT5, CASE), (OPT4, CASE)] and none == []
     taken, left_out = chosen(tmp_path, 1.9 * one, lambda spec, case: 0.1)
-    assert list(taken) == [(OPT5, CASE)] and [r["phase"] for r in left_out] == ["opt4"]
+    assert list(taken) == [(OPT5, CASE)] and [one.phase for one in left_out] == ["opt4"]
     taken, left_out = chosen(tmp_path, 0, lambda spec, case: 0.1)
     assert list(taken) == [(OPT5, CASE)]  # the newest, whatever it takes
 
@@ -96,20 +95,20 @@ def test_the_newest_phases_are_taken_while_the_time_lasts(tmp_path: Path) -> Non
         return 0.1
 
     taken, left_out = chosen(tmp_path, 99, refuses)
-    assert list(taken) == [(OPT4, CASE)] and left_out[0]["reason"] == "no such shape"
+    assert list(taken) == [(OPT4, CASE)] and left_out[0].reason == "no such shape"
 
 
 def test_errors_are_those_known_by_hand(blank, miss) -> None:
     reference, made = blank(8, 8, 0.5), blank(8, 8, 0.6)
     found = frames.against(reference, made, fractal=False)
-    assert found["psnr_db"] == pytest.approx(20, abs=1e-4) and found["fraction_over_1_255"] == 1
+    assert found.psnr_db == pytest.approx(20, abs=1e-4) and found.fraction_over_1_255 == 1
     for name in "RGB":  # 0.6 and 0.4 in turn: gone in the 4 × 4 means
         made[name][::2] = 0.4
-    assert frames.against(reference, made, fractal=True)["psnr_db"] > 100
+    assert frames.against(reference, made, fractal=True).psnr_db > 100
     miss(made, (0, slice(0, 2)))
     found = frames.against(reference, made, fractal=True)
-    assert found["wrong_ppm"] == pytest.approx(2e6 / 64)
-    assert found["depth_agree_fraction"] == pytest.approx(62 / 64)
+    assert found.wrong_ppm == pytest.approx(2e6 / 64)
+    assert found.depth_agree_fraction == pytest.approx(62 / 64)
 
 
 def test_the_bulb_alone_is_judged_where_both_hit_it(blank, miss) -> None:
@@ -129,32 +128,20 @@ def test_the_bulb_alone_is_judged_where_both_hit_it(blank, miss) -> None:
 
 
 def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None:
-    errors = {"psnr_db": 50.0, "rmse": 0.003, "fraction_over_1_255": 0.01, "averaged": True, "wrong_ppm": 3.0}
-    errors |= {"depth_agree_fraction": 0.999, "non_finite": 0}
     launches = [([15e6 + i * 1e5] * 20, [1e6] * 20) for i in range(6)]
-    rows = [
-        frames.row(
-            OPT5,
-            CASE,
-            launches,
-            {"reference": "opt3", **errors, "to_own": None},
-            Settings(6, 2, 1, 60, tmp_path),
-        )
-    ]
-    rows.append(rows[0] | {"hit": frames.HALF, "to_own": errors | {"psnr_db": 17.0}, "p99_ms": None})
-    rows[1] |= {
-        "bulb_psnr_db": 61.0,
-        "marched": {"phase": "opt8_streams", "bulb_psnr_db": 62.0, **errors, "psnr_db": 58.0},
-    }
-    result = cli.plain({"schema": 1, "launches": 6, "threads": 2, "rows": rows, "left_out": []})
+    row = frames.row(OPT5, CASE, launches, ERRORS, Settings(6, 2, 1, 60, tmp_path))
+    own = PictureErrors(psnr_db=17.0, rmse=0.1, averaged=True)
+    marched = Marched(phase="opt8_streams", psnr_db=58.0, rmse=0.003, bulb_psnr_db=62.0)
+    marched.depth_agree_fraction = 0.999
+    half = msgspec.structs.replace(row, hit=frames.HALF, to_own=own, p99_ms=None, bulb_psnr_db=61.0)
+    half.marched = marched
     assert frames_chapter.rates(tmp_path).parts == []
-    complete.write(tmp_path / frames.FILE, result)
+    store.write_json(tmp_path / FILE, Frames(schema=1, launches=6, threads=2, rows=[row, half]))
     chapter = frames_chapter.rates(tmp_path)
     text = chapter.parts[0].markdown
     assert "| 61.0 |" in text and "opt8_streams: 58.0, on the bulb 62.0; 99.9" in text
     assert "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text
-    assert "61.5 [60" in chapter.answer
-    assert "50.0 dB (4×4 means) to opt3" in chapter.answer
+    assert "61.5 [60" in chapter.answer and "50.0 dB (4×4 means) to opt3" in chapter.answer
     assert "16.5 (largest of 120)" in text
     with matplotlib.rc_context(STYLE):
         assert chapter.drawn[frames_page.FIGURE].make().axes
@@ -178,7 +165,7 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     words = ["--phase", "opt4", "--scene", "scene0", "-n", "16", "--launches", "1", "--budget", "3600"]
     assert emitted.told("frames", *words, "--run", tmp_path, "--json") == cli.OK
     made = emitted.result(capsys.readouterr().out)
-    assert made == json.loads((tmp_path / frames.FILE).read_text())
+    assert made == json.loads((tmp_path / FILE).read_text())
     own, half = made["rows"]
     assert (own["hit"], half["hit"]) == (frames.OWN, frames.HALF) and own["to_own"] is None
     assert own["frames"] == len(own["ms"][0]) == 20 and own["psnr_db"] > 40 > half["to_own"]["psnr_db"]

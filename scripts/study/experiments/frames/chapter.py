@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study.experiments.frames import measure as frames
-from study.experiments.frames import tables as frames_page
+from study.experiments.frames import tables
+from study.experiments.frames.schema import FILE, Frames
 from study.experiments.section import Found, Section, chapter, part
 
 
-def found(result: frames.Row) -> Found:
-    tables = frames_page.tables(result)
-    parts = [one for table in tables for one in part(*table, frames_page.FEET.get(table[0], ""))]
-    return Found(parts, frames_page.answer(result), frames_page.drawings(result))
+def found(result: Frames) -> Found:
+    made = tables.tables(result)
+    parts = [one for table in made for one in part(*table, tables.FEET.get(table[0], ""))]
+    return Found(parts, tables.answer(result), tables.drawings(result))
 
 
 def rates(path: Path) -> Section:
     """Finished frames a second on every core, presenting included."""
-    return chapter("frames", "Frame rates", path / frames.FILE, frames.read, found)
+    return chapter("frames", "Frame rates", path / FILE, Frames.load_if_there, found)

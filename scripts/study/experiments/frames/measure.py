@@ -12,45 +12,44 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from study.core import registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
-from study.experiments.frames.schema import Frames
+from study.experiments.frames.schema import LeftOut, Marched, Row
 from study.measuring import views
-from study.numbers import stats, verdicts
+from study.numbers import schema, stats
+from study.numbers.schema import PictureErrors
 from study.numbers.stats import Interval
 from study.pictures import images
 from study.truth import judging
 
-FILE = "frames.json"
-GOALS = {"scene0": (1080, 60.0), "mandelbulb": (720, 30.0)}  # height, frames a second
+HEIGHTS = {"scene0": 1080, "mandelbulb": 720}
 OWN, HALF = "the scene's own", "half a pixel"  # hit distances
 # Coarse hit distances that secondary rays start off the surface. A march that is within the hit distance at
 # its first step ends there, lit: so is all of a floor that faces the light by less than 1/AWAY. With 3, as at
 # first, most of the Mandelbulb's (n = 90, to truth: phases that march it 11.2 dB; with 10 50.3 dB).
-AWAY, AWAY_ONCE = 10, 3  # now, and where frames.json does not say
+AWAY = 10
 MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 20, 3, 1.0  # timed ones of a launch; s that they may take
 OVERHEAD, A_FRAME = 0.05, 0.02  # s beside a launch's frames and beside each: clocks are calibrated
 ENOUGH = 100  # frames for a 99th percentile
 FACTOR = judging.FACTOR
 PHASE = "phase"  # whose work presenting is; else the driver's
-MET, MISSED, UNSURE, FEW = verdicts.MET, verdicts.MISSED, verdicts.APART, verdicts.TOO_FEW
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene at a size, by its own hit distance or another (scene units); `goal` in frames a second."""
+    """A scene at a size, by its own hit distance or another (scene units)."""
 
     scene: str
     height: int
-    goal: float
     hit: str
     hit_distance: float
     path: Path
@@ -83,19 +82,18 @@ def coarser(data: dict[str, Any], hit_distance: float) -> dict[str, Any]:
 
 
 def cases(names: Sequence[str], folder: Path, height: int | None = None) -> list[Case]:
-    """Both hit distances of each scene; `folder`: for the files. Raises StudyError for one without a goal."""
+    """Both hit distances of each scene; `folder`: for the files. Raises StudyError for one without a size."""
     made = []
     for name in dict.fromkeys(names):
         scene = registry.find_scene(name)
-        if name not in GOALS:
-            raise StudyError(f"{name} has no goal in frames a second; there are {', '.join(GOALS)}")
-        wanted, goal = GOALS[name]
-        n = height or wanted
-        made.append(Case(name, n, goal, OWN, scene.data["march"]["hit_distance"], scene.path))
+        if name not in HEIGHTS:
+            raise StudyError(f"{name} has no size in frames a second; there are {', '.join(HEIGHTS)}")
+        n = height or HEIGHTS[name]
+        made.append(Case(name, n, OWN, scene.data["march"]["hit_distance"], scene.path))
         half = half_pixel(scene, n)
         path = folder / f"{name}-half-pixel-{n}.json"
         store.write_json(path, coarser(scene.data, half))
-        made.append(Case(name, n, goal, HALF, half, path))
+        made.append(Case(name, n, HALF, half, path))
     return made
 
 
@@ -126,31 +124,29 @@ def choose(
     settings: Settings,
     first: Callable[[Spec, Case], float],
     clock: Callable[[], float] = time.monotonic,
-) -> tuple[dict[tuple[Spec, Case], float], list[Row]]:
+) -> tuple[dict[tuple[Spec, Case], float], list[LeftOut]]:
     """A first frame's seconds of all (phase, case) that fit the time, the newest phases first; the rest."""
     taken: dict[tuple[Spec, Case], float] = {}
-    left_out: list[Row] = []
+    left_out: list[LeftOut] = []
     begun, ahead = clock(), 0.0
     for spec in reversed(specs):
         if lacking := registry.missing_isa(spec):
-            left_out.append({"phase": str(spec), "reason": f"this CPU lacks {' '.join(lacking)}"})
+            left_out.append(LeftOut(phase=str(spec), reason=f"this CPU lacks {' '.join(lacking)}"))
             continue
         for case in wanted:
-            about = {"phase": str(spec), "scene": case.scene, "hit": case.hit}
+            leave = partial(LeftOut, phase=str(spec), scene=case.scene, hit=case.hit)
             if taken and clock() - begun + ahead > settings.seconds:
-                left_out.append(
-                    about | {"reason": f"the {settings.seconds:.0f} s there are were planned for"}
-                )
+                left_out.append(leave(reason=f"the {settings.seconds:.0f} s there are were planned for"))
                 continue
             try:
                 seconds = first(spec, case)
             except DriverError as error:
-                left_out.append(about | {"reason": error.message})
+                left_out.append(leave(reason=error.message))
                 continue
             needed = clock() - begun + ahead + cost(seconds, settings.launches)
             if taken and needed > settings.seconds:
                 reason = f"{needed:.0f} s would be needed with it, {settings.seconds:.0f} s there are"
-                left_out.append(about | {"reason": reason})
+                left_out.append(leave(reason=reason))
                 continue
             taken[spec, case] = seconds
             ahead += cost(seconds, settings.launches)
@@ -188,15 +184,13 @@ class Pictures:
         frame = run.render(spec, *_size(case), **how)["frames"][0]
         return (frame["ns"] + frame["present_ns"]) * 1e-9
 
-    def displayed(self, spec: Spec, case: Case) -> Row:
+    def displayed(self, spec: Spec, case: Case) -> dict[str, Any]:
         """Who presents, and how many of the bytes displayed are not of the picture that the errors are of."""
         out = self._path(spec, case, "ppm")
         made = run.render(spec, *_size(case), threads=_threads(spec, self.settings), display=True, out=out)
         wanted = images.to_display(images.rgb(images.read(self._path(spec, case))))
-        return {
-            "presented_by": made["display"],
-            "displayed_otherwise": int((images.read_ppm(out) != wanted).sum()),
-        }
+        other = int((images.read_ppm(out) != wanted).sum())
+        return {"presented_by": made["display"], "displayed_otherwise": other}
 
     def _reference(self, case: Case) -> images.Picture:
         if case not in self.known:
@@ -205,18 +199,20 @@ class Pictures:
             self.known[case] = images.read(out)
         return self.known[case]
 
-    def errors(self, spec: Spec, case: Case) -> Row:
-        """Those of `against` by the same parameters; `to_own`: by the scene's, where they are others."""
-        made, fractal = images.read(self._path(spec, case)), registry.find_scene(case.scene).fractal
-        found = against(self._reference(case), made, fractal)
-        on_it = bulb_psnr(self._reference(case), made, registry.find_scene(case.scene))
+    def errors(self, spec: Spec, case: Case) -> dict[str, Any]:
+        """Of a Row: errors by the same parameters, and `to_own`, by the scene's, where they are others."""
+        made, scene = images.read(self._path(spec, case)), registry.find_scene(case.scene)
         own = self.own[case.scene]
-        other = None if own == case else against(self._reference(own), made, fractal)
-        more = {"bulb_psnr_db": on_it, "marched": self._marched(spec, case)}
-        about = {"reference": str(self.reference), **self.displayed(spec, case)}
-        return {**about, **found, "to_own": other, **more}
+        return {
+            "reference": str(self.reference),
+            **self.displayed(spec, case),
+            **msgspec.structs.asdict(against(self._reference(case), made, scene.fractal)),
+            "to_own": None if own == case else against(self._reference(own), made, scene.fractal),
+            "bulb_psnr_db": bulb_psnr(self._reference(case), made, scene),
+            "marched": self._marched(spec, case),
+        }
 
-    def _marched(self, spec: Spec, case: Case) -> Row | None:
+    def _marched(self, spec: Spec, case: Case) -> Marched | None:
         """Errors of the nearest parent that marches to its hits, by the same coarse hit distance; None of a
         phase that does so itself, and by the scene's own."""
         phase = registry.find_phase(spec.phase)
@@ -230,27 +226,31 @@ class Pictures:
         self.first(parent, case)
         made, scene = images.read(self._path(parent, case)), registry.find_scene(case.scene)
         found = against(self._reference(case), made, scene.fractal)
-        return {
-            **{"phase": str(parent), "psnr_db": found["psnr_db"], "rmse": found["rmse"]},
-            "depth_agree_fraction": found["depth_agree_fraction"],
-            "bulb_psnr_db": bulb_psnr(self._reference(case), made, scene),
-        }
+        return Marched(
+            phase=str(parent),
+            psnr_db=found.psnr_db,
+            rmse=found.rmse,
+            depth_agree_fraction=found.depth_agree_fraction,
+            bulb_psnr_db=bulb_psnr(self._reference(case), made, scene),
+        )
 
 
-def against(reference: images.Picture, image: images.Picture, fractal: bool) -> Row:
+def against(reference: images.Picture, image: images.Picture, fractal: bool) -> PictureErrors:
     """Errors of a picture; of a fractal's 4×4 means, as its single samples are chaotic."""
     pair = [images.rgb(picture) for picture in (reference, image)]
     if fractal:
         pair = [images.box_average(linear, FACTOR) for linear in pair]
     colours = images.colour_errors(*pair, with_flip=False)
     geometry = images.geometry(reference, image)
-    return {
-        **{name: colours[name] for name in ("psnr_db", "rmse", "fraction_over_1_255")},
-        "averaged": fractal,
-        "wrong_ppm": geometry["mask_mismatch_ppm"] + geometry["id_mismatch_ppm"],
-        "depth_agree_fraction": geometry["depth_agree_fraction"],
-        "non_finite": images.non_finite(image),
-    }
+    return PictureErrors(
+        psnr_db=colours["psnr_db"],
+        rmse=colours["rmse"],
+        fraction_over_1_255=colours["fraction_over_1_255"],
+        averaged=fractal,
+        wrong_ppm=geometry["mask_mismatch_ppm"] + geometry["id_mismatch_ppm"],
+        depth_agree_fraction=geometry["depth_agree_fraction"],
+        non_finite=images.non_finite(image),
+    )
 
 
 def bulb_psnr(reference: images.Picture, image: images.Picture, scene: Scene) -> float | None:
@@ -290,50 +290,39 @@ def rate(total: Sequence[Sequence[float]]) -> Interval:
     return Interval(1e9 / ns.value, 1e9 / ns.high, 1e9 / ns.low, ns.launches, ns.sufficient)
 
 
-def verdict(found: Interval, case: Case) -> str:
-    """Whether the goal is met: only the goal's own size can tell."""
-    if case.height != GOALS[case.scene][0]:
-        return "goal is for another size"
-    return verdicts.goal(found, case.goal)
-
-
-def row(spec: Spec, case: Case, launches: list, errors: Row, settings: Settings) -> Row:
+def row(spec: Spec, case: Case, launches: list, errors: dict[str, Any], settings: Settings) -> Row:
     """One phase on one case. `ms`: of every timed frame with its presenting, launch by launch."""
     total = [np.add(*launch) for launch in launches]
     every = np.concatenate(total) * 1e-6
-    found = rate(total)
     _, height, width = _size(case)
-    return {
-        **{"phase": str(spec), "scene": case.scene, "width": width, "n": height, "hit": case.hit},
-        **{"hit_distance": case.hit_distance, "threads": _threads(spec, settings), "goal": case.goal},
-        **{"ms": [(one * 1e-6).tolist() for one in total], "frames_per_s": found, "frames": len(every)},
-        **{"median_ms": float(np.median(every)), "worst_ms": float(every.max())},
-        "p99_ms": float(np.percentile(every, 99)) if len(every) >= ENOUGH else None,
-        "present_ms": float(np.median(np.concatenate([one[1] for one in launches]))) * 1e-6,
-        "verdict": verdict(found, case),
+    return Row(
+        phase=str(spec),
+        scene=case.scene,
+        width=width,
+        n=height,
+        hit=case.hit,
+        hit_distance=case.hit_distance,
+        threads=_threads(spec, settings),
+        ms=[(one * 1e-6).tolist() for one in total],
+        frames_per_s=schema.Interval(**vars(rate(total))),
+        frames=len(every),
+        median_ms=float(np.median(every)),
+        worst_ms=float(every.max()),
+        p99_ms=float(np.percentile(every, 99)) if len(every) >= ENOUGH else None,
+        present_ms=float(np.median(np.concatenate([one[1] for one in launches]))) * 1e-6,
         **errors,
-    }
+    )
 
 
-def study(specs: Sequence[Spec], wanted: Sequence[Case], settings: Settings) -> Row:
+def study(specs: Sequence[Spec], wanted: Sequence[Case], settings: Settings) -> dict[str, Any]:
     """rows, left_out. Raises StudyError if nothing could run."""
     pictures = Pictures(settings, wanted)
     taken, left_out = choose(specs, wanted, settings, pictures.first)
     if not taken:
-        raise StudyError(f"nothing was measured: {left_out[0]['reason'] if left_out else 'no phase'}", 3)
+        raise StudyError(f"nothing was measured: {left_out[0].reason if left_out else 'no phase'}", 3)
     errors = {point: pictures.errors(*point) for point in taken}
     times = measure(taken, settings)
     order = {spec: place for place, spec in enumerate(specs)}
     points = sorted(taken, key=lambda point: (wanted.index(point[1]), order[point[0]]))
-    return {
-        "rows": [row(*point, times[point], errors[point], settings) for point in points],
-        "left_out": left_out,
-        "away": AWAY,
-    }
-
-
-def read(path: Path) -> Row:
-    """A run's frames.json; without that file no row. Raises StudyError for another thing's JSON."""
-    if not path.exists():
-        return {"rows": [], "left_out": []}
-    return Frames.read(path)
+    rows = [row(*point, times[point], errors[point], settings) for point in points]
+    return {"rows": rows, "left_out": left_out, "away": AWAY}

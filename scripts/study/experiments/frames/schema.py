@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, Record, key
+from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured, PictureErrors, Skipped
+
+AWAY_ONCE = 3  # hit distances, where a file does not say
 
 
 class Marched(Record, kw_only=True):
@@ -14,8 +16,8 @@ class Marched(Record, kw_only=True):
     phase: Annotated[str, key("", "that parent")]
     psnr_db: Annotated[float | None, key("dB", "as above")]
     rmse: Annotated[float | None, key("linear RGB", "as above")]
-    depth_agree_fraction: Annotated[float | Absent | None, key("share of pixels", "as above")] = ABSENT
-    bulb_psnr_db: Annotated[float | Absent | None, key("dB", "as above")] = ABSENT
+    depth_agree_fraction: Annotated[float | None, key("share of pixels", "as above")] = None
+    bulb_psnr_db: Annotated[float | None, key("dB", "as above")] = None
 
 
 class Row(PictureErrors, kw_only=True):
@@ -37,28 +39,26 @@ class Row(PictureErrors, kw_only=True):
     p99_ms: Annotated[float | None, key("ms", "99th percentile; null: under 100 frames")]
     worst_ms: Annotated[float, key("ms", "the slowest frame")]
     present_ms: Annotated[float, key("ms", "of it gamma and 8 bits; median")]
-    presented_by: Annotated[str | Absent, key("", "the phase, or the driver after it")] = ABSENT
-    displayed_otherwise: Annotated[
-        int | Absent | None, key("pixels", "that the phase presents unlike the driver")
-    ] = ABSENT
-    goal: Annotated[float, key("1/s", "asked for")]
-    verdict: Annotated[str, key("", "`met` where the whole interval is")]
+    presented_by: Annotated[str | None, key("", "the phase, or the driver after it")] = None
+    displayed_otherwise: Annotated[int | None, key("pixels", "that the phase presents unlike the driver")] = (
+        None
+    )
     reference: Annotated[str, key("", "whose picture the errors are to: the fastest phase in doubles")]
     to_own: Annotated[
         PictureErrors | None,
         key("", "the same errors to its picture by the scene's own parameters; null: as these"),
     ]
     bulb_psnr_db: Annotated[
-        float | Absent | None,
+        float | None,
         key("dB", "of 4×4 means whose samples all hit a fractal; null: none, or identical"),
-    ] = ABSENT
-    marched: Annotated[Marched | Absent | None, key("", "for comparison; null by the scene's own")] = ABSENT
+    ] = None
+    marched: Annotated[Marched | None, key("", "for comparison; null by the scene's own")] = None
 
 
 class LeftOut(Skipped, kw_only=True):
     """What the time did not suffice for."""
 
-    hit: Annotated[str | Absent, key("", "as in a row")] = ABSENT
+    hit: Annotated[str | None, key("", "as in a row")] = None
 
 
 class Frames(Measured, kw_only=True):
@@ -66,12 +66,11 @@ class Frames(Measured, kw_only=True):
 
     made_by: ClassVar[str] = "frames"
     threads: Annotated[int, key("threads", "of every row that can use them")]
-    seconds: Annotated[float | Absent, key("s", "allowed")] = ABSENT
-    away: Annotated[
-        float | Absent, key("hit distances", "from the surface to where secondary rays start")
-    ] = ABSENT
+    seconds: Annotated[float | None, key("s", "allowed")] = None
+    away: Annotated[float, key("hit distances", "from the surface to where secondary rays start")] = AWAY_ONCE
     rows: Annotated[list[Row], key("", "the rates", min_length=1)]
-    left_out: Annotated[list[LeftOut] | Absent, key("", "what the seconds did not suffice for")] = ABSENT
+    left_out: Annotated[list[LeftOut], key("", "what the seconds did not suffice for")] = []
 
 
-SCHEMAS = {"frames.json": Frames}
+FILE = "frames.json"
+SCHEMAS = {FILE: Frames}

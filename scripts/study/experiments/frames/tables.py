@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from study.core import machine, show
+from study.core import show
 from study.core.show import Column
-from study.experiments.frames.measure import AWAY_ONCE, HALF, PHASE, Row
+from study.experiments.frames.measure import HALF, PHASE
+from study.experiments.frames.schema import Frames, Row
 from study.pictures.draw import Drawing, plain_log
 
 FIGURE = "frames"
@@ -21,38 +21,32 @@ _rate = show.spread_of("frames_per_s")
 
 
 def _p99(row: Row) -> str:
-    if row["p99_ms"] is not None:
-        return show.number(row["p99_ms"])
-    return f"{show.number(row['worst_ms'])} (largest of {row['frames']})"
+    if row.p99_ms is not None:
+        return show.number(row.p99_ms)
+    return f"{show.number(row.worst_ms)} (largest of {row.frames})"
 
 
 def _presenting(row: Row) -> str:
-    """Older runs had it done by the driver and do not say so."""
-    return "in the phase's tiles" if row.get("presented_by") == PHASE else show.number(row["present_ms"], 2)
-
-
-def _on_bulb(row: Row | None) -> str:
-    found = (row or {}).get("bulb_psnr_db")
-    return show.NOTHING if found is None else show.number(found)
+    return "in the phase's tiles" if row.presented_by == PHASE else show.number(row.present_ms, 2)
 
 
 def _marched(row: Row) -> str:
     """Its parent's errors, whose floor is marched as the reference's: PSNR, on the bulb, depths."""
-    found = row.get("marched")
+    found = row.marched
     if not found:
         return show.NOTHING
-    bulb = "" if found["bulb_psnr_db"] is None else f", on the bulb {_on_bulb(found)}"
-    whole = "not finite" if found["rmse"] is None else show.number(found["psnr_db"])
-    return f"{found['phase']}: {whole}{bulb}; {show.share(found['depth_agree_fraction'])}"
+    bulb = "" if found.bulb_psnr_db is None else f", on the bulb {show.number(found.bulb_psnr_db)}"
+    whole = "not finite" if found.rmse is None else show.number(found.psnr_db)
+    return f"{found.phase}: {whole}{bulb}; {show.share(found.depth_agree_fraction)}"
 
 
 def sentence(row: Row) -> str:
     """For a terminal."""
-    where = f"{row['scene']}, {row['width']}×{row['n']}, {_hit(row)}: {row['phase']}"
-    error = f"{show.error_psnr(row)} dB to {row['reference']}"
-    if row["to_own"]:
-        error += f", {show.error_psnr(row['to_own'])} dB to the scene's own parameters"
-    return f"{where} {_rate(row)} frames/s, {error}; ≥ {row['goal']:g}: {row['verdict']}"
+    where = f"{row.scene}, {row.width}×{row.n}, {_hit(row)}: {row.phase}"
+    error = f"{show.error_psnr(row)} dB to {row.reference}"
+    if row.to_own:
+        error += f", {show.error_psnr(row.to_own)} dB to the scene's own parameters"
+    return f"{where} {_rate(row)} frames/s, {error}"
 
 
 COARSE = (
@@ -63,54 +57,54 @@ FEET = {"frames": COARSE}
 
 
 def _hit(row: Row) -> str:
-    return f"{row['hit']}, {row['hit_distance']:.2g}"
+    return f"{row.hit}, {row.hit_distance:.2g}"
 
 
 RATES = [
-    Column("", "scene", lambda r: f"{r['scene']}, {r['width']}×{r['n']}"),
+    Column("", "scene", lambda r: f"{r.scene}, {r.width}×{r.n}"),
     Column("", "hit distance", _hit),
-    Column("", "phase", lambda r: r["phase"]),
-    Column("", "threads", lambda r: str(r["threads"])),
+    Column("", "phase", lambda r: r.phase),
+    Column("", "threads", lambda r: str(r.threads)),
     Column("", "frames a second [95 %]", _rate),
     Column("ms a frame, presenting included", "median", show.plain("median_ms")),
     Column("ms a frame, presenting included", "99 %", _p99),
     Column("ms a frame, presenting included", "of it presenting", _presenting),
-    Column("error by the same parameters", "to", lambda r: r["reference"]),
+    Column("error by the same parameters", "to", lambda r: r.reference),
     Column("error by the same parameters", "PSNR, dB", show.error_psnr),
     Column(
-        "error by the same parameters", "pixels off > 1/255", lambda r: show.percent(r["fraction_over_1_255"])
+        "error by the same parameters", "pixels off > 1/255", lambda r: show.percent(r.fraction_over_1_255)
     ),
     Column("error by the same parameters", "wrong hit, ppm", show.plain("wrong_ppm")),
-    Column("error by the same parameters", "depth agrees", lambda r: show.share(r["depth_agree_fraction"])),
-    Column("error by the same parameters", "PSNR on the bulb alone, dB", _on_bulb),
+    Column("error by the same parameters", "depth agrees", lambda r: show.share(r.depth_agree_fraction)),
+    Column("error by the same parameters", "PSNR on the bulb alone, dB", show.plain("bulb_psnr_db")),
     Column("error by the same parameters", "beside it, marched: PSNR, dB; depth agrees", _marched),
-    Column("to the scene's own parameters", "PSNR, dB ", lambda r: show.error_psnr(r["to_own"])),
+    Column("to the scene's own parameters", "PSNR, dB ", lambda r: show.error_psnr(r.to_own)),
     Column(
         "to the scene's own parameters",
         "depth agrees ",
-        lambda r: show.share((r["to_own"] or {}).get("depth_agree_fraction")),
+        lambda r: show.share(r.to_own and r.to_own.depth_agree_fraction),
     ),
 ]
 LEFT_OUT = [
-    Column("", "phase", lambda r: r["phase"]),
-    Column("", "scene", lambda r: f"{r['scene']}, {r['hit']}" if "scene" in r else "all"),
-    Column("", "why", lambda r: r["reason"]),
+    Column("", "phase", lambda r: r.phase),
+    Column("", "scene", lambda r: f"{r.scene}, {r.hit}" if r.scene else "all"),
+    Column("", "why", lambda r: r.reason),
 ]
 
 
-def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column]]]:
+def tables(result: Frames) -> list[tuple[str, str, list[Row], list[Column]]]:
     """Name, caption, rows and columns."""
     caption = "Finished frames a second on every core, gamma and 8 bits included"
     return [
-        ("frames", caption, result["rows"], RATES),
-        ("frames-left-out", "Not measured", result["left_out"], LEFT_OUT),
+        ("frames", caption, result.rows, RATES),
+        ("frames-left-out", "Not measured", result.left_out, LEFT_OUT),
     ]
 
 
-def draw(result: Row) -> Figure:
+def draw(result: Frames) -> Figure:
     """A panel a scene and hit distance: every frame a dot, its median and 99 %."""
-    kinds = list(dict.fromkeys((r["scene"], r["hit"]) for r in result["rows"]))
-    most = max(sum((r["scene"], r["hit"]) == kind for r in result["rows"]) for kind in kinds)
+    kinds = list(dict.fromkeys((r.scene, r.hit) for r in result.rows))
+    most = max(sum((r.scene, r.hit) == kind for r in result.rows) for kind in kinds)
     lines = math.ceil(len(kinds) / 2)
     figure = Figure(figsize=(11, lines * (0.5 * most + 1.5) + 1), layout="constrained")
     figure.suptitle("Time of every frame, presenting included", x=0.01, ha="left", fontsize=12)
@@ -119,19 +113,17 @@ def draw(result: Row) -> Figure:
         axes.set_axis_off()
     dice = np.random.default_rng(1)
     for kind, axes in zip(kinds, grid.flat, strict=False):
-        mine = [r for r in result["rows"] if (r["scene"], r["hit"]) == kind]
+        mine = [r for r in result.rows if (r.scene, r.hit) == kind]
         for place, one in enumerate(mine):
-            ms = np.concatenate([np.asarray(launch, float) for launch in one["ms"]])
+            ms = np.concatenate([np.asarray(launch, float) for launch in one.ms])
             aside = place + 0.22 * (dice.random(len(ms)) * 2 - 1)
             axes.scatter(ms, aside, s=7, color="#56B4E9", linewidth=0, alpha=0.6, zorder=2)
-            axes.plot(
-                [one["median_ms"]] * 2, [place - 0.34, place + 0.34], color="black", linewidth=2, zorder=3
-            )
-            if one["p99_ms"] is not None:
+            axes.plot([one.median_ms] * 2, [place - 0.34, place + 0.34], color="black", linewidth=2, zorder=3)
+            if one.p99_ms is not None:
                 ends = [place - 0.34, place + 0.34]
-                axes.plot([one["p99_ms"]] * 2, ends, color="black", linewidth=1, linestyle=":", zorder=3)
-        axes.set_yticks(range(len(mine)), [r["phase"] for r in mine], fontsize=9)
-        title = f"{kind[0]}, {mine[0]['width']}×{mine[0]['n']}, hit distance {_hit(mine[0])}"
+                axes.plot([one.p99_ms] * 2, ends, color="black", linewidth=1, linestyle=":", zorder=3)
+        axes.set_yticks(range(len(mine)), [r.phase for r in mine], fontsize=9)
+        title = f"{kind[0]}, {mine[0].width}×{mine[0].n}, hit distance {_hit(mine[0])}"
         axes.set(
             xscale="log", xlabel="ms a frame (left is faster)", ylim=(-0.6, len(mine) - 0.4), title=title
         )
@@ -146,36 +138,36 @@ def draw(result: Row) -> Figure:
     return figure
 
 
-def note(result: Row) -> str:
-    cpu = machine.name(result.get("context"))
+def note(result: Frames) -> str:
+    cpu = result.machine
     tiles = (
         " (in its tiles where a phase can, before they leave the cache: to the byte what is displayed of the "
         "picture whose errors stand here)"
-        if any(row.get("presented_by") == PHASE for row in result["rows"])
+        if any(row.presented_by == PHASE for row in result.rows)
         else ""
     )
     return (
-        f"{cpu}; {result['threads']} threads, {result['launches']} interleaved launches. A frame is its "
+        f"{cpu}; {result.threads} threads, {result.launches} interleaved launches. A frame is its "
         f"rendering, gamma and 8 bits{tiles}, all on all cores. Hit distance: {HALF} is half of what a pixel "
-        f"covers at the mean distance of the shapes; secondary rays start {result.get('away', AWAY_ONCE)} of "
+        f"covers at the mean distance of the shapes; secondary rays start {result.away} of "
         "them off the surface then. Errors are of these very pictures, in linear RGB, to the fastest double "
         f"phase. {COARSE}"
     )
 
 
-def answer(result: Row) -> str:
+def answer(result: Frames) -> str:
     """The highest rate of each scene by its own hit distance, with its error."""
     said = []
-    own = [r for r in result["rows"] if r["to_own"] is None] or result["rows"]
-    for scene in dict.fromkeys(r["scene"] for r in own):
-        best = max((r for r in own if r["scene"] == scene), key=lambda r: r["frames_per_s"]["value"])
+    own = [r for r in result.rows if r.to_own is None] or result.rows
+    for scene in dict.fromkeys(r.scene for r in own):
+        best = max((r for r in own if r.scene == scene), key=lambda r: r.frames_per_s.value)
         said.append(
-            f"{_rate(best)} frames a second of {scene} at {best['width']}×{best['n']} ({best['phase']}, "
-            f"{show.decibels(show.error_psnr(best))} to {best['reference']})"
+            f"{_rate(best)} frames a second of {scene} at {best.width}×{best.n} ({best.phase}, "
+            f"{show.decibels(show.error_psnr(best))} to {best.reference})"
         )
-    return f"On {result['threads']} threads, presenting included: {'; '.join(said)}." if said else ""
+    return f"On {result.threads} threads, presenting included: {'; '.join(said)}." if said else ""
 
 
-def drawings(result: dict[str, Any]) -> dict[str, Drawing]:
+def drawings(result: Frames) -> dict[str, Drawing]:
     caption = "Time of every frame, by phase"
-    return {FIGURE: Drawing(caption, note(result), lambda: draw(result))} if result["rows"] else {}
+    return {FIGURE: Drawing(caption, note(result), lambda: draw(result))} if result.rows else {}
