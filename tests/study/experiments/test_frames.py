@@ -98,19 +98,6 @@ def test_the_newest_phases_are_taken_while_the_time_lasts(tmp_path: Path) -> Non
     assert list(taken) == [(OPT4, CASE)] and left_out[0].reason == "no such shape"
 
 
-def test_errors_are_those_known_by_hand(blank, miss) -> None:
-    reference, made = blank(8, 8, 0.5), blank(8, 8, 0.6)
-    found = frames.against(reference, made, fractal=False)
-    assert found.psnr_db == pytest.approx(20, abs=1e-4) and found.fraction_over_1_255 == 1
-    for name in "RGB":  # 0.6 and 0.4 in turn: gone in the 4 × 4 means
-        made[name][::2] = 0.4
-    assert frames.against(reference, made, fractal=True).psnr_db > 100
-    miss(made, (0, slice(0, 2)))
-    found = frames.against(reference, made, fractal=True)
-    assert found.wrong_ppm == pytest.approx(2e6 / 64)
-    assert found.depth_agree_fraction == pytest.approx(62 / 64)
-
-
 def test_the_bulb_alone_is_judged_where_both_hit_it(blank, miss) -> None:
     scene = registry.find_scene("mandelbulb")
     bulb = [shape["type"] for shape in scene.data["shapes"]].index("mandelbulb")

@@ -16,7 +16,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from study.core import registry, run, store
@@ -24,7 +23,7 @@ from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments.frames.schema import LeftOut, Marched, Row
-from study.measuring import views
+from study.measuring import errors, views
 from study.numbers import schema, stats
 from study.numbers.schema import PictureErrors
 from study.numbers.stats import Interval
@@ -206,11 +205,15 @@ class Pictures:
         return {
             "reference": str(self.reference),
             **self.displayed(spec, case),
-            **msgspec.structs.asdict(against(self._reference(case), made, scene.fractal)),
-            "to_own": None if own == case else against(self._reference(own), made, scene.fractal),
+            **errors.to_picture(self._reference(case), made, scene.fractal),
+            "to_own": None if own == case else self._to(own, made),
             "bulb_psnr_db": bulb_psnr(self._reference(case), made, scene),
             "marched": self._marched(spec, case),
         }
+
+    def _to(self, case: Case, made: images.Picture) -> PictureErrors:
+        fractal = registry.find_scene(case.scene).fractal
+        return PictureErrors(**errors.to_picture(self._reference(case), made, fractal))
 
     def _marched(self, spec: Spec, case: Case) -> Marched | None:
         """Errors of the nearest parent that marches to its hits, by the same coarse hit distance; None of a
@@ -225,7 +228,7 @@ class Pictures:
             return None
         self.first(parent, case)
         made, scene = images.read(self._path(parent, case)), registry.find_scene(case.scene)
-        found = against(self._reference(case), made, scene.fractal)
+        found = self._to(case, made)
         return Marched(
             phase=str(parent),
             psnr_db=found.psnr_db,
@@ -233,24 +236,6 @@ class Pictures:
             depth_agree_fraction=found.depth_agree_fraction,
             bulb_psnr_db=bulb_psnr(self._reference(case), made, scene),
         )
-
-
-def against(reference: images.Picture, image: images.Picture, fractal: bool) -> PictureErrors:
-    """Errors of a picture; of a fractal's 4×4 means, as its single samples are chaotic."""
-    pair = [images.rgb(picture) for picture in (reference, image)]
-    if fractal:
-        pair = [images.box_average(linear, FACTOR) for linear in pair]
-    colours = images.colour_errors(*pair, with_flip=False)
-    geometry = images.geometry(reference, image)
-    return PictureErrors(
-        psnr_db=colours["psnr_db"],
-        rmse=colours["rmse"],
-        fraction_over_1_255=colours["fraction_over_1_255"],
-        averaged=fractal,
-        wrong_ppm=geometry["mask_mismatch_ppm"] + geometry["id_mismatch_ppm"],
-        depth_agree_fraction=geometry["depth_agree_fraction"],
-        non_finite=images.non_finite(image),
-    )
 
 
 def bulb_psnr(reference: images.Picture, image: images.Picture, scene: Scene) -> float | None:
