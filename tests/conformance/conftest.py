@@ -3,12 +3,13 @@ that lacks the phase's instruction set (skipped, with its name)."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
-from conformance.harness import REDUCED, Unsupported
+from conformance.harness import REDUCED, REFERENCE, Unsupported
 from study.core import registry
 
 # What an approximate phase (phase.json) is asked: its form. Its pictures have tests of their own.
@@ -21,23 +22,35 @@ FORM = (
     "test_random_scenes",
     "test_shape",
 )
-# Of the scenes and not of how a phase was compiled: asked of the default build alone. A sanitized one draws
-# each of these scenes in test_feature, and larger pictures than these in test_threads.
-ONCE = ("test_features_show",)
+# Asked of the reference alone: whether its pictures are what the words say, and show each feature. The others
+# are held against its pictures.
+OF_THE_REFERENCE = ("test_features_show", "test_picture_is_what_the_words_say")
+# What a sanitized build is asked: each feature that has code of its own once, cut tiles, threads, any scene.
+SANITIZED = ("test_feature", "test_sizes", "test_threads", "test_random_scenes", "test_many_shapes")
+SANITIZED_FEATURES = re.compile(
+    r"everything|shapes_64$|shadows_(hard|ideal)|mirrors_facing_2|mandelbox_(plane|bulb)|rounded_soft|camera_within|"
+    r"nothing_to_see|crowd|hits_in_one_column|bounds_radius_large|repeated_all|max_steps_1$|bulb_within"
+)
+
+
+def asked(item: pytest.Item) -> bool:
+    """Whether the test is of use for its phase and this build."""
+    phase, name = item.callspec.params["phase"], item.originalname
+    if REDUCED and name not in SANITIZED:
+        return False
+    if REDUCED and name == "test_feature" and not SANITIZED_FEATURES.search(item.callspec.params["name"]):
+        return False
+    if name in OF_THE_REFERENCE:
+        return phase == REFERENCE
+    return name in FORM or not registry.phases()[phase].approximate
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leaves out what holds a picture that is meant to be near against one that it is not meant to be, and
-    what one build answers for all."""
-    kept, left = [], []
-    for item in items:
-        mine = item.path.parent == Path(__file__).parent
-        near = mine and registry.phases()[item.callspec.params["phase"]].approximate
-        once = mine and REDUCED and item.originalname in ONCE
-        (left if once or (near and item.originalname not in FORM) else kept).append(item)
-    items[:] = kept
+    left = [item for item in items if item.path.parent == Path(__file__).parent and not asked(item)]
     if left:
+        dropped = set(left)
+        items[:] = [item for item in items if item not in dropped]
         config.hook.pytest_deselected(items=left)
 
 

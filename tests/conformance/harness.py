@@ -28,7 +28,6 @@ BUILD = os.environ.get("STEPWISE_BUILD", "build")
 REDUCED = BUILD != "build"
 # Scenes stay here, so that a failure can be run again; scripts/stepwise random takes them from elsewhere.
 KEPT = Path(os.environ.get("STEPWISE_KEPT", ROOT / BUILD / "test-scenes"))
-OPINIONS = ROOT / "build" / "test-opinions"  # pictures by NumPy, the same for every build
 PHASES = list(registry.phases())
 REFERENCE = next(name for name, phase in registry.phases().items() if phase.parent is None)
 HITS = ("Z", "id", "N.x", "N.y", "N.z")

@@ -7,10 +7,7 @@ left out; the tolerances that a phase declares are held by scripts/stepwise veri
 from __future__ import annotations
 
 import functools
-import hashlib
 import json
-import os
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,7 +35,6 @@ from conformance.harness import (
     PHASES,
     REDUCED,
     Run,
-    Unsupported,
     call,
     check_picture,
     check_refusal,
@@ -241,34 +237,17 @@ def test_sizes(phase: str) -> None:
 
 def test_what_is_displayed_is_the_picture(phase: str, tmp_path: Path) -> None:
     """Of a phase that makes 8 bits in its tiles too: to the byte the formula's of its own linear picture."""
-    shown = {
-        name: keep(name, FEATURES[name]) for name in ("everything", "nothing_to_see", "camera_within_a_shape")
-    }
-    sizes = [(33, 19), (1, 1), (64, 16)]  # cut tiles, and whole cache lines
-    if not registry.phases()[phase].display:
-        shown, sizes = {"everything": shown["everything"]}, [(33, 19)]
-    elif not REDUCED:
-        shown |= {name: SCENES[name] for name in ("scene0", "cubes", "mandelbulb", "spheres40")}
-        sizes += [(160, 90)]
+    own = registry.phases()[phase].display
     threads = ["--threads", 2] * registry.phases()[phase].threads
     out = tmp_path / "shown.ppm"
-    for scene_path in shown.values():
-        for width, height in sizes:
-            try:
-                wanted = images.to_display(
-                    images.rgb(render(phase, scene_path, width, height, aov=False).picture)
-                )
-            except Unsupported:
-                continue
-            size = ["-w", width, "-n", height]
-            run = call(phase, scene_path, *size, "--display", "-o", out, "--json", *threads)
+    for name in ("everything", "nothing_to_see", "camera_within_a_shape") if own else ("everything",):
+        for width, height in [(33, 19), (1, 1), (64, 16)] if own else [(33, 19)]:  # cut tiles, whole lines
+            path = keep(name, FEATURES[name])
+            wanted = images.to_display(images.rgb(render(phase, path, width, height, aov=False).picture))
+            run = call(phase, path, "-w", width, "-n", height, "--display", "-o", out, "--json", *threads)
             assert run.status == 0 and run.stderr == "", f"{run}"
-            by = "phase" if registry.phases()[phase].display else "driver"
-            assert run.record["display"] == by, f"{run}: {run.record['display']}"
-            found = images.read_ppm(out)
-            assert found.shape == wanted.shape, f"{run}: {found.shape}"
-            wrong = int((found != wanted).any(axis=-1).sum())
-            assert wrong == 0, f"{run}: {wrong} pixels are displayed otherwise than they are"
+            assert run.record["display"] == ("phase" if own else "driver"), f"{run}: {run.record['display']}"
+            assert np.array_equal(images.read_ppm(out), wanted), f"{run}: displayed otherwise than it is"
 
 
 def test_hits_are_where_geometry_says(phase: str) -> None:
@@ -302,22 +281,6 @@ OPINIONS = ["everything", "shadows_hard", "shadows_soft", "light_beneath", "shin
 OPINIONS += ["mirrors_0", "mirrors_3", "mirrors_facing_2", "mirrors_fog_sky"]
 
 
-@functools.cache
-def opinion(name: str) -> dict[str, np.ndarray]:
-    """Drawn once for every build: kept under the hash of the scene and of what draws it."""
-    scene = keep(f"opinion_{name}", drawn_by_numpy(name)).read_text()
-    sources = "".join(Path(module.__file__).read_text() for module in (shading, geometry)) + np.__version__
-    kept = harness.OPINIONS / f"{name}-{hashlib.sha256((scene + sources).encode()).hexdigest()[:16]}.npz"
-    if not kept.is_file():
-        planes = shading.render(json.loads(scene), 32, 18)
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        made = kept.with_suffix(f".{os.getpid()}.npz")
-        np.savez(made, **planes)
-        made.replace(kept)
-    with np.load(kept) as planes:
-        return dict(planes)
-
-
 def drawn_by_numpy(name: str) -> dict:
     """The feature's scene without its fractals, which are chaotic."""
     whole = FEATURES[name]
@@ -328,22 +291,16 @@ def drawn_by_numpy(name: str) -> dict:
 def test_picture_is_what_the_words_say(phase: str, name: str) -> None:
     """Against a renderer in NumPy that was written from the text and shares nothing with any phase."""
     run = render(phase, keep(f"opinion_{name}", drawn_by_numpy(name)), 32, 18)
-    mine = opinion(name)
-    if registry.phases()[phase].draws_ideal:
-        truth = harness.reference(keep(f"opinion_{name}", drawn_by_numpy(name)), 32, 18, phase=harness.TRUTH)
-        mine = in_ideal_shadow(mine, truth.picture)
+    mine = shading.render(run.scene, 32, 18)
     compare(run, mine, SMOOTH[precision(phase)])
-    if phase == harness.REFERENCE:  # the others may find their hits in fewer evaluations
-        assert (run.picture["evals"] == mine["evals"]).mean() > 0.95, (
-            f"{run}: evaluations are counted otherwise"
-        )
+    assert (run.picture["evals"] == mine["evals"]).mean() > 0.95, f"{run}: evaluations are counted otherwise"
 
 
 def test_same_call_same_bits(phase: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same picture twice, whatever was in memory before, with and without AOVs, and however many frames
     are taken around it."""
     size = (7, 5) if precision(phase) == "exact" else (17, 9)
-    picked = {name: FEATURES[name] for name in ("everything", "shapes_64")} | {"standing": STANDING}
+    picked = {"everything": FEATURES["everything"], "standing": STANDING}
     for name, one in picked.items():
         path = keep(name, one)
         once = render(phase, path, *size)
@@ -363,11 +320,9 @@ def test_threads(phase: str) -> None:
     if not registry.phases()[phase].threads:
         check_refusal(call(phase, path, "-n", 9, "--threads", 2), 4)
         return
-    cases = [((17, 9), (3,)), ((1, 1), (2, 64)), ((3, 1), (5,))]
-    if precision(phase) != "exact":  # a proved pixel takes milliseconds
-        cases += [((97, 41), (2, 3, 7, 64))]
-        # one tile and no more: of the phases, whichever their lanes and the scene
-        cases += [(size, (2, 5)) for size in ((32, 8), (32, 16), (32, 32), (64, 32), (64, 64), (32, 128))]
+    cases = [((17, 9), (3,)), ((1, 1), (2, 64))]
+    if precision(phase) != "exact":  # a proved pixel takes milliseconds; one tile, whatever the phase's lanes
+        cases += [((97, 41), (2, 7)), *((size, (5,)) for size in ((32, 8), (32, 32), (64, 64), (32, 128)))]
     for (width, height), numbers in cases:
         alone = render(phase, path, width, height)
         for threads in numbers:
@@ -376,7 +331,7 @@ def test_threads(phase: str) -> None:
     # and a width of sixteens, whose rows may go past the caches
     path = keep("sphere_first", scene([*ROOM[1:], FLOOR], light={"shadows": "soft"}))
     alone = render(phase, path, 208, 60) if precision(phase) != "exact" else None
-    for threads in (2, 3, 7, 64) if alone else ():
+    for threads in (3, 64) if alone else ():
         same_bits(render(phase, path, 208, 60, "--threads", threads), alone)
 
 
@@ -393,33 +348,25 @@ def test_overrides(phase: str) -> None:
     plain = render(phase, path, 17, 9)
     proves = precision(phase) == "exact" or exact_hits(phase)  # its hits know neither limit
     assert plain.record["overridden"] is False and plain.record["max_steps"] == 3000, f"{plain}"
-    for steps in (1, 2, 40):
-        run = render(phase, path, 17, 9, "--max-steps", steps)
-        check(run, "--max-steps", steps)
-        assert run.record["max_steps"] == steps and run.record["overridden"] is True, f"{run}"
+    for option, value in (("max_steps", 1), ("max_steps", 40), ("hit_distance", 0.01)):
+        words = "--" + option.replace("_", "-"), value
+        run = render(phase, path, 17, 9, *words)
+        check(run, *words)
+        assert run.record[option] == value and run.record["overridden"] is True, f"{run}"
+        assert run.record["scene_hash"] != plain.record["scene_hash"], f"{run}: the hash is the scene's own"
+        evals = run.picture["evals"]
         if proves:
             same_bits(run, plain, HITS)
+        elif option == "max_steps":
+            assert evals.max() == value, f"{run}: evals up to {evals.max()}"
         else:
-            assert run.picture["evals"].max() == steps, f"{run}: evals up to {run.picture['evals'].max()}"
-        assert run.record["scene_hash"] != plain.record["scene_hash"], f"{run}: the hash is the scene's own"
-    run = render(phase, path, 17, 9, "--hit-distance", 0.01)
-    check(run, "--hit-distance", 0.01)
-    assert run.record["hit_distance"] == 0.01 and run.record["overridden"] is True, f"{run}"
-    assert run.record["scene_hash"] != plain.record["scene_hash"], f"{run}: the hash is the scene's own"
-    if proves:
-        same_bits(run, plain, HITS)
-    else:
-        fewer = run.picture["evals"].sum() < 0.95 * plain.picture["evals"].sum()
-        assert fewer, f"{run}: no fewer evaluations"
+            assert evals.sum() < 0.95 * plain.picture["evals"].sum(), f"{run}: no fewer evaluations"
 
 
 def documented_keys() -> set[str]:
     """The keys of a frame by its schema, less those that a sweep adds."""
     of_sweep = {"config", "launch", "round", "env_bytes", "time", "joules"}
     return {name for name, *_ in schema.fields(Frame)} - of_sweep
-
-
-CLOCKS = ("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles")
 
 
 def test_record(phase: str) -> None:
@@ -431,42 +378,25 @@ def test_record(phase: str) -> None:
     assert run.status == 0, f"{run}"
     record = run.record
     frames = record.pop("frames")
-    lines = call(*arguments, "--jsonl", timed=True).stdout.splitlines()
-    lines = [json.loads(line) for line in lines]
-    untimed = call(*arguments, "--json").record
-    assert untimed.keys() - {"frames"} == record.keys(), f"{run}: other keys where clocks are not measured"
-    clocks = [untimed[key] for key in ("tsc_hz", "core_hz_load")]
-    clocks += [one[key] for one in untimed["frames"] for key in CLOCKS]
-    assert clocks == [0] * (2 + len(CLOCKS) * 3), f"{run}: STEPWISE_UNTIMED, and clocks are {clocks}"
+    lines = [json.loads(line) for line in call(*arguments, "--jsonl", timed=True).stdout.splitlines()]
     for keys in [record.keys() | frames[0].keys(), *(line.keys() for line in lines)]:
         assert keys == documented_keys(), f"{run}: keys {sorted(keys ^ documented_keys())} on one side only"
-    assert not record.keys() & frames[0].keys() - {"tsc_hz"}, f"{run}: keys of both kinds"
-    expected = {"schema": 1, "phase": phase, "flags_from": phase, "scene": name, "width": 16, "height": 9}
     here = registry.variant_here(declared)
+    expected = {"schema": 1, "phase": phase, "flags_from": phase, "scene": name, "width": 16, "height": 9}
     expected |= {"threads": 1, "precision": declared.precision, "lanes": here.lanes, "image": None}
-    expected |= {
-        "isa": "+".join(sorted({*declared.isa, *here.isa})) or "x86-64",
-        "overridden": False,
-    }
-    flags = " ".join(filter(None, [declared.cflags, here.flags]))
+    expected |= {"isa": "+".join(sorted({*declared.isa, *here.isa})) or "x86-64", "overridden": False}
+    if not REDUCED:  # a sanitised build says so in its flags
+        expected["flags"] = " ".join(filter(None, [declared.cflags, here.flags]))
     for key, value in expected.items():
         assert record[key] == value and lines[0][key] == value, (
-            f"{run}: {key} is {record[key]!r}, not {value!r}"
+            f"{run}: {key}: {record[key]!r}, not {value!r}"
         )
-    # a sanitised build says so in its flags, after the phase's own
-    assert record["flags"].startswith(declared.cflags), f"{run}: flags are {record['flags']!r}"
-    assert REDUCED or record["flags"] == flags, f"{run}: flags are {record['flags']!r}"
     assert [frame["warmup"] for frame in frames] == [line["warmup"] for line in lines] == [True, False, False]
     assert [frame["frame"] for frame in frames if not frame["warmup"]] == [0, 1], f"{run}: numbers of frames"
-    assert record["timer_overhead_cycles"] > 0 and record["prepare_ns"] >= 0 and record["cpu"] >= -1, f"{run}"
-    assert (record["core_hz_load"] > 0) == (declared.lanes > 1), (
-        f"{run}: core_hz_load {record['core_hz_load']}"
-    )
+    assert (record["core_hz_load"] > 0) == (declared.lanes > 1), f"{run}: {record['core_hz_load']}"
     for frame in frames:
-        assert all(frame[key] > 0 for key in ("ns", "tsc_cycles", "core_cycles", "max_rss_kib")), (
-            f"{run}: {frame}"
-        )
-        assert all(frame[key] >= 0 for key in frame if key != "frame"), f"{run}: {frame}"
+        for key in ("ns", "tsc_cycles", "core_cycles", "max_rss_kib"):
+            assert frame[key] > 0, f"{run}: {key} is {frame[key]}"
     # two clocks around the same frame agree, unless the machine took the CPU away between them
     apart = [abs(f["tsc_cycles"] / f["tsc_hz"] * 1e9 - f["ns"]) - 0.05 * f["ns"] for f in frames]
     assert min(apart) < 20_000, f"{run}: tsc_cycles and ns differ by {min(apart):.0f} ns in every frame"
@@ -484,20 +414,8 @@ def test_missing_instruction_set(phase: str) -> None:
         assert run.status == 0, f"{run}"
 
 
-BAD_SCENES: dict[str, Callable[[dict], object]] = {
-    "radius": lambda s: s["shapes"][0].update(radius=-1),
-    "unknown_key": lambda s: s["camera"].update(roll=3),
-    "no_shapes": lambda s: s.update(shapes=[]),
-    "material": lambda s: s["shapes"][0].update(material="gold"),
-    "missing_fog": lambda s: s.pop("fog"),
-}
-
-
-@pytest.mark.parametrize("name", BAD_SCENES)
-def test_bad_scene(phase: str, name: str) -> None:
-    bad = scene([shape("sphere")])
-    BAD_SCENES[name](bad)
-    path = keep(f"bad_{name}", bad)
+def test_bad_scene(phase: str) -> None:
+    path = keep("bad_radius", scene([shape("sphere", radius=-1)]))
     run = call(phase, path, "-n", 4, "--json")
     check_refusal(run, 2)
     assert f"{path}: $." in run.stderr, f"{run}: no path"

