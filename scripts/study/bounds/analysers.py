@@ -8,10 +8,8 @@ port pressure, critical path and loop-carried dependency.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import importlib.util
-import math
 import re
 import shutil
 import sys
@@ -19,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from study.bounds.schema import Mca, Osaca, Split
 from study.core import machine, temporary
 from study.core.cli import StudyError
 from study.core.host import child
@@ -85,45 +84,15 @@ OSACA_ARCH: dict[str, tuple[str, ...]] = {
 # A processor that the tables do not have, by what it can do.
 BY_FLAG = (("avx512f", "Cascade Lake"), ("avx2", "Haswell"), ("", "Sandy Bridge"))
 
-Row = dict[str, Any]
 
-
-@dataclass(frozen=True)
-class Mca:
-    """llvm-mca's view of one pass: cycles when passes overlap and alone, and what holds cycles up (shares of
-    all cycles in which the pressure of resources or dependencies grows)."""
-
-    throughput: float
-    latency: float
-    block_throughput: float
-    uops: float
-    width: int
-    resources: float
-    registers: float
-    memory: float
-
-    @property
-    def split(self) -> dict[str, float]:
-        """Retiring, and the rest divided by what llvm-mca blames: ports and registers are core bound."""
-        retiring = min(1.0, self.uops / self.width / self.throughput)
-        blamed = self.resources + self.registers + self.memory
-        memory = (1 - retiring) * (self.memory / blamed if blamed else 0.0)
-        ports = (1 - retiring) * (self.resources / blamed if blamed else 0.0)
-        return {
-            "retiring": retiring,
-            "memory": memory,
-            "core": 1 - retiring - memory,
-            "ports": ports,
-            "dependencies": 1 - retiring - memory - ports,
-        }
-
-
-def _number(tool: str, text: str) -> float:
-    """StudyError for digits and dots that are none, or of no finite value."""
-    with contextlib.suppress(ValueError):
-        if math.isfinite(value := float(text)):
-            return value
-    raise StudyError(f"{tool}: no number: {text[:60]!r}")
+def split(mca: Mca) -> Split:
+    """Retiring, and the rest divided by what llvm-mca blames: ports and registers are core bound."""
+    retiring = min(1.0, mca.uops / mca.width / mca.throughput)
+    blamed = mca.resources + mca.registers + mca.memory
+    memory = (1 - retiring) * (mca.memory / blamed if blamed else 0.0)
+    ports = (1 - retiring) * (mca.resources / blamed if blamed else 0.0)
+    core = 1 - retiring - memory
+    return Split(retiring=retiring, memory=memory, core=core, ports=ports, dependencies=core - ports)
 
 
 def parse_mca(text: str, passes: int = PASSES) -> dict[str, float]:
@@ -141,7 +110,7 @@ def parse_mca(text: str, passes: int = PASSES) -> dict[str, float]:
         match = re.search(pattern, text, re.MULTILINE)
         if not match:
             raise StudyError(f"llvm-mca: its output lacks {name}; it begins {text[:60]!r}")
-        found[name] = _number("llvm-mca", match[1])
+        found[name] = float(match[1])
     if found["iterations"] != passes or not found["cycles"] or not found["width"]:
         raise StudyError(f"llvm-mca: {found['iterations']:.0f} iterations in place of {passes}")
     # Without a bottleneck there is no such view.
@@ -151,7 +120,7 @@ def parse_mca(text: str, passes: int = PASSES) -> dict[str, float]:
         ("memory", "- Memory Dependencies"),
     ):
         match = re.search(rf"{label}\s+\[\s*([\d.]+)%\s*\]", text)
-        found[name] = _number("llvm-mca", match[1]) / 100 if match else 0.0
+        found[name] = float(match[1]) / 100 if match else 0.0
     return found
 
 
@@ -199,7 +168,7 @@ class Processor:
     known: bool
 
 
-def this_processor(cpu: Row | None = None) -> Processor:
+def this_processor(cpu: dict[str, Any] | None = None) -> Processor:
     cpu = machine.cpu() if cpu is None else cpu
     name = cpu.get("microarchitecture")
     if name in MCPU:
@@ -239,30 +208,18 @@ def run_mca(text: str, mcpu: str) -> Mca:
             raise StudyError(f"llvm-mca: {(lines or ['failed'])[0]}")
         figures.append(parse_mca(done.stdout, passes))
     many, one = figures
-    return Mca(
-        many["cycles"] / PASSES,
-        one["cycles"],
-        many["block"],
-        many["uops"] / PASSES,
-        int(many["width"]),
-        many["resources"],
-        many["registers"],
-        many["memory"],
+    made = Mca(
+        throughput=many["cycles"] / PASSES,
+        latency=one["cycles"],
+        block_throughput=many["block"],
+        uops=many["uops"] / PASSES,
+        width=int(many["width"]),
+        resources=many["resources"],
+        registers=many["registers"],
+        memory=many["memory"],
     )
-
-
-@dataclass(frozen=True)
-class Osaca:
-    """OSACA's view of one pass in cycles. `unknown`: instructions that its tables lack, which count as
-    nothing, so that every figure is a lower bound. `loop_carried` None: not found in LCD_SECONDS."""
-
-    arch: str
-    throughput: float
-    port: str
-    critical_path: float
-    loop_carried: float | None
-    instructions: int
-    unknown: int
+    made.split = split(made)
+    return made
 
 
 def parse_osaca(text: str, arch: str) -> Osaca:
@@ -275,15 +232,23 @@ def parse_osaca(text: str, arch: str) -> Osaca:
     path, carried = re.search(r"CriticalPath: ([\d.]+)", flat), re.search(r"LCD: ([\d.]+)", flat)
     if not (ports and path and carried):
         raise StudyError("osaca: its summary lacks PortPressure, CriticalPath or LCD")
-    pressure = {name: _number("osaca", value) for name, value in re.findall(r"'?(\w+)'?: ([\d.]+)", ports[1])}
+    pressure = {name: float(value) for name, value in re.findall(r"'?(\w+)'?: ([\d.]+)", ports[1])}
     if not pressure:
         raise StudyError("osaca: its summary has no port")
     worst = max(pressure, key=pressure.__getitem__)
     instructions = len(re.findall(r"^  Instruction: (?!null)\S", text, re.MULTILINE))
     unknown = len(re.findall(r"^  Flags: \[[^\]]*tp_unk", text, re.MULTILINE))
     late = re.search(r"^Warnings: .*LCDWarning", text, re.MULTILINE | re.DOTALL)
-    loop_carried = None if late else _number("osaca", carried[1])
-    return Osaca(arch, pressure[worst], worst, _number("osaca", path[1]), loop_carried, instructions, unknown)
+    loop_carried = None if late else float(carried[1])
+    return Osaca(
+        arch=arch,
+        throughput=pressure[worst],
+        port=worst,
+        critical_path=float(path[1]),
+        loop_carried=loop_carried,
+        instructions=instructions,
+        unknown=unknown,
+    )
 
 
 def run_osaca(text: str, arch: str, quick: bool = False) -> Osaca:

@@ -7,16 +7,18 @@ told by the function they are from. Only the timed frames count: see `in_frame`.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import msgspec
+
+from study.bounds.schema import Profiled, Share
 from study.core import run
 from study.core.build import build
 from study.core.cli import StudyError
@@ -28,7 +30,28 @@ from study.counting.symbols import canonical, inlined, wrappers
 TARGETS = {"calls": "render-calls", "shipped": "render-lines"}  # lines: the shipped code, told by line
 OBJECTS = {"calls": "calls/phase.o", "shipped": "lines/phase.o"}
 
-Row = dict[str, Any]
+
+class Frame(msgspec.Struct):
+    ns: float
+    core_cycles: float
+    warmup: bool = False
+
+
+class Driven(msgspec.Struct):
+    """Of what the driver prints, the frames."""
+
+    frames: list[Frame]
+
+
+class Drawn(msgspec.Struct):
+    """Of what the driver prints, the picture."""
+
+    phase: str
+    flags_from: str
+    scene: str
+    width: int
+    height: int
+    kernel: str | None = None
 
 
 @dataclass
@@ -83,105 +106,41 @@ def wilson(part: float, of: float) -> tuple[float, float]:
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
-@dataclass
-class Profile:
-    """Samples of one build's timed frames.
+@dataclass(frozen=True)
+class Sampled:
+    """Samples of one build's timed frames; `addresses`: weight per address of the phase's own code.
 
-    `functions`: name to samples and weight (events). `left_out`: what was not of a frame, by name.
-    `frame_ns`: median wall time of the sampled frames. `cpu_ns`, `core_cycles`: what the samples stand for,
-    per frame: time and cycles in which the process ran, however long it waited for the CPU. All of them
-    with what sampling costs (some 5 %).
-    `addresses`: weight per address of the phase's own code. `covered`: sampled time over timed time, 1 where
-    all of it was seen.
+    Times and cycles are what the samples stand for, per frame: those in which the process ran, however long
+    it waited for the CPU, with what sampling costs (some 5 %).
     """
 
-    phase: str
-    flags_from: str
-    variant: str
-    scene: str
-    width: int
-    height: int
-    event: str
-    frames: int
-    frame_ns: float
-    cpu_ns: float
-    core_cycles: float
-    samples: int
-    weight: int
-    covered: float
-    functions: dict[str, dict[str, int]]
-    left_out: dict[str, int]
-    addresses: dict[int, int] = field(default_factory=dict, repr=False)
-    kernel: str | None = None  # of a phase that generates code for a scene: that it did not
-
-    @property
-    def spec(self) -> str:
-        return str(Spec(self.phase, self.flags_from))
-
-    def share(self, name: str) -> float:
-        return self.functions[name]["weight"] / self.weight if name in self.functions else 0.0
-
-    def to_json(self) -> Row:
-        rows = []
-        for name, found in sorted(self.functions.items(), key=lambda item: -item[1]["weight"]):
-            share = self.share(name)
-            low, high = wilson(share * self.samples, self.samples)
-            rows.append(
-                {
-                    "function": name,
-                    **found,
-                    "share": share,
-                    "share_low": low,
-                    "share_high": high,
-                    "seconds": share * self.cpu_ns / 1e9,
-                }
-            )
-        data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "addresses"}
-        return data | {"functions": rows}
-
-    @classmethod
-    def from_json(cls, data: Row) -> Profile:
-        """Raises KeyError, TypeError or ValueError for another thing's JSON."""
-        functions = {
-            row["function"]: {"samples": row["samples"] + 0, "weight": row["weight"] + 0}
-            for row in data["functions"]
-        }
-        made = cls(**{**data, "functions": functions})
-        types = {"str": str, "int": int, "float": (int, float)}
-        for one in dataclasses.fields(cls):
-            value = getattr(made, one.name)
-            if one.type in types and not isinstance(value, types[one.type]):
-                raise TypeError(f"{one.name}: {value!r}")
-        if made.variant not in TARGETS:
-            raise ValueError(f"variant {made.variant!r}; there are {', '.join(TARGETS)}")
-        for name in ("weight", "samples", "cpu_ns", "frames"):
-            if not getattr(made, name) > 0:
-                raise ValueError(f"{name}: {getattr(made, name)}, which is not positive")
-        return made
+    profile: Profiled
+    addresses: dict[int, int]
 
 
 def profile(
     recording: perf.Recording,
-    made: Row,
+    made: dict[str, Any],
     built: Program,
-    variant: str,
+    variant: Literal["shipped", "calls"],
     owner: Callable[[Place], str] | None = None,
-) -> Profile:
-    """Samples and the driver's JSON of the same process as a Profile. `owner` names the function that a
-    place in the phase's code belongs to, where it is not the symbol.
+) -> Sampled:
+    """Samples and the driver's JSON of the same process. `owner` names the function that a place in the
+    phase's code belongs to, where it is not the symbol.
     """
     threads: dict[int, list[perf.Sample]] = {}
     for sample in sorted(recording.samples, key=lambda s: s.time):
         threads.setdefault(sample.tid, []).append(sample)
-    functions: dict[str, dict[str, int]] = {}
+    samples: Counter[str] = Counter()
+    weights: Counter[str] = Counter()
     left_out: Counter[str] = Counter()
     addresses: Counter[int] = Counter()
     located = {tid: [locate(recording, sample, built) for sample in some] for tid, some in threads.items()}
     libm = {place.name for places in located.values() for place in places if place.kind == "libm"}
-    for tid, samples in threads.items():
-        places = located[tid]
-        for sample, place, inside in zip(samples, places, in_frame([p.kind for p in places]), strict=True):
-            if not inside:
+    for tid, places in located.items():
+        inside = in_frame([place.kind for place in places])
+        for sample, place, timed in zip(threads[tid], places, inside, strict=True):
+            if not timed:
                 left_out[place.name] += 1
                 continue
             known_libm = place.kind == "libm" or (place.kind == "library" and place.name in libm)
@@ -189,45 +148,53 @@ def profile(
             if place.kind == "phase":
                 addresses[place.address or 0] += sample.period
                 name = owner(place) if owner else place.name
-            found = functions.setdefault(name, {"samples": 0, "weight": 0})
-            found["samples"] += 1
-            found["weight"] += sample.period
-    taken = sum(found["samples"] for found in functions.values())
-    if not taken:
+            samples[name] += 1
+            weights[name] += sample.period
+    if not samples:
         raise StudyError(f"{built.path}: no sample in the timed frames; more frames (--samples) are required")
-    frames = [frame for frame in made["frames"] if not frame["warmup"]]
-    timed = sum(frame["ns"] for frame in frames)
-    hz = statistics.median(frame["core_cycles"] / (frame["ns"] / 1e9) for frame in frames)
-    weight = sum(found["weight"] for found in functions.values())
+    frames = [frame for frame in msgspec.convert(made, Driven).frames if not frame.warmup]
+    timed_ns = sum(frame.ns for frame in frames)
+    hz = statistics.median(frame.core_cycles / (frame.ns / 1e9) for frame in frames)
+    weight, taken = weights.total(), samples.total()
     event = recording.samples[0].event.split(":")[0]
     # perf's clock is in ns of running, the PMU's cycles are what they say.
     cycles = weight / len(frames) * (1.0 if event == "cycles" else hz / 1e9)
-    return Profile(
-        phase=made["phase"],
-        flags_from=made["flags_from"],
+    cpu_ns = cycles / hz * 1e9
+    functions = [
+        Share(
+            function=name,
+            samples=samples[name],
+            weight=n,
+            share=n / weight,
+            share_low=wilson(n / weight * taken, taken)[0],
+            share_high=wilson(n / weight * taken, taken)[1],
+            seconds=n / weight * cpu_ns / 1e9,
+        )
+        for name, n in weights.most_common()
+    ]
+    about = msgspec.structs.asdict(msgspec.convert(made, Drawn))
+    profiled = Profiled(
+        **about,
         variant=variant,
-        scene=made["scene"],
-        width=made["width"],
-        height=made["height"],
         event=event,
         frames=len(frames),
-        frame_ns=statistics.median(frame["ns"] for frame in frames),
-        cpu_ns=cycles / hz * 1e9,
+        frame_ns=statistics.median(frame.ns for frame in frames),
+        cpu_ns=cpu_ns,
         core_cycles=cycles,
         samples=taken,
         weight=weight,
-        covered=taken / perf.FREQUENCY / (timed / 1e9),
+        covered=taken / perf.FREQUENCY / (timed_ns / 1e9),
         functions=functions,
         left_out=dict(left_out.most_common()),
-        addresses=dict(addresses),
-        kernel=made.get("kernel"),
     )
+    return Sampled(profiled, dict(addresses))
 
 
 def _repetitions(spec: Spec, scene: Scene, height: int, width: int | None, target: str, samples: int) -> int:
     """Frames that make so many samples, by the time of one."""
     first = run.render(spec, scene.path, *reversed(scene.size(height, width)), target=target)
-    return max(1, min(1000, math.ceil(samples / perf.FREQUENCY / (first["frames"][0]["ns"] / 1e9))))
+    seconds = msgspec.convert(first, Driven).frames[0].ns / 1e9
+    return max(1, min(1000, math.ceil(samples / perf.FREQUENCY / seconds)))
 
 
 def measure(
@@ -235,10 +202,10 @@ def measure(
     scene: Scene,
     height: int,
     width: int | None = None,
-    variant: str = "calls",
+    variant: Literal["shipped", "calls"] = "calls",
     samples: int = 3000,
     cpu: int | None = None,
-) -> Profile:
+) -> Sampled:
     """Samples build/SPEC/render-calls or -lines until there are some `samples` of its timed frames."""
     target = TARGETS[variant]
     binary = build(spec, target)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import networkx as nx
 
-from study.bounds.profiles import Profile
+from study.bounds.profiles import Sampled
 from study.core.cli import StudyError
 from study.core.host import child
 from study.counting.elf import Function, Program
@@ -145,16 +145,17 @@ class Region:
         return f"{self.function}+{self.address:#x}" if self.loop else self.function
 
 
-def regions(profile: Profile, built: Program) -> list[Region]:
+def regions(sampled: Sampled, built: Program) -> list[Region]:
     """Where the samples of a shipped build are, the hottest first. Blocks without any sample are left out."""
     weights: dict[Function, dict[int, int]] = {}
-    for address, weight in profile.addresses.items():
+    whole = sampled.profile.weight
+    for address, weight in sampled.addresses.items():
         if function := built.function_at(address):
             weights.setdefault(function, {})[address] = weight
     found = []
     for function, here in weights.items():
         start, size, name = function.start, function.size, function.name
-        if sum(here.values()) < LEAST * profile.weight:
+        if sum(here.values()) < LEAST * whole:
             continue
         blocks = blocks_of(disassemble(built.path, start, size))
         loops = sorted(loops_of(blocks).items(), key=lambda item: len(item[1]))
@@ -171,7 +172,7 @@ def regions(profile: Profile, built: Program) -> list[Region]:
                     weight += inside
             if weight:
                 offset = (header or start) - start
-                share = weight / profile.weight
+                share = weight / whole
                 found.append(Region(canonical(name), offset, header is not None, lines, share))
     return sorted(found, key=lambda region: -region.share)
 

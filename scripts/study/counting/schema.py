@@ -127,7 +127,7 @@ class Counts(Result, kw_only=True):
         return _renamed(data, "measured")
 
 
-class Row(Record, kw_only=True, omit_defaults=True):
+class Row(Record, kw_only=True):
     """Declared × counted against executed FLOPs, of a function or of all."""
 
     phase: Annotated[str, key("", "its name")]

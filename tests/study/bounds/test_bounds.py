@@ -10,10 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.bounds import analysers, profiles, regions
+from study.bounds import analysers, regions
 from study.bounds import topdown as bounds
-from study.bounds.analysers import Mca, Processor
+from study.bounds.analysers import Processor, split
+from study.bounds.profiles import Sampled
 from study.bounds.regions import Region
+from study.bounds.schema import Hotspots, Mca, Profiled, Share
 from study.core.cli import StudyError
 from study.counting import elf
 from study.experiments.hotspots import bounds_tables as bounds_page
@@ -106,27 +108,13 @@ def test_samples_go_to_their_innermost_loop(nest, monkeypatch):
     assert "mulsd" in regions.assembly(found[1].lines) and not any(line.is_call for line in found[1].lines)
 
 
-def profile_of(weights: dict[int, int]) -> profiles.Profile:
+def profile_of(weights: dict[int, int]) -> Sampled:
     total = sum(weights.values())
-    return profiles.Profile(
-        phase="opt2",
-        flags_from="opt2",
-        variant="shipped",
-        scene="scene0",
-        width=2,
-        height=1,
-        event="cpu-clock",
-        frames=1,
-        frame_ns=1e6,
-        cpu_ns=1e6,
-        core_cycles=3000.0,
-        samples=total,
-        weight=total,
-        covered=1.0,
-        functions={"nest": {"samples": total, "weight": total}},
-        left_out={},
-        addresses=weights,
-    )
+    about = {"phase": "opt2", "flags_from": "opt2", "variant": "shipped", "scene": "scene0", "width": 2}
+    about |= {"height": 1, "event": "cpu-clock", "frames": 1, "frame_ns": 1e6, "cpu_ns": 1e6}
+    about |= {"core_cycles": 3000.0, "samples": total, "weight": total, "covered": 1.0, "left_out": {}}
+    functions = [Share(function="nest", samples=total, weight=total)]
+    return Sampled(Profiled(**about, functions=functions), weights)
 
 
 def test_an_analyser_gets_no_calls_returns_or_padding(nest):
@@ -135,12 +123,6 @@ def test_an_analyser_gets_no_calls_returns_or_padding(nest):
     assert "call" not in text and "ret" not in text and "*%rdx" not in text
     assert text.count("\tjne\t.Lhere") == 4 and "addsd\t%xmm1,%xmm0" in text
     assert "\trep movsq" in text  # a string instruction stays one
-
-
-@pytest.mark.parametrize("text", ["", "file format elf64-x86-64\n", "hello\n"])
-def test_no_disassembly_is_refused(text):
-    with pytest.raises(StudyError, match="no instruction"):
-        regions.parse_objdump(text)
 
 
 # --- the analysers' output
@@ -192,7 +174,7 @@ def test_a_chain_takes_its_latency_and_the_rest_its_ports():
     chain, apart = analysers.run_mca(CHAIN, "skylake"), analysers.run_mca(APART, "skylake")
     assert chain.throughput == pytest.approx(8 * 4, rel=0.02)
     assert apart.throughput == pytest.approx(8 / 2, rel=0.02)
-    assert chain.split["dependencies"] > 0.9 > 0.5 > apart.split["dependencies"]
+    assert chain.split.dependencies > 0.9 > 0.5 > apart.split.dependencies
     assert chain.latency >= 8 * 4 > apart.latency
 
 
@@ -222,15 +204,25 @@ def test_osaca_agrees_on_the_chain():
     assert analysers.osaca_arch(CHAIN, ("SPR", "SKX")) == "SPR"
 
 
+def mca(
+    throughput: float, latency: float, uops: float, resources: float, registers: float, memory: float
+) -> Mca:
+    about = {"throughput": throughput, "latency": latency, "uops": uops, "block_throughput": 1, "width": 6}
+    made = Mca(**about, resources=resources, registers=registers, memory=memory)
+    made.split = split(made)
+    return made
+
+
 share = st.floats(0, 1)
 
 
 @given(share, share, share, st.floats(0.1, 1000), st.floats(0.1, 1000))
 def test_the_split_is_everything(resources, registers, memory, uops, cycles):
-    split = Mca(cycles, cycles, 1, uops, 6, resources, registers, memory).split
-    assert split["retiring"] + split["memory"] + split["core"] == pytest.approx(1)
-    assert split["ports"] + split["dependencies"] == pytest.approx(split["core"])
-    assert all(-1e-9 <= value <= 1 + 1e-9 for value in split.values())
+    made = split(mca(cycles, cycles, uops, resources, registers, memory))
+    assert made.retiring + made.memory + made.core == pytest.approx(1)
+    assert made.ports + made.dependencies == pytest.approx(made.core)
+    shares = (made.retiring, made.memory, made.core, made.ports, made.dependencies)
+    assert all(-1e-9 <= value <= 1 + 1e-9 for value in shares)
 
 
 @pytest.mark.parametrize(
@@ -271,23 +263,22 @@ def test_prediction_against_measurement(nest, monkeypatch):
     lines, _ = nest
     monkeypatch.setattr(bounds, "regions", lambda *_: regions_of(lines))
     monkeypatch.setattr(analysers, "mca_program", lambda: ("llvm-mca", 14))
-    monkeypatch.setattr(analysers, "run_mca", lambda *_: Mca(20, 60, 10, 60, 6, 0.3, 0.1, 0.1))
-    made = bounds.model(
-        profile_of({0: 1}), None, {"nest": 1000}, osaca=False, processor=Processor("Haswell", True)
-    )
-    count = made["regions"][0]["instructions"]
+    monkeypatch.setattr(analysers, "run_mca", lambda *_: mca(20, 60, 60, 0.3, 0.1, 0.1))
+    processor = Processor("Haswell", True)
+    made = bounds.model(profile_of({0: 1}), None, {"nest": 1000}, osaca=False, processor=processor)
+    count, compared = made.regions[0].instructions, made.compared
     assert count == regions.assembly(lines).count("\n") - 1
-    compared = made["compared"]
-    assert compared["measured"] == pytest.approx(2700) and compared["share"] == pytest.approx(0.9)
-    assert compared["throughput"] == pytest.approx(1000 / (count / 20))
-    assert compared["latency"] == pytest.approx(3 * compared["throughput"])
-    assert made["regions"][0]["measured"] == pytest.approx(2.7 * count)
+    assert compared.measured == pytest.approx(2700) and compared.share == pytest.approx(0.9)
+    assert compared.throughput == pytest.approx(1000 / (count / 20))
+    assert compared.latency == pytest.approx(3 * compared.throughput)
+    assert made.regions[0].measured == pytest.approx(2.7 * count)
     # 60 of 6 × 20 slots retire; the other half goes by blame, 3 : 1 : 1.
-    split = {"retiring": 0.5, "memory": 0.1, "core": 0.4, "ports": 0.3, "dependencies": 0.1}
-    assert made["split"] == pytest.approx(split)
-    assert made["covered"] == pytest.approx(0.9)
-    row = bounds_page.rows({"bounds": [made]})[0]
-    assert row["predicted_over_measured"] == pytest.approx(compared["throughput"] / 2700)
+    parts = made.split
+    shares = (parts.retiring, parts.memory, parts.core, parts.ports, parts.dependencies)
+    assert shares == pytest.approx((0.5, 0.1, 0.4, 0.3, 0.1))
+    assert made.covered == pytest.approx(0.9)
+    row = bounds_page.rows(Hotspots(bounds=[made]))[0]
+    assert row["predicted_over_measured"] == pytest.approx(compared.throughput / 2700)
 
 
 def test_without_the_tools_one_line_each_and_the_rest_stays(nest, monkeypatch):
@@ -298,10 +289,8 @@ def test_without_the_tools_one_line_each_and_the_rest_stays(nest, monkeypatch):
     said: list[str] = []
     made = bounds.model(profile_of({0: 1}), None, None, said.append)
     assert [line.split()[0] for line in said] == ["llvm-mca", "osaca"]
-    assert all("Table 3" in line and "\n" not in line for line in said)
-    assert made["split"] is None and [row["share"] for row in made["regions"]] == [0.75, 0.15]
-    assert made["regions"][0]["measured"] is None and made["compared"] is None
-    assert bounds_page.rows({"bounds": [made]})[0]["by"] == "model: none"
+    assert made.split is None and [one.share for one in made.regions] == [0.75, 0.15]
+    assert made.regions[0].measured is None and made.compared is None
 
 
 def test_what_an_analyser_refuses_is_one_line_with_its_count(nest, monkeypatch):
@@ -315,21 +304,13 @@ def test_what_an_analyser_refuses_is_one_line_with_its_count(nest, monkeypatch):
 
     monkeypatch.setattr(analysers, "run_mca", refuse)
     said: list[str] = []
-    profile = profile_of({0: 1})
-    made = bounds.model(profile, None, None, said.append, Processor("Haswell", True), osaca=False)
-    text = "llvm-mca: error: found an unsupported instruction (2 of 2 regions, 90% of the time)"
-    assert said == [f"{profile.spec}: {text}"]
-    assert made["split"] is None and len(made["regions"]) == 2
-
-
-def test_without_objdump_one_line(monkeypatch):
-    monkeypatch.setattr(regions.child, "run", lambda *_, **__: (_ for _ in ()).throw(FileNotFoundError()))
-    with pytest.raises(StudyError, match="objdump is missing; binutils"):
-        regions.disassemble(Path("x"), 0, 1)
+    made = bounds.model(profile_of({0: 1}), None, None, said.append, Processor("Haswell", True), osaca=False)
+    (line,) = said
+    assert "2 of 2 regions, 90%" in line and made.split is None and len(made.regions) == 2
 
 
 def test_the_papers_table_is_beside():
-    structs, arrays = bounds_page.rows({"bounds": []})
+    structs, arrays = bounds_page.rows(Hotspots())
     # Table 3: structs 31, 10, 18, 41 % in 13 s; arrays 23, 5, 16, 52 % in 10 s.
     assert [structs[f"{k}_share"] for k in ("front_end", "memory", "core", "retiring")] == [
         0.31,

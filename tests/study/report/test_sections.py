@@ -20,7 +20,6 @@ from study.core.registry import ROOT
 from study.experiments import experiment, section
 from study.experiments.ablations import chapter as ablations_chapter
 from study.experiments.flops import chapter as flops_chapter
-from study.experiments.hotspots import chapter as hotspots_chapter
 from study.experiments.hotspots import tables as hotspots
 from study.numbers import analysis
 
@@ -201,50 +200,7 @@ def test_the_scripts_end_in_status_2(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("where, value", [(("beside",), None), (("bounds",), [{}])])
-def test_hotspots_refuses_a_broken_file_before_it_samples(
-    run: Path, monkeypatch: pytest.MonkeyPatch, where: tuple, value: Any
-) -> None:
-    from study.experiments.hotspots import command as script
-
-    store.write_json(run / "hotspots.json", broken("hotspots.json", where, value))
-    before = (run / "hotspots.json").read_text()
-    monkeypatch.setattr(script, "measure", lambda pairs, args: pytest.fail("it sampled"))
-    monkeypatch.setattr(script.perf, "missing", lambda: None)
-    monkeypatch.setattr(sys, "argv", ["stepwise hotspots", "--run", str(run)])
-    with pytest.raises(StudyError, match=r"hotspots\.json"):
-        script.main()
-    assert (run / "hotspots.json").read_text() == before
-
-
 # What is shown
-
-
-@pytest.mark.parametrize(
-    "per_cycle, name, shown",
-    [
-        (5.9, "Emerald Rapids", 5.9),
-        (6.7, "Emerald Rapids", None),
-        (6.7, "Zen 3", None),
-        *((6.7, name, 6.7) for name in ("Zen 5", None)),
-        *((9.06, name, None) for name in ("Zen 5", None)),
-    ],
-)
-def test_no_core_runs_more_than_its_width(
-    run: Path, per_cycle: float, name: str | None, shown: float | None
-) -> None:
-    put(run, "hotspots.json", sampled(per_cycle))
-    row = parts_of(hotspots_chapter.hot(run, name))["hotspots-baseline"].rows[0]
-    assert (row["function"], row["per_cycle"]) == ("sdf", shown)
-
-
-def test_the_width_is_of_the_runs_cpu(run: Path) -> None:
-    put(run, "hotspots.json", sampled(6.7))
-    data = analysis.load(run)
-    for name, shown in (("Granite Rapids", None), ("Zen 5", 6.7)):
-        data.context["cpu"] = {"microarchitecture": name}
-        parts = {k: v for section in experiment.sections(data) for k, v in parts_of(section).items()}
-        assert parts["hotspots-baseline"].rows[0]["per_cycle"] == shown
 
 
 def test_prose_has_no_stray_quotes() -> None:

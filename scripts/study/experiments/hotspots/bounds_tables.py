@@ -5,63 +5,62 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from study.bounds.schema import Hotspots, Split
 from study.core import show
-from study.core.registry import Spec
-from study.core.show import Column
+from study.core.show import Column, cell
 from study.numbers import paper
 
 Row = dict[str, Any]
+_NAMES = {"front-end bound": "front_end", "memory bound": "memory", "core bound": "core"}
 
 
-def rows(record: Row) -> list[Row]:
+def _shares(split: Split | None) -> Row:
+    found = {f"{name}_share": value for name, value in show.cells(split).items()} if split else {}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def rows(record: Hotspots) -> list[Row]:
     """Table 3 from a run's hotspots.json: ours per phase, then the paper's two."""
     made = []
-    for one in record.get("bounds", []):
-        compared, spec = one.get("compared") or {}, Spec(one["phase"], one["flags_from"])
+    for one in record.bounds:
+        compared = one.compared
         made.append(
             {
-                "what": f"{spec}, {one['scene']}, {one['width']}×{one['height']}",
-                "by": "PMU" if one["by"] == "pmu" else f"model: {one['model'] or 'none'}",
-                "milliseconds": one["cpu_ns"] / 1e6,
-                "covered": one.get("covered"),
-                **{f"{name}_share": value for name, value in (one["split"] or {}).items()},
-                "predicted_over_measured": compared["throughput"] / compared["measured"]
-                if compared
-                else None,
-                "latency_over_measured": compared["latency"] / compared["measured"] if compared else None,
+                "what": f"{one.spec}, {show.picture(one)}",
+                "by": "PMU" if one.by == "pmu" else f"model: {one.model or 'none'}",
+                "milliseconds": one.cpu_ns / 1e6,
+                "covered": one.covered,
+                **_shares(one.split),
+                "predicted_over_measured": compared and compared.throughput / compared.measured,
+                "latency_over_measured": compared and compared.latency / compared.measured,
             }
         )
     table = paper.read("bounds")
-    names = {"front-end bound": "front_end", "memory bound": "memory", "core bound": "core"}
-    for stage, group in table[table["source"].str.startswith("Table 3")].groupby("stage", sort=False):
-        values = group.set_index("what")["value"]
-        cells = {
-            f"{names.get(what, what)}_share": value / 100
-            for what, value in values.items()
-            if what != "runtime"
-        }
-        made.append(
-            {"what": f"the paper: {stage}", "by": "VTune", "milliseconds": 1000 * values["runtime"], **cells}
-        )
+    for stage, group in table[table.source.str.startswith("Table 3")].groupby("stage", sort=False):
+        values = dict(zip(group.what, group.value, strict=True))
+        seconds = values.pop("runtime")
+        shares = {f"{_NAMES.get(what, what)}_share": value / 100 for what, value in values.items()}
+        made.append({"what": f"the paper: {stage}", "by": "VTune", "milliseconds": 1000 * seconds} | shares)
     return made
 
 
-def region_rows(record: Row) -> list[Row]:
+def region_rows(record: Hotspots) -> list[Row]:
     """The hot regions of every phase, flat."""
     made = []
-    for one in record.get("bounds", []):
-        for row in one.get("regions", []):
-            mca, osaca = row.get("mca") or {}, row.get("osaca") or {}
-            flat = {f"mca_{k}": v for k, v in mca.items() if k != "split"}
-            flat |= {f"split_{k}": v for k, v in mca.get("split", {}).items()}
-            flat |= {f"osaca_{k}": v for k, v in osaca.items()}
-            rest = {k: v for k, v in row.items() if k not in ("mca", "osaca")}
-            made.append({"phase": one["phase"], "scene": one["scene"], **rest, **flat})
+    for one in record.bounds:
+        for region in one.regions:
+            flat = {"phase": one.phase, "scene": one.scene, **show.cells(region)}
+            for prefix in ("mca", "osaca"):
+                if found := flat.pop(prefix):
+                    flat |= {f"{prefix}_{name}": value for name, value in show.cells(found).items()}
+            if split := flat.pop("mca_split", None):
+                flat |= {f"split_{k}": v for k, v in show.cells(split).items() if v is not None}
+            made.append(flat)
     return made
 
 
 def _percent(name: str) -> Callable[[Row], str]:
-    return lambda row: show.NOTHING if row.get(name) is None else f"{100 * row[name]:.0f}\u00a0%"
+    return lambda row: show.NOTHING if (value := row.get(name)) is None else f"{100 * value:.0f}\u00a0%"
 
 
 COLUMNS = [
@@ -91,28 +90,27 @@ ABOUT = (
 
 
 def _osaca(row: Row) -> str:
-    if "osaca_arch" not in row:
-        return show.NOTHING
-    lacking = f", {row['osaca_unknown']} instructions unknown" if row["osaca_unknown"] else ""
-    return f"{row['osaca_arch']}{lacking}"
+    unknown = cell(row, "osaca_unknown")
+    lacking = f", {unknown} instructions unknown" if unknown else ""
+    return f"{row.get('osaca_arch', show.NOTHING)}{lacking}"
+
+
+def _carried(row: Row) -> str:
+    return show.number(cell(row, "osaca_loop_carried") if cell(row, "loop") else None)
 
 
 REGIONS = [
     Column("", "scene", show.word("scene")),
     Column("", "phase", show.word("phase")),
-    Column("", "region", lambda r: f"{r['region']} ({'loop' if r['loop'] else 'no loop'})"),
+    Column("", "region", lambda r: f"{cell(r, 'region')} ({'loop' if cell(r, 'loop') else 'no loop'})"),
     Column("", "of the frame", _percent("share")),
     Column("", "instructions", show.whole("instructions")),
-    Column("", "calls left out", lambda r: str(r["calls"]) if r["calls"] else show.NOTHING),
+    Column("", "calls left out", lambda r: str(cell(r, "calls") or show.NOTHING)),
     Column("cycles a pass, llvm-mca", "overlapping", show.plain("mca_throughput", 3)),
     Column("cycles a pass, llvm-mca", "alone", show.plain("mca_latency", 3)),
     Column("cycles a pass, OSACA", "busiest port", show.plain("osaca_throughput", 3)),
     Column("cycles a pass, OSACA", "critical path", show.plain("osaca_critical_path", 3)),
-    Column(
-        "cycles a pass, OSACA",
-        "loop-carried",
-        lambda r: show.number(r.get("osaca_loop_carried") if r["loop"] else None),
-    ),
+    Column("cycles a pass, OSACA", "loop-carried", _carried),
     Column("cycles a pass, OSACA", "tables of", _osaca),
     Column("cycles a pass", "measured", show.plain("measured", 3)),
     Column("held up by", "ports", _percent("split_ports")),

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study.core.show import Row
-from study.experiments.hotspots import bounds_tables as bounds_page
-from study.experiments.hotspots import figures
-from study.experiments.hotspots import tables as hotspots
+from study.bounds.schema import Hotspots
+from study.core.show import cell
+from study.experiments.hotspots import bounds_tables, figures, tables
 from study.experiments.section import Section, part, reading
 from study.pictures.draw import Drawing
 
@@ -27,19 +26,20 @@ def hot(path: Path, microarchitecture: str | None = None) -> Section:
     file = path / "hotspots.json"
     parts, details, drawn, answer = [], [], {}, ""
     with reading(file, f"scripts/stepwise hotspots --run {path}"):
-        record = hotspots.read(file)
-        rows = hotspots.table_rows(record, widest=hotspots.core_width(microarchitecture))
-        for phase in dict.fromkeys(row["phase"] for row in rows):
-            mine = [row for row in rows if row["phase"] == phase]
+        record = Hotspots.load_if_there(file) or Hotspots()
+        rows = tables.table_rows(record, widest=tables.core_width(microarchitecture))
+        for phase in dict.fromkeys(row.phase for row in rows):
+            mine = [row for row in rows if row.phase == phase]
             title = HOTSPOTS.get(phase, f"Where the time of {phase} goes")
-            parts += part(f"hotspots-{phase}", title, mine, hotspots.COLUMNS, hotspots.ABOUT)
-        split = bounds_page.rows(record) if record.get("bounds") else []
+            parts += part(f"hotspots-{phase}", title, mine, tables.COLUMNS, tables.ABOUT)
+        split = bounds_tables.rows(record) if record.bounds else []
         caption = "Table 3: what the cycles went to, structs against arrays"
-        parts += part("table3", caption, split, bounds_page.COLUMNS, bounds_page.ABOUT)
+        parts += part("table3", caption, split, bounds_tables.COLUMNS, bounds_tables.ABOUT)
         caption = "The hot regions under the model"
-        parts += part("table3-regions", caption, bounds_page.region_rows(record), bounds_page.REGIONS)
+        regions = bounds_tables.region_rows(record)
+        parts += part("table3-regions", caption, regions, bounds_tables.REGIONS)
         if rows:
-            details = hotspots.notes(record)
+            details = tables.notes(record)
             answer = _answer(rows)
             caption = "The functions that take most of a frame, phase by phase"
             drawn = {"hotspots": Drawing(caption, NOTE, lambda: figures.draw(rows))}
@@ -47,16 +47,14 @@ def hot(path: Path, microarchitecture: str | None = None) -> Section:
     return Section("hotspots", "Hotspots", "make hotspots", parts, answer=answer, **about)
 
 
-def _answer(rows: list[Row]) -> str:
+def _answer(rows: list[tables.Row]) -> str:
     """The function that takes most of a frame, of the first phase and of the last."""
-    names = list(dict.fromkeys(row["phase"] for row in rows))
+    names = list(dict.fromkeys(row.phase for row in rows))
+    last = [name for name in names if "+" not in name or name == names[0]][-1]
     said = []
-    for name in dict.fromkeys(
-        (names[0], [name for name in names if "+" not in name or name == names[0]][-1])
-    ):
-        top = figures.top(rows, name)
-        if top:
-            low, high = (top[0].get(f"{top[0]['build']}_percent_{end}") for end in ("low", "high"))
-            share = f"{top[0]['percent']:.1f} [{low:.1f}, {high:.1f}] %"
-            said.append(f"{share} of {name}'s frame is in {top[0]['function']}")
-    return f"On {rows[0]['scene']}, {'; '.join(said)}." if said else ""
+    for name in dict.fromkeys((names[0], last)):
+        build, found = tables.top(rows, name, 1)
+        if found:
+            value, low, high = (cell(found[0], f"{build}_percent{end}") for end in ("", "_low", "_high"))
+            said.append(f"{value:.1f} [{low:.1f}, {high:.1f}] % of {name}'s frame is in {found[0].function}")
+    return f"On {rows[0].scene}, {'; '.join(said)}." if said else ""

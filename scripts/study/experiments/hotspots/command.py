@@ -2,178 +2,149 @@
 
 from __future__ import annotations
 
-import importlib
+import argparse
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from study.bounds import profiles
-from study.bounds import topdown as bounds
+from study.bounds import profiles, topdown
+from study.bounds.profiles import Sampled
+from study.bounds.schema import Beside, Bound, Hotspots
 from study.core import cli, machine, progress, registry, run, show, store
-from study.core.cli import StudyError
+from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT, Scene, Spec
-from study.counting import elf, perf, symbols
-from study.experiments.hotspots import bounds_tables as bounds_page
-from study.experiments.hotspots import chapter as hotspots_chapter
-from study.experiments.hotspots import tables as hotspots
+from study.counting import blocks, elf, flops, perf, symbols
+from study.experiments.hotspots import bounds_tables, tables
 
 VARIANTS = ("shipped", "calls")
 ENOUGH = 1000  # samples: under them intervals are wider than what they are to tell apart
-
-Row = dict[str, Any]
-
-
-def counted(spec: Spec, scene: Scene, args: Any, variant: str, said: set[str]) -> dict[str, int]:
-    """Instructions of a frame by function, by the block counters; none where they cannot be had."""
-    try:
-        blocks = importlib.import_module("study.counting.blocks")
-        if lacking := blocks.missing():
-            raise StudyError(lacking)
-        wide, high = scene.size(args.n)
-        found: dict[str, int] = {}
-        for name, counts in blocks.measure(spec, scene.path, high, wide, variant=variant).functions.items():
-            plain = symbols.canonical(name)
-            found[plain] = found.get(plain, 0) + counts.instructions
-        return found
-    except ImportError:
-        return {}
-    except StudyError as error:
-        if str(error) not in said:
-            cli.say(f"no instruction counts: {error}")
-            said.add(str(error))
-        return {}
+FILE = "hotspots.json"
 
 
-def lanes(spec: Spec, scene: Scene, args: Any, said: set[str]) -> dict[str, float]:
-    """Lanes at useful work by function, of SIMD phases, by the counting build."""
-    if registry.find_phase(spec.phase).lanes == 1:
-        return {}
-    try:
-        wide, high = scene.size(args.n)
-        made = run.render(spec, scene.path, high, wide, target="render-count")
-        return hotspots.lanes_active(made["by_function"])
-    except (StudyError, KeyError) as error:
-        if str(error) not in said:
-            cli.say(f"{spec}: no lane counts: {error}")
-            said.add(str(error))
-        return {}
+def options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--phase", nargs="+", metavar="PHASE", help="phases, or opt2@opt3 (all of the ladder)")
+    add("--scene", nargs="+", default=["scene0"], metavar="SCENE", help="scenes (scene0)")
+    add("-n", type=cli.at_least(1), default=240, metavar="HEIGHT", help="picture height (%(default)s)")
+    samples = "at least, of each build (%(default)s)"
+    add("--samples", type=cli.at_least(100), default=3000, metavar="K", help=samples)
+    add("--cpu", type=int, help="pin to this CPU")
+    add("--run", type=Path, metavar="DIR", help="for hotspots.json; default: none")
+    add("--no-bounds", action="store_true", help="without Table 3")
+    add("--no-osaca", action="store_true", help="Table 3 without OSACA, half a minute faster")
 
 
-def bound(spec: Spec, scene: Scene, profile: profiles.Profile, args: Any, said: set[str]) -> Row:
-    """One row of Table 3 and its regions: by the PMU where it can, else by the model."""
+class Sampling:
+    """Everything of one call; what is lacking is said once."""
 
-    def say(line: str) -> None:
-        if line not in said:
+    def __init__(self, args: argparse.Namespace) -> None:
+        self.args = args
+        self.record, self._said = Hotspots(), set()
+
+    def _say(self, line: str) -> None:
+        if line not in self._said:
             cli.say(line)
-            said.add(line)
+            self._said.add(line)
 
-    folder = ROOT / "build" / str(spec)
-    built = elf.read(folder / "render-lines", folder / profiles.OBJECTS["shipped"])
-    instructions = counted(spec, scene, args, "shipped", said)
-    made = bounds.model(profile, built, instructions, say, osaca=not args.no_osaca)
-    try:
-        if by_pmu := bounds.topdown(spec, scene, args.n):
-            made |= {"by": "pmu", "modelled_split": made["split"]} | by_pmu
-    except StudyError as error:
-        say(f"no top-down split by the PMU: {error}")
-    return made
-
-
-def measure(pairs: Sequence[tuple[Spec, Scene]], args: Any) -> Row:
-    """Everything of one call, as hotspots.json has it."""
-    record: Row = {"schema": 1, "profiles": [], "beside": {}, "bounds": []}
-    said: set[str] = set()
-    for spec, scene in progress.each(pairs, "sample"):
+    def _instructions(self, spec: Spec, scene: Scene, variant: str) -> Counter[str]:
+        """Of a frame by function, by the block counters; none where they cannot be had."""
+        found: Counter[str] = Counter()
         try:
-            by = {
-                variant: profiles.measure(spec, scene, args.n, None, variant, args.samples, args.cpu)
-                for variant in VARIANTS
-            }
-        except run.DriverError as error:
-            if error.status in (run.NO_ISA, run.UNSUPPORTED):
-                cli.say(f"{spec} {scene.name} left out: {error}")
-                continue
-            raise
-        record["profiles"] += [profile.to_json() for profile in by.values()]
-        calls, shipped = by["calls"], by["shipped"]
-        key = "|".join(map(str, (scene.name, spec, shipped.width, shipped.height)))
-        record["beside"][key] = {
-            "per_cycle": hotspots.per_cycle(calls, counted(spec, scene, args, "calls", said)),
-            "lanes_active": lanes(spec, scene, args, said),
+            for name, one in blocks.measure(spec, scene, self.args.n, variant).functions.items():
+                found[symbols.canonical(name)] += one.instructions
+        except StudyError as error:
+            self._say(f"no instruction counts: {error}")
+        return found
+
+    def _lanes(self, spec: Spec, scene: Scene) -> dict[str, float | None]:
+        """Lanes at useful work by function, of SIMD phases, by the counting build."""
+        if registry.find_phase(spec.phase).lanes == 1:
+            return {}
+        try:
+            made = flops.declared(spec, scene, self.args.n)
+            return tables.lanes_active(made.by_function, flops.lanes_of(made))
+        except StudyError as error:
+            self._say(f"{spec}: no lane counts: {error}")
+            return {}
+
+    def _bound(self, spec: Spec, scene: Scene, sampled: Sampled) -> Bound:
+        """One row of Table 3 and its regions: by the PMU where it can, else by the model."""
+        folder = ROOT / "build" / str(spec)
+        built = elf.read(folder / profiles.TARGETS["shipped"], folder / profiles.OBJECTS["shipped"])
+        counted = self._instructions(spec, scene, "shipped")
+        made = topdown.model(sampled, built, counted, self._say, osaca=not self.args.no_osaca)
+        try:
+            if by_pmu := topdown.topdown(spec, scene, self.args.n):
+                made.by, made.modelled_split = "pmu", made.split
+                made.split, made.remark = by_pmu
+        except StudyError as error:
+            self._say(f"no top-down split by the PMU: {error}")
+        return made
+
+    def add(self, spec: Spec, scene: Scene) -> None:
+        args = self.args
+        by = {
+            variant: profiles.measure(spec, scene, args.n, None, variant, args.samples, args.cpu)
+            for variant in VARIANTS
         }
+        self.record.profiles += [one.profile for one in by.values()]
+        calls, shipped = by["calls"].profile, by["shipped"].profile
+        self.record.beside["|".join(map(str, shipped.picture))] = Beside(
+            per_cycle=tables.per_cycle(calls, self._instructions(spec, scene, "calls")),
+            lanes_active=self._lanes(spec, scene),
+        )
         if not args.no_bounds:
             try:
-                record["bounds"].append(bound(spec, scene, shipped, args, said))
+                self.record.bounds.append(self._bound(spec, scene, by["shipped"]))
             except StudyError as error:
-                if str(error) not in said:
-                    cli.say(f"no bounds: {error}")
-                    said.add(str(error))
-    return record
+                self._say(f"no bounds: {error}")
 
 
-def table(record: Row) -> list[Row]:
-    """Rows of Tables 2 and 4 of this machine."""
-    return hotspots.table_rows(record, widest=hotspots.core_width(machine.cpu()["microarchitecture"]))
-
-
-def text(record: Row) -> str:
+def text(record: Hotspots, rows: Sequence[tables.Row]) -> list[str]:
     """All tables for people, each with what it says and does not say."""
-    parts = [show.markdown(show.table(table(record), hotspots.COLUMNS)), hotspots.ABOUT]
-    parts.append("\n".join(f"- {note}" for note in hotspots.notes(record)) + "\n")
-    if record["bounds"]:
-        parts.append(show.markdown(show.table(bounds_page.rows(record), bounds_page.COLUMNS)))
-        parts.append(bounds_page.ABOUT)
-        parts += sorted({f"{one['remark']}\n" for one in record["bounds"] if one.get("remark")})
-        regions = bounds_page.region_rows(record)
-        if regions:
-            parts.append(show.markdown(show.table(regions, bounds_page.REGIONS)))
-    return "\n".join(parts)
+    parts = [show.markdown(show.table(rows, tables.COLUMNS)), tables.ABOUT]
+    parts.append("\n".join(f"- {note}" for note in tables.notes(record)) + "\n")
+    if record.bounds:
+        parts.append(show.markdown(show.table(bounds_tables.rows(record), bounds_tables.COLUMNS)))
+        parts.append(bounds_tables.ABOUT)
+        parts += sorted({f"{one.remark}\n" for one in record.bounds if one.remark})
+        if regions := bounds_tables.region_rows(record):
+            parts.append(show.markdown(show.table(regions, bounds_tables.REGIONS)))
+    return parts
 
 
-def main() -> int:
-    parser = cli.parser(__doc__)
-    parser.add_argument(
-        "--phase", nargs="+", metavar="PHASE", help="phases, or opt2@opt3 (all of the ladder)"
-    )
-    parser.add_argument("--scene", nargs="+", default=["scene0"], metavar="SCENE", help="scenes (scene0)")
-    parser.add_argument("-n", type=int, default=240, metavar="HEIGHT", help="picture height (%(default)s)")
-    parser.add_argument(
-        "--samples", type=int, default=3000, metavar="K", help="at least, of each build (%(default)s)"
-    )
-    parser.add_argument("--cpu", type=int, help="pin to this CPU")
-    parser.add_argument("--run", type=Path, metavar="DIR", help="for hotspots.json; default: none")
-    parser.add_argument("--no-bounds", action="store_true", help="without Table 3")
-    parser.add_argument("--no-osaca", action="store_true", help="Table 3 without OSACA, half a minute faster")
-    args = parser.parse_args()
-    if not 1 <= args.n <= 32768:
-        raise StudyError(f"-n: a height of 1 to 32768 pixels is required, not {args.n}")
-    if not 100 <= args.samples <= 1_000_000:
-        raise StudyError(f"--samples: 100 to 1000000 are required, not {args.samples}")
+def measure(args: argparse.Namespace) -> Outcome:
     target = store.Run.open(args.run) if args.run else None
-    if target:
-        hotspots_chapter.hot(
-            target.path
-        )  # what is there must be sound before minutes of sampling are added to it
+    # What is there must be sound before minutes of sampling are added to it.
+    old = Hotspots.load_if_there(target.path / FILE) if target else None
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
     scenes = [registry.find_scene(name) for name in args.scene]
     pairs = [(Spec.parse(name), scene) for scene in scenes for name in args.phase or ladder]
     if lacking := perf.missing():
         raise StudyError(lacking, cli.CANNOT_RUN)
-    record = measure([pair for pair in pairs if not skipped(pair[0])], args)
-    if not record["profiles"]:
+    sampling = Sampling(args)
+    for spec, scene in progress.each([pair for pair in pairs if not skipped(pair[0])], "sample"):
+        try:
+            sampling.add(spec, scene)
+        except run.DriverError as error:
+            if error.status not in (run.NO_ISA, run.UNSUPPORTED):
+                raise
+            cli.say(f"{spec} {scene.name} left out: {error}")
+    record = sampling.record
+    if not record.profiles:
         raise StudyError("no phase can be sampled here", cli.CANNOT_RUN)
     if target:
-        path = target.path / "hotspots.json"
-        store.write_json(path, hotspots.merge(hotspots.read(path), record))
-    for one in record["profiles"]:
-        if one["samples"] < min(ENOUGH, args.samples // 2):
-            cli.say(f"{one['phase']} {one['scene']} {one['variant']}: {one['samples']} samples only")
-    if args.json:
-        rows = {"hotspots": table(record), "bounds": bounds_page.rows(record)}
-        cli.emit(rows | {"regions": bounds_page.region_rows(record), "record": record}, args.run)
-    else:
-        print(text(record), end="")
-    return cli.OK
+        store.write_json(target.path / FILE, tables.merge(old or Hotspots(), record))
+    few = [
+        f"{one.phase} {one.scene} {one.variant}: {one.samples} samples only"
+        for one in record.profiles
+        if one.samples < min(ENOUGH, args.samples // 2)
+    ]
+    width = tables.core_width(machine.cpu()["microarchitecture"])
+    rows = tables.table_rows(record, widest=width)
+    result = {"hotspots": rows, "bounds": bounds_tables.rows(record), "record": record}
+    result |= {"regions": bounds_tables.region_rows(record)}
+    return Outcome(result, text(record, rows), args.run, few)
 
 
 def skipped(spec: Spec) -> bool:

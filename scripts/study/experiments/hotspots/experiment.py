@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from study.bounds.schema import SCHEMAS
 from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.hotspots import chapter
-from study.experiments.hotspots.schema import SCHEMAS
+from study.experiments.hotspots import chapter, command
 from study.experiments.section import Section
 from study.numbers.analysis import Data
 
@@ -42,5 +42,6 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     cut="Baseline, opt1 with structs and with arrays and the last phase, on one scene at height 120.",
+    command=command,
     sections=[(230, section)],
 )

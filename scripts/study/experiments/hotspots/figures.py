@@ -6,35 +6,26 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from study.experiments.hotspots.tables import REST, Row
+from study.core.show import cell
+from study.experiments.hotspots.tables import Row, top
 
 SHOWN = 5  # functions of a phase; the others are one piece
 SHADES = ("#0072B2", "#3D94C6", "#76B3D6", "#A9CFE5", "#D3E6F1")
 OTHERS = "#e6e6e6"
 
 
-def top(rows: Sequence[Row], phase: str) -> list[Row]:
-    """The functions of most time of a phase, on the first scene that it was sampled on, as it is shipped
-    where that was sampled; `build` and `percent` beside each."""
-    mine = [row for row in rows if row["phase"] == phase and not row["function"].startswith(REST)]
-    mine = [row for row in mine if row.get("scene") == mine[0].get("scene")]
-    build = "shipped" if any(row.get("shipped_percent") for row in mine) else "calls"
-    found = [row | {"build": build, "percent": row.get(f"{build}_percent") or 0.0} for row in mine]
-    return sorted((row for row in found if row["percent"]), key=lambda row: -row["percent"])[:SHOWN]
-
-
 def draw(rows: Sequence[Row]) -> Figure:
     """A bar a phase: its functions of most time, named where the name has room, and the rest."""
-    names = list(dict.fromkeys(row["phase"] for row in rows))
+    names = list(dict.fromkeys(row.phase for row in rows))
     figure = Figure(figsize=(11, 0.42 * len(names) + 1.3), layout="constrained")
     figure.suptitle("Where the time of a frame goes", x=0.01, ha="left", fontsize=12)
     axes = figure.subplots()
     for place, name in enumerate(names):
         left = 0.0
-        for shade, row in enumerate(top(rows, name)):
-            share = row["percent"]
+        build, mine = top(rows, name, SHOWN)
+        for shade, row in enumerate(mine):
+            share, text = cell(row, f"{build}_percent"), row.function
             axes.barh(place, share, 0.8, left, color=SHADES[shade], edgecolor="white")
-            text = row["function"]
             if len(text) * 0.82 + 1 < share:
                 ink = "white" if shade < 2 else "black"
                 axes.text(left + share / 2, place, text, fontsize=7.5, color=ink, ha="center", va="center")

@@ -2,56 +2,99 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from study.bounds.profiles import Profile, wilson
+import msgspec
+
+from study.bounds.profiles import wilson
+from study.bounds.schema import Beside, Hotspots, Profiled
 from study.core import machine, show
-from study.core.show import Column
-from study.experiments.hotspots.schema import Hotspots
+from study.core.show import Column, cell
+from study.counting.schema import Function
 from study.numbers import paper
 
 SHOWN = 10  # functions of a table, as many as the paper has
 REST = "other functions"
 
-Row = dict[str, Any]
+
+@dataclass(frozen=True)
+class Row:
+    """A function; of each build its time, share in per cent with its interval, and samples. `paper_share` is
+    of the paper's ten rows' time."""
+
+    scene: str
+    phase: str
+    width: int
+    height: int
+    function: str
+    shipped_seconds: float | None = None
+    shipped_percent: float | None = None
+    shipped_percent_low: float | None = None
+    shipped_percent_high: float | None = None
+    shipped_samples: int | None = None
+    calls_seconds: float | None = None
+    calls_percent: float | None = None
+    calls_percent_low: float | None = None
+    calls_percent_high: float | None = None
+    calls_samples: int | None = None
+    per_cycle: float | None = None
+    lanes_active: float | None = None
+    paper_seconds: float | None = None
+    paper_share: float | None = None
+    paper_usage: float | None = None
+    paper_source: str | None = None
 
 
-def per_cycle(profile: Profile, instructions: dict[str, int]) -> dict[str, float]:
+def per_cycle(profile: Profiled, instructions: Mapping[str, int]) -> dict[str, float | None]:
     """Instructions per core cycle by function: counted instructions of a frame over sampled cycles. Under 30
     samples the quotient says nothing and is left out.
     """
-    found = {}
-    for name, count in instructions.items():
-        taken = profile.functions.get(name)
-        if taken and taken["samples"] >= 30 and profile.core_cycles > 0:
-            found[name] = count / (profile.share(name) * profile.core_cycles)
-    return found
-
-
-def lanes_active(by_function: Row) -> dict[str, float]:
-    """Useful over executed operations by function, of the counting build's JSON."""
     return {
-        name: found["useful"] / found["machine"]
-        for name, found in by_function.items()
-        if found.get("machine")
+        one.function: instructions[one.function] / (one.weight / profile.weight * profile.core_cycles)
+        for one in profile.functions
+        if one.function in instructions and one.samples >= 30
     }
 
 
-def theirs(phase: str) -> dict[str, Row]:
-    """The paper's rows of a phase by function, as it is called here; `share` is of its ten rows' time."""
+def lanes_active(by_function: Mapping[str, Function], lanes: int) -> dict[str, float | None]:
+    """Useful over executed operations by function, of the counting build; undeclared: of lanes."""
+    found: dict[str, float | None] = {}
+    for name, one in by_function.items():
+        useful, executed = (one.useful, one.machine) if one.machine else (one.lanes, one.calls * lanes)
+        if executed:
+            found[name] = useful / executed
+    return found
+
+
+@dataclass(frozen=True)
+class _Stated:
+    """The paper's row of a function."""
+
+    seconds: float
+    share: float
+    usage: float
+    source: str
+
+    def beside(self, row: Row) -> Row:
+        return replace(
+            row,
+            paper_seconds=self.seconds,
+            paper_share=self.share,
+            paper_usage=self.usage,
+            paper_source=self.source,
+        )
+
+
+def theirs(phase: str) -> dict[str, _Stated]:
+    """The paper's rows of a phase by function, as it is called here."""
     table = paper.read("hotspots")
-    rows = table[table["phase"] == phase].to_dict("records")
-    total = sum(row["cpu_time_s"] for row in rows)
+    rows = list(table[table.phase == phase].itertuples())
+    total = sum(row.cpu_time_s for row in rows)
     return {
-        row["function"].lstrip("_"): {
-            "paper_seconds": row["cpu_time_s"],
-            "paper_share": row["cpu_time_s"] / total,
-            "paper_usage": row["usage_percent"] / 100,
-            "paper_source": row["source"],
-        }
+        row.function.lstrip("_"): _Stated(
+            row.cpu_time_s, row.cpu_time_s / total, row.usage_percent / 100, row.source
+        )
         for row in rows
     }
 
@@ -69,95 +112,90 @@ def core_width(microarchitecture: str | None) -> int:
     return 6 if microarchitecture in _SIX_WIDE else WIDEST
 
 
-def table_rows(record: Row, shown: int = SHOWN, widest: int = WIDEST) -> list[Row]:
+def _plain(name: str) -> str:
+    return name.removesuffix(" (libm)")
+
+
+def table_rows(record: Hotspots, shown: int = SHOWN, widest: int = WIDEST) -> list[Row]:
     """Rows of Tables 2 and 4 from a run's hotspots.json: per phase the `shown` functions of the most time,
     those of the paper, and the rest, so that each column sums to the frame. Quotients of instructions over
     core cycles above `widest` are left out: no core does that, the samples are another function's.
     """
-    profiles = [Profile.from_json(one) for one in record["profiles"]]
     rows = []
-    for one in dict.fromkeys((p.scene, p.spec, p.width, p.height) for p in profiles):
-        by = {p.variant: p for p in profiles if (p.scene, p.spec, p.width, p.height) == one}
+    for which in dict.fromkeys(one.picture for one in record.profiles):
+        by = {one.variant: one for one in record.profiles if one.picture == which}
         first = by.get("shipped") or by["calls"]
         stated = theirs(first.phase) if first.scene == "scene0" else {}
-        names = sorted(first.functions, key=lambda name: -first.share(name))[:shown]
-        plain = {re.sub(r" \(libm\)$", "", name): name for name in first.functions}
-        names += [
-            plain[name]
-            for name in stated
-            if name in plain and plain[name] not in names and first.share(plain[name])
-        ]
-        extra = record.get("beside", {}).get("|".join(map(str, one)), {})
-        about = {"scene": one[0], "phase": one[1], "width": one[2], "height": one[3]}
+        order = sorted(first.functions, key=lambda one: -one.weight)
+        names = [one.function for one in order[:shown]]
+        more = {_plain(one.function): one.function for one in order[shown:] if one.weight}
+        names += [more[name] for name in stated if name in more]
+        beside = record.beside.get("|".join(map(str, which)), Beside(per_cycle={}, lanes_active={}))
         for name in names:
-            rows.append(
-                about
-                | {"function": name}
-                | _cells(by, [name])
-                | {"per_cycle": _possible(extra.get("per_cycle", {}).get(name), widest)}
-                | {"lanes_active": extra.get("lanes_active", {}).get(name)}
-                | stated.get(re.sub(r" \(libm\)$", "", name), {})
+            quotient = beside.per_cycle.get(name)
+            row = replace(
+                _cells(which, name, by, [name]),
+                per_cycle=quotient if quotient is not None and quotient <= widest else None,
+                lanes_active=beside.lanes_active.get(name),
             )
-        rest = {name for p in by.values() for name in p.functions} - set(names)
-        rows.append(about | {"function": f"{REST} ({len(rest)})"} | _cells(by, sorted(rest)))
-        shown_names = {re.sub(r" \(libm\)$", "", name) for name in names}
-        rows += [
-            about | {"function": name} | cells for name, cells in stated.items() if name not in shown_names
-        ]
+            known = stated.get(_plain(name))
+            rows.append(known.beside(row) if known else row)
+        rest = {one.function for profile in by.values() for one in profile.functions} - set(names)
+        rows.append(_cells(which, f"{REST} ({len(rest)})", by, rest))
+        shown_names = set(map(_plain, names))
+        rows += [one.beside(Row(*which, name)) for name, one in stated.items() if name not in shown_names]
     return rows
 
 
-def _possible(per_cycle: float | None, widest: int) -> float | None:
-    return per_cycle if per_cycle is not None and per_cycle <= widest else None
-
-
-def _cells(by: dict[str, Profile], names: Sequence[str]) -> Row:
-    """Time, share in per cent with its interval, and samples of functions together, per build."""
-    cells: Row = {}
+def _cells(
+    which: tuple[str, str, int, int], title: str, by: Mapping[str, Profiled], names: Collection[str]
+) -> Row:
+    """Functions together, per build."""
+    row = Row(*which, title)
     for variant, one in by.items():
-        share = sum(one.share(name) for name in names)
+        share, samples = one.share_of(names), one.samples_of(names)
         low, high = wilson(share * one.samples, one.samples)
-        cells |= {
-            f"{variant}_seconds": share * one.cpu_ns / 1e9,
-            f"{variant}_percent": 100 * share,
-            f"{variant}_percent_low": 100 * low,
-            f"{variant}_percent_high": 100 * high,
-            f"{variant}_samples": sum(one.functions[n]["samples"] for n in names if n in one.functions),
-        }
-    return cells
+        values = (share * one.cpu_ns / 1e9, 100 * share, 100 * low, 100 * high, samples)
+        fields = ("seconds", "percent", "percent_low", "percent_high", "samples")
+        cells = {f"{variant}_{name}": value for name, value in zip(fields, values, strict=True)}
+        row = replace(row, **cells)
+    return row
 
 
 def _share(variant: str) -> Callable[[Row], str]:
     """`12.3 [11.0, 13.7]`; nothing where the build has no such function."""
 
     def text(row: Row) -> str:
-        if row.get(f"{variant}_percent") is None or not row.get(f"{variant}_samples"):
+        value, low, high = (cell(row, f"{variant}_percent{end}") for end in ("", "_low", "_high"))
+        if value is None or not cell(row, f"{variant}_samples"):
             return show.NOTHING
-        value, low, high = (row[f"{variant}_percent{end}"] for end in ("", "_low", "_high"))
         return f"{value:.1f} [{low:.1f},\u00a0{high:.1f}]"
 
     return text
 
 
 def _seconds(variant: str) -> Callable[[Row], str]:
-    name = f"{variant}_seconds"
-    return lambda row: show.number(row.get(name) or None, 3)
+    return lambda row: show.number(cell(row, f"{variant}_seconds") or None, 3)
+
+
+def _hundred(share: float | None) -> float | None:
+    return None if share is None else 100 * share
 
 
 COLUMNS = [
     Column("", "scene", show.word("scene")),
     Column("", "phase", show.word("phase")),
-    Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
+    Column("", "size", lambda r: f"{r.width}×{r.height}"),
     Column("", "function", show.word("function")),
     Column("shipped build", "s a frame", _seconds("shipped")),
     Column("shipped build", "% of the frame [95\u00a0%]", _share("shipped")),
     Column("without inlining", "s a frame", _seconds("calls")),
     Column("without inlining", "% of the frame [95\u00a0%]", _share("calls")),
     Column("without inlining", "instructions/core cycle, counted/sampled", show.plain("per_cycle", 2)),
-    Column("", "lanes at useful work", lambda r: show.percent(r.get("lanes_active"))),
+    Column("", "lanes at useful work", lambda r: show.percent(r.lanes_active)),
     Column("the paper", "s", show.plain("paper_seconds")),
-    Column("the paper", "% of its ten rows", lambda r: show.number(_hundred(r.get("paper_share")))),
-    Column("the paper", "microarchitecture usage", lambda r: show.percent(r.get("paper_usage"))),
+    Column("the paper", "% of its ten rows", lambda r: show.number(_hundred(r.paper_share))),
+    Column("the paper", "microarchitecture usage", lambda r: show.percent(r.paper_usage)),
 ]
 
 
@@ -168,44 +206,35 @@ ABOUT = (
 )
 
 
-def _hundred(share: float | None) -> float | None:
-    return None if share is None else 100 * share
-
-
-def notes(record: Row) -> list[str]:
+def notes(record: Hotspots) -> list[str]:
     """What was sampled, and what was left out, one line per build."""
     lines = []
-    for data in record["profiles"]:
-        p = Profile.from_json(data)
-        out = sum(p.left_out.values())
-        most = ", ".join(list(p.left_out)[:3])
+    for one in record.profiles:
+        out, most = sum(one.left_out.values()), ", ".join(list(one.left_out)[:3])
         lines.append(
-            f"{p.scene} {p.spec}, {'without inlining' if p.variant == 'calls' else 'shipped'}"
-            + (", its general code, no kernel generated for the scene: " if p.kernel else ": ")
-            + f"{p.samples} samples ({p.event}) of {p.frames} frames of {p.cpu_ns / 1e6:.4g} ms"
-            + (f" (in {p.frame_ns / 1e6:.4g} ms: the CPU was shared); " if p.covered < 0.9 else "; ")
-            + f"{out} ({100 * out / (p.samples + out):.1f} %) left out as not of a frame"
-            + (f" ({most}{' …' if len(p.left_out) > 3 else ''})" if out else "")
+            f"{one.scene} {one.spec}, {'without inlining' if one.variant == 'calls' else 'shipped'}"
+            + (", its general code, no kernel generated for the scene: " if one.kernel else ": ")
+            + f"{one.samples} samples ({one.event}) of {one.frames} frames of {one.cpu_ns / 1e6:.4g} ms"
+            + (f" (in {one.frame_ns / 1e6:.4g} ms: the CPU was shared); " if one.covered < 0.9 else "; ")
+            + f"{out} ({100 * out / (one.samples + out):.1f} %) left out as not of a frame"
+            + (f" ({most}{' …' if len(one.left_out) > 3 else ''})" if out else "")
         )
     return lines
 
 
-def read(path: Path) -> Row:
-    """A run's hotspots.json, or an empty record. Raises StudyError for another thing's JSON."""
-    return Hotspots.read_if_there(path) or {"schema": 1, "profiles": [], "beside": {}, "bounds": []}
-
-
-def merge(old: Row, new: Row) -> Row:
+def merge(old: Hotspots, new: Hotspots) -> Hotspots:
     """Both records; what was measured again replaces the older one."""
+    profiles = {(*one.picture, one.variant): one for one in [*old.profiles, *new.profiles]}
+    bounds = {(one.scene, one.spec, one.width, one.height): one for one in [*old.bounds, *new.bounds]}
+    both = {"profiles": [*profiles.values()], "bounds": [*bounds.values()]}
+    return msgspec.structs.replace(old, beside=old.beside | new.beside, **both)
 
-    def together(name: str, keys: Sequence[str]) -> list[Row]:
-        several = [*old.get(name, []), *new.get(name, [])]
-        return [*{tuple(one.get(key) for key in keys): one for one in several}.values()]
 
-    which = ("phase", "flags_from", "scene", "width", "height")
-    return {
-        "schema": 1,
-        "profiles": together("profiles", (*which, "variant")),
-        "beside": {**old.get("beside", {}), **new.get("beside", {})},
-        "bounds": together("bounds", which),
-    }
+def top(rows: Sequence[Row], phase: str, most: int) -> tuple[str, list[Row]]:
+    """The build that is shown of a phase (as it is shipped, where that was sampled) and its functions of most
+    time, on the first scene that it was sampled on."""
+    mine = [row for row in rows if row.phase == phase and not row.function.startswith(REST)]
+    mine = [row for row in mine if row.scene == mine[0].scene]
+    build = "shipped" if any(row.shipped_percent for row in mine) else "calls"
+    found = sorted(mine, key=lambda row: -(cell(row, f"{build}_percent") or 0.0))
+    return build, [row for row in found if cell(row, f"{build}_percent")][:most]

@@ -1,0 +1,173 @@
+"""hotspots.json."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+
+from study.core.schema import Record, key
+from study.numbers.schema import Result
+
+
+class Share(Record, kw_only=True, omit_defaults=True):
+    """A function of a profile."""
+
+    function: Annotated[str, key("", "its name")]
+    samples: Annotated[int, key("samples", "in it")]
+    weight: Annotated[int, key("`event`", "events that they stand for")]
+    share: Annotated[float | None, key("share", "of the frame's samples")] = None
+    share_low: Annotated[float | None, key("share", "lower end, 95 % (Wilson)")] = None
+    share_high: Annotated[float | None, key("share", "upper end")] = None
+    seconds: Annotated[float | None, key("s", "of a frame")] = None
+
+
+class Profiled(Record, kw_only=True, omit_defaults=True):
+    """Samples of one build's timed frames."""
+
+    phase: Annotated[str, key("", "its name")]
+    flags_from: Annotated[str, key("", "the phase whose compiler flags built it")]
+    variant: Annotated[Literal["shipped", "calls"], key("", "`shipped`, or `calls`: without inlining")]
+    scene: Annotated[str, key("", "its name")]
+    width: Annotated[int, key("pixels", "of the picture", ge=1)]
+    height: Annotated[int, key("pixels", "of the picture", ge=1)]
+    event: Annotated[str, key("", "that was sampled")]
+    frames: Annotated[int, key("frames", "sampled", gt=0)]
+    frame_ns: Annotated[float, key("ns", "median wall time of these")]
+    cpu_ns: Annotated[float, key("ns", "of a frame in which the process ran", gt=0)]
+    core_cycles: Annotated[float, key("core cycles", "the same")]
+    samples: Annotated[int, key("samples", "of frames", gt=0)]
+    weight: Annotated[int, key("`event`", "events that they stand for", gt=0)]
+    covered: Annotated[float, key("share", "sampled time over timed time")]
+    functions: Annotated[list[Share], key("", "most first", min_length=1)]
+    left_out: Annotated[dict[str, int], key("samples", "function → what was not of a frame")]
+    kernel: Annotated[str | None, key("", "why general code ran; null: the phase generates none")] = None
+
+    @property
+    def spec(self) -> str:
+        return self.phase if self.phase == self.flags_from else f"{self.phase}@{self.flags_from}"
+
+    @property
+    def picture(self) -> tuple[str, str, int, int]:
+        return self.scene, self.spec, self.width, self.height
+
+    def samples_of(self, names: Collection[str]) -> int:
+        return sum(one.samples for one in self.functions if one.function in names)
+
+    def share_of(self, names: Collection[str]) -> float:
+        """Of the frame, of functions together."""
+        return sum(one.weight for one in self.functions if one.function in names) / self.weight
+
+
+class Beside(Record, kw_only=True, omit_defaults=True):
+    """Counts that stand beside a profile."""
+
+    per_cycle: Annotated[dict[str, float | None], key("flop/core cycle", "by function")]
+    lanes_active: Annotated[
+        dict[str, float | None], key("share of lanes", "whose ray is under way, by function (counts.json)")
+    ]
+
+
+class Split(Record, kw_only=True, omit_defaults=True):
+    """Shares of the cycles, or of the slots; of a model without front end and speculation."""
+
+    retiring: Annotated[float | None, key("share", "at work")] = None
+    memory: Annotated[float | None, key("share", "waiting for memory")] = None
+    core: Annotated[float | None, key("share", "waiting for ports and results")] = None
+    ports: Annotated[float | None, key("share", "of core: for ports")] = None
+    dependencies: Annotated[float | None, key("share", "of core: for results")] = None
+    front_end: Annotated[float | None, key("share", "waiting for instructions, by the PMU")] = None
+    bad_speculation: Annotated[float | None, key("share", "lost, by the PMU")] = None
+    back_end: Annotated[float | None, key("share", "memory and core, by the PMU")] = None
+
+
+class Mca(Record, kw_only=True):
+    """llvm-mca's view of one pass."""
+
+    throughput: Annotated[float, key("core cycles", "when passes overlap")]
+    latency: Annotated[float, key("core cycles", "alone")]
+    block_throughput: Annotated[float, key("core cycles", "by the busiest resource")]
+    uops: Annotated[float, key("micro-operations", "of a pass")]
+    width: Annotated[int, key("micro-operations", "dispatched a cycle")]
+    resources: Annotated[float, key("share of cycles", "in which the pressure of resources grows")]
+    registers: Annotated[float, key("share of cycles", "the same of registers")]
+    memory: Annotated[float, key("share of cycles", "the same of memory")]
+    split: Annotated[Split | None, key("share", "of the cycles, by what is blamed")] = None
+
+
+class Osaca(Record, kw_only=True):
+    """OSACA's view of one pass. Unknown instructions count as nothing: every figure is a lower bound."""
+
+    arch: Annotated[str, key("", "whose tables")]
+    throughput: Annotated[float, key("core cycles", "of the busiest port")]
+    port: Annotated[str, key("", "its name")]
+    critical_path: Annotated[float, key("core cycles", "longest chain")]
+    loop_carried: Annotated[float | None, key("core cycles", "from pass to pass; null: not found in time")]
+    instructions: Annotated[int, key("instructions", "of the pass")]
+    unknown: Annotated[int, key("instructions", "that its tables lack")]
+
+
+class Compared(Record, kw_only=True):
+    """The modelled regions' cycles of a frame."""
+
+    share: Annotated[float, key("share", "of the frame's samples")]
+    throughput: Annotated[float, key("core cycles", "predicted, passes overlapping")]
+    latency: Annotated[float, key("core cycles", "predicted, one after the other")]
+    measured: Annotated[float, key("core cycles", "sampled")]
+
+
+class Region(Record, kw_only=True, omit_defaults=True):
+    """A hot region, its loop or straight code."""
+
+    region: Annotated[str, key("", "its name")]
+    function: Annotated[str, key("", "that it is in")]
+    loop: Annotated[bool, key("", "whether it is one")]
+    share: Annotated[float, key("share", "of the frame's samples")]
+    instructions: Annotated[int, key("instructions", "of it")] = 0
+    calls: Annotated[int, key("calls", "in it")] = 0
+    mca: Annotated[Mca | None, key("", "what llvm-mca says")] = None
+    osaca: Annotated[Osaca | None, key("", "what OSACA says")] = None
+    measured: Annotated[float | None, key("core cycles", "a pass, from samples and counts")] = None
+
+
+class Bound(Record, kw_only=True, omit_defaults=True):
+    """What bounds a phase on a scene: a model of its hot regions, or the PMU's top-down split."""
+
+    phase: Annotated[str, key("", "its name")]
+    flags_from: Annotated[str, key("", "the phase whose compiler flags built it")]
+    scene: Annotated[str, key("", "its name")]
+    width: Annotated[int, key("pixels", "of the picture")]
+    height: Annotated[int, key("pixels", "of the picture")]
+    by: Annotated[str, key("", "`model`, or `pmu`")]
+    processor: Annotated[str | None, key("", "that it is of")] = None
+    model: Annotated[str | None, key("", "program, version and processor modelled")] = None
+    remark: Annotated[str | None, key("", "what limits it")] = None
+    covered: Annotated[float | None, key("share", "of the samples in regions that are modelled")] = None
+    split: Annotated[Split | None, key("share", "of the cycles, by what they went to")] = None
+    modelled_split: Annotated[Split | None, key("share", "by the model, beside the PMU's")] = None
+    cpu_ns: Annotated[float, key("ns", "of a frame in which the process ran")]
+    samples: Annotated[int | None, key("samples", "of frames")] = None
+    compared: Annotated[Compared | None, key("core cycles", "modelled beside measured")] = None
+    regions: Annotated[list[Region], key("", "hot regions")] = msgspec.field(default_factory=list)
+
+    @property
+    def spec(self) -> str:
+        return self.phase if self.phase == self.flags_from else f"{self.phase}@{self.flags_from}"
+
+
+class Hotspots(Result, kw_only=True):
+    """Samples by function, and a model of what bounds the hot regions."""
+
+    made_by: ClassVar[str] = "hotspots"
+    schema: Annotated[Literal[1], key("", "version of the form")] = 1
+    profiles: Annotated[list[Profiled], key("", "by phase, scene and build")] = msgspec.field(
+        default_factory=list
+    )
+    beside: Annotated[dict[str, Beside], key("", "`scene|phase|width|height` → counts")] = msgspec.field(
+        default_factory=dict
+    )
+    bounds: Annotated[list[Bound], key("", "what bounds each phase")] = msgspec.field(default_factory=list)
+
+
+SCHEMAS = {"hotspots.json": Hotspots}
