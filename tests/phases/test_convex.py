@@ -614,7 +614,7 @@ def test_what_is_not_marched_to_its_end_is_truths(name: str, tmp_path: Path) -> 
 
 
 def test_a_ratio_that_has_risen_does_not_come_back() -> None:
-    """The end of a march past one convex solid (PROOFS.md, 7.): no later term is less.
+    """The end of a march past one convex solid (PROOFS.md, 6.): no later term is less.
 
     A random box, seen by rays along z from a floor whose normal is near them; others are kept out of the cone
     in which a term can come below 1.

@@ -1,6 +1,6 @@
 // The widest cone about a ray that holds nothing of a solid: the least ratio h(t)/t of the solid's distance over
-// a stretch of the ray. For a convex solid u·h(1/u) is a convex function of u = 1/t, so Newton's steps in a
-// bracket find its minimum (PROOFS.md, 2. and 3.). A sphere needs no step.
+// a stretch of the ray. For a convex solid u·h(1/u) is a convex function of u = 1/t, so a root search in a
+// bracket finds its minimum (PROOFS.md, 2. and 3.). A sphere needs no step.
 #ifndef OPT11_WIDEST_CONE_H
 #define OPT11_WIDEST_CONE_H
 
@@ -170,8 +170,9 @@ static inline float room_for(float strength) {
 }
 
 // Returns the lesser of `best` and the least ratio of the convex solid s (a torus: of its hull), to within
-// `room`. *where: t of the least ratio found. Other lanes keep `best`. In t the step of Newton for half the
-// square of H/t, as a function of 1/t, is t·e/(e − H·p): exact where the nearest part is a point or a line.
+// `room`. *where: t of the least ratio found. Other lanes keep `best`. A step in 1/t is Newton's for a root of
+// H/t times the derivative of h/t. With core 0 that is Newton's step for the minimum of half the square of h/t,
+// exact where the nearest part is a point or a line; with a core no step is exact (PROOFS.md, 3.).
 INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s, vfloat best,
                             vmask active, vfloat room, vfloat *where) {
     vfloat zero = v_splat(0.0f), half = v_splat(0.5f), core = v_splat(core_radius(s));

@@ -4,7 +4,7 @@
 // 11); it only scales the estimate, so the surface stays in place.
 //
 // Beyond |p| = 2^(1/7) every point escapes, and the estimate is positive. Beyond 1.15 it exceeds BULB_SHARE
-// of the distance to that sphere, for any number of iterations (PROOFS.md, 13.; the least is 0.529, near
+// of the distance to that sphere, for any number of iterations (PROOFS.md, 12.; the least is 0.529, near
 // 1.65).
 #ifndef OPT9_BULB_H
 #define OPT9_BULB_H

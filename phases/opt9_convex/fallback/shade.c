@@ -41,11 +41,11 @@ static struct vec light_at(struct point p, struct vec n, struct vec direction, v
     vfloat facing = vec_dot(n, to_light);
     // Facing away from the light, both terms are 0 whatever the shadow. A point at the light has no direction
     // to it.
-    vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
+    vmask front = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
     struct vec color = vec_scale(base, v_splat(0.01f)); // ambient
-    if (!v_any(lit))
+    if (!v_any(front))
         return color;
-    vfloat reach = shadow(p, to_light, distance, lit, world) / distance;
+    vfloat reach = shadow(p, to_light, distance, front, world) / distance;
     // Reflects the light's direction, where the paper has R = −that.
     vfloat shine = vec_dot(vec_reflect(to_light, n), direction);
     vfloat specular = v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
@@ -55,7 +55,7 @@ static struct vec light_at(struct point p, struct vec n, struct vec direction, v
     struct vec bright = {v_madd(emission.x * v_madd(base.x, facing, specular), reach, color.x),
                          v_madd(emission.y * v_madd(base.y, facing, specular), reach, color.y),
                          v_madd(emission.z * v_madd(base.z, facing, specular), reach, color.z)};
-    return vec_select(lit, bright, color);
+    return vec_select(front, bright, color);
 }
 
 void trace(struct point origin, struct vec direction, vmask active, int bounce,

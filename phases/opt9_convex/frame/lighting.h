@@ -25,7 +25,7 @@ INLINE void add_phong(struct shading_packet *at, const struct surface *surface, 
                       vfloat reach, const struct tile_context *work) {
     vfloat specular = v_splat(0.0f);
     const float *e = work->emission;
-    vmask shines = v_and(at->lit, v_cmp_gt(shine, surface->shine_from));
+    vmask shines = v_and(at->front, v_cmp_gt(shine, surface->shine_from));
     if (v_any(shines)) {
         specular = v_select_or_zero(
             shines, v_splat(0.2f) * phong_power(v_max(shine, v_splat(1e-30f)), surface->shininess));
@@ -36,7 +36,7 @@ INLINE void add_phong(struct shading_packet *at, const struct surface *surface, 
                              v_splat(e[2]) * v_madd(base.z, at->facing, specular) * reach};
 }
 
-// Sets colour (ambient), lit, facing, to_light and light of a packet. axis: the normal if all hits are on one
+// Sets colour (ambient), front, facing, to_light and light of a packet. axis: the normal if all hits are on one
 // plane (a kernel knows it), else NULL.
 INLINE void light_surfaces(struct shading_packet *at, const struct surface *surface,
                            const float *axis, const struct tile_context *work) {
@@ -56,7 +56,7 @@ INLINE void light_surfaces(struct shading_packet *at, const struct surface *surf
     vfloat square = vec_dot(l, l), per = v_splat(1.0f) / v_sqrt(square);
     l = vec_scale(l, per);
     vfloat facing = axis ? add_dot(axis, l) : vec_dot(n, l);
-    at->lit = v_and(at->hit.found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(square, zero)));
+    at->front = v_and(at->hit.found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(square, zero)));
     at->facing = facing;
     at->to_light = l;
     vfloat shine = vec_dot(axis ? reflected_at(axis, l) : vec_reflect(l, n), ray->direction);
@@ -83,7 +83,7 @@ INLINE void primary_light(struct shading_packet *at, const struct surface *surfa
     vfloat down = vec_dot(n, d), shine = v_nmadd(along + along, down, vec_dot(l, d));
     along = v_negate_where(v_cmp_gt(down, zero), along); // n may point away from the ray
     at->facing = along * per;
-    at->lit = v_and(at->hit.found, v_and(v_cmp_gt(along, zero), v_cmp_gt(square, zero)));
+    at->front = v_and(at->hit.found, v_and(v_cmp_gt(along, zero), v_cmp_gt(square, zero)));
     add_phong(at, surface, shine * per, weight * per, work);
 }
 

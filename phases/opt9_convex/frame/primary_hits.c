@@ -62,7 +62,7 @@ KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shad
     at->surface.normal = seen->hit.local;
     primary_material(seen, work->scene, &at->surface);
     primary_light(at, &at->surface, work);
-    at->color.x = at->color.x + v_select_or_zero(at->lit, at->light.x);
-    at->color.y = at->color.y + v_select_or_zero(at->lit, at->light.y);
-    at->color.z = at->color.z + v_select_or_zero(at->lit, at->light.z);
+    at->color.x = at->color.x + v_select_or_zero(at->front, at->light.x);
+    at->color.y = at->color.y + v_select_or_zero(at->front, at->light.y);
+    at->color.z = at->color.z + v_select_or_zero(at->front, at->light.z);
 }

@@ -151,7 +151,7 @@ static double bounding_radius(const struct shape *shape) {
 
 // Returns whether closed forms can draw the copies of a repeated shape, and sets its box. It must lie in its
 // cell and be its own mirror image on the axes that repeat, or the wrapped distance jumps at a wall
-// (PROOFS.md, 12.). A ray may pass MAX_CELLS cells at most, because floats count them.
+// (PROOFS.md, 11.). A ray may pass MAX_CELLS cells at most, because floats count them.
 enum { MAX_CELLS = 4096 };
 
 static bool fits_its_cells(const struct shape *shape, struct primitive *p,

@@ -135,7 +135,7 @@ static inline void find_surfaces(struct shading_packet *at, const struct prepare
     struct packet_ray *ray = &at->ray;
     at->point = vec_along(ray->origin, ray->direction, at->hit.t);
     at->hit.found = v_and(at->hit.found, in_bounds(at, KNOWN(scene)));
-    at->lit = v_mask_none();
+    at->front = v_mask_none();
     at->flat = false;
     if (!v_any(at->hit.found))
         return;
@@ -166,22 +166,22 @@ static inline bool queries_rays_singly(const struct prepared *scene) {
 // Sets at->open: which rays reach the light without a march.
 static inline void cull_shadows(struct shading_packet *at, const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
-    at->open = at->lit;
-    if (!v_any(at->lit))
+    at->open = at->front;
+    if (!v_any(at->front))
         return;
     // HAS_BVH is repeated here because a kernel without optimization would refer to bvh_trivially_lit().
     if (HAS_BVH(work->scene) && queries_rays_singly(work->scene))
         at->open = bvh_trivially_lit(at->point, at->hit.local, at->to_light, at->facing,
-                                     at->hit.shape, at->lit, work);
+                                     at->hit.shape, at->front, work);
     else if (model->shadows == SHADOWS_SOFT)
         at->open = trivially_lit(&at->point, &at->hit.local, &at->to_light, at->facing,
-                                 at->hit.shape, at->lit, work);
+                                 at->hit.shape, at->front, work);
     else if (model->shadows == SHADOWS_HARD) {
         struct vec to = {v_splat((float)work->view->light_position[0]) - at->point.x,
                          v_splat((float)work->view->light_position[1]) - at->point.y,
                          v_splat((float)work->view->light_position[2]) - at->point.z};
         at->open = reaches_light(at->point, at->hit.local, at->to_light, at->hit.shape,
-                                 vec_norm(to), at->lit, work);
+                                 vec_norm(to), at->front, work);
     }
 }
 
@@ -191,7 +191,7 @@ static inline void queue_or_add(struct shading_packet *at, const struct tile_con
     vfloat zero = v_splat(0.0f);
     vmask open = at->open;
     if (model->shadows == SHADOWS_SOFT) {
-        vmask doubtful = v_andnot(open, at->lit);
+        vmask doubtful = v_andnot(open, at->front);
         vmask grazes = v_and(open, v_cmp_lt(at->facing, v_splat(KNOWN(work->scene)->lit_slope)));
         if (v_any(doubtful))
             queue_shadow(doubtful, at->point, &at->hit, at->to_light, at->facing, at->light,

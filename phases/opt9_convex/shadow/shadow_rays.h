@@ -78,7 +78,7 @@ KERNEL_SHARED vmask reaches_light(struct vec point, struct vec local, struct vec
                                   vfloat shape, vfloat distance, vmask active,
                                   const struct tile_context *work);
 
-// Sets scratch->occluders: the shapes that can darken a hit of the group (shadow/shadow_candidates.c).
+// Sets scratch->occluders: the shapes that can darken a hit of the group (shadow/occluders.c).
 KERNEL_SHARED void list_occluders(const struct shading_packet *stage, int count,
                                   const struct tile_context *work);
 

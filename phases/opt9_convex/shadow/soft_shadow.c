@@ -7,7 +7,7 @@
 #include "simd/simd.h"
 
 // Lowers *least to the distance to shape i, unless the shape sleeps. A distance falls no faster than t grows,
-// so a shape at distance h at t sleeps while the nearest distance + t is below h + t then (PROOFS.md, 6.).
+// so a shape at distance h at t sleeps while the nearest distance + t is below h + t then (PROOFS.md, 5.).
 // The factor 1 − 2^-18 covers rounding. Before candidate->from it sleeps in any case.
 __attribute__((always_inline)) static inline void
 candidate_distance(int i, struct shadow_candidate *candidates, vfloat t, vmask done,
@@ -140,7 +140,7 @@ static int begin_packet(struct packet_march *c, int slot, int next,
     return next + LANES;
 }
 
-// Ends rays past their minimum, if one convex solid alone can darken them (PROOFS.md, 7.). The distance to a
+// Ends rays past their minimum, if one convex solid alone can darken them (PROOFS.md, 6.). The distance to a
 // convex solid is a convex function of t, so its ratio to t falls and then rises. If the ratio was below q =
 // lit_slope at `from` and has risen since, it stays above its present value r, and no later term is below
 // strength·√¾·r. Rays with a smaller term end.

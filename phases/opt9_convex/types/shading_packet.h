@@ -55,8 +55,8 @@ struct shading_packet {
     struct vec point, color, to_light, light;
     struct surface surface;
     vfloat weight, facing;
-    vmask lit, open; // lit: facing the light. open: reached by it without a march
-    bool flat;       // all its hits are on the scene's first plane
+    vmask front, open; // front: facing the light. open: reached by it without a march
+    bool flat;         // all its hits are on the scene's first plane
     // Avoids 4 KiB aliasing between the fields of two packets.
     vfloat apart[16];
 };

@@ -1,6 +1,5 @@
-// Which shapes can darken shadow rays: per group of packets (list_occluders) and per packet
-// (list_candidates); and where a packet's march may begin and end. The quadratic a·t² − 2·b·t + c of a cone
-// and a sphere: see struct shadow_cone.
+// Which shapes can darken the shadow rays of a group of packets. The quadratic a·t² − 2·b·t + c of a cone and a
+// sphere: see struct shadow_cone.
 #include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
 #include "repetition/repeated_rays.h"
@@ -19,20 +18,20 @@ struct light_bundle {
 };
 
 // Sets the bundle of all shadow rays of a group. Returns false if the ball is too large for the distance to
-// the light, or if no hit is lit.
+// the light, or if no hit faces it.
 static bool light_bundle_of(const struct shading_packet *stage, int count, const struct view *view,
                             struct light_bundle *ball) {
     struct vec least = {v_splat(INFINITY), v_splat(INFINITY), v_splat(INFINITY)};
     struct vec most = {v_splat(-INFINITY), v_splat(-INFINITY), v_splat(-INFINITY)};
     for (int i = 0; i < count; i++) {
-        vmask lit = stage[i].lit;
+        vmask front = stage[i].front;
         struct vec p = stage[i].point;
-        least = (struct vec){v_select(lit, v_min(p.x, least.x), least.x),
-                             v_select(lit, v_min(p.y, least.y), least.y),
-                             v_select(lit, v_min(p.z, least.z), least.z)};
-        most = (struct vec){v_select(lit, v_max(p.x, most.x), most.x),
-                            v_select(lit, v_max(p.y, most.y), most.y),
-                            v_select(lit, v_max(p.z, most.z), most.z)};
+        least = (struct vec){v_select(front, v_min(p.x, least.x), least.x),
+                             v_select(front, v_min(p.y, least.y), least.y),
+                             v_select(front, v_min(p.z, least.z), least.z)};
+        most = (struct vec){v_select(front, v_max(p.x, most.x), most.x),
+                            v_select(front, v_max(p.y, most.y), most.y),
+                            v_select(front, v_max(p.z, most.z), most.z)};
     }
     const vfloat low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
     float square = 0, distance = 0;
@@ -49,7 +48,7 @@ static bool light_bundle_of(const struct shading_packet *stage, int count, const
     for (int k = 0; k < 3; k++)
         ball->to_light[k] /= distance;
     return ball->radius <
-           0.25f * distance; // false if nothing is lit: the radius is infinite or NaN
+           0.25f * distance; // false if nothing faces the light: the radius is infinite or NaN
 }
 
 // Returns whether no cone of slope q about a ray of the bundle meets the shape's bounding sphere.

@@ -124,7 +124,7 @@ def against_truth(data: dict[str, Any], tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_rings_in_their_own_shadow(tmp_path: Path) -> None:
     """A ring is not convex: rays that leave it can come back to it, so it stays in their way (a convex solid
-    does not: PROOFS.md, 8.)."""
+    does not: PROOFS.md, 7.)."""
     data = crowd(64)
     for k, shape in enumerate(data["shapes"]):
         size = shape.pop("radius", None) or max(shape.pop("half_size"))
