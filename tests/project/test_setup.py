@@ -117,21 +117,6 @@ def whole(tree: Path) -> None:
         command(tree, name, ":")
 
 
-def test_lists_that_did_not_come_are_no_answer(tree: Path) -> None:
-    command(tree, "apt-cache", "exit 100")  # of lists that are old or empty
-    said, asked, remembered = setup(tree, update=UNREACHABLE)
-    assert "could not be installed" in said and len(asked) == 1 and not remembered
-
-
-def test_another_machine_than_x86_64_is_one_line(tree: Path) -> None:
-    (tree / "bin" / "uname").unlink()
-    command(tree, "uname", "echo aarch64")
-    command(tree, "apt-get", f"touch {tree}/asked")
-    status, said, error = ends(tree)
-    assert (status, said) == (1, "") and error.startswith("setup: this machine is aarch64; the phases are")
-    assert error.count("\n") == 1 and not (tree / "asked").exists() and not (tree / "build").exists()
-
-
 @pytest.mark.parametrize("name", ["with space", 'it\'s "quoted"', "käfig ×"])
 def test_a_path_of_any_letters(tree: Path, name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     whole(tree)
@@ -145,13 +130,6 @@ def test_a_path_of_any_letters(tree: Path, name: str, tmp_path_factory: pytest.T
     (moved / ".venv" / "bin" / "python").chmod(0o755)
     status, said, error = ends(moved)
     assert (status, error) == (0, "") and said.endswith("setup: done\n")
-
-
-def test_what_cannot_be_written_is_one_line(tree: Path) -> None:
-    whole(tree)
-    (tree / "build").write_text("a file: nobody, root neither, makes a folder of it")
-    status, said, error = ends(tree)
-    assert (status, said) == (1, "") and "cannot be written" in error and error.count("\n") == 1
 
 
 def test_without_sudo_what_to_type_is_one_line(tree: Path) -> None:
@@ -214,24 +192,3 @@ def test_a_package_without_a_wheel_is_named_and_the_rest_goes_on(tree: Path) -> 
     assert (tree / "installed").read_text() == "    # via x\nlittle==2 \\\n    --hash=sha256:22\n"
     assert ends(tree) == (0, "", "")
     assert (tree / ".venv" / ".without").read_text() == "one\n"
-
-
-@pytest.mark.parametrize(
-    "trouble, answers, room, said",
-    [
-        ("exit 1", 0, 10**9, "pip failed: FEHLER: so nicht; log: build/setup.pip.log"),
-        ("exit 1", 1, 10**9, "no network, or a proxy that is none: no answer from https://pypi.org/simple"),
-        ("exit 1", 0, 10**5, "the disk of .venv is too small: what is installed takes 700 MB, and 97 MB are"),
-    ],
-)
-def test_why_pip_failed_is_not_told_by_its_words(
-    tree: Path, trouble: str, answers: int, room: int, said: str
-) -> None:
-    pip(tree, f'echo "FEHLER: so nicht"; {trouble}', answers)
-    (tree / "bin" / "df").unlink()
-    command(tree, "df", f'echo "Dateisystem 1K-Blöcke"; echo "tmpfs 9 9 {room} 1% /"')
-    (tree / "bin" / "du").unlink()
-    command(tree, "du", "printf '0\\t.venv\\n'")
-    status, _, error = ends(tree)
-    assert status == 1 and error.startswith(f"setup: {said}") and error.count("\n") == 1, error
-    assert not (tree / ".venv" / ".installed-from").exists()

@@ -16,7 +16,7 @@ from study.commands import try_
 from study.core import cli, patches, registry
 from study.core.registry import ROOT, Spec
 from study.numbers import stats
-from study.numbers.accuracy import Colours, Row
+from study.numbers.accuracy import Row
 
 SMALL = ("--scene", "trio", "-n", "18", "--launches", "2", "--seed", "1")
 
@@ -127,16 +127,6 @@ def test_cells_of_a_side():
         "declared FLOPs a pixel": "50.00",
         "lanes at work": "75\u00a0%",
     }
-
-
-def test_cells_of_a_fractal_that_is_the_same_and_was_not_counted():
-    one = side(flops=None, lanes_at_work=None)
-    one["truth"].converged_only, one["truth"].antialiased = True, Colours(psnr_db=90.04)
-    one["baseline"]["identical"] = True
-    found = try_.cells(one)
-    assert found["PSNR to ground truth, dB"] == "90.0 (4×4 means)"
-    assert found["PSNR to baseline, dB"] == "identical"
-    assert (found["declared FLOPs a pixel"], found["lanes at work"]) == ("–", "–")
 
 
 @pytest.mark.parametrize(

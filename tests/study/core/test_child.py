@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from study.bounds import analysers
 from study.core import build, progress, run
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
@@ -61,19 +60,8 @@ def test_as_subprocess_run_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(OSError):
         child.run(["/nowhere/tool"])
     monkeypatch.setenv(child.LIMIT, "soon")
-    with pytest.raises(StudyError, match="STEPWISE_CHILD_SECONDS=soon: must be a number of seconds above 0"):
+    with pytest.raises(StudyError, match="STEPWISE_CHILD_SECONDS=soon"):
         child.seconds()
-
-
-def test_an_analyser_that_never_ends(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    tool = hanging(tmp_path, "llvm-mca")
-    monkeypatch.setattr(analysers, "mca_program", lambda: (str(tool), 19))
-    monkeypatch.setattr(analysers, "MCA_SECONDS", 0.5)
-    with pytest.raises(StudyError, match=r"llvm-mca: no end after 0.5 s; killed"):
-        analysers.run_mca("\tnop\n", "znver4")
-    tool.write_text("#!/bin/sh\nkill -ABRT $$\n")
-    with pytest.raises(StudyError, match="llvm-mca: "):
-        analysers.run_mca("\tnop\n", "znver4")
 
 
 def test_a_compiler_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,16 +1,10 @@
 """Progress: lines every ten seconds without a terminal, a bar with the time left on one."""
 
-import os
-import pty
 import subprocess
-import sys
-import termios
-import threading
 
 import pytest
 
 from study.core import progress
-from study.core.registry import ROOT
 
 
 @pytest.fixture
@@ -53,12 +47,6 @@ def test_a_share_says_what_comes_and_its_end(clock, capsys):
     ]
 
 
-def test_nothing_to_do_is_all_done(capsys):
-    with progress.Progress("sweep", 0, share=True):
-        pass
-    assert capsys.readouterr().err == "sweep: 100 %, after 0 s\n"
-
-
 def test_a_child_is_waited_for_and_looked_at(monkeypatch, capsys):
     monkeypatch.setattr(progress, "PAUSE", 0)
     monkeypatch.setattr(progress, "LOOK", 0.02)
@@ -66,39 +54,3 @@ def test_a_child_is_waited_for_and_looked_at(monkeypatch, capsys):
         progress.until(child, "build", lambda: 1, 3)
     assert child.returncode == 0
     assert "build: 1 of 3, after 0 s" in capsys.readouterr().err
-
-
-def test_an_interrupted_wait_ends_the_child(monkeypatch):
-    def interrupted():
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(progress, "LOOK", 0.02)
-    monkeypatch.setattr(progress.Progress, "to", lambda *_: interrupted())
-    with subprocess.Popen(["sleep", "60"]) as child, pytest.raises(KeyboardInterrupt):
-        progress.until(child, "build", lambda: 1, 3)
-    assert child.returncode < 0
-
-
-def test_a_terminal_has_a_bar_with_the_time_left():
-    """Of a process whose standard error is a terminal."""
-    script = "from study.core import progress, cli\nimport time\n"
-    script += "for _ in progress.each(range(4), 'render'): time.sleep(0.15)"
-    ours, theirs = pty.openpty()
-    termios.tcsetwinsize(theirs, (24, 80))
-    said = []
-
-    def read() -> None:
-        try:
-            while text := os.read(ours, 4096):
-                said.append(text.decode())
-        except OSError:  # the other end is closed
-            pass
-
-    reader = threading.Thread(target=read)
-    reader.start()
-    env = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
-    subprocess.run([sys.executable, "-c", script], stderr=theirs, env=env, check=True, timeout=60)
-    os.close(theirs)
-    reader.join(10)
-    text = "".join(said)
-    assert "render:" in text and "2/4 [00:00<00:00" in text

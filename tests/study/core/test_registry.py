@@ -25,15 +25,6 @@ def tree(root, **phases):
     return root
 
 
-def test_a_scene_whose_shapes_are_no_list_is_left_to_the_driver(tmp_path):
-    """The driver says what is wrong with it; here the others must be found still."""
-    folder = tmp_path / "common" / "scenes"
-    folder.mkdir(parents=True)
-    for number, shapes in enumerate((5, True, {"type": "sphere"}, [5], "mandelbulb")):
-        (folder / f"s{number}.json").write_text(json.dumps({"shapes": shapes}))
-    assert [scene.fractal for scene in registry.scenes(tmp_path).values()] == [False] * 5
-
-
 def test_every_folder_is_a_phase_in_order_of_the_ladder():
     found = registry.phases()
     ladder = {path.parent.name for path in registry.ROOT.glob("phases/*/phase.json")}

@@ -76,20 +76,6 @@ def test_a_cpu_that_is_not_there_is_refused():
         run.render("baseline", SCENE, 3, cpu=4096)
 
 
-def test_threads_get_as_many_cpus(monkeypatch):
-    monkeypatch.setattr(run, "USABLE", [0, 2, 3, 7])
-    assert run.cpu_set(3, 1) == {3}
-    assert run.cpu_set(3, 3) == {3, 7, 0}
-    assert run.cpu_set(0, 99) == {0, 2, 3, 7}
-    assert run.cpu_set(None, 2) is None
-
-
-def test_padding_is_in_the_childs_environment():
-    lines = list(run._lines(["env"], None, 100))
-    assert "STEPWISE_PADDING=" + "x" * 100 + "\n" in lines
-    assert not any(line.startswith("STEPWISE_PADDING") for line in run._lines(["env"], None, 0))
-
-
 def test_closing_early_kills_the_child():
     before = children(os.getpid())
     frames = run.frames("baseline", SCENE, 9, reps=100_000)

@@ -103,17 +103,3 @@ def test_frames_are_those_of_the_phase(tmp_path) -> None:
     assert stepwise("animation", *words[:-4], "--frames", 1, "-n", 18, "--run", tmp_path).returncode == cli.OK
     (left,) = (tmp_path / "animation").iterdir()  # a film of this call has none of an earlier call's frames
     assert left == tmp_path / rows[0]["picture"]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--scene", "scene0"], "scene0: is no animated scene; common/scenes/animated has flythrough"),
-        (["--phase", "opt44"], "did you mean opt4"),
-        (["--frames", "0"], "argument --frames"),
-    ],
-)
-def test_bad_animations_are_one_line(words, said, tmp_path) -> None:
-    done = stepwise("animation", *words, "--run", tmp_path / "run")
-    assert done.returncode == cli.BAD_INPUT and said in done.stderr.splitlines()[-1]
-    assert not (tmp_path / "run").exists()

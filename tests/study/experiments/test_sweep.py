@@ -230,17 +230,6 @@ def test_overrides_are_recorded(tmp_path):
     assert set(zip(frames["hit_distance"], frames["max_steps"], strict=True)) == {(0.25, 7)}
 
 
-@pytest.mark.slow
-def test_a_frame_longer_than_long_is_timed_once_without_warm_up(tmp_path):
-    """--long 0: every frame is long. --long 1000: none is, and --reps and --warmup hold."""
-    for long, per_launch in (("0", [0]), ("1000", [-1, 0, 1])):
-        done = sweep(*SMALL, "--long", long, "--results", tmp_path / long)
-        assert done.returncode == 0, done.stderr
-        frames = only_run(tmp_path / long).frames()
-        assert len(frames) == 3 * 4 * len(per_launch)  # launches, configurations
-        assert all(sorted(g["frame"]) == per_launch for _, g in frames.groupby(["config", "launch"]))
-
-
 def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
     small = ["--scene", "cubes", "-n", "5", "--launches", "1", "--reps", "1"]
     both = ["--phase", "baseline", "opt3", "--second-base", *small, "--results", tmp_path]

@@ -96,12 +96,6 @@ def test_a_picture_is_rendered_once_until_program_scene_or_size_change(tmp_path,
     assert sorted(p.name for p in folder.iterdir()) == sorted([third, fourth])  # what is out of date is gone
 
 
-def test_size_is_the_drivers_and_square_for_two_spheres():
-    assert [SMOOTH.size(n)[0] for n in (1, 2, 9, 90, 720)] == [2, 4, 16, 160, 1280]
-    assert SMOOTH.size(90, 33) == (33, 90)
-    assert registry.find_scene("two_spheres").size(800) == (800, 800)
-
-
 # --- the command
 
 
