@@ -120,44 +120,6 @@ class Left(Skipped, kw_only=True):
     failed: Annotated[bool, key("", "because it crashed")] = False
 
 
-class Agreement(Record, kw_only=True):
-    """Of two pictures of the Mandelbulb: hits, and colours of 4×4 means."""
-
-    depth_agree_fraction: Annotated[float, key("share of pixels", "as above")] = math.nan
-    mask_mismatch_ppm: Annotated[float, key("ppm", "hit against miss")] = math.nan
-    dt_p99: Annotated[float, key("scene units", "as above")] = math.nan
-    psnr_db: Annotated[float, key("dB", "null with an RMSE: infinite")]
-    rmse: Annotated[float, key("linear RGB", "root mean square error")]
-
-
-class Precision(Record, kw_only=True):
-    """The Mandelbulb at one precision and hit distance. Quad is truth's double-double, of about 31 digits."""
-
-    precision: Annotated[str, key("", "float, double or quad")]
-    phase: Annotated[str, key("", "that drew it")] = ""
-    hit_distance: Annotated[float, key("scene units", "as used")]
-    evals_per_ray: Annotated[float, key("evaluations", "mean over camera rays")] = math.nan
-    non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")] = 0
-    quad: Annotated[Agreement | None, key("", "with quad at the same hit distance")] = None
-    double: Annotated[Agreement | None, key("", "with double at the same hit distance")] = None
-    finest: Annotated[Agreement | None, key("", "with quad at the least hit distance")] = None
-
-
-class Convergence(Record, kw_only=True):
-    """The Mandelbulb by precision and hit distance."""
-
-    scene: Annotated[str, key("", "its name")] = ""
-    width: Annotated[int, key("pixels", "of the pictures")] = 0
-    height: Annotated[int, key("pixels", "of the pictures")] = 0
-    averaged: Annotated[list[int], key("pixels", "width and height of their 4×4 means")] = msgspec.field(
-        default_factory=list
-    )
-    rows: Annotated[list[Precision], key("", "precisions and hit distances")]
-    skipped: Annotated[list[Skipped], key("", "what could not be drawn")] = msgspec.field(
-        default_factory=list
-    )
-
-
 class Accuracy(Result, kw_only=True):
     """Errors of each phase to ground truth, per scene.
 
@@ -171,14 +133,10 @@ class Accuracy(Result, kw_only=True):
     picture_tool: Annotated[str | None, key("", "name and version")] = None
     rows: Annotated[list[Row], key("", "phases and scenes")]
     skipped: Annotated[list[Left], key("", "what could not be had")] = msgspec.field(default_factory=list)
-    convergence: Annotated[Convergence | None, key("", "the Mandelbulb's table; null: not asked for")] = None
 
     @classmethod
     def current(cls, data: Any) -> Any:
-        for whole in (data, data.get("convergence") or {}):
-            if "rows" in whole:
-                whole["rows"] = list(map(_numbers, whole["rows"]))
-        return data
+        return {**data, "rows": list(map(_numbers, data["rows"]))}
 
 
 SCHEMAS = {FILE: Accuracy}

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import shutil
 import types
 
+import msgspec
 import numpy as np
 import pytest
 from discs import HEIGHT, WIDTH, made_truth
@@ -48,7 +48,7 @@ def house(tmp_path, monkeypatch, write_exr, disc):
     opt1 = registry.find_phase("opt1")
     places = (("baseline", 0, "ladder"), ("opt4", 4, "ladder"), ("opt5", 5, "ladder"), ("exact", 0, "truth"))
     known = {
-        name: dataclasses.replace(opt1, name=name, order=order, family=family, tolerance={})
+        name: msgspec.structs.replace(opt1, name=name, order=order, family=family, tolerance={})
         for name, order, family in places
     }
     monkeypatch.setattr(registry, "phases", lambda root=ROOT: known)
@@ -100,7 +100,7 @@ def test_outlines_as_fat_as_declared_are_granted(command, house, disc):
     """And what lies beyond them is not: a false hit in the corner, far from the disc, and that one alone."""
     granted = dict.fromkeys(gate.TRUTH_METRICS, 1e6) | {"false_hits_ppm": 0, "outline_pixels": 2}
     tolerance = {gate.TRUTH: granted | {"reason": "rays as wide as a pixel"}}
-    house.known["opt5"] = dataclasses.replace(house.known["opt5"], tolerance=tolerance)
+    house.known["opt5"] = msgspec.structs.replace(house.known["opt5"], tolerance=tolerance)
     house.pictures["opt5"] = lambda: disc(1)
     assert command("--phase", "opt5", "--scene", "trio").ended == 0
     (row,) = rows(house.run)
@@ -123,7 +123,7 @@ def test_outlines_as_fat_as_declared_are_granted(command, house, disc):
 def test_a_declared_margin_is_granted(command, house, disc):
     house.pictures["opt5"] = lambda: disc(1)
     reason = {"reason": "a test", **dict.fromkeys(gate.TRUTH_METRICS, 1e5)}
-    house.known["opt5"] = dataclasses.replace(house.known["opt5"], tolerance={"truth": reason})
+    house.known["opt5"] = msgspec.structs.replace(house.known["opt5"], tolerance={"truth": reason})
     assert command("--phase", "opt5", "--scene", "trio").ended == 0
     del reason["false_misses_ppm"]
     assert command("--phase", "opt5", "--scene", "trio").ended == 1
@@ -161,7 +161,7 @@ def test_tables_and_figures_from_the_file_alone(command, house, disc):
     text = "\n".join(tables.lines(result))
     assert "identical" in text and f"9,583 {tables.MARK}" in text
     (draw,) = tables.drawings(result).values()
-    bars = draw().axes[0].containers[where.CLASSES.index("silhouette")]
+    bars = draw.make().axes[0].containers[where.CLASSES.index("silhouette")]
     bad = next(row for row in result.rows if row.phase == "opt4").bad_pixels
     assert [bar.get_width() for bar in bars] == [0, pytest.approx(bad * PIXEL)]
 

@@ -274,7 +274,6 @@ def test_every_worker_is_held_against_another_and_one_shard_in_a_hundred() -> No
         (["accuracy", "--workers", "2", "--", "--scenes"], "--scenes"),
         (["stability", "--workers", "2", "--", "--jobs", "3"], "--jobs"),
         (["stability", "--workers", "2", "--shards", "9", "--", "--case", "7"], "--shards 9"),
-        (["accuracy", "--workers", "2", "--", "--convergence"], "--convergence"),
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str) -> None:

@@ -117,7 +117,6 @@ def test_three_shards_joined_are_the_bytes_of_one_run(name: str, tmp_path) -> No
     [
         (["stability", "--case", "7", "8", "--shard", "1/3"], "--shard 1/3: N must be at most 2"),
         (["accuracy", "--phase", "opt1", "--scene", "trio", "--shard", "2/2"], "N must be at most 1"),
-        (["accuracy", "--shard", "1/2", "--convergence"], "--convergence is no part of a shard"),
         (["accuracy", "--shard", "3/2"], "argument --shard: '3/2': must be K/N"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Errors to truth (truth.judging, truth.where) and the Mandelbulb's convergence (experiments.accuracy).
+"""Errors to truth (truth.judging, truth.where).
 
 The synthetic pictures have errors that are known by counting, by trigonometry or by the definition of PSNR.
 """
@@ -15,7 +15,6 @@ from discs import HEIGHT, WIDTH, lengths, made_truth
 
 from study.core import registry, store
 from study.core.cli import StudyError, plain
-from study.experiments.accuracy import converge
 from study.numbers import accuracy
 from study.pictures import gate
 from study.truth import judging, where
@@ -345,22 +344,3 @@ def test_a_scene_without_its_shadows(tmp_path):
     assert judging.without_shadows(scene, tmp_path).path.stat().st_mtime_ns == age
     cubes = registry.find_scene("cubes")
     assert judging.without_shadows(cubes, tmp_path) is cubes
-
-
-# --- convergence
-
-
-def test_convergence_says_what_agrees_with_what(blank):
-    quad, double, rough = blank(8, 8), blank(8, 8), blank(8, 8)
-    double["Z"][0] *= 1.01  # an eighth
-    for name in "RGB":
-        rough[name] += np.float32(0.01)
-    pictures = {("quad", 1e-3): rough, ("quad", 1e-6): quad, ("double", 1e-6): double, ("float", 1e-3): quad}
-    rows = converge.table(pictures)
-    found = {(row.precision, row.hit_distance): row for row in rows}
-    assert [row.hit_distance for row in rows] == [1e-3, 1e-3, 1e-6, 1e-6]
-    assert found["double", 1e-6].quad.depth_agree_fraction == pytest.approx(7 / 8)
-    assert found["quad", 1e-3].finest.psnr_db == pytest.approx(40, abs=1e-2)
-    assert found["float", 1e-3].quad.psnr_db == pytest.approx(40, abs=1e-2)
-    assert found["float", 1e-3].finest.psnr_db == math.inf
-    assert found["quad", 1e-6].quad is found["quad", 1e-6].finest is found["float", 1e-3].double is None

@@ -9,20 +9,13 @@ from study.core import show
 from study.experiments.accuracy import tables
 from study.experiments.section import Section, inside, part
 from study.numbers.accuracy import FILE, Accuracy, Row
-from study.pictures.draw import Drawing
-
-CAPTIONS = {
-    "accuracy-where": "Pixels that are wrong, and where they lie",
-    "accuracy-convergence": "The Mandelbulb: precision against hit distance",
-}
 
 
 def _again(result: Accuracy) -> str:
     """The command that renders the pictures of these rows again."""
     scenes = " ".join(dict.fromkeys(row.scene for row in result.rows))
-    more = " --convergence" if result.convergence else ""
     sizes = " ".join(dict.fromkeys(str(row.height) for row in result.rows))
-    return f"scripts/stepwise accuracy --scene {scenes} -n {sizes}{more}"
+    return f"scripts/stepwise accuracy --scene {scenes} -n {sizes}"
 
 
 def _answer(rows: list[Row]) -> str:
@@ -41,17 +34,16 @@ def _answer(rows: list[Row]) -> str:
 
 
 def errors(path: Path) -> Section:
-    """Every phase against ground truth, where its bad pixels lie, the Mandelbulb's convergence."""
+    """Every phase against ground truth, and where its bad pixels lie."""
     about: dict = {"script": "scripts/stepwise accuracy"}
     parts = []
     result = Accuracy.load_if_there(path / FILE)
     if result and result.rows:
         for name, caption, rows, columns in tables.tables(result):
             parts += part(name, caption, rows, columns, tables.FEET.get(name, ""))
-        note, figures = tables.note(result), tables.drawings(result)
         about = {
             "answer": _answer(result.rows),
-            "drawn": {name: Drawing(CAPTIONS[name], note, draw) for name, draw in figures.items()},
+            "drawn": tables.drawings(result),
             "script": _again(result),
             "images": {
                 inside(path, row.picture): f"{row.scene} by {row.phase}: where it is wrong"

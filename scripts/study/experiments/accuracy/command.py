@@ -13,10 +13,9 @@ from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED, DriverError
 from study.experiments import running, shards
-from study.experiments.accuracy import converge, tables
+from study.experiments.accuracy import tables
 from study.numbers.accuracy import FILE, Accuracy, Left, Row
 from study.pictures import gate, images
-from study.pictures.draw import Drawing
 from study.pictures.gallery import Gallery
 from study.truth import judging
 from study.truth.subject import BASE, FLOAT, Subject
@@ -45,23 +44,14 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("-w", type=whole, metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square")
     add("--run", type=Path, metavar="DIR", help="for accuracy.json and images/; default: build/accuracy")
     add("--jobs", type=whole, default=cores, help="pictures rendered at a time; default: CPUs")
-    add("--convergence", action="store_true", help="the Mandelbulb's table too: precision × hit distance")
-    add("--convergence-n", type=whole, default=90, metavar="HEIGHT", help="its height; default: 90")
     shards.option(parser, "pairs of scene and phase")
 
 
-def pairs(args: argparse.Namespace) -> list[tuple[Scene, Spec]]:
+def units(args: argparse.Namespace) -> list[tuple[Scene, Spec]]:
     """What is to be measured, in order. Raises StudyError for names that there are not."""
     specs = specs_of(args.phase)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
     return [(scene, spec) for scene in scenes for spec in specs]
-
-
-def units(args: argparse.Namespace) -> list[tuple[Scene, Spec]]:
-    """What is parted for shards. Raises StudyError."""
-    if args.convergence:
-        raise StudyError("--convergence is no part of a shard: measure it in a run without --shard")
-    return pairs(args)
 
 
 def specs_of(names: list[str] | None) -> list[Spec]:
@@ -135,7 +125,7 @@ def compared(
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    everything = units(args) if args.shard else pairs(args)
+    everything = units(args)
     specs = list(dict.fromkeys(spec for _, spec in everything))
     lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
     gated = any(gate.by_truth(registry.find_phase(spec.phase)) for spec in specs if not lacking[spec])
@@ -148,7 +138,6 @@ def measure(args: argparse.Namespace) -> Outcome:
         picture_tool=images.PICTURE_TOOL,
         rows=rows,
         skipped=[*unable, *left],
-        convergence=converge.study(args.convergence_n, folder / "convergence") if args.convergence else None,
     )
     path = folder / shards.file_name(FILE, args.shard)
     store.write_json(path, shards.marked(cli.plain(result), args.shard))
@@ -160,9 +149,7 @@ def _told(result: Accuracy, folder: Path, drawn: bool) -> Outcome:
     if result.rows:
         lines = [*tables.lines(result), f"FLIP: {images.FLIP_TOOL}.", f"Pictures: {folder}/images"]
     if result.rows and drawn:
-        note = tables.note(result)
-        figures = {name: Drawing(name, note, make) for name, make in tables.drawings(result).items()}
-        lines += running.draw(folder, figures)
+        lines += running.draw(folder, tables.drawings(result))
     remarks, failed = [], []
     for one in result.skipped:
         text = f"{one.phase}{f' on {one.scene}' if one.scene else ''}: {one.reason}"

@@ -11,11 +11,10 @@ HEIGHT, QUICK_HEIGHT = "180", "90"  # scene0's truth at 180: half a minute on tw
 
 
 def calls(study: Study) -> list[Call]:
-    """All scenes and the Mandelbulb's convergence where it was asked for; else three scenes."""
+    """All scenes where it was asked for; else three."""
     scenes = [] if study.whole else ["--scene", *dict.fromkeys([*study.scenes, "trio"])]
     size = ["-n", "720" if study.depth == "full" else QUICK_HEIGHT if study.quick else HEIGHT]
-    more = ["--convergence"] if study.whole else []
-    return [Call("accuracy", [*scenes, *size, *more, "--run", str(study.run)])]
+    return [Call("accuracy", [*scenes, *size, "--run", str(study.run)])]
 
 
 EXPERIMENT = Experiment(

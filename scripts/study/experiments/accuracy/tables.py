@@ -10,13 +10,11 @@ from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.accuracy import converge
-from study.numbers.accuracy import Accuracy, Convergence, Precision, Row
-from study.pictures.draw import legend, look, panels
+from study.numbers.accuracy import Accuracy, Row
+from study.pictures.draw import Drawing, legend, panels
 from study.truth import where
 
 MARK = "▼"  # worse than baseline
@@ -108,41 +106,11 @@ PLACES = [
 ]
 
 
-def _against(other: str, name: str) -> Callable[[Precision], str]:
-    def text(row: Precision) -> str:
-        value = getattr(getattr(row, other), name, math.nan)
-        return _five(value) if name.startswith("depth") else _decibels(value)
-
-    return text
-
-
-CONVERGENCE = [
-    Column("", "hit distance", lambda r: f"{r.hit_distance:g}"),
-    Column("", "precision", lambda r: converge.WORDS.get(r.precision, r.precision)),
-    Column("", "phase", lambda r: r.phase),
-    Column("", "evaluations per ray", lambda r: show.number(r.evals_per_ray)),
-    *(
-        Column(f"against {about}", head, _against(other, name))
-        for other, about in (
-            ("quad", "double-double, same hit distance"),
-            ("double", "double, same hit distance"),
-            ("finest", "double-double, least hit distance"),
-        )
-        for head, name in (
-            ("depth agrees, share", "depth_agree_fraction"),
-            ("|Δt| p99", "dt_p99"),
-            ("4×4 averaged, dB", "psnr_db"),
-        )
-    ),
-]
 FEET = {
     "accuracy": f"{MARK}: further from ground truth than baseline's picture by a digit that is shown, and by "
     "more than the phase grants itself.",
     "accuracy-where": "Bad: off by more than 1/255 in any channel (linear), or a wrong hit. Each bad pixel "
     f"counts once, in the first of: {'; '.join(where.MEANING[name] for name in where.CLASSES)}.",
-    "accuracy-convergence": "Ground truth is double-double here (104 bits). Its plane is hit exactly and has "
-    "its own normal: against it that is compared too, float against double is arithmetic alone.\n"
-    "A hit distance no less than the scene's surface offset ends shadow rays where they start.",
 }
 
 
@@ -151,13 +119,11 @@ def tables(result: Accuracy) -> list[tuple[str, str, list[Any], list[Column]]]:
     rows = result.rows
     fractal = [row for row in rows if row.converged_only]
     averaged = "Where ground truth is converged only: depth and averaged pictures"
-    converged = result.convergence.rows if result.convergence else []
     heights = " and ".join(map(str, sorted({row.height for row in rows})))
     made = [
         ("accuracy", f"Error to ground truth, at n = {heights}", rows, ERRORS),
         ("accuracy-averaged", averaged, fractal, AVERAGED),
         ("accuracy-where", "Where the bad pixels lie", rows, PLACES),
-        ("accuracy-convergence", "The Mandelbulb by precision and hit distance", converged, CONVERGENCE),
     ]
     return [one for one in made if one[2]]
 
@@ -194,57 +160,8 @@ def places(rows: Sequence[Row]) -> Figure:
     return made
 
 
-LINES = {
-    "quad": ("-", "to double-double"),
-    "double": ("--", "to double"),
-    "finest": (":", "to double-double, least hit distance"),
-}
-
-
-def convergence(table: Convergence) -> Figure:
-    """Depth against ground truth's arithmetic, averaged pictures against double and the finest march."""
-    made = Figure(figsize=(11, 4.6), layout="constrained")
-    names = list(dict.fromkeys(row.precision for row in table.rows))
-    looks = look(pd.DataFrame({"phase": names, "threads": 1}))
-    drawn: dict[str, Line2D] = {}
-    for axes, metric, others, title in (
-        (made.add_subplot(1, 2, 1), "dt_p99", ("quad", "finest"), "99 % of the depths agree within"),
-        (made.add_subplot(1, 2, 2), "psnr_db", ("double", "finest"), "4×4 averaged pictures agree to, dB"),
-    ):
-        for size, name in zip((11, 8, 5), names, strict=False):  # those below stay seen
-            style = {key: looks[name, 1][key] for key in ("color", "marker")}
-            for other in others:
-                mine = [r for r in table.rows if r.precision == name and getattr(r, other)]
-                if not mine:
-                    continue
-                label = f"{converge.WORDS.get(name, name)} {LINES[other][1]}"
-                (drawn[label],) = axes.plot(
-                    [r.hit_distance for r in mine],
-                    [getattr(getattr(r, other), metric) for r in mine],
-                    LINES[other][0],
-                    markersize=size,
-                    mfc="none",
-                    label=label,
-                    **style,
-                )
-        axes.set(xscale="log", xlabel="hit distance", title=title)
-        if metric == "dt_p99":
-            axes.set(yscale="log")
-    title = f"{table.scene}, {table.width}×{table.height}: what arithmetic and hit distance cost"
-    made.suptitle(title, x=0.01, ha="left")
-    made.legend(handles=drawn.values(), loc="outside right upper", frameon=False, fontsize=9)
-    return made
-
-
-def drawings(result: Accuracy) -> dict[str, Callable[[], Figure]]:
-    """Name → what draws the figure, of what there is."""
-    made = {"accuracy-where": partial(places, result.rows)} if result.rows else {}
-    if result.convergence and result.convergence.rows:
-        made["accuracy-convergence"] = partial(convergence, result.convergence)
-    return made
-
-
-def note(result: Accuracy) -> str:
-    """What stands under the figures."""
+def drawings(result: Accuracy) -> dict[str, Drawing]:
     heights = ", ".join(map(str, sorted({row.height for row in result.rows})))
-    return f"n = {heights}. A fractal's ground truth is converged only, in double-double (104 bits)."
+    about = f"n = {heights}. A fractal's ground truth is converged only, in double-double (104 bits)."
+    caption = "Pixels that are wrong, and where they lie"
+    return {"accuracy-where": Drawing(caption, about, partial(places, result.rows))} if result.rows else {}

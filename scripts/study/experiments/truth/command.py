@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
-from study.core import cli, registry, store
+from study.core import cli, registry, show, store
+from study.core.cli import Outcome
 from study.core.registry import Scene
+from study.core.show import Column
 from study.experiments import running, shards
+from study.experiments.truth.schema import FILE, Row, Truth
 from study.pictures import images
 from study.truth import truth
 
@@ -19,11 +20,19 @@ DESCRIPTION = """\
 Draws scenes with phase truth, and decides by exact algebra what its intervals leave open. Counts are of
 pixels by their camera ray. A copy of each picture goes to RUN/truth: put into build/truth/cache of another
 checkout with the same compiler, it is not made again there."""
-FILE = "truth.json"
+STATUSES = {1: "a ray of a scene without a fractal stayed undecided"}
+COLUMNS = [
+    Column("", "scene", lambda r: r.scene),
+    Column("", "size", lambda r: f"{r.width}x{r.height}"),
+    *(
+        Column("pixels by their camera ray", name.replace("_", " "), show.whole(name))
+        for name in ("proved", "decided_exactly", "undecided", "converged_only")
+    ),
+    Column("", "widest enclosure of t", lambda r: f"{r.widest:.1e}"),
+]
 
 
-def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "a ray of a scene without a fractal stayed undecided"})
+def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--scene", nargs="+", metavar="SCENE", help="default: all")
     running.height(parser, 720, least=1)
@@ -33,7 +42,6 @@ def arguments() -> argparse.Namespace:
     add("--jobs", type=cli.at_least(1), default=cores, help="threads that draw a picture; default: CPUs")
     parser.set_defaults(home="truth")
     shards.option(parser, "scenes")
-    return parser.parse_args()
 
 
 def units(args: argparse.Namespace) -> list[Scene]:
@@ -41,46 +49,23 @@ def units(args: argparse.Namespace) -> list[Scene]:
     return [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
 
 
-def kept(scene: Scene, size: truth.Size, jobs: int, folder: Path) -> tuple[dict[str, Any], float]:
-    """A row, and the seconds that the picture took when it was made. Its copy is in folder/truth."""
-    found = dataclasses.asdict(truth.summary(scene, size, jobs))
-    cached = registry.ROOT / found.pop("path")
-    del found["cached"]
-    seconds = found.pop("seconds")
-    copy = store.writable(folder / "truth") / cached.name
-    shutil.copyfile(cached, copy)
-    digest = images.sha256(images.read(copy))
-    return {**found, "sha256": digest, "picture": f"truth/{copy.name}"}, seconds
+def kept(scene: Scene, size: truth.Size, jobs: int, folder: Path) -> Row:
+    """The picture's row. Its copy is in folder/truth."""
+    found = truth.summary(scene, size, jobs)
+    copy = store.writable(folder / "truth") / Path(found.path).name
+    shutil.copyfile(registry.ROOT / found.path, copy)
+    counts = {name: getattr(found, name) for name in Row.__struct_fields__ if hasattr(found, name)}
+    return Row(**counts, sha256=images.sha256(images.read(copy)), picture=f"truth/{copy.name}")
 
 
-def table(rows: list[dict[str, Any]], seconds: list[float]) -> str:
-    """One line a scene."""
-    lines = [["scene", "size", "proved", "exactly", "undecided", "converged only", "widest", "seconds"]]
-    for row, took in zip(rows, seconds, strict=True):
-        counts = [row[name] for name in ("proved", "decided_exactly", "undecided", "converged_only")]
-        size = f"{row['width']}x{row['height']}"
-        lines.append([row["scene"], size, *map(str, counts), f"{row['widest']:.1e}", f"{took:.1f}"])
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join("  ".join(f"{x:>{w}}" for x, w in zip(line, widths, strict=True)) for line in lines)
-
-
-def main() -> int:
-    args = arguments()
+def measure(args: argparse.Namespace) -> Outcome:
     scenes = shards.part(units(args), args.shard)
     folder = running.folder(args)
-    rows, seconds = [], []
-    for scene in scenes:
-        cli.say(f"{scene.name} ...")
-        row, took = kept(scene, scene.size(args.n, args.w), args.jobs, folder)
-        rows.append(row)
-        seconds.append(took)
-    result = {"schema": 1, "rows": rows}
-    store.write_json(folder / shards.file_name(FILE, args.shard), shards.marked(result, args.shard))
+    rows = [kept(scene, scene.size(args.n, args.w), args.jobs, folder) for scene in scenes]
+    result = Truth(schema=1, rows=rows)
+    path = folder / shards.file_name(FILE, args.shard)
+    store.write_json(path, shards.marked(cli.plain(result), args.shard))
     smooth = {scene.name for scene in scenes if not scene.fractal}
-    failed = [
-        f"{row['scene']}: {row['undecided']} rays stayed undecided"
-        for row in rows
-        if row["undecided"] and row["scene"] in smooth
-    ]
-    about = "Pixels by their camera ray; widest: enclosure of t in scene units; seconds: when it was made."
-    return running.end(args, result, [table(rows, seconds), about], failed)
+    bad = (row for row in rows if row.undecided and row.scene in smooth)
+    failed = [f"{row.scene}: {row.undecided} rays stayed undecided" for row in bad]
+    return Outcome(result, [show.markdown(show.table(rows, COLUMNS))], folder, failed=failed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.shards import Sharded
 from study.experiments.truth import command
-from study.experiments.truth.schema import SCHEMAS
+from study.experiments.truth.schema import FILE, SCHEMAS
 
 
 def calls(study: Study) -> list[Call]:
@@ -21,5 +21,6 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth=None,
     cut="Every experiment that needs an exact picture makes it.",
-    sharded=Sharded(command.FILE, ("rows",), command.units),
+    sharded=Sharded(FILE, ("rows",), command.units),
+    command=command,
 )

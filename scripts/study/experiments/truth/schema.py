@@ -33,4 +33,5 @@ class Truth(Result, kw_only=True):
     rows: Annotated[list[Row], key("", "scenes", min_length=1)]
 
 
-SCHEMAS = {"truth.json": Truth}
+FILE = "truth.json"
+SCHEMAS = {FILE: Truth}
