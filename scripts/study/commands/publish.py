@@ -143,7 +143,7 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
             copy_files(run, made)
             names = copy_pictures(run, made) + copy_compared(run, made)
             store.write_text(made / RUN_TOML, about(made, commands, caveat))
-            About.checked(tomllib.loads((made / RUN_TOML).read_text(encoding="utf-8")), str(made / RUN_TOML))
+            About.of(tomllib.loads((made / RUN_TOML).read_text(encoding="utf-8")), str(made / RUN_TOML))
             check(run, made)
             os.rename(made, folder)
     except OSError as error:

@@ -315,7 +315,7 @@ class Cuts(File, kw_only=True):
     """What a quick study cut of each experiment. Without an entry the experiment is whole."""
 
     made_by: ClassVar[str] = "study"
-    schema: Annotated[Literal[1] | None, key("", "version of the form")] = None
+    schema: Annotated[Literal[1], key("", "version of the form")] = 1
     cut: Annotated[dict[str, str], key("", "experiment → a sentence: what the run has of it")]
 
 

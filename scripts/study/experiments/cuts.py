@@ -18,15 +18,12 @@ def three() -> list[str]:
 
 
 def read(run: Path) -> dict[str, str]:
-    """Experiment → what the run has of it, a sentence; those that are whole are not in it.
-
-    Raises StudyError for another thing's file.
-    """
-    path = run / STUDY
-    return dict(Cuts.read(path)["cut"]) if path.exists() else {}
+    """Experiment → what the run has of it, a sentence; those that are whole are not in it."""
+    found = Cuts.load_if_there(run / STUDY)
+    return found.cut if found else {}
 
 
 def note(run: Path, experiment: str, text: str) -> None:
     """Keeps what was measured of an experiment: a sentence, or nothing where it is whole."""
     few = read(run) | {experiment: text}
-    store.write_json(run / STUDY, {"schema": 1, "cut": {name: said for name, said in few.items() if said}})
+    store.write_json(run / STUDY, Cuts(cut={name: said for name, said in few.items() if said}))

@@ -99,6 +99,6 @@ def join(name: str, folder: Path, hashes: Sequence[str | None]) -> list[str]:
     parts = [json_files.read_json(folder / "shards" / f"{made}.json") for made in hashes]
     whole = shards.join(parts, one.lists)
     path = folder / one.file
-    experiment.find_all()[name].schemas[one.file].checked(whole, str(path))
+    experiment.find_all()[name].schemas[one.file].of(whole, str(path))
     store.write_json(path, whole)
     return [*(one.says(whole, folder) if one.says else []), str(path)]
