@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from study.core.cli import StudyError
+from study.core.schema import Record, key
 from study.numbers.schema import Range
 from study.numbers.stats import ENOUGH, RESAMPLES
 
@@ -22,35 +23,20 @@ OFF = 1.10  # a point that far from the law, beyond its launches' noise, is not 
 LEAST = 3  # points: two are always on one law
 
 
-@dataclass(frozen=True)
-class Exponent:
-    """b, and its 95 % interval; NaN ends where a point has too few launches."""
+class Law(Record, kw_only=True):
+    """factor·x^exponent through the points; 95 % by bootstrap over launches."""
 
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Fit:
-    """The law factor·x^exponent over `points` points, from `first_x` to `last_x`.
-
-    `first`, `last`: exponents of the first two and the last two points alone. `worst`: the largest residual
-    as a factor of the law, under 1 where the point lies below; `worst_x`: whose. `off`: the x that are not on
-    the law; `holds`: None where there are too few points to tell.
-    """
-
-    exponent: Exponent
-    factor: float
-    points: int
-    first_x: float
-    last_x: float
-    first: Exponent
-    last: Exponent
-    worst: float
-    worst_x: float
-    off: list[float]
-    holds: bool | None
+    exponent: Annotated[Range, key("", "of all points")]
+    factor: Annotated[float | None, key("as the figure", "at x = 1")]
+    points: Annotated[int, key("points", "fitted")]
+    first_x: Annotated[float, key("`axes`", "least x")]
+    last_x: Annotated[float, key("`axes`", "largest x")]
+    first: Annotated[Range, key("", "exponent of the first two points alone")]
+    last: Annotated[Range, key("", "exponent of the last two points alone")]
+    worst: Annotated[float | None, key("×", "largest residual as a factor")]
+    worst_x: Annotated[float | None, key("`axes`", "there")]
+    off: Annotated[list[float], key("`axes`", "x over 10 % off the law and beyond their noise")]
+    holds: Annotated[bool | None, key("", "none is; null: two points")]
 
 
 def _medians(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
@@ -58,11 +44,10 @@ def _medians(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
     return np.log(np.median(values[random.integers(len(values), size=(RESAMPLES, len(values)))], axis=1))
 
 
-def _exponent(value: float, resampled: np.ndarray | None) -> Exponent:
-    if resampled is None:
-        return Exponent(float(value), math.nan, math.nan)
-    low, high = np.percentile(resampled, [2.5, 97.5])
-    return Exponent(float(value), float(low), float(high))
+def _exponent(value: float, resampled: np.ndarray | None) -> Range:
+    """With its 95 % interval; null ends where a point has too few launches."""
+    low, high = (None, None) if resampled is None else map(float, np.percentile(resampled, [2.5, 97.5]))
+    return Range(value=float(value), low=low, high=high)
 
 
 def _checked(xs: Sequence[float], samples: Sequence[Sequence[float]]) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -77,7 +62,7 @@ def _checked(xs: Sequence[float], samples: Sequence[Sequence[float]]) -> tuple[n
     return np.log(np.asarray(xs, float)[order]), points
 
 
-def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = False, seed: int = 1) -> Fit:
+def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = False, seed: int = 1) -> Law:
     """The law through x and the values of each point's launches, any unit. `exact`: counts, without noise.
 
     Raises StudyError for fewer than two points and for what has no logarithm.
@@ -92,7 +77,7 @@ def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = F
         random = np.random.default_rng(seed)
         drawn = np.stack([_medians(point, random) for point in points], axis=1)
 
-    def between(i: int, j: int) -> Exponent:
+    def between(i: int, j: int) -> Range:
         step = x[j] - x[i]
         return _exponent((y[j] - y[i]) / step, None if drawn is None else (drawn[:, j] - drawn[:, i]) / step)
 
@@ -108,7 +93,7 @@ def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = F
         sure &= ~((low <= 0) & (high >= 0))
     off = [round(float(v), 9) for v in np.exp(x[sure])]
     slope = float(slope_of @ y)
-    return Fit(
+    return Law(
         exponent=_exponent(slope, None if drawn is None else drawn @ slope_of),
         factor=float(np.exp(y.mean() - slope * x.mean())),
         points=len(x),
@@ -123,12 +108,10 @@ def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = F
     )
 
 
-def text(exponent: Exponent | Range) -> str:
+def text(exponent: Range) -> str:
     """`0.98 [0.97, 0.99]`; `0.98 (insufficient launches)`."""
-    ends = (exponent.value, exponent.low, exponent.high)
-    value, low, high = (math.nan if end is None else end for end in ends)
-    if not math.isfinite(low):
-        return f"{value:.2f} (insufficient launches)"
-    if low == high:
-        return f"{value:.2f}"  # a count
-    return f"{value:.2f} [{low:.2f},\u00a0{high:.2f}]"
+    if exponent.low is None or exponent.high is None:
+        return f"{exponent.value:.2f} (insufficient launches)"
+    if exponent.low == exponent.high:
+        return f"{exponent.value:.2f}"  # a count
+    return f"{exponent.value:.2f} [{exponent.low:.2f},\u00a0{exponent.high:.2f}]"

@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import json
 import math
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -81,35 +80,21 @@ def test_a_point_that_proves_too_long_is_left_out_and_the_rest_goes_on() -> None
     assert [row.x for row in plan.left_out] == [4, 16, 64]
 
 
-@pytest.mark.parametrize("status", [-9, run.NO_MEMORY])
-def test_what_had_no_memory_is_not_asked_for_more(status: int) -> None:
+def test_what_is_refused_is_not_asked_for_more() -> None:
     """As 16, 1, 4, 64 with 16 and more too large: what is smaller is asked, what is larger is not."""
     asked: list = []
 
     def first(point: Point) -> First:
         asked.append((str(point.spec), point.x))
         if point.spec == BASE and point.x >= 16:
-            raise DriverError(status, "too large")
+            raise DriverError(run.NO_MEMORY, "too large")
         return First(0.001)
 
     plan = scaling.choose(line(first=(16, 1, 4)), [BASE, OPT4], 1e9, 6, first)
     assert ("baseline", 64) not in asked and asked.count(("baseline", 16)) == 1
     assert {p.x for p in plan.taken if p.spec == BASE} == {1, 4}
     assert [(r.phase, r.x) for r in plan.left_out] == [("baseline", 16), ("baseline", 64)]
-
-
-def test_a_large_point_that_is_asked_first_and_refused_drops_no_smaller_one() -> None:
-    def first(point: Point) -> First:
-        if point.x == 64:
-            time.sleep(0.05)
-            raise DriverError(4, "too many shapes")
-        return First(0.001)
-
-    plan = scaling.choose(line(first=(64, 1, 16)), [OPT4], 1e9, 6, first)
-    assert {p.x for p in plan.taken} == {1, 4, 16} and [r.reason for r in plan.left_out] == [
-        "too many shapes"
-    ]
-    assert plan.spent >= 0.05 + 3 * scaling.cost(0.001, 6, line())
+    assert plan.left_out[0].reason == "too large"
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from study.experiments.scaling.schema import Fit, Law, Row, Scaling
+from study.experiments.scaling.schema import Fit, Row, Scaling
 from study.experiments.scaling.series import LAW
 from study.experiments.scaling.tables import TOP, evaluations, level
 from study.numbers import power_laws
+from study.numbers.power_laws import Law
 from study.pictures.draw import Drawing, legend, look, panels, plain_log
 
 APART = 0.052  # of a panel's height: labels that are nearer would overlap

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 
-import msgspec
 import numpy as np
 
-from study.core import cli
-from study.experiments.scaling.schema import Crowd, Fit, Law, Row
+from study.experiments.scaling.schema import Crowd, Fit, Row
 from study.experiments.scaling.series import Series
 from study.numbers import power_laws, stats
+from study.numbers.power_laws import Law
 from study.numbers.schema import Interval
 
 FEW, MANY = 16, 4096  # shapes
@@ -21,7 +19,7 @@ NEAR = 0.05  # exponents that close are the same
 
 def law(points: Sequence[tuple[float, Sequence[float]]], exact: bool = False) -> Law:
     xs, samples = zip(*points, strict=True)
-    return msgspec.convert(cli.plain(power_laws.fit(xs, samples, exact=exact)), Law)
+    return power_laws.fit(xs, samples, exact=exact)
 
 
 def fits(rows: Sequence[Row], known: Iterable[Series]) -> list[Fit]:
@@ -53,14 +51,14 @@ def fits(rows: Sequence[Row], known: Iterable[Series]) -> list[Fit]:
 
 def verdict(found: Law, paper: float | None) -> str:
     """What the measured law is beside the paper's exponent, an upper bound."""
-    value, low, high = (math.nan if end is None else end for end in msgspec.structs.astuple(found.exponent))
+    value, low, high = found.exponent.value or 0, found.exponent.low, found.exponent.high
     if found.holds is None:
         return "two points: any law goes through them"
     if not found.holds:
         return "no power law: off at " + ", ".join(f"{x:,g}" for x in found.off)
     if paper is None:
         return "a power law"
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if low is None or high is None:
         return "too few launches"
     if abs(value - paper) <= NEAR or low <= paper <= high:
         return "as the paper's law"

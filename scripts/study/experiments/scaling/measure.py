@@ -9,7 +9,6 @@ that were taken are timed in one interleaved run.
 from __future__ import annotations
 
 import math
-import signal
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -102,7 +101,7 @@ def choose(
     first: Callable[[Point], First],
 ) -> Plan:
     """Takes points by their worth (the module's head), while `seconds` last. `first` renders one, or raises
-    DriverError: that point alone is left out; where memory was short, the program's larger ones too."""
+    DriverError: that point is left out, and the program's larger ones."""
     plan, fast = Plan(), newest(specs)
     others = [spec for spec in reversed(specs) if spec not in fast]
     later = [x for x in series.xs if x not in series.early]
@@ -131,9 +130,8 @@ def choose(
         try:
             found = first(point)
         except DriverError as error:
-            plan.leave(point, why(error))
-            if short_of_memory(error):
-                beyond[spec] = point.x, "memory did not suffice for"
+            plan.leave(point, error.message)
+            beyond[spec] = point.x, "was refused"
             return True
         finally:
             plan.spent += time.monotonic() - begun
@@ -154,17 +152,6 @@ def choose(
     for point in sorted([*postponed, *points(others, later)], key=lambda point: point.x):
         taken(point, seconds)
     return plan
-
-
-def short_of_memory(error: DriverError) -> bool:
-    """Whether the driver said so, or ended as the kernel ends what it has no memory for."""
-    return error.status in (run.NO_MEMORY, -signal.SIGKILL)
-
-
-def why(error: DriverError) -> str:
-    """What a table says of a driver that did not render."""
-    killed = error.status == -signal.SIGKILL
-    return error.message + " (as the kernel does where memory is short)" * killed
 
 
 def too_long(needed: float, seconds: float) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 from study.core.schema import Record, key
-from study.numbers.schema import Interval, Measured, Range
+from study.numbers.power_laws import Law
+from study.numbers.schema import Interval, Measured
 
 
 class Row(Record, kw_only=True):
@@ -41,22 +42,6 @@ class Row(Record, kw_only=True):
         int | None,
         key("scenes", "of `crowd`: one per launch, seeds from `scene_seed` on, in the order of `ns`"),
     ] = None
-
-
-class Law(Record, kw_only=True):
-    """factor·x^exponent through the points; 95 % by bootstrap over launches."""
-
-    exponent: Annotated[Range, key("", "of all points")]
-    factor: Annotated[float | None, key("as the figure", "at x = 1")]
-    points: Annotated[int, key("points", "fitted")]
-    first_x: Annotated[float, key("`axes`", "least x")]
-    last_x: Annotated[float, key("`axes`", "largest x")]
-    first: Annotated[Range, key("", "exponent of the first two points alone")]
-    last: Annotated[Range, key("", "exponent of the last two points alone")]
-    worst: Annotated[float | None, key("×", "largest residual as a factor")]
-    worst_x: Annotated[float | None, key("`axes`", "there")]
-    off: Annotated[list[float], key("`axes`", "x over 10 % off the law and beyond their noise")]
-    holds: Annotated[bool | None, key("", "none is; null: two points")]
 
 
 class Fit(Record, kw_only=True):

@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 from study.core import registry, show
 from study.core.show import Column
-from study.experiments.scaling.schema import Crowd, Fit, Law, Row, Scaling
+from study.experiments.scaling.schema import Crowd, Fit, Row, Scaling
 from study.experiments.scaling.series import LAW
 from study.experiments.section import Part, part
 from study.numbers import power_laws
+from study.numbers.power_laws import Law
 
 CLOSED = "none: closed forms count 1 for every camera ray"
 TOP = 120  # dB: what is nearer is drawn here

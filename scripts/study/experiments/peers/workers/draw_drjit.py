@@ -107,21 +107,20 @@ def distance(p, shapes):
     return least
 
 
-def nearest(p, shapes):
-    least, which = Float(math.inf), UInt32(0)
-    for number, s in enumerate(shapes):
-        d = to_shape(p, s)
-        which = dr.select(d < least, UInt32(number), which)
+def surface(p, scene):
+    """(colour, shininess) of the nearest shape."""
+    least, colour, shininess = Float(math.inf), Array3f(0), Float(1)
+    for s in scene["shapes"]:
+        d, one = to_shape(p, s), scene["materials"][s["material"]]
+        colour = dr.select(d < least, triple(one["color"]), colour)
+        shininess = dr.select(d < least, Float(one["shininess"]), shininess)
         least = dr.minimum(least, d)
-    return which
+    return colour, shininess
 
 
 def march(origin, direction, scene):
     """(t, hit) of each ray."""
     limits = scene["march"]
-
-    def under_way(t, on, hit, step):
-        return on
 
     def one_step(t, on, hit, step):
         d = distance(dr.fma(direction, t, origin), scene["shapes"])
@@ -135,7 +134,7 @@ def march(origin, direction, scene):
 
     size = dr.width(direction)
     start = (dr.zeros(Float, size), dr.full(Bool, True, size), dr.full(Bool, False, size), UInt32(0))
-    t, _, hit, _ = dr.while_loop(start, under_way, one_step)
+    t, _, hit, _ = dr.while_loop(start, lambda *state: state[1], one_step)
     return t, hit
 
 
@@ -143,7 +142,6 @@ def shaded(origin, direction, scene):
     """The colour of each ray."""
     t, hit = march(origin, direction, scene)
     p = dr.fma(direction, t, origin)
-    which = nearest(p, scene["shapes"])
     taps = []
     for axis in range(3):
         step = [scene["march"]["normal_step"] if i == axis else 0 for i in range(3)]
@@ -151,13 +149,7 @@ def shaded(origin, direction, scene):
         taps.append(ahead - behind)
     n = dr.normalize(Array3f(*taps))
     n = dr.select(dr.dot(direction, n) > 0, -n, n)
-
-    materials = [scene["materials"][s["material"]] for s in scene["shapes"]]
-    color, shininess = Array3f(0), Float(1)
-    for number, one in enumerate(materials):
-        mine = which == number
-        color = dr.select(mine, Array3f(*one["color"]), color)
-        shininess = dr.select(mine, Float(one["shininess"]), shininess)
+    color, shininess = surface(p, scene)
     to_light = Array3f(*scene["light"]["position"]) - p
     away = dr.norm(to_light)
     to_light /= away
