@@ -9,7 +9,7 @@ import argparse
 from study.core import registry
 from study.core.cli import Outcome, StudyError
 from study.experiments import experiment
-from study.report import lessons, lessons_svg
+from study.report import lessons, lessons_draw
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> Outcome:
                 made.append(notes.relative_to(registry.ROOT))
         if found:
             path = notes.with_name(lessons.NAME)
-            path.write_text(lessons_svg.svg(found), encoding="utf-8")
+            path.write_text(lessons_draw.svg(found), encoding="utf-8")
             made.append(path.relative_to(registry.ROOT))
         elif args.phase:
             raise StudyError(f"{name}: no figure; there are those of {', '.join(lessons.PANELS)}")
