@@ -18,9 +18,7 @@ from study.core import registry, run
 from study.core.build import build
 from study.core.cli import CANNOT_RUN
 from study.core.host import child
-from study.core.registry import ROOT
 from study.core.run import DriverError
-from study.experiments.sweep import command as sweep
 from study.pictures import images
 
 CPUS = (7, 1030, 4095)
@@ -101,40 +99,6 @@ def test_workers_are_pinned_to_cpus_beyond_1024(phase: str, tmp_path: Path) -> N
         assert np.array_equal(mine[name].view(np.uint32), plane.view(np.uint32)), name
 
 
-@pytest.mark.slow
-def test_a_frame_says_a_cpu_beyond_1024(tmp_path: Path) -> None:
-    more = {"LD_PRELOAD": str(machine(tmp_path, (1030,))), "SAID": str(tmp_path / "said")}
-    assert draw("opt4", tmp_path, 1, more)[0]["cpu"] == 1030
-
-
-@pytest.mark.skipif(len(run.USABLE) < 2, reason="one CPU: there is none without CPU 0")
-def test_without_cpu_0() -> None:
-    """As under `taskset`: the default CPU, topology and the driver's own word are of a CPU that is there."""
-    last = run.USABLE[-1]
-    program = (
-        "import sys; sys.path.insert(0, 'scripts')\n"
-        "from study.core import run\n"
-        "made = run.render('baseline', sys.argv[1], 2, cpu=run.FASTEST, timed=False)\n"
-        "print(run.USABLE, run.FASTEST, made['cpu'])\n"
-    )
-    build("baseline")
-    done = subprocess.run(
-        [
-            "taskset",
-            "-c",
-            str(last),
-            ROOT / ".venv/bin/python",
-            "-c",
-            program,
-            ROOT / "common/scenes/trio.json",
-        ],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-    )
-    assert done.stdout.split() == [f"[{last}]", str(last), str(last)], done.stderr
-
-
 # --- a cpuset that changes while a sweep runs
 
 GONE = 4000  # allowed when the run began; the kernel refuses it as it does a CPU that left the cpuset
@@ -149,36 +113,3 @@ def test_a_launch_whose_cpu_is_gone_is_one_line(monkeypatch: pytest.MonkeyPatch)
     assert error.value.exit_status == CANNOT_RUN and "\n" not in str(error.value)
     with pytest.raises(child.NotPinned, match="true: cannot be pinned"):
         child.run(["true"], preexec_fn=lambda: os.sched_setaffinity(0, {GONE}))
-
-
-@pytest.mark.slow
-def test_a_sweep_keeps_what_it_has_when_its_cpu_goes(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The CPU goes after two launches: their frames stay, each further launch fails by name, status 1."""
-    launches, real, here = [], run._in_child, run.USABLE[-1]
-
-    def in_child(cpus: set[int] | None) -> None:
-        real({GONE} if len(launches) > 2 else cpus)
-
-    def launch(self: sweep.Sweep, config: sweep.Config) -> None:
-        launches.append(config)
-        plain(self, config)
-
-    plain = sweep.Sweep.launch
-    monkeypatch.setattr(run, "_in_child", in_child)
-    monkeypatch.setattr(sweep.Sweep, "launch", launch)
-    words = ["sweep", "--phase", "opt2", "--scene", "trio", "-n", "2", "--reps", "2", "--launches", "6"]
-    monkeypatch.setattr("sys.argv", [*words, "--cpu", str(here), "--results", str(tmp_path)])
-    before = os.sched_getaffinity(0)
-    try:
-        assert sweep.main() == 1
-    finally:
-        os.sched_setaffinity(0, before)
-    (frames,) = tmp_path.rglob("frames.jsonl")
-    kept = [json.loads(line) for line in frames.read_text().splitlines()]
-    assert sum(not frame["warmup"] for frame in kept) == 2 * 2
-    plan = json.loads((frames.parent / "plan.json").read_text())
-    assert plan["finished"] and all("cannot be pinned" in one["message"] for one in plan["failures"])
-    assert len(plan["failures"]) == sweep.MOST_CRASHES
-    assert "cannot be pinned as the run began" in capsys.readouterr().err

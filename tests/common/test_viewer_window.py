@@ -269,30 +269,6 @@ def test_the_throttle_is_of_rods_and_is_on_the_screen(window: Callable[..., Wind
     assert one.recorded()["phase"] == "opt4" and one.viewer.poll() is None
 
 
-def test_a_script_plays_in_the_window(window: Callable[..., Window], tmp_path: Path) -> None:
-    to = {"position": [0, 0, 5], "look_at": [0, 0, 9], "frames": 30}
-    path = viewer.script(tmp_path / "walk.jsonl", [{"phase": "opt3"}, to])
-    one = window("--phase", "opt4", "--script", str(path))
-    time.sleep(3)
-    line = one.recorded()
-    assert line["position"] == [0, 0, 5] and line["phase"] == "opt3"
-
-
-def test_the_text_is_shown_and_escape_ends(window: Callable[..., Window]) -> None:
-    one = window()
-    text = slice(4, 11), slice(4, 120)  # the first line, on the scene's black sky
-    one.until(lambda: bool((one.grab()[text] == 255).all(-1).any()), "text")
-    one.key("r")
-    time.sleep(2)
-    before = one.grab().copy()
-    one.key("h")
-    one.until(lambda: int((one.grab() != before).any(-1).sum()) > 5000, "help")
-    one.key("h", "o")
-    one.until(lambda: not one.grab()[text].any(), "end of the text")
-    one.key("Escape")
-    assert one.viewer.wait(20) == 0 and one.said() == ""
-
-
 def test_a_phase_that_refuses_the_scene_leaves_the_picture(window: Callable[..., Window]) -> None:
     """A reference that cannot draw a soft shadow: said, and nothing changes."""
     one = window("scene0_plain", "--phase", "opt4", "--reference", "fixed_float")

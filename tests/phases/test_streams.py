@@ -113,19 +113,6 @@ def test_full_queues(width, tmp_path) -> None:
     check_same(picture(PHASE, scene, tmp_path, (256, 90), **WIDTHS[width]), parents, width)
 
 
-@pytest.mark.parametrize("width", EACH_WIDTH)
-def test_a_light_straight_above_a_hit_is_seen(tmp_path, width: str) -> None:
-    """All rays start on a sphere, and the light is on the normal: 0/0 in the shadow's second term."""
-    scene = copy.deepcopy(registry.find_scene("scene0").data)
-    material = next(iter(scene["materials"]))
-    scene["shapes"] = [{"type": "sphere", "material": material, "radius": 0.125}]
-    scene["camera"] |= {"position": [0, 0, -0.125], "look_at": [0.25, 0.5, 1]}
-    scene["light"] |= {"position": [0, 0, -1], "shadows": "soft", "shadow_strength": 0.5}
-    seen = picture(PHASE, scene, tmp_path, (8, 8), **WIDTHS[width])
-    parents = picture(PARENT, scene, tmp_path, (8, 8))
-    assert parents["R"].min() > 0.1 and np.allclose(seen["R"], parents["R"], rtol=1e-4)
-
-
 BULBS = [
     name
     for name, scene in registry.scenes().items()
@@ -226,17 +213,6 @@ def test_a_mandelbulb_at_the_bounds_is_the_parents(camera, width, tmp_path) -> N
     check_same(mine, parents, width)
 
 
-def test_bulbs_among_other_shapes(tmp_path) -> None:
-    """Hard shadows, two Mandelbulbs, one of them repeated, and a mirror: the parent's picture."""
-    scene = crowd(6, 6, "hard")
-    bulb = {"type": "mandelbulb", "power": 8, "iterations": 3, "bailout": 256, "material": "plain"}
-    shapes = [bulb | {"position": [0, 0, 9]}, bulb | {"position": [3, 1, 14], "repeat": [6, 0, 0]}]
-    for more in ([shapes[0]], shapes):
-        whole = copy.deepcopy(scene) | {"shapes": scene["shapes"] + more}
-        mine = picture(PHASE, whole, tmp_path, (96, 54))
-        check_same(mine, picture(PARENT, whole, tmp_path, (96, 54)), f"{len(more)} bulbs")
-
-
 @pytest.mark.parametrize("width", EACH_WIDTH)
 @pytest.mark.parametrize("shadows", ["hard", "soft"])
 def test_stretches_of_two_bulbs_over_two_planes(shadows, width, tmp_path) -> None:
@@ -252,16 +228,6 @@ def test_stretches_of_two_bulbs_over_two_planes(shadows, width, tmp_path) -> Non
     mine, parents = (picture(phase, scene, tmp_path, (96, 54), **WIDTHS[width]) for phase in (PHASE, PARENT))
     assert set(np.unique(parents["id"])) >= {0, 1, 2, 3}
     check_same(mine, parents, f"two bulbs, {shadows}, {width}")
-
-
-@pytest.mark.parametrize("size", [(1, 1), (7, 3), (33, 9), (1, 70), (197, 41)])
-def test_any_size_and_number_of_threads(size, tmp_path) -> None:
-    for scene in (FEATURES["everything"], registry.scenes()["mandelbulb"].data):
-        alone = picture(PHASE, scene, tmp_path, size)
-        for threads in (2, 5):
-            mine = picture(PHASE, scene, tmp_path, size, "--threads", threads, "--reps", 2)
-            for name, plane in alone.items():
-                assert np.array_equal(plane.view(np.uint32), mine[name].view(np.uint32)), f"{threads}: {name}"
 
 
 def test_no_start_past_the_true_hit(tmp_path) -> None:

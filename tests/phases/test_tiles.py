@@ -159,16 +159,6 @@ def test_lists_leave_out_nothing_that_matters(shadows, width, tmp_path) -> None:
         assert 0 < offered.mean() < 0.5 * (count + 1), "the lists hold half of the scene and more"
 
 
-def test_every_feature_looks_as_in_the_parent(tmp_path) -> None:
-    for number, (name, scene) in enumerate(FEATURES.items()):
-        fractal = any(shape["type"] == "mandelbulb" for shape in scene["shapes"])
-        if fractal or scene["march"]["max_steps"] < 1000 or scene["march"]["hit_distance"] > 1e-5:
-            continue  # from another start a ray ends elsewhere within the hit distance, or within its cap
-        width = list(WIDTHS)[number % len(WIDTHS)]
-        mine = picture(PHASE, scene, tmp_path, (49, 27), **WIDTHS[width])
-        check_same(mine, picture(PARENT, scene, tmp_path, (49, 27)), f"{name}, {width}")
-
-
 def test_a_capped_march_finds_more_of_the_true_hits(tmp_path) -> None:
     """two_spheres allows 20 steps: those before the start are saved."""
     scene = registry.scenes()["two_spheres"].data
@@ -195,17 +185,6 @@ def test_what_cannot_be_trusted_starts_at_the_camera(tmp_path) -> None:
         mine = picture(PHASE, scene, tmp_path)
         assert (mine["start"] == 0).all()
         assert (mine["shapes"] >= 1).all() and (count is None or (mine["shapes"] == count).all())
-
-
-@pytest.mark.parametrize("size", [(1, 1), (7, 3), (33, 9), (1, 70), (97, 41)])
-def test_any_size_and_number_of_threads(size, tmp_path) -> None:
-    """Bit for bit: nothing depends on who draws a tile."""
-    scene = FEATURES["everything"]
-    alone = picture(PHASE, scene, tmp_path, size)
-    for threads in (2, 5):
-        mine = picture(PHASE, scene, tmp_path, size, "--threads", threads, "--reps", 2)
-        for name, plane in alone.items():
-            assert np.array_equal(plane.view(np.uint32), mine[name].view(np.uint32)), f"{threads}: {name}"
 
 
 def constant(phase: str, file: str, pattern: str) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import subprocess
 from pathlib import Path
@@ -16,7 +15,6 @@ from study.core.registry import ROOT
 pytestmark = pytest.mark.slow
 
 PHASE = "opt6_wide"
-COUNTS = ("flops", "by_function", "by_class", "executed", "useful")  # of flops.c
 VARIANTS = {f"lanes{one.lanes}": set(one.isa) for one in registry.find_phase(PHASE).variants}
 
 
@@ -52,23 +50,6 @@ def make(tree: Path, compiler: str, target: str) -> subprocess.CompletedProcess[
     return subprocess.run([*words, f"build/{compiler}/{PHASE}/{target}"], capture_output=True, text=True)
 
 
-def test_counting_sources_of_every_variant_are_compiled_or_read_and_a_warning_ends_it(tree: Path) -> None:
-    """As tests/builds.py has it made, where one variant has a fault."""
-    source = tree / "phases" / PHASE / "march/march.c"  # the first of those that each variant has
-    kept = source.read_text()
-    for compiler in ("gcc", "clang"):
-        good = make(tree, compiler, "count/read")
-        assert good.returncode == 0, good.stderr
-    for variant, isa in VARIANTS.items():
-        lanes = variant.removeprefix("lanes")
-        fault = f"#if defined STEPWISE_COUNT && LANES == {lanes}\nstatic int unused_here;\n#endif\n"
-        for compiler in ("gcc", "clang"):
-            read = compiler == "clang" or not isa <= registry.cpu_flags()
-            source.write_text(kept + fault)
-            done = make(tree, compiler, "count/read" if read else "count/phase.o")
-            assert done.returncode != 0 and "unused_here" in done.stderr, (variant, compiler)
-
-
 # What parsing finds, and what only making code does: an instruction that the flags do not allow.
 FAULTS = {
     "unused_here": "static int unused_here;",
@@ -96,20 +77,3 @@ def test_what_clang_makes_has_the_variants_of_this_cpu() -> None:
     for variant, isa in VARIANTS.items():
         found = instructions(ROOT / "build/clang" / PHASE / "render", f"{variant}_tile")
         assert found and ("ud2" in found) == (not isa <= registry.cpu_flags())
-
-
-def test_counts_are_the_sources_at_any_level_of_optimization(tree: Path) -> None:
-    """render-count is compiled with -O1 (rules.mk): as its phase is timed, it counts the same."""
-    rules = tree / "common/rules.mk"
-    text = rules.read_text()
-    assert text.count("--more='-O1 $(COUNTING)'") == 1
-    rules.write_text(text.replace("--more='-O1 $(COUNTING)'", "--more='$(COUNTING)'"))
-    done = make(tree, "gcc", "render-count")
-    assert done.returncode == 0, done.stderr
-    for scene in ("scene0", "mandelbulb", "cubes"):
-        counts = []
-        for program in (build(PHASE, "render-count"), tree / "build/gcc" / PHASE / "render-count"):
-            command = [program, registry.find_scene(scene).path, "-n", "24", "--json"]
-            said = json.loads(subprocess.check_output([str(word) for word in command]))
-            counts.append({key: said[key] for key in COUNTS})
-        assert counts[0] == counts[1] and counts[0]["executed"] > 0, scene
