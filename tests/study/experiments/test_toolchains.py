@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 import started
 
-from study.core import cli, registry, schema
+from study.core import cli, commands, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
-from study.experiments.toolchains import chapter as toolchains_chapter
+from study.experiments.toolchains import chapter
 from study.experiments.toolchains import measure as toolchains
 from study.experiments.toolchains.measure import BASE, SETS, Program
 from study.experiments.toolchains.schema import Row, Toolchains
@@ -69,7 +69,7 @@ def test_what_does_not_build_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_missing_compiler_is_named_and_gcc_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     found, lacking = toolchains.present(["gcc", "no-such-cc"])
-    assert found == ["gcc"] and lacking[0]["compiler"] == "no-such-cc"
+    assert found == ["gcc"] and lacking[0].compiler == "no-such-cc"
     assert toolchains.present(["no-such-cc"])[0] == []  # gcc is there, though nobody asked for it
     monkeypatch.setenv("PATH", os.devnull)
     with pytest.raises(StudyError, match="gcc is missing") as caught:
@@ -83,52 +83,30 @@ def test_native_is_recorded_as_what_it_stands_for() -> None:
 
 
 def test_the_command_writes_its_rows(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        ROOT / "scripts" / "stepwise",
-        "toolchains",
-        "--phase",
-        "opt1",
-        "--scene",
-        "two_spheres",
-    ]
-    command += [
-        "--compiler",
-        "gcc",
-        "--flags",
-        "and contraction",
-        "-n",
-        "16",
-        "--launches",
-        "1",
-        "--no-truth",
-    ]
-    done = started.run([*command, "--run", tmp_path, "--json"])
+    words = ["--phase", "opt1", "--scene", "two_spheres", "--compiler", "gcc", "-n", "16", "--launches", "1"]
+    words += ["--flags", "and contraction", "--no-truth", "--json", "--run", str(tmp_path)]
+    done = started.run([sys.executable, ROOT / "scripts" / "stepwise", "toolchains", *words])
     assert done.returncode == cli.OK, done.stderr
-    made = emitted.result(done.stdout)
-    assert made["rows"] == json.loads((tmp_path / "toolchains.json").read_text())["rows"]
-    assert [row["flags"] for row in made["rows"]] == ["as shipped", "and contraction"]
-    assert made["rows"][0]["changed_fraction"] == 0
-    assert Toolchains.checked(made, "made") and not schema.unknown(made, Toolchains)
-    described = {name for name, *_ in schema.fields(Row)}
-    assert {f"truth_{name}" for name in ("psnr_db", "rmse", *toolchains.HITS)} <= described
+    found = Toolchains.load(tmp_path / "toolchains.json")
+    assert [row.flags for row in found.rows] == ["as shipped", "and contraction"]
+    assert found.rows[0].changed_fraction == 0 and len(emitted.result(done.stdout)["rows"]) == 2
 
 
-def test_a_spec_with_flags_of_its_own_is_refused(tmp_path: Path) -> None:
-    command = [sys.executable, ROOT / "scripts" / "stepwise", "toolchains", "--phase", "opt2@opt4", "--scene"]
-    command += ["two_spheres", "--compiler", "gcc", "--flags", "as shipped", "-n", "8", "--launches", "1"]
-    done = started.run([*command, "--no-truth", "--run", tmp_path])
-    assert done.returncode == cli.BAD_INPUT and "opt2@opt4: flags are what is compared" in done.stderr
+def test_a_spec_with_flags_of_its_own_is_refused() -> None:
+    with pytest.raises(StudyError, match="opt2@opt4"):
+        commands.called("toolchains", ["--phase", "opt2@opt4"])
 
 
 def test_a_null_psnr_of_a_broken_picture_is_not_identical() -> None:
-    row = {"psnr_to_shipped_db": None, "rmse_to_shipped": 0.0}
-    assert toolchains_chapter._psnr(row) == "identical"
-    assert toolchains_chapter._psnr(row | {"rmse_to_shipped": None}) == "not finite"
-    assert toolchains_chapter._psnr(row | {"psnr_to_shipped_db": 42.0}) == "42.0"
+    row = measured(exact(), shipped(), shipped(), "two_spheres")
+    assert chapter.psnr(row) == "identical"
+    row.rmse_to_shipped = None
+    assert chapter.psnr(row) == "not finite"
+    row.psnr_to_shipped_db = 42.0
+    assert chapter.psnr(row) == "42.0"
 
 
-def measured(truth: images.Picture, mine: images.Picture, theirs: images.Picture, scene: str) -> dict:
+def measured(truth: images.Picture, mine: images.Picture, theirs: images.Picture, scene: str) -> Row:
     """The row of gcc with fast-math against these pictures."""
     one, base = Program("gcc", "and fast-math", "opt1"), Program(*BASE, "opt1")
     times = {one: [1e6] * 6, base: [2e6] * 6}
@@ -143,6 +121,10 @@ def exact(height: int = 8, width: int = 12) -> images.Picture:
     return made | {"shadow": np.ones((height, width), np.float32)}
 
 
+def shipped() -> images.Picture:
+    return {name: exact()[name] for name in images.AOVS}
+
+
 @pytest.mark.parametrize("scene", ["two_spheres", "mandelbulb"])
 def test_what_truth_does_not_know_is_left_out(scene: str) -> None:
     """One pixel undecided, with NaN for a colour: the others are off by 1/16 in red, 24.08 + 4.77 dB."""
@@ -155,19 +137,19 @@ def test_what_truth_does_not_know_is_left_out(scene: str) -> None:
     truth["Z"][0, 0] = np.nan
     mine["id"][0, 1], mine["Z"][0, 1] = -1, np.inf
     row = measured(truth, mine, mine, scene)
-    assert row["non_finite"] == 0 and row["changed_fraction"] == 0
-    assert row["truth_psnr_db"] == pytest.approx(-10 * np.log10(1 / 3 / 256), abs=1e-4)
-    assert row["truth_false_misses_ppm"] == pytest.approx(1e6 / 95)
-    assert row["truth_false_hits_ppm"] == row["truth_wrong_shape_ppm"] == row["truth_dt_p99"] == 0
+    assert row.non_finite == 0 and row.changed_fraction == 0
+    assert row.truth_psnr_db == pytest.approx(-10 * np.log10(1 / 3 / 256), abs=1e-4)
+    assert row.truth_false_misses_ppm == pytest.approx(1e6 / 95)
+    assert row.truth_false_hits_ppm == row.truth_wrong_shape_ppm == row.truth_dt_p99 == 0
 
 
 def test_non_finite_is_of_the_picture_itself() -> None:
     """A shipped picture with a NaN does not make the other one broken, nor the same."""
     broken = {name: plane.copy() for name, plane in exact().items() if name in images.AOVS}
     broken["R"][3, 3] = np.nan
-    sound = {name: exact()[name] for name in images.AOVS}
+    sound = shipped()
     row = measured(exact(), sound, broken, "two_spheres")
-    assert row["ms"].value == 1 and row["speedup"].value == 2  # it takes 1 ms where gcc as shipped takes 2
-    assert row["non_finite"] == 0 and row["truth_psnr_db"] == np.inf
-    assert toolchains_chapter._psnr(cli.plain(row)) == "not finite"
-    assert measured(exact(), broken, sound, "two_spheres")["non_finite"] == 1
+    assert row.ms.value == 1 and row.speedup.value == 2  # it takes 1 ms where gcc as shipped takes 2
+    assert row.non_finite == 0 and row.truth_psnr_db is None and row.truth_rmse == 0
+    assert chapter.psnr(row) == "not finite"
+    assert measured(exact(), broken, sound, "two_spheres").non_finite == 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.toolchains import chapter
+from study.experiments.toolchains import chapter, command
 from study.experiments.toolchains.schema import SCHEMAS
 
 
@@ -19,5 +19,6 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="full",
     cut="Every phase is built by two compilers with four sets of flags, which takes minutes.",
+    command=command,
     sections=[(630, lambda data: chapter.compilers(data.path))],
 )

@@ -7,13 +7,14 @@ The paper compares GCC and ICC under three sets of flags without saying at what 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import shutil
 import subprocess
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,11 +22,12 @@ from study.core import cli, progress, run
 from study.core.cli import StudyError
 from study.core.host import child
 from study.core.registry import ROOT, Scene, Spec
-from study.experiments.toolchains.schema import Toolchains
+from study.experiments.toolchains.schema import Missing, Row
 from study.numbers import stats
+from study.numbers.schema import Interval
 from study.pictures import images
 from study.pictures.images import Picture
-from study.truth import judging
+from study.truth import judging, truth
 
 COMPILERS = ("gcc", "clang", "icx")
 # Behind the phase's own flags (-O3, its -m flags, -ffp-contract=off); a later flag wins.
@@ -70,17 +72,13 @@ def resolved(compiler: str) -> str:
     return " ".join(dict.fromkeys(w for w in words if w.startswith("-m") and not w.startswith("-mno-")))
 
 
-def present(names: list[str]) -> tuple[list[str], list[dict[str, str]]]:
+def present(names: Iterable[str]) -> tuple[list[str], list[Missing]]:
     """Compilers that are there, and a reason for each that is not. gcc must be, asked for or not."""
-    found = [name for name in names if shutil.which(name)]
-    lacking = [
-        {"compiler": name, "reason": f"{name} is not installed; it would add its programs to the table"}
-        for name in names
-        if name not in found
-    ]
     if not shutil.which(BASE[0]):
         raise StudyError("gcc is missing: every ratio is over it; install gcc", cli.CANNOT_RUN)
-    return found, lacking
+    reason = "it is not installed; it would add its programs to the table"
+    lacking = [Missing(compiler=name, reason=reason) for name in names if not shutil.which(name)]
+    return [name for name in names if shutil.which(name)], lacking
 
 
 def build(program: Program) -> str | None:
@@ -99,7 +97,7 @@ def build(program: Program) -> str | None:
     return " / ".join(lines[-3:]) or f"make ended with status {done.returncode}"
 
 
-def build_all(programs: list[Program], jobs: int) -> dict[Program, str]:
+def build_all(programs: Iterable[Program], jobs: int) -> dict[Program, str]:
     """Builds all, one folder at a time in each job (they share common/). What cannot be built, with why."""
     folders: dict[Path, list[Program]] = {}
     for program in programs:
@@ -123,7 +121,7 @@ def picture(program: Program, scene: Scene, height: int, folder: Path) -> Pictur
 
 
 def measure(
-    programs: list[Program], scene: Scene, height: int, launches: int, seed: int, cpu: int
+    programs: Sequence[Program], scene: Scene, height: int, launches: int, seed: int, cpu: int
 ) -> dict[Program, list[float]]:
     """Nanoseconds of one frame per process launch, every program once a round in random order."""
     width, _ = scene.size(height)
@@ -145,91 +143,54 @@ def changed(one: Picture, other: Picture) -> float:
     return float(differs.mean())
 
 
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
 def row(
     program: Program,
     scene: Scene,
     height: int,
-    times: dict[Program, list[float]],
-    pictures: dict[Program, Picture],
-    truth: Picture | None,
-) -> dict[str, Any]:
+    times: Mapping[Program, list[float]],
+    pictures: Mapping[Program, Picture],
+    exact: Picture | None,
+) -> Row:
     """One line. `speedup`: over gcc as shipped, of the same phase. Errors: to truth, where there is one.
 
     Those leave out what truth does not know (judging.metrics); `non_finite` is of this picture alone.
     """
     base = Program(*BASE, program.phase)
-    about = {"compiler": program.compiler, "flags": program.flags, "more": SETS[program.flags]}
     mine, theirs = pictures[program], pictures[base]
     shipped = images.compare(theirs, mine)
-    found = {
-        **about,
-        "phase": program.phase,
-        "scene": scene.name,
-        "n": height,
-        "ms": stats.median_interval([ns / 1e6 for ns in times[program]]),
-        "speedup": stats.ratio_interval(times[base], times[program]),
-        "changed_fraction": changed(theirs, mine),
-        "non_finite": images.non_finite(mine),
-        "psnr_to_shipped_db": shipped["psnr_db"],
-        "rmse_to_shipped": shipped["rmse"],  # JSON's null PSNR is infinite where this is 0, else no number
-    }
-    if truth is not None:
-        error = judging.metrics(truth, mine, fractal=scene.fractal)
+    made = Row(
+        compiler=program.compiler,
+        flags=program.flags,
+        more=SETS[program.flags],
+        phase=program.phase,
+        scene=scene.name,
+        n=height,
+        ms=Interval.of(stats.median_interval([ns / 1e6 for ns in times[program]])),
+        speedup=Interval.of(stats.ratio_interval(times[base], times[program])),
+        changed_fraction=changed(theirs, mine),
+        non_finite=images.non_finite(mine),
+        psnr_to_shipped_db=_finite(shipped["psnr_db"]),
+        rmse_to_shipped=_finite(shipped["rmse"]),
+    )
+    if exact is not None:
+        error = judging.metrics(exact, mine, fractal=scene.fractal)
         colours = error["antialiased"] if scene.fractal else error
-        found |= {f"truth_{name}": colours[name] for name in ("psnr_db", "rmse")}
-        found |= {f"truth_{name}": error[name] for name in HITS}
-    return found
-
-
-def read(path: Path) -> dict[str, Any]:
-    """toolchains.json. StudyError for another thing's JSON, or one of which the rows are gone."""
-    return Toolchains.read(path)
+        made.truth_psnr_db, made.truth_rmse = (_finite(colours[name]) for name in ("psnr_db", "rmse"))
+        for name in HITS:
+            setattr(made, f"truth_{name}", _finite(error[name]))
+    return made
 
 
 def truth_of(scene: Scene, height: int) -> Picture | None:
     """Truth's picture (study.truth.truth); None, with a word, where it has none."""
-    from study.truth import truth
-
     with contextlib.suppress(StudyError):
         return truth.picture(scene, scene.size(height))
     cli.say(f"no truth of {scene.name}: errors to it are left out")
     return None
-
-
-COLUMNS = [
-    ("scene", "scene"),
-    ("phase", "phase"),
-    ("compiler", "compiler"),
-    ("flags", "flags"),
-    ("ms", "ms [95 %]"),
-    ("speedup", "× over gcc as shipped"),
-    ("changed", "pixels changed %"),
-    ("to_shipped", "dB to shipped"),
-    ("to_truth", "dB to ground truth"),
-    ("wrong", "hits and shapes wrong ppm"),
-]
-
-
-def shown(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows as people read them."""
-
-    def decibels(value: float | None) -> str | None:
-        return None if value is None else "∞" if value == np.inf else f"{value:.1f}"
-
-    def wrong(one: dict[str, Any]) -> str | None:
-        values = [one.get(f"truth_{name}") for name in WRONG]
-        return None if None in values or not np.isfinite(values).all() else f"{sum(values):.0f}"
-
-    return [
-        {
-            **one,
-            "changed": f"{100 * one['changed_fraction']:.3g}",
-            "to_shipped": decibels(one["psnr_to_shipped_db"]),
-            "to_truth": decibels(one.get("truth_psnr_db")),
-            "wrong": wrong(one),
-        }
-        for one in rows
-    ]
 
 
 def programs(compilers: list[str], sets: list[str], specs: list[Spec]) -> list[Program]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from study.core.schema import ABSENT, Absent, Record, key
+from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured, Skipped
 
 
@@ -13,10 +13,10 @@ class Row(Record, kw_only=True):
 
     compiler: Annotated[str, key("", "gcc, clang or icx")]
     flags: Annotated[str, key("", "name of the set")]
-    more: Annotated[str | Absent, key("", "the flags themselves, behind the phase's own")] = ABSENT
+    more: Annotated[str | None, key("", "the flags themselves, behind the phase's own")] = None
     phase: Annotated[str, key("", "its name")]
     scene: Annotated[str, key("", "its name")]
-    n: Annotated[int | Absent, key("pixels", "height of the picture")] = ABSENT
+    n: Annotated[int | None, key("pixels", "height of the picture")] = None
     ms: Annotated[Interval, key("ms", "a frame")]
     speedup: Annotated[Interval, key("×", "over gcc as shipped, of the same phase and scene")]
     changed_fraction: Annotated[float | None, key("share of pixels", "any bit unlike gcc's as shipped")]
@@ -24,13 +24,13 @@ class Row(Record, kw_only=True):
     psnr_to_shipped_db: Annotated[float | None, key("dB", "to gcc's as shipped; null with RMSE 0: identical")]
     rmse_to_shipped: Annotated[float | None, key("linear RGB", "to gcc's as shipped")]
     truth_psnr_db: Annotated[
-        float | Absent | None, key("dB", "to ground truth; absent with --no-truth; of fractals 4×4 means")
-    ] = ABSENT
-    truth_rmse: Annotated[float | Absent | None, key("linear RGB", "to ground truth")] = ABSENT
-    truth_false_hits_ppm: Annotated[float | Absent | None, key("ppm", "of proved pixels")] = ABSENT
-    truth_false_misses_ppm: Annotated[float | Absent | None, key("ppm", "of proved pixels")] = ABSENT
-    truth_wrong_shape_ppm: Annotated[float | Absent | None, key("ppm", "of proved pixels")] = ABSENT
-    truth_dt_p99: Annotated[float | Absent | None, key("scene units", "99th percentile of |Δt|")] = ABSENT
+        float | None, key("dB", "to ground truth; absent with --no-truth; of fractals 4×4 means")
+    ] = None
+    truth_rmse: Annotated[float | None, key("linear RGB", "to ground truth")] = None
+    truth_false_hits_ppm: Annotated[float | None, key("ppm", "of proved pixels")] = None
+    truth_false_misses_ppm: Annotated[float | None, key("ppm", "of proved pixels")] = None
+    truth_wrong_shape_ppm: Annotated[float | None, key("ppm", "of proved pixels")] = None
+    truth_dt_p99: Annotated[float | None, key("scene units", "99th percentile of |Δt|")] = None
 
 
 class Failure(Record, kw_only=True):
@@ -43,7 +43,7 @@ class Failure(Record, kw_only=True):
 class Missing(Skipped, kw_only=True):
     """A compiler or phase that is not here."""
 
-    compiler: Annotated[str | Absent, key("", "its name")] = ABSENT
+    compiler: Annotated[str | None, key("", "its name")] = None
 
 
 class Toolchains(Measured, kw_only=True):
@@ -56,10 +56,6 @@ class Toolchains(Measured, kw_only=True):
     rows: Annotated[list[Row], key("", "programs and scenes")]
     skipped: Annotated[list[Missing], key("", "compilers and phases that are not here")]
     failures: Annotated[list[Failure], key("", "what did not build or run")]
-
-    def __post_init__(self) -> None:
-        if not self.rows and not self.failures:
-            raise ValueError("neither rows nor failures")
 
 
 SCHEMAS = {"toolchains.json": Toolchains}
