@@ -8,18 +8,13 @@
 
 #include <dirent.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
 #include <openexr.h>
-#include <sched.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mount.h>
 #include <sys/resource.h>
-#include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "frame/frame.h"
@@ -254,54 +249,6 @@ static void failed_write_keeps_the_old_picture(void **state) {
     frame_free(&small);
 }
 
-static bool write_text(const char *path, const char *text) {
-    int file = open(path, O_WRONLY);
-    bool written = file >= 0 && write(file, text, strlen(text)) == (ssize_t)strlen(text);
-    if (file >= 0)
-        close(file);
-    return written;
-}
-
-// Mounts a file system of 64 KiB over the folder. Only this process sees it, and it ends with the process.
-static bool small_disk(void) {
-    char map[32];
-    snprintf(map, sizeof map, "0 %d 1", (int)getuid());
-    if (unshare(CLONE_NEWNS) != 0 &&
-        (unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0 || !write_text("/proc/self/uid_map", map)))
-        return false;
-    return mount(NULL, "/", NULL, MS_REC | MS_PRIVATE, NULL) == 0 &&
-           mount("tmpfs", folder, "tmpfs", 0, "size=64k") == 0;
-}
-
-enum { FULL_AS_EXPECTED = 0, NOT_AS_EXPECTED = 1, NO_NAMESPACES = 77 };
-
-static void full_disk(void **state) {
-    (void)state;
-    pid_t child = fork();
-    assert_true(child >= 0);
-    if (child == 0) {
-        if (!small_disk())
-            _exit(NO_NAMESPACES);
-        struct frame frame = random_frame(200, 200, true);
-        bool written = frame_write_exr(&frame, file_name, error);
-        bool named = strstr(error, ": cannot be written: No space left on device") != NULL;
-        written =
-            frame_write_ppm(200, 200, (const uint8_t *)frame.rgb, file_name, error) || written;
-        named = named && strstr(error, ": cannot be written: No space left on device") != NULL;
-        if (!named)
-            print_error("%s\n", error);
-        _exit(!written && named && files_in(folder) == 0 ? FULL_AS_EXPECTED : NOT_AS_EXPECTED);
-    }
-    int status;
-    assert_int_equal(waitpid(child, &status, 0), child);
-    assert_true(WIFEXITED(status));
-    if (WEXITSTATUS(status) == NO_NAMESPACES) {
-        print_message("skipped: this machine lacks mount namespaces for a small tmpfs\n");
-        skip();
-    }
-    assert_int_equal(WEXITSTATUS(status), FULL_AS_EXPECTED);
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_are_preset),
@@ -309,7 +256,6 @@ int main(void) {
         cmocka_unit_test(exr_keeps_what_hardly_compresses),
         cmocka_unit_test(unwritable_places_are_refused),
         cmocka_unit_test(failed_write_keeps_the_old_picture),
-        cmocka_unit_test(full_disk),
     };
     return cmocka_run_group_tests_name("frame_files", tests, make_folder, remove_folder);
 }
