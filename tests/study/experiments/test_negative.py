@@ -9,7 +9,7 @@ import pytest
 
 from study.core import cli, registry, store
 from study.core.cli import StudyError
-from study.experiments.ablations import negative
+from study.experiments.ablations import chapter, negative
 from study.experiments.ablations.schema import Ablations, Row
 from study.numbers import verdicts
 from study.numbers.schema import Interval
@@ -44,18 +44,11 @@ def result(*rows: Row) -> Ablations:
     ],
 )
 def test_the_whole_interval_is_asked_and_the_picture(low, high, verdict, outcome) -> None:
-    assert negative.outcome(row("a", low, high, verdict=verdict)) == outcome
+    assert chapter.outcome(row("a", low, high, verdict=verdict)) == outcome
 
 
 def test_too_few_launches_are_said() -> None:
-    assert negative.outcome(row("a", None, None)) == verdicts.TOO_FEW
-
-
-def test_a_step_is_on_the_page_with_all_its_scenes_unless_it_pays_on_each() -> None:
-    rows = [row("pays", 1.1, 1.2), row("pays", 1.1, 1.2, "mandelbulb")]
-    rows += [row("half", 1.1, 1.2), row("half", 0.8, 0.9, "mandelbulb")]
-    found = [(r.ablation, r.scene, negative.outcome(r)) for r in negative.chosen(result(*rows))]
-    assert found == [("half", "scene0", "pays"), ("half", "mandelbulb", "slower")]
+    assert chapter.outcome(row("a", None, None)) == verdicts.TOO_FEW
 
 
 TABLE = """# What did not pay
@@ -91,14 +84,10 @@ def test_the_chapter_is_made_from_the_runs_file(tmp_path: Path) -> None:
     document = tmp_path / "table.md"
     document.write_text(TABLE, encoding="utf-8")
     empty = negative.section(tmp_path, document)
-    assert (empty.parts, empty.drawn) == ([], {}) and "<td>1.15</td>" in empty.html
-    rows = [row("opt6_wide+over_relaxation", 0.9, 1.1), row("opt4+rsqrt", 1.1, 1.2, verdict="approximate")]
-    rows[0].psnr_db = rows[0].against_psnr_db = None
-    rows[0].step = "removed"
+    assert empty.answer == "" and "<td>1.15</td>" in empty.html
+    rows = [row("slow", 0.8, 0.9), row("opt4+rsqrt", 1.1, 1.2, verdict="approximate"), row("good", 1.1, 1.2)]
     store.write_json(tmp_path / "ablations.json", cli.plain(result(*rows)))
-    chapter = negative.section(tmp_path, document)
-    text = chapter.parts[0].markdown
-    assert "1.00× [0.90,\u00a01.10] | identical | identical" in text and negative.COSTS in text
-    assert "left out: what opt6_wide+over_relaxation is" in text
-    (axes,) = chapter.drawn["negative"].make().axes
-    assert [text.get_text()[-9:] for text in axes.texts] == ["identical", "→ 41.5 dB"]
+    said = negative.section(tmp_path, document).answer
+    assert said.startswith("2 steps") and "slow on scene0: 0.85" in said
+    (part,) = chapter.steps(tmp_path).parts
+    assert chapter.COSTS in part.markdown

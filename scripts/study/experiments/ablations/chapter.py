@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +15,11 @@ from study.experiments.ablations import ideas
 from study.experiments.ablations import measure as ablations
 from study.experiments.ablations.schema import FILE, SCHEMAS, Ablations, Row
 from study.experiments.section import Part, Section, part
+from study.numbers import verdicts
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
+PAYS, COSTS, NOTHING_GAINED, SLOWER = "pays", "pays, at that error", "no gain", "slower"
 gain = show.spread_of("gain", "×")
 
 
@@ -25,6 +28,19 @@ def decibels(name: str) -> Callable[[Row], str]:
     return lambda row: "identical" if (value := getattr(row, name)) is None else show.number(value)
 
 
+def outcome(row: Row) -> str:
+    """What a step is worth on a scene, its whole interval asked."""
+    _, low, high = row.gain.ends
+    if math.isnan(low):
+        return verdicts.TOO_FEW
+    if low > 1:
+        return COSTS if row.verdict in ("approximate", "OUTSIDE") else PAYS
+    if high < 1:
+        return SLOWER
+    return NOTHING_GAINED if high <= verdicts.NO_GAIN else verdicts.UNSURE
+
+
+OUTCOME = Column("", "outcome", outcome, lambda r: "bad" if outcome(r) == SLOWER else "")
 VERDICT = Column("", "tolerance", lambda r: r.verdict, lambda r: "bad" if r.verdict == "OUTSIDE" else "")
 STEPS = [
     Column("", "step", lambda r: r.ablation),
@@ -32,6 +48,7 @@ STEPS = [
     Column("", "against", lambda r: r.against),
     Column("", "scene", show.picture),
     Column("", "the step's gain [95\u00a0%]", gain),
+    OUTCOME,
     Column("", "the paper", lambda r: r.paper.partition(" (")[0]),
     Column("", "the paper's claim", ablations.said),
     Column("", "FLOPs with it over without", show.plain("flops_ratio", 3)),
@@ -43,13 +60,15 @@ STEPS = [
 ]
 STEPS_ABOUT = (
     "n = {n}, {launches} launches of one frame on one thread, interleaved. A step is a patch of its phase "
-    "(phases/NAME/ablations). The gain is the step's, whichever side has it."
+    "(phases/NAME/ablations). The gain is the step's, whichever side has it. Outcome: “no gain” where all of "
+    f"the interval is below {verdicts.NO_GAIN:g}, “{verdicts.UNSURE}” where it holds 1 and more."
 )
 IDEAS = [
     Column("", "idea", lambda r: r.idea),
     Column("", "taken out of", lambda r: r.against),
     Column("", "scene", show.picture),
     Column("", "gain of the idea [95\u00a0%]", gain),
+    OUTCOME,
     Column("picture without the idea", "PSNR to the phase's own, dB", ideas.change),
     Column("picture without the idea", "largest difference", show.plain("change_max_abs", 2)),
     Column("error of the phase and without the idea", "against", lambda r: r.reference),
