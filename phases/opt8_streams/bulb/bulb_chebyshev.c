@@ -6,7 +6,7 @@
 //
 // The map is singular on the axis ρ = 0 only. From a point with ρ, a ray meets the axis at complex t no nearer than ρ.
 // On pieces of half length ρ/32, at most 0.02, the polynomials are off by less than 2^-24, a float's rounding of 1
-// (tests/phases/test_close.py; ρ/16: 46 times that), for ρ ≥ 1e-5. Nearer to the axis a piece is CLOSE_PIECE_MIN, and they
+// (tests/phases/test_bulb_chebyshev.py; ρ/16: 46 times that), for ρ ≥ 1e-5. Nearer to the axis a piece is CLOSE_PIECE_MIN, and they
 // are off by up to 2e-5 at ρ = 1e-6. Interpolation at Chebyshev's points: Trefethen, Approximation Theory and
 // Approximation Practice, 2013; distance to a singularity, its chapter 8.
 #include "bulb/bulb_chebyshev.h"

@@ -4,7 +4,7 @@
 //
 // The map is singular only on the axis ρ = 0. A ray meets the axis at a complex t, no nearer than ρ to a
 // point at distance ρ from it. On pieces of half length ρ/32, 0.02 at most, the polynomials err by less than
-// 2^-24 for ρ ≥ 1e-5 (tests/phases/test_close.py). Nearer to the axis the half length is CLOSE_PIECE_MIN, and at
+// 2^-24 for ρ ≥ 1e-5 (tests/phases/test_bulb_chebyshev.py). Nearer to the axis the half length is CLOSE_PIECE_MIN, and at
 // ρ = 1e-6 the error is up to 2e-5. Chebyshev points: Trefethen, Approximation Theory and Approximation
 // Practice, 2013; distance to a singularity: its chapter 8.
 #include "bulb/bulb_chebyshev.h"
@@ -62,7 +62,7 @@ static inline void store_terms(const vdouble sum[3], const vdouble difference[3]
 }
 
 // Stores the polynomial of the derivative: the Chebyshev series of its values, cut after SLOPE_TERMS. It only
-// scales the estimate: a step's length errs by less than 2^-19 of itself (tests/phases/test_close.py).
+// scales the estimate: a step's length errs by less than 2^-19 of itself (tests/phases/test_bulb_chebyshev.py).
 static inline void store_slope(const vdouble sum[3], const vdouble difference[3],
                                const vfloat power[CLOSE_TERMS], struct ray_pieces *to) {
     static const double slope[SLOPE_TERMS][3] = {

@@ -179,6 +179,12 @@ def animated(root: Path = ROOT) -> dict[str, Scene]:
     return _scenes_in(root / "common" / "scenes" / "animated")
 
 
+@functools.cache
+def large(root: Path = ROOT) -> dict[str, Scene]:
+    """Scenes of hundreds of shapes, by name: drawn where they are asked for, for baseline takes long."""
+    return _scenes_in(root / "common" / "scenes" / "large")
+
+
 def _scenes_in(folder: Path) -> dict[str, Scene]:
     return {path.stem: scene_at(path) for path in sorted(folder.glob("*.json"))}
 
@@ -235,9 +241,10 @@ def find_scene(name: str, root: Path = ROOT) -> Scene:
     """The scene of that name, or a StudyError that names the nearest ones."""
     if name in animated(root) and name not in scenes(root):
         raise StudyError(f"scene '{name}' stands in common/scenes/animated: it is for animation and flight")
-    if name not in scenes(root):
-        raise _unknown("scene", name, scenes(root))
-    return scenes(root)[name]
+    known = scenes(root) | large(root)
+    if name not in known:
+        raise _unknown("scene", name, known)
+    return known[name]
 
 
 @functools.cache
