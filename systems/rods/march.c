@@ -2,16 +2,8 @@
 // of implicit surfaces", The Visual Computer 12 (1996).
 #include "trace.h"
 
-double sdf(const double *p, const struct prepared *scene, int *nearest) {
-    double closest = INFINITY;
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        double distance = distance_to_shape(p, &scene->primitives[i]);
-        if (distance < closest) {
-            closest = distance;
-            *nearest = i;
-        }
-    }
-    return closest;
+double scene_distance(const double *p, const struct prepared *scene, int *nearest) {
+    return sdf(p, scene, nearest);
 }
 
 void ray_march(const double *origin, const double *direction, const struct prepared *scene,
@@ -19,7 +11,7 @@ void ray_march(const double *origin, const double *direction, const struct prepa
     *hit = (struct hit){.shape = -1};
     vec_set(origin, hit->point);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        double distance = sdf(hit->point, scene, &hit->shape);
+        double distance = scene_distance(hit->point, scene, &hit->shape);
         hit->evals++;
         hit->last_t = hit->t;
         hit->last_distance = distance;
@@ -45,7 +37,7 @@ static double soft_shadow(const double *point, const double *to_light,
     double p[3];
     vec_along(point, to_light, t, p);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        double h = sdf(p, scene, &nearest);
+        double h = scene_distance(p, scene, &nearest);
         if (h < scene->model.march.hit_distance)
             break;
         double y = h * h / (2.0 * previous), d_sq = h * h - y * y;
@@ -75,21 +67,21 @@ static double ideal_shadow(const double *point, const double *to_light, double d
                            const struct prepared *scene) {
     int nearest;
     double strength = scene->model.shadow_strength, lit = 1.0 / strength, least = lit;
-    double room = ROOM * min(lit, 1.0), t = scene->model.march.surface_offset;
+    double room = ROOM * min_of(lit, 1.0), t = scene->model.march.surface_offset;
     if (!(t < distance))
         return 1.0;
     for (;;) {
         double p[3];
         vec_along(point, to_light, t, p);
-        double h = sdf(p, scene, &nearest);
-        least = min(least, max(h / t, 0.0));
+        double h = scene_distance(p, scene, &nearest);
+        least = min_of(least, max_of(h / t, 0.0));
         if (!(least > 0.0 && t < distance))
             break;
         double goal = least - room;
-        double step = max((h - goal * t) / (1.0 + goal), LEAST_STEP * t);
-        t = min(t + step, distance);
+        double step = max_of((h - goal * t) / (1.0 + goal), LEAST_STEP * t);
+        t = min_of(t + step, distance);
     }
-    return min(strength * least, 1.0);
+    return min_of(strength * least, 1.0);
 }
 
 // Returns 0 if the march meets a surface before the light, else 1.
@@ -100,7 +92,7 @@ static double hard_shadow(const double *point, const double *to_light, double di
     double p[3];
     vec_along(point, to_light, t, p);
     for (int step = 0; step < scene->model.march.max_steps && t < distance; step++) {
-        double h = sdf(p, scene, &nearest);
+        double h = scene_distance(p, scene, &nearest);
         if (h < scene->model.march.hit_distance)
             return 0.0;
         t += h;

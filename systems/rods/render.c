@@ -13,97 +13,24 @@ const char *phase_unsupported(const struct scene *scene) {
 }
 
 const char *phase_settings(const struct prepared *prepared) {
-    return prepared->settings_text;
-}
-
-// The rotation about x, then y, then z as one matrix: (u, v) becomes (c·u − s·v, s·u + c·v) on (y,z), then (x,z),
-// then (x,y).
-static void rotation_matrix(const double *degrees, double m[3][3]) {
-    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
-    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
-    for (int axis = 0; axis < 3; axis++) {
-        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
-        for (int k = 0; k < 3; k++) {
-            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
-            *u = c * old - s * *v;
-            *v = s * old + c * *v;
-        }
-    }
-}
-
-static struct primitive make_primitive(const struct shape *shape) {
-    struct primitive p = {.type = shape->type};
-    vec_set(shape->position, p.position);
-    rotation_matrix(shape->rotation_degrees, p.rotation);
-    for (int i = 0; i < 3; i++) {
-        p.rotated = p.rotated || shape->rotation_degrees[i] != 0.0;
-        p.repeated = p.repeated || shape->repeat[i] > 0.0;
-        p.cell[i] = shape->repeat[i];
-        p.inv_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
-    }
-    switch (shape->type) {
-    case SHAPE_SPHERE: p.sphere.radius = shape->sphere.radius; break;
-    case SHAPE_BOX: vec_set(shape->box.half_size, p.box.half_size); break;
-    case SHAPE_ROUNDED_BOX:
-        vec_set(shape->box.half_size, p.box.half_size);
-        p.box.rounding = shape->box.rounding;
-        break;
-    case SHAPE_TORUS:
-        p.torus.major_radius = shape->torus.major_radius;
-        p.torus.minor_radius = shape->torus.minor_radius;
-        break;
-    case SHAPE_CONE:
-        p.cone.bottom_radius = shape->cone.bottom_radius;
-        p.cone.top_radius = shape->cone.top_radius;
-        p.cone.half_height = shape->cone.half_height;
-        p.cone.side[0] = p.cone.top_radius - p.cone.bottom_radius;
-        p.cone.side[1] = 2.0 * p.cone.half_height;
-        p.cone.inv_side_sq =
-            1.0 / (p.cone.side[0] * p.cone.side[0] + p.cone.side[1] * p.cone.side[1]);
-        break;
-    case SHAPE_OCTAHEDRON: p.octahedron.radius = shape->octahedron.radius; break;
-    case SHAPE_PLANE:
-        vec_set(shape->plane.normal, p.plane.normal);
-        p.plane.offset = shape->plane.offset;
-        break;
-    case SHAPE_MANDELBOX:
-        p.mandelbox.scale = shape->mandelbox.scale;
-        p.mandelbox.fold_limit = shape->mandelbox.fold_limit;
-        p.mandelbox.inner_sq = shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius;
-        p.mandelbox.outer_sq = shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius;
-        p.mandelbox.iterations = shape->mandelbox.iterations;
-        break;
-    default:
-        p.mandelbulb.bailout = shape->mandelbulb.bailout;
-        p.mandelbulb.iterations = shape->mandelbulb.iterations;
-        break;
-    }
-    return p;
-}
-
-bool phase_update(struct prepared *prepared, const struct model *model) {
-    prepared->model = *model;
-    prepared->bounds_sq = model->march.bounds_radius * model->march.bounds_radius;
-    for (int i = 0; i < model->shape_count; i++)
-        prepared->primitives[i] = make_primitive(&model->shapes[i]);
-    return true;
+    return state_of(prepared)->settings_text;
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
-    struct prepared *prepared = calloc(1, sizeof *prepared);
+    struct state *state = calloc(1, sizeof *state);
     struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
-    if (!prepared || !primitives) {
-        free(prepared);
+    if (!state || !primitives) {
+        free(state);
         free(primitives);
         return NULL;
     }
-    prepared->primitives = primitives;
+    state->prepared.primitives = primitives;
     char error[512];
-    settings_read(getenv("STEPWISE_RODS"), &prepared->settings, error);
-    settings_say(&prepared->settings, prepared->settings_text);
-    phase_update(prepared, model);
-    return prepared;
+    settings_read(getenv("STEPWISE_RODS"), &state->settings, error);
+    settings_say(&state->settings, state->settings_text);
+    phase_update(&state->prepared, model);
+    return &state->prepared;
 }
 
 void phase_release(struct prepared *prepared) {
@@ -143,7 +70,7 @@ void put_pixel(const struct scene_view *input, struct frame *frame, int column, 
                const struct hit *hit, struct pixel_cost cost) {
     size_t pixel = (size_t)row * (size_t)frame->width + (size_t)column;
     struct shaded result = {.hit = *hit};
-    if (input->scene->settings.map) { // the march alone, as the article draws it
+    if (state_of(input->scene)->settings.map) { // the march alone, as the article draws it
         vec_set((double[3]){hit->last_t, hit->last_distance, hit->evals}, result.color);
     } else {
         double direction[3];
@@ -168,7 +95,7 @@ static void march_pixels(const struct scene_view *input, struct frame *frame) {
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     struct scene_view input = {prepared, view};
-    if (prepared->settings.pixels)
+    if (state_of(prepared)->settings.pixels)
         march_pixels(&input, frame);
     else
         march_rods(&input, frame);
@@ -179,7 +106,7 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
                      double *distance, int *nearest) {
     for (size_t i = 0; i < count; i++) {
         nearest[i] = -1;
-        distance[i] = sdf(points + 3 * i, prepared, &nearest[i]);
+        distance[i] = scene_distance(points + 3 * i, prepared, &nearest[i]);
     }
     return true;
 }

@@ -32,15 +32,15 @@ static struct rod_end march_rod(const struct rod *rod, const struct scene_view *
                                 const struct frame *frame) {
     const struct prepared *scene = input->scene;
     const struct limits *limits = &scene->model.march;
-    bool safe = scene->settings.safe;
+    bool safe = state_of(scene)->settings.safe;
     double axis[3], p[3];
     struct rod_end at = {.t = rod->t, .distance = rod->distance, .steps = rod->steps, .shape = -1};
     at.spread = rod_axis(rod, input, frame, axis);
     vec_along(input->view->position, axis, at.t, p);
     while (at.steps < limits->max_steps) {
-        at.distance = sdf(p, scene, &at.shape);
+        at.distance = scene_distance(p, scene, &at.shape);
         at.steps++;
-        double radius = max(at.spread * at.t, limits->hit_distance);
+        double radius = max_of(at.spread * at.t, limits->hit_distance);
         // The article's step may take rays beside the axis into a surface, up to a radius deep. A safe step is
         // shorter by the radius, and the march ends where less than another radius is left.
         double step = at.distance;
@@ -83,7 +83,7 @@ static void fill_rod(const struct rod *rod, const struct rod_end *at, double sta
 // Marches a rod and fills its pixels, or draws its four quarters from where it ended.
 static void draw_rod(struct rod rod, const struct scene_view *input, struct frame *frame) {
     int across = rod.right - rod.left, down = rod.bottom - rod.top;
-    int smallest = input->scene->settings.least;
+    int smallest = state_of(input->scene)->settings.least;
     struct rod_end at = march_rod(&rod, input, frame);
     if (!at.found || (across <= smallest && down <= smallest)) {
         bool own = across == 1 && down == 1 && at.steps > rod.steps;
@@ -109,7 +109,8 @@ static int min_int(int a, int b) {
 }
 
 void march_rods(const struct scene_view *input, struct frame *frame) {
-    int side = (frame->height + input->scene->settings.down - 1) / input->scene->settings.down;
+    int side = (frame->height + state_of(input->scene)->settings.down - 1) /
+               state_of(input->scene)->settings.down;
     for (int top = 0; top < frame->height; top += side)
         for (int left = 0; left < frame->width; left += side) {
             struct rod rod = {.left = left, .top = top};

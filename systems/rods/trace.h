@@ -6,6 +6,21 @@
 
 #include "frame/frame.h"
 #include "sdf.h"
+#include "settings.h"
+
+// opt2's scene, and the settings behind it.
+struct state {
+    struct prepared prepared;
+    struct settings settings;
+    char settings_text[128];
+};
+
+static inline const struct state *state_of(const struct prepared *prepared) {
+    return (const struct state *)prepared; // its first member
+}
+
+// Returns the distance to the nearest shape: opt2's sdf(), once for all files. In march.c.
+double scene_distance(const double *p, const struct prepared *scene, int *nearest);
 
 // What a frame is drawn from.
 struct scene_view {

@@ -1,0 +1,78 @@
+// Prepares the scene in the form that the march needs, again whenever it has moved.
+#include <string.h>
+
+#include "phase.h"
+#include "trace.h"
+
+// The rotations about x, then y, then z as one matrix. Each takes (u, v) to (c·u − s·v, s·u + c·v),
+// on (y,z), then (x,z), then (x,y).
+static void rotation_matrix(const double *degrees, double m[3][3]) {
+    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
+    for (int axis = 0; axis < 3; axis++) {
+        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
+        for (int k = 0; k < 3; k++) {
+            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
+            *u = c * old - s * *v;
+            *v = s * old + c * *v;
+        }
+    }
+}
+
+static struct primitive make_primitive(const struct shape *shape) {
+    struct primitive p = {.type = shape->type};
+    vec_set(shape->position, p.position);
+    rotation_matrix(shape->rotation_degrees, p.rotation);
+    for (int i = 0; i < 3; i++) {
+        p.rotated = p.rotated || shape->rotation_degrees[i] != 0.0;
+        p.repeated = p.repeated || shape->repeat[i] > 0.0;
+        p.cell[i] = shape->repeat[i];
+        p.inv_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
+    }
+    switch (shape->type) {
+    case SHAPE_SPHERE: p.sphere.radius = shape->sphere.radius; break;
+    case SHAPE_BOX: vec_set(shape->box.half_size, p.box.half_size); break;
+    case SHAPE_TORUS:
+        p.torus.major_radius = shape->torus.major_radius;
+        p.torus.minor_radius = shape->torus.minor_radius;
+        break;
+    case SHAPE_ROUNDED_BOX:
+        memcpy(p.box.half_size, shape->box.half_size, sizeof shape->box.half_size);
+        p.box.rounding = shape->box.rounding;
+        break;
+    case SHAPE_CONE:
+        p.cone.bottom_radius = shape->cone.bottom_radius;
+        p.cone.top_radius = shape->cone.top_radius;
+        p.cone.half_height = shape->cone.half_height;
+        p.cone.side[0] = p.cone.top_radius - p.cone.bottom_radius;
+        p.cone.side[1] = 2.0 * p.cone.half_height;
+        p.cone.inv_side_sq =
+            1.0 / (p.cone.side[0] * p.cone.side[0] + p.cone.side[1] * p.cone.side[1]);
+        break;
+    case SHAPE_OCTAHEDRON: p.octahedron.radius = shape->octahedron.radius; break;
+    case SHAPE_PLANE:
+        vec_set(shape->plane.normal, p.plane.normal);
+        p.plane.offset = shape->plane.offset;
+        break;
+    case SHAPE_MANDELBOX:
+        p.mandelbox.scale = shape->mandelbox.scale;
+        p.mandelbox.fold_limit = shape->mandelbox.fold_limit;
+        p.mandelbox.inner_sq = shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius;
+        p.mandelbox.outer_sq = shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius;
+        p.mandelbox.iterations = shape->mandelbox.iterations;
+        break;
+    default:
+        p.mandelbulb.bailout = shape->mandelbulb.bailout;
+        p.mandelbulb.iterations = shape->mandelbulb.iterations;
+        break;
+    }
+    return p;
+}
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    prepared->model = *model;
+    prepared->bounds_sq = model->march.bounds_radius * model->march.bounds_radius;
+    for (int i = 0; i < model->shape_count; i++)
+        prepared->primitives[i] = make_primitive(&model->shapes[i]);
+    return true;
+}
