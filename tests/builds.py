@@ -150,8 +150,7 @@ def rest_needs() -> Wanted:
             *(f"{name}/{target}" for name in profiled for target in ("render-lines", "render-calls")),
             *(f"{name}/render" for name in steps),
             *(f"{name}/{t}" for name, told in steps.items() if told for t in ("render-count", blocks[1])),
-            *("calibration/calibrate", "calibration/calibrate-blocks", "common/qemu_plugin.so"),
-            "common/stepper",
+            *("calibration/calibrate", "calibration/calibrate-blocks", "common/stepper"),
             *("functions/bench", "rsqrt", "opt2@opt3/render", "packets/hits", "tests/test_upper_halves"),
         ],
         "build/clang": [

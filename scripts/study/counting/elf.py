@@ -14,6 +14,7 @@ from pathlib import Path
 
 from elftools.common.exceptions import ELFError
 from elftools.elf.elffile import ELFFile
+from elftools.elf.sections import SymbolTableSection
 from iced_x86 import Decoder, FlowControl
 
 from study.core.cli import StudyError
@@ -145,7 +146,7 @@ def read(path: Path | str, phase_object: Path | str | None = None) -> Program:
 
 def _functions(elf: ELFFile) -> Iterator[Function]:
     table, source = elf.get_section_by_name(".symtab"), ""
-    for s in table.iter_symbols() if table else ():
+    for s in table.iter_symbols() if isinstance(table, SymbolTableSection) else ():
         kind, bind = s["st_info"]["type"], s["st_info"]["bind"]
         if kind == "STT_FILE":
             source = s.name

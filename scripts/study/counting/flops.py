@@ -67,8 +67,8 @@ def fold(measured: Measurement, named: Collection[str]) -> dict[str, Counts]:
         # Leaves first: what a helper's own helpers did must be in it before it is handed on.
         ready = [n for n in waiting if not any(w != n and n in incoming[w] for w in waiting)]
         for name in ready or waiting[:1]:
-            own, calls = found.pop(name), incoming[name]
-            for caller, part in zip(calls, own.split([*calls.values()]), strict=True):
+            own, callers = found.pop(name), incoming[name]
+            for caller, part in zip(callers, own.split([*callers.values()]), strict=True):
                 part.calls = 0  # the caller's own stay what they are
                 found[caller].merge(part)
             waiting.remove(name)
