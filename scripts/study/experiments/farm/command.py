@@ -1,4 +1,4 @@
-"""An experiment in shards on a cluster of processes or machines, by Dask; workers check one another."""
+"""An experiment in shards on a cluster of processes or machines, by Dask."""
 
 from __future__ import annotations
 
@@ -9,21 +9,15 @@ from study.core import cli, store
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
 from study.experiments.farm import measure as farm
-from study.experiments.farm.schema import FILE, Farm, Mismatch
+from study.experiments.farm.schema import FILE, Farm
 
 DESCRIPTION = """\
 Splits an experiment that has --shard into shards, and runs each as a command on a worker of one thread. The
 joined results are the bytes of one run on one machine. A worker that dies loses its shard and no more.
 
-Some shards are drawn twice, on two workers: one of each worker, and one in a hundred of all. Where the two
-differ, a third worker tells which is wrong, and what the wrong one drew is drawn again by others.
-
 What stands behind -- goes to the experiment, as in `farm accuracy --workers 4 -- -n 180`. Dask is no part of
 the project: --install puts it into build/farm. docs/scale.md says how to start workers on other machines."""
-STATUSES = {
-    1: "two results of a shard differ, or a check of the experiment failed",
-    3: "no Dask, or no worker",
-}
+STATUSES = {1: "a check of the experiment failed", 3: "no Dask, or no worker"}
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -44,45 +38,18 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.parse_args = parser.parse_intermixed_args  # type: ignore[method-assign]
 
 
-def table(result: Farm) -> str:
-    """One line of counts below their names."""
-    row = {
-        "workers": len(result.workers),
-        "shards": result.shards,
-        "done": result.done,
-        "recomputed": result.recomputed,
-        "checked twice": result.drawn_twice,
-        "mismatches": len(result.mismatches),
-    }
-    return "  ".join(row) + "\n" + "  ".join(f"{value:>{len(name)}}" for name, value in row.items())
-
-
-def told(mismatch: Mismatch, of: int) -> str:
-    """A mismatch in a line."""
-    first, second, *third = mismatch.workers
-    text = f"shard {mismatch.shard}/{of}: workers {first} and {second} have different results"
-    if mismatch.odd is not None:
-        (agreed,) = third
-        return f"{text}; worker {agreed} says that {mismatch.odd} is wrong: what it drew is drawn again"
-    return f"{text}; " + (f"worker {third[0]} has a third" if third else "there is no third worker to ask")
-
-
 def measure(args: argparse.Namespace) -> Outcome:
-    count = farm.units(args.experiment, args.arguments)
-    if args.shards and args.shards > count:
-        raise StudyError(f"--shards {args.shards}: must be at most {count}, the number of units of work")
+    words, most = args.arguments, farm.units(args.experiment, args.arguments)
+    count = args.shards or most
+    if count > most:
+        raise StudyError(f"--shards {count}: must be at most {most}, the number of units of work")
     python = farm.find_python(args.install)
     folder = running.folder(args)
     cluster = {key: getattr(args, key) for key in ("workers", "scheduler", "slurm")}
-    plan = farm.plan(args.experiment, args.arguments, args.shards or count, folder, cluster)
-    found = farm.drive(python, plan)
-    result = farm.told(args.experiment, args.arguments, found)
+    found = farm.drive(python, farm.plan(args.experiment, words, count, folder, cluster))
+    about = {"experiment": args.experiment, "arguments": words, "shards": count}
+    result = Farm(schema=1, **about, workers=found.workers, seconds=found.seconds)
     store.write_json(folder / FILE, cli.plain(result))
-    failed = [told(one, result.shards) for one in result.mismatches]
-    lines = [table(result)]
-    if all(found.hashes):
-        lines += farm.join(args.experiment, folder, found.hashes)
-    else:
-        failed.append(f"{args.experiment} is not joined: nobody knows the right result of every shard")
-    failed += [line.removeprefix("FAIL ") for line in found.failed]
-    return Outcome(result, lines, folder, failed=failed)
+    lines = [f"worker {one.name}: {one.shards} of {count} shards" for one in result.workers]
+    lines += farm.join(args.experiment, folder, count)
+    return Outcome(result, lines, folder, failed=[line.removeprefix("FAIL ") for line in found.failed])

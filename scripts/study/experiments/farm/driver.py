@@ -8,7 +8,6 @@ shard of a worker that dies to another.
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import json
 import logging
 import os
@@ -18,21 +17,19 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 PR_SET_PDEATHSIG = 1  # of prctl(2): the signal that a process gets when its parent dies
 MOST = 3  # times that a shard whose worker has died, or could not draw it, is given to another
-ONE_IN = 100  # shards: one of so many is drawn on another worker as well, and one of each worker at least
-Result = dict[str, Any]
+Json = dict[str, Any]
 
 
 class Failed(Exception):
     """One line: why the farm cannot go on."""
 
 
-def run_shard(command: list[str], number: int, of: int, file: str) -> Result:
+def run_shard(command: list[str], number: int, of: int, file: str) -> Json:
     """On a worker: its name and address, and what `drawn` gives or, as `error`, why there is nothing."""
     from distributed import get_worker
 
@@ -45,7 +42,7 @@ def run_shard(command: list[str], number: int, of: int, file: str) -> Result:
     return {"worker": str(worker.name), "address": worker.address, **made}
 
 
-def drawn(words: list[str], run: Path, file: str) -> Result:
+def drawn(words: list[str], run: Path, file: str) -> Json:
     """One shard by the project's command, in the folder `run` of this worker. Raises OSError.
 
     Pictures of the worker's earlier shards lie there, so that none is rendered twice. The command ends with
@@ -68,81 +65,58 @@ def drawn(words: list[str], run: Path, file: str) -> Result:
     data = made.read_bytes()
     pictures = [row["picture"] for row in json.loads(data).get("rows", []) if row.get("picture")]
     return {
-        "data": data,
         "failed": [line for line in lines if line.startswith("FAIL ")],
-        "pictures": {name: (run / name).read_bytes() for name in pictures},
+        "files": {f"shards/{file}": data, **{name: (run / name).read_bytes() for name in pictures}},
     }
 
 
-class Farm:
-    """The shards `of` a command on the workers of a client."""
+def draw(client: Any, plan: Json) -> tuple[dict[int, list[str]], Counter[str]]:
+    """Has every shard drawn and its files written. Checks that failed, by shard; shards by worker. A worker
+    that cannot run the command gets no more. Raises Failed."""
+    from distributed import KilledWorker, as_completed
 
-    def __init__(self, client: Any, plan: Result) -> None:
-        self.client, self.plan = client, plan
-        self.of, self.folder = plan["shards"], Path(plan["folder"])
-        self.counts: Counter[str] = Counter()  # worker → shards that it has drawn
+    def submit(shard: int) -> Any:
+        words = plan["command"], shard, plan["shards"], plan["file"].replace("{K}", str(shard))
+        return client.submit(run_shard, *words, pure=False)
 
-    def living(self) -> dict[str, str]:
-        """Name → address of the workers. Raises Failed for one with more than one thread."""
-        found = self.client.scheduler_info(n_workers=-1)["workers"]
-        for one in found.values():
-            if one["nthreads"] != 1:
-                raise Failed(f"worker {one['name']} has {one['nthreads']} threads; give it --nthreads 1")
-        return {str(one["name"]): address for address, one in found.items()}
+    shards = {submit(shard): shard for shard in range(1, plan["shards"] + 1)}
+    failed: dict[int, list[str]] = {}
+    counts: Counter[str] = Counter()
+    tries: Counter[int] = Counter()
+    done = as_completed(list(shards))
+    for future in done:
+        shard = shards.pop(future)
+        place = f"shard {shard}/{plan['shards']}"
+        try:
+            result = future.result()
+        except KilledWorker:
+            raise Failed(f"{place}: {MOST + 1} workers that took it have died") from None
+        future.release()
+        if "error" not in result:
+            for name, data in result["files"].items():
+                write(Path(plan["folder"], name), data)
+            failed[shard] = result["failed"]
+            counts[result["worker"]] += 1
+            continue
+        said = f"{place}: worker {result['worker']}: {result['error']}"
+        tries[shard] += 1
+        if tries[shard] > MOST or not retire(client, result["address"]):
+            raise Failed(said)
+        sys.stderr.write(f"farm: {said}; it gets no more\n")
+        again = submit(shard)
+        shards[again] = shard
+        done.add(again)
+    return failed, counts
 
-    def _submit(self, shard: int, addresses: list[str]) -> Any:
-        words = self.plan["command"], shard, self.of, self.plan["file"].replace("{K}", str(shard))
-        where = {"workers": addresses, "allow_other_workers": True} if addresses else {}
-        return self.client.submit(run_shard, *words, pure=False, **where)
 
-    def draw(self, wanted: Mapping[int, list[str]], keep: bool = True) -> dict[int, Result]:
-        """Each shard's result, drawn at best by workers of those addresses. Not `keep`: only to be compared.
-        Raises Failed."""
-        from distributed import KilledWorker, as_completed
-
-        shards = {self._submit(shard, addresses): shard for shard, addresses in wanted.items()}
-        failures: Counter[int] = Counter()
-        results: dict[int, Result] = {}
-        done = as_completed(list(shards))
-        for future in done:
-            shard = shards.pop(future)
-            try:
-                result = future.result()
-            except KilledWorker:
-                many = f"{MOST + 1} workers that took it have died"
-                raise Failed(f"shard {shard}/{self.of}: {many}") from None
-            future.release()
-            if "error" not in result:
-                results[shard] = self._taken(result, keep)
-                continue
-            said = f"shard {shard}/{self.of}: worker {result['worker']}: {result['error']}"
-            failures[shard] += 1
-            if failures[shard] > MOST or not self.retire(result["worker"], result["address"]):
-                raise Failed(said)
-            say(f"{said}; it gets no more")
-            again = self._submit(shard, [])
-            shards[again] = shard
-            done.add(again)
-        return results
-
-    def retire(self, worker: str, address: str) -> bool:
-        """Gives a worker nothing more. Whether there is another."""
-        living = self.living()
-        if set(living) <= {worker}:
-            return False
-        if worker in living:
-            self.client.retire_workers([address])
-        return True
-
-    def _taken(self, result: Result, keep: bool) -> Result:
-        """A result without its data, which are written as a file named by their hash."""
-        result["hash"] = hashlib.sha256(result["data"]).hexdigest()
-        write(self.folder / "shards" / f"{result['hash']}.json", result.pop("data"))
-        for name, data in result.pop("pictures").items():
-            if keep:
-                write(self.folder / name, data)
-        self.counts[result["worker"]] += 1
-        return result
+def retire(client: Any, address: str) -> bool:
+    """Gives a worker nothing more. Whether there is another."""
+    living = set(client.scheduler_info(n_workers=-1)["workers"])
+    if living <= {address}:
+        return False
+    if address in living:
+        client.retire_workers([address])
+    return True
 
 
 def write(path: Path, data: bytes) -> None:
@@ -153,66 +127,7 @@ def write(path: Path, data: bytes) -> None:
     made.replace(path)
 
 
-def checks(first: Mapping[int, Result], living: list[str]) -> dict[int, str]:
-    """What is to be drawn on a second worker: shard → that worker. A shard of each worker, by the next one
-    of those that live, and of all shards one in ONE_IN."""
-    drawn: dict[str, list[int]] = {}
-    for shard in sorted(first):
-        drawn.setdefault(first[shard]["worker"], []).append(shard)
-    chosen = {shards[0] for shards in drawn.values()} | set(sorted(first)[::ONE_IN])
-    found = {}
-    for turn, shard in enumerate(sorted(chosen)):
-        others = [name for name in sorted(living) if name != first[shard]["worker"]]
-        if others:
-            found[shard] = others[turn % len(others)]
-    return found
-
-
-def odd_one(results: list[Result]) -> str | None:
-    """Whose result differs from those of two others that agree; None: no two agree, or there are but two."""
-    for one in results:
-        others = {other["hash"] for other in results if other is not one}
-        if len(results) == 3 and len(others) == 1 and one["hash"] not in others:
-            return one["worker"]
-    return None
-
-
-def judge(farm: Farm, first: dict[int, Result]) -> Result:
-    """Has some shards drawn twice, and a third time where two workers differ. Changes `first`: what an odd
-    worker drew is replaced, and what nobody knows loses its hash. Raises Failed."""
-    living = farm.living()
-    wanted = {shard: [living[name]] for shard, name in checks(first, list(living)).items()}
-    second = farm.draw(wanted, keep=False)
-    unlike = [shard for shard, one in second.items() if one["hash"] != first[shard]["hash"]]
-    others = {
-        shard: [
-            at for name, at in living.items() if name not in (first[shard]["worker"], second[shard]["worker"])
-        ]
-        for shard in unlike
-    }
-    third = farm.draw({shard: where for shard, where in others.items() if where}, keep=False)
-    mismatches, odd = [], {}
-    for shard in unlike:
-        results = [by[shard] for by in (first, second, third) if shard in by]
-        wrong = odd_one(results)
-        mismatches.append({"shard": shard, "workers": [one["worker"] for one in results], "odd": wrong})
-        if wrong:
-            odd[wrong] = next(one["address"] for one in results if one["worker"] == wrong)
-        else:
-            first[shard]["hash"] = None  # nobody knows it
-    for worker, address in odd.items():
-        farm.retire(worker, address)
-    again = [shard for shard, one in first.items() if one["worker"] in odd and one["hash"]]
-    first |= farm.draw({shard: [] for shard in again})
-    return {"drawn_twice": len(second), "mismatches": mismatches, "recomputed": len(again)}
-
-
-def say(text: str) -> None:
-    sys.stderr.write(f"farm: {text}\n")
-    sys.stderr.flush()
-
-
-def cluster_of(plan: Result) -> Any:
+def cluster_of(plan: Json) -> Any:
     """What a client connects to: an address, processes of this machine, or jobs of Slurm."""
     if plan["scheduler"]:
         return plan["scheduler"]
@@ -230,8 +145,8 @@ def cluster_of(plan: Result) -> Any:
     return LocalCluster(**workers, dashboard_address=None, memory_limit=0, local_directory=plan["scratch"])
 
 
-def work(plan: Result) -> Result:
-    """Everything: the farm's table, and each shard's hash. Raises Failed."""
+def work(plan: Json) -> Json:
+    """Everything: who has drawn how many shards, in which time, and which checks failed. Raises Failed."""
     import dask
     from distributed import CancelledError, Client
 
@@ -248,26 +163,21 @@ def work(plan: Result) -> Result:
         client.wait_for_workers(plan["workers"] or 1, timeout=plan["wait_s"])
     except TimeoutError:
         raise Failed(f"no worker has come within {plan['wait_s']:g} s") from None
-    farm = Farm(client, plan)
-    farm.living()
+    for one in client.scheduler_info(n_workers=-1)["workers"].values():
+        if one["nthreads"] != 1:
+            raise Failed(f"worker {one['name']} has {one['nthreads']} threads; give it --nthreads 1")
     try:
-        first = farm.draw({shard: [] for shard in range(1, farm.of + 1)})
-        about = judge(farm, first)
+        failed, counts = draw(client, plan)
     except CancelledError:
         raise Failed("the scheduler has gone") from None
     client.close()
     if hasattr(cluster, "close"):
         cluster.close()
-    order = [first[number] for number in sorted(first)]
-    table = {
-        "workers": [{"name": name, "shards": count} for name, count in sorted(farm.counts.items())],
-        "shards": farm.of,
-        "done": sum(1 for one in order if one["hash"]),
-        **about,
+    return {
+        "workers": [{"name": name, "shards": count} for name, count in sorted(counts.items())],
         "seconds": time.monotonic() - begun,
+        "failed": [line for shard in sorted(failed) for line in failed[shard]],
     }
-    failed = [line for one in order for line in one["failed"]]
-    return {"table": table, "hashes": [one["hash"] for one in order], "failed": failed}
 
 
 def main() -> int:

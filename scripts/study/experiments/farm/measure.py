@@ -16,7 +16,7 @@ from study.core import commands, json_files, registry, store, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.experiments import experiment, shards, venvs
-from study.experiments.farm.schema import Farm
+from study.experiments.farm.schema import Worker
 from study.experiments.shards import Shard, Sharded
 
 HOME = registry.ROOT / "build" / "farm"
@@ -29,10 +29,10 @@ Json = dict[str, Any]
 
 
 class Found(msgspec.Struct):
-    """What the driver says."""
+    """What the driver says. `failed`: checks of the experiment, a sentence each."""
 
-    table: Json
-    hashes: list[str | None]
+    workers: list[Worker]
+    seconds: float
     failed: list[str]
 
 
@@ -87,17 +87,11 @@ def drive(python: Path, told: Json) -> Found:
     return msgspec.convert(result, Found)
 
 
-def told(name: str, words: Sequence[str], found: Found) -> Farm:
-    """farm.json."""
-    about = {"schema": 1, "experiment": name, "arguments": list(words)}
-    return msgspec.convert(about | found.table, Farm)
-
-
-def join(name: str, folder: Path, hashes: Sequence[str | None]) -> list[str]:
+def join(name: str, folder: Path, count: int) -> list[str]:
     """Writes the run's whole file from FOLDER/shards. Lines that say so. Raises StudyError."""
     one = able()[name]
-    parts = [json_files.read_json(folder / "shards" / f"{made}.json") for made in hashes]
-    whole = shards.join(parts, one.lists)
+    files = [shards.file_name(one.file, Shard(number, count)) for number in range(1, count + 1)]
+    whole = shards.join([json_files.read_json(folder / "shards" / file) for file in files], one.lists)
     path = folder / one.file
     experiment.find_all()[name].schemas[one.file].of(whole, str(path))
     store.write_json(path, whole)

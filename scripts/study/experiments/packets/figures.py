@@ -55,7 +55,7 @@ def draw_rays(result: Packets) -> Figure:
         plain_log(panel.yaxis)
     panels[0].set_ylabel("million rays a second, one thread")
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=6, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
