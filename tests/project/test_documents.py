@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from study.core import store
+from study.commands import tables
 from study.numbers import analysis, ladder
 
 ROOT = Path(__file__).parents[2]
@@ -59,36 +59,13 @@ def test_the_list_of_a_runs_files_is_whole() -> None:
     assert all(re.fullmatch(r"[\w-]+-\d{4}-\d\d-\d\d[\w-]*", run.name) for run in runs)
 
 
-def rows_of(text: str) -> dict[str, list[float]]:
-    """Phase → the numbers of its row in a table of a page."""
-    found = re.findall(r"^\| (\w+) \| (\d[^|]+) \|", text, re.MULTILINE)
-    return {name: [float(x.replace(",", "")) for x in re.findall(r"[\d.,]*\d", cell)] for name, cell in found}
-
-
-def test_the_page_of_limits_has_the_numbers_of_its_run() -> None:
-    """To the digits that the page has: cycles a pixel, and what the general code of two kernels does."""
-    text = (ROOT / "docs" / "limit.md").read_text()
-    (name,) = set(RUN.findall(text))
-    run = analysis.load(ROOT / "results" / "reference" / name)
-    timed = ladder.rows(run)
-    timed = timed[(timed["scene"] == "scene0") & (timed["height"] == 720)].set_index("phase")
-    stated = rows_of(text.partition("## Beside the phases")[2])
-    assert len(stated) == 6
-    for phase, numbers in stated.items():
-        for number, end in zip(numbers, ("", "_low", "_high"), strict=True):
-            value = timed.loc[phase, f"core_cycles_per_pixel{end}"]
-            assert number == pytest.approx(value, rel=5e-3), phase
-    for row in store.read_json(store.stored(run.path / "counts.json"))["measured"]:
-        if row["scene"] == "scene0" and row["variant"] == "shipped":
-            total, pixels = row["total"], row["width"] * row["height"]
-            flops, loaded, stored = (
-                round(total[key] / pixels) for key in ("machine", "load_bytes", "store_bytes")
-            )
-            if row["phase"] == "opt11_ideal":
-                assert f"moves {loaded + stored} bytes a pixel: {loaded} loaded" in text
-                assert f"executes {flops} FLOPs a pixel" in text
-            if row["phase"] == "opt10_scene":
-                assert f"executes {flops} FLOPs a pixel and moves {loaded + stored} bytes" in text
+@pytest.mark.slow
+@pytest.mark.parametrize("option", ["limit", "machines"])
+def test_a_block_is_what_its_published_runs_say(option: str) -> None:
+    page, _ = tables.PAGES[option]
+    text = page.read_text()
+    run = analysis.load(ROOT / "results" / "reference" / (RUN.findall(text) or ["zen4-2026-11-28"])[0])
+    assert tables.rewritten(option, run, ladder.rows(run)) == text, f"stepwise tables RUN --{option}"
 
 
 def test_the_lesson_of_opt9_has_the_times_of_its_run() -> None:

@@ -22,10 +22,12 @@ from study.numbers.analysis import Data
 from study.report import front_page
 
 REFERENCE = ROOT / "results" / "reference"
-README, SYSTEMS, MACHINES = ROOT / "README.md", REFERENCE / "systems.md", REFERENCE / "machines.md"
-BEGIN, END = "<!-- ladder:begin -->", "<!-- ladder:end -->"
-MACHINES_BEGIN, MACHINES_END = "<!-- machines:begin -->", "<!-- machines:end -->"
-SYSTEMS_BEGIN, SYSTEMS_END = "<!-- systems:begin -->", "<!-- systems:end -->"
+PAGES = {  # option → the page with a block that is made anew, and the block's name in its marks
+    "readme": (ROOT / "README.md", "ladder"),
+    "systems": (REFERENCE / "systems.md", "systems"),
+    "machines": (REFERENCE / "machines.md", "machines"),
+    "limit": (ROOT / "docs" / "limit.md", "limit"),
+}
 
 
 def ladder_text(rows: pd.DataFrame) -> str:
@@ -54,49 +56,44 @@ def make(data: Data, rows: pd.DataFrame, sections: Sequence[Section] | None = No
     return made
 
 
-def machine_line(data: Data) -> str:
-    """CPU, compiler, commit and date of a run in one sentence."""
-    context = data.context
-    return f"{provenance.place(context)}; {provenance.commit(context)}; {context.time or ''}"
-
-
-def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
-    """README's text with the block between the markers made anew. Raises StudyError without markers."""
-    return between(text, BEGIN, END, front_page.ladder_block(data, rows))
-
-
-def machines(text: str) -> str:
-    """The page of machines with the block made anew from every published run of 1280×720, newest last."""
-    folders = sorted(file.parent for file in REFERENCE.glob("*-720p*/context.json"))
-    runs = [analysis.load(folder, strict=False) for folder in folders]
-    return between(text, MACHINES_BEGIN, MACHINES_END, front_page.machines_block(runs))
-
-
-def systems_page(text: str, data: Data) -> str:
-    """Its text with the table of systems made anew from a run that has them. Raises StudyError without
-    markers or systems."""
+def systems_block(data: Data) -> str:
+    """Of a run that has other papers' systems. Raises StudyError."""
     known = experiment.find_all()
     ((_, chapter),) = known["systems"].sections
-    (block, *_) = [part.markdown for part in chapter(data).parts if part.name == "systems"] or [None]
+    block = next((part.markdown for part in chapter(data).parts if part.name == "systems"), None)
     if block is None:
         raise StudyError(f"{data.path}: has no systems; make systems")
-    made_of = provenance.contexts(
-        data.path, [file for one in known.values() if one.system for file in one.schemas]
-    )
-    where = show.inert(provenance.line(made_of) or machine_line(data))
-    return between(
-        text, SYSTEMS_BEGIN, SYSTEMS_END, f"{block}\nMeasured on {where}; run `{data.path.name}`.\n"
-    )
+    files = [file for one in known.values() if one.system for file in one.schemas]
+    context = data.context
+    here = f"{provenance.place(context)}; {provenance.commit(context)}; {context.time or ''}"
+    where = provenance.line(provenance.contexts(data.path, files)) or here
+    return f"{block}\nMeasured on {show.inert(where)}; run `{data.path.name}`.\n"
+
+
+def machines_block() -> str:
+    """Of every published run of 1280×720."""
+    folders = sorted(file.parent for file in REFERENCE.glob("*-720p*/context.json"))
+    return front_page.machines_block([analysis.load(folder, strict=False) for folder in folders])
+
+
+def rewritten(option: str, data: Data, rows: pd.DataFrame) -> str:
+    """The text of the option's page with its block made anew. Raises StudyError without marks."""
+    page, name = PAGES[option]
+    make = {
+        "readme": lambda: front_page.ladder_block(data, rows),
+        "systems": lambda: systems_block(data),
+        "machines": machines_block,
+        "limit": lambda: front_page.limit_block(data, rows),
+    }
+    marks = (f"<!-- {name}:{end} -->" for end in ("begin", "end"))
+    return between(page.read_text(encoding="utf-8"), *marks, make[option]())
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     cli.of_run(parser, "default: RUN/tables", height=True)
-    for page, what in (
-        ("readme", "the ladder between the marks in README.md"),
-        ("systems", "the table of results/reference/systems.md"),
-        ("machines", "the tables of results/reference/machines.md"),
-    ):
-        parser.add_argument(f"--{page}", action="store_true", help=f"rewrite {what}")
+    for option, (page, _) in PAGES.items():
+        about = f"rewrite the block of {page.relative_to(ROOT)}"
+        parser.add_argument(f"--{option}", action="store_true", help=about)
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -106,11 +103,9 @@ def run(args: argparse.Namespace) -> Outcome:
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
     made = make(data, rows)
     paths = table_files.write(made, args.out or data.path / "tables")
-    rewritten = {README: lambda text: readme(text, data, rows)} if args.readme else {}
-    rewritten |= {SYSTEMS: lambda text: systems_page(text, data)} if args.systems else {}
-    rewritten |= {MACHINES: machines} if args.machines else {}
-    for page, made_anew in rewritten.items():
-        store.write_text(page, made_anew(page.read_text(encoding="utf-8")))
-        paths.append(page)
+    for option, (page, _) in PAGES.items():
+        if getattr(args, option):
+            store.write_text(page, rewritten(option, data, rows))
+            paths.append(page)
     found = {name: table.to_dict("records") for name, (table, _) in made.items()}
     return Outcome(found | {"files": paths}, paths, data.path, data.notes)

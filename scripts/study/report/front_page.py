@@ -12,12 +12,15 @@ import pandas as pd
 
 from study.bounds import roof
 from study.core import provenance, registry, show
+from study.counting import flops
 from study.numbers import beside, ladder, stats
 from study.numbers.analysis import Data
 from study.numbers.columns import truth_height
 from study.report import facts
 
 SCENES = ("scene0", "mandelbulb")  # the paper's own two
+LEAST_CYCLES = 5.1  # a pixel: docs/limit.md works them out
+LIMIT_PHASES = ("baseline", "opt4", "opt8_streams", "opt9_convex", "opt10_scene", "opt11_ideal")
 STRONGEST = 2  # of those programs are shown
 Row = Mapping[str, Any]
 
@@ -141,6 +144,26 @@ def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """A table of texts."""
     rows = [head, ["---"] * len(head), *lines]
     return "".join(f"| {' | '.join(map(show.inert, cells))} |\n" for cells in rows)
+
+
+def limit_block(data: Data, rows: pd.DataFrame) -> str:
+    """Of docs/limit.md: cycles of the phases on scene0, and what the general code of kernels does."""
+    group = ladder.ladders(rows)[SCENES[0]]
+    lines = []
+    for row in group.to_dict("records"):
+        if row["phase"] in LIMIT_PHASES and row["threads"] == 1:
+            cycles = row["core_cycles_per_pixel"]
+            cells = [show.interval(row, "core_cycles_per_pixel", 3), show.number(cycles / LEAST_CYCLES, 2)]
+            lines.append([row["phase"], *cells])
+    head = ["phase", "core cycles a pixel [95 %]", f"times the {LEAST_CYCLES} above"]
+    counted = [
+        [one.phase, *(show.number(count / (one.width * one.height)) for count in counts)]
+        for one in flops.read(data.path / "counts.json").measured
+        if (one.scene, one.variant) == (SCENES[0], "shipped") and one.phase in LIMIT_PHASES[-2:]
+        for counts in [(one.total.machine, one.total.load_bytes, one.total.store_bytes)]
+    ]
+    general = markdown(["general code of", "FLOPs a pixel", "bytes loaded", "bytes stored"], counted)
+    return f"{markdown(head, lines)}\n{general}"
 
 
 def machines_block(runs: Sequence[Data]) -> str:
