@@ -182,11 +182,6 @@ static inline vfloat v_rcp_approx(vfloat a) {
     return _mm512_rcp14_ps(a);
 }
 
-static inline vfloat v_rcp_linear(vfloat a) {
-    __m512i bits = _mm512_sub_epi32(_mm512_set1_epi32(0x7ef311c3), _mm512_castps_si512(a));
-    return _mm512_castsi512_ps(bits);
-}
-
 static inline vfloat v_floor(vfloat a) {
     return _mm512_floor_ps(a);
 }

@@ -160,11 +160,6 @@ static inline vfloat v_rcp_approx(vfloat a) {
     return _mm_rcp_ps(a);
 }
 
-static inline vfloat v_rcp_linear(vfloat a) {
-    __m128i bits = _mm_sub_epi32(_mm_set1_epi32(0x7ef311c3), _mm_castps_si128(a));
-    return _mm_castsi128_ps(bits);
-}
-
 // Of |a| < 2^31: SSE2 rounds by way of whole numbers.
 static inline vfloat v_floor(vfloat a) {
     vfloat near = _mm_cvtepi32_ps(_mm_cvtps_epi32(a));

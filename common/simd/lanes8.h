@@ -172,11 +172,6 @@ static inline vfloat v_rcp_approx(vfloat a) {
     return _mm256_rcp_ps(a);
 }
 
-static inline vfloat v_rcp_linear(vfloat a) {
-    __m256i bits = _mm256_sub_epi32(_mm256_set1_epi32(0x7ef311c3), _mm256_castps_si256(a));
-    return _mm256_castsi256_ps(bits);
-}
-
 static inline vfloat v_floor(vfloat a) {
     return _mm256_floor_ps(a);
 }

@@ -17,7 +17,6 @@
 //   v_rsqrt_approx  v_rcp_approx  the CPU's approximations: 14 bits with 16 lanes, 11 with 8 and 4 (~)
 //   v_rsqrt_newton(a)           1/sqrt(a) for normal a > 0: the approximation and one Newton step (~)
 //   v_sqrt_below(a)             between sqrt(a)*(1 - 2^-10) and sqrt(a); NaN at 0 (~)
-//   v_rcp_linear(a)             1/a with the sign of a, to 12 %: whole-number arithmetic on the bits
 //
 //   vmask                       a set of lanes: a type of its own
 //   v_cmp_eq lt le gt ge        ordered comparisons: false where either operand is NaN

@@ -203,9 +203,8 @@ static void test_fields_and_reductions(void **state) {
             assert_true(found[lane] <= sqrt((double)a[lane]) &&
                         found[lane] > sqrt((double)a[lane]) * (1 - 0x1p-10));
         v_store(v_rcp_approx(va) * va, found);
-        v_store(v_rcp_linear(va) * va, exponent);
         for (int lane = 0; lane < LANES; lane++)
-            assert_true(fabsf(found[lane] - 1) < 0x1p-11f && fabsf(exponent[lane] - 1) < 0.13f);
+            assert_true(fabsf(found[lane] - 1) < 0x1p-11f);
         v_store(v_log(va), found);
         for (int lane = 0; lane < LANES; lane++)
             assert_true(fabs(found[lane] - log((double)a[lane])) < 1e-5);
