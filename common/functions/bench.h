@@ -38,8 +38,7 @@ struct normaliser {
 // All entries of one instruction set and precision.
 struct entries {
     const char *isa;
-    const char *needs; // CPU features, separated by spaces
-    int bits;          // width of a vector; of an element in scalar code
+    int bits; // width of a vector; of an element in scalar code
     bool is_double;
     size_t count, normalisers;
     const struct entry *entry;
@@ -114,7 +113,20 @@ struct settings {
     uint64_t seed, vectors;
 };
 
+// What the threads of an error search share. Each takes the next item, adds its errors to its own
+// sums, and these to `errors` at the end.
+struct search {
+    const struct runnable *all;
+    size_t count, items, buffer_size; // entries; items of work; bytes of a thread's buffers
+    const struct settings *settings;
+    struct error *errors;
+    const void *jobs;
+    void (*run)(const struct search *search, size_t item, void *buffers, struct error *errors);
+};
+
 // The functions below return false if memory is short.
+
+bool search_in_threads(const struct search *search); // sampled.c
 
 // exhaustive.c: adds errors[k] of entry all[k] for float functions of one argument, over all floats
 // of their segments (quick: one in 12,289).
@@ -131,7 +143,7 @@ bool print_times(const struct runnable *all, size_t count, const struct settings
 bool print_normalise(const struct entries *const *files, size_t count,
                      const struct settings *settings);
 
-// isa.c: returns whether the CPU has all features in `needs`, which are separated by spaces.
-bool has_isa(const char *needs);
+// main.c: returns whether the CPU has the instruction set of these entries.
+bool runs_here(const struct entries *of);
 
 #endif

@@ -1,8 +1,6 @@
 // Errors of float functions of one argument, over every float of their segments. The reference is the
 // C library's double function. Its error, at most 2 ulp of double, is 2^-28 ulp of float.
 #include <math.h>
-#include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,17 +11,6 @@ enum { BLOCK = 4096, GROUP = 64, QUICK_STRIDE = 12289, LANES = 8 };
 struct job { // at most BLOCK · GROUP arguments of one segment
     const struct target *target;
     uint32_t first, last, stride;
-};
-
-// What all threads share.
-struct search {
-    const struct job *jobs;
-    size_t job_count, count;
-    const struct runnable *all;
-    struct error *errors;
-    atomic_size_t next;
-    atomic_bool failed;
-    pthread_mutex_t lock;
 };
 
 struct buffers {
@@ -99,8 +86,9 @@ static void find_worst(const struct buffers *at, size_t count, struct error *err
 }
 
 // Runs all float entries of the job's function on its arguments.
-static void run_job(const struct search *search, const struct job *job, struct buffers *at,
-                    struct error *errors) {
+static void run_job(const struct search *search, size_t item, void *buffers, struct error *errors) {
+    const struct job *job = (const struct job *)search->jobs + item;
+    struct buffers *at = buffers;
     uint64_t bits = job->first;
     while (bits <= job->last) {
         size_t count = 0;
@@ -127,25 +115,6 @@ static void run_job(const struct search *search, const struct job *job, struct b
     }
 }
 
-static void *worker(void *argument) {
-    struct search *search = argument;
-    struct buffers *at = aligned_alloc(64, (sizeof *at + 63) / 64 * 64);
-    struct error *errors = calloc(search->count, sizeof *errors);
-    if (!at || !errors)
-        search->failed = true;
-    for (size_t i; !search->failed && (i = search->next++) < search->job_count;)
-        run_job(search, &search->jobs[i], at, errors);
-    if (!search->failed) {
-        pthread_mutex_lock(&search->lock);
-        for (size_t k = 0; k < search->count; k++)
-            error_add(&search->errors[k], &errors[k]);
-        pthread_mutex_unlock(&search->lock);
-    }
-    free(errors);
-    free(at);
-    return NULL;
-}
-
 // Splits all segments into jobs and returns their number. `jobs` NULL: only counts them.
 static size_t split_into_jobs(const struct settings *settings, struct job *jobs) {
     size_t count = 0;
@@ -168,26 +137,12 @@ static size_t split_into_jobs(const struct settings *settings, struct job *jobs)
 
 bool measure_exhaustive(const struct runnable *all, size_t count, const struct settings *settings,
                         struct error *errors) {
-    struct search search = {.all = all, .count = count, .errors = errors};
-    search.job_count = split_into_jobs(settings, NULL);
-    struct job *jobs = calloc(search.job_count, sizeof *jobs);
-    pthread_t *threads = calloc((size_t)settings->threads, sizeof *threads);
-    bool ok = jobs && threads;
-    if (ok) {
+    size_t items = split_into_jobs(settings, NULL);
+    struct job *jobs = calloc(items, sizeof *jobs);
+    if (jobs)
         split_into_jobs(settings, jobs);
-        search.jobs = jobs;
-        pthread_mutex_init(&search.lock, NULL);
-        int started = 0;
-        while (started < settings->threads - 1 &&
-               pthread_create(&threads[started], NULL, worker, &search) == 0)
-            started++;
-        worker(&search);
-        for (int i = 0; i < started; i++)
-            pthread_join(threads[i], NULL);
-        pthread_mutex_destroy(&search.lock);
-        ok = !search.failed;
-    }
-    free(threads);
+    bool ok = jobs && search_in_threads(&(struct search){all, count, items, sizeof(struct buffers),
+                                                         settings, errors, jobs, run_job});
     free(jobs);
     return ok;
 }

@@ -9,7 +9,8 @@
 typedef V unary(V);
 typedef V binary(V, V);
 
-#define UNARY(NAME, EXPRESSION)                                                                    \
+// LOAD_Y and CHAIN_Y: how y is read in a stream and in a chain; empty for functions of x alone.
+#define KERNEL(NAME, LOAD_Y, CHAIN_Y, EXPRESSION)                                                  \
     static void NAME##_stream(library_function f, size_t n, const void *a, const void *b,          \
                               void *out) {                                                         \
         (void)f, (void)b;                                                                          \
@@ -17,7 +18,7 @@ typedef V binary(V, V);
         elem *to = out;                                                                            \
         for (size_t i = 0; i < n; i += VECTOR_LANES) {                                             \
             V x = vload(from + i);                                                                 \
-            vstore(to + i, EXPRESSION);                                                            \
+            LOAD_Y vstore(to + i, EXPRESSION);                                                     \
         }                                                                                          \
     }                                                                                              \
     static void NAME##_chain(library_function f, size_t n, const void *a, const void *b,           \
@@ -27,34 +28,14 @@ typedef V binary(V, V);
         V last = vsplat(0), none = vload(zero);                                                    \
         for (size_t i = 0; i < n; i++) {                                                           \
             V x = depend(vload(from + i * VECTOR_LANES), last, none);                              \
-            last = EXPRESSION;                                                                     \
+            CHAIN_Y last = EXPRESSION;                                                             \
         }                                                                                          \
         vstore(out, last);                                                                         \
     }
-
+#define UNARY(NAME, EXPRESSION) KERNEL(NAME, , , EXPRESSION)
 #define BINARY(NAME, EXPRESSION)                                                                   \
-    static void NAME##_stream(library_function f, size_t n, const void *a, const void *b,          \
-                              void *out) {                                                         \
-        (void)f;                                                                                   \
-        const elem *from = a, *and_from = b;                                                       \
-        elem *to = out;                                                                            \
-        for (size_t i = 0; i < n; i += VECTOR_LANES) {                                             \
-            V x = vload(from + i), y = vload(and_from + i);                                        \
-            vstore(to + i, EXPRESSION);                                                            \
-        }                                                                                          \
-    }                                                                                              \
-    static void NAME##_chain(library_function f, size_t n, const void *a, const void *b,           \
-                             const void *zero, void *out) {                                        \
-        (void)f;                                                                                   \
-        const elem *from = a, *and_from = b;                                                       \
-        V last = vsplat(0), none = vload(zero);                                                    \
-        for (size_t i = 0; i < n; i++) {                                                           \
-            V x = depend(vload(from + i * VECTOR_LANES), last, none);                              \
-            V y = depend(vload(and_from + i * VECTOR_LANES), last, none);                          \
-            last = EXPRESSION;                                                                     \
-        }                                                                                          \
-        vstore(out, last);                                                                         \
-    }
+    KERNEL(NAME, V y = vload((const elem *)b + i);                                                 \
+           , V y = depend(vload((const elem *)b + i * VECTOR_LANES), last, none);, EXPRESSION)
 
 #define ENTRY(FUNCTION, FAMILY, NAME, KERNEL)                                                      \
     {FUNCTION, FAMILY, NAME, NULL, KERNEL##_stream, KERNEL##_chain}

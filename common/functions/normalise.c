@@ -98,7 +98,7 @@ bool print_normalise(const struct entries *const *files, size_t count,
     struct runner runners[MAX_RUNNERS];
     size_t used = 0;
     for (size_t f = 0; f < count; f++)
-        for (size_t i = 0; has_isa(files[f]->needs) && i < files[f]->normalisers; i++)
+        for (size_t i = 0; runs_here(files[f]) && i < files[f]->normalisers; i++)
             runners[used++] = (struct runner){.of = files[f],
                                               .one = &files[f]->normaliser[i],
                                               .triples = files[f]->normaliser[i].layout[0] == 'A'};

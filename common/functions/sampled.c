@@ -24,12 +24,8 @@ enum {
     QUICK_FLOATS = 1 << 16
 };
 
-// What all threads share.
-struct search {
-    const struct runnable *all;
-    size_t count;
-    const struct settings *settings;
-    struct error *errors;
+struct shared {
+    const struct search *search;
     atomic_size_t next;
     atomic_bool failed;
     pthread_mutex_t lock;
@@ -147,52 +143,68 @@ static void run_block(const struct search *search, const struct target *target, 
     }
 }
 
+static uint64_t samples_of(const struct settings *settings, bool is_double) {
+    if (is_double && !has_mpfr)
+        return 0;
+    return settings->quick ? (is_double ? QUICK_DOUBLES : QUICK_FLOATS)
+           : is_double     ? DOUBLES
+                           : FLOATS;
+}
+
+static void run_item(const struct search *search, size_t item, void *buffers,
+                     struct error *errors) {
+    uint64_t doubles = samples_of(search->settings, true);
+    uint64_t floats = samples_of(search->settings, false), blocks = (doubles + floats) / BLOCK;
+    const struct target *target = &targets[item / blocks];
+    uint64_t first = item % blocks * BLOCK;
+    if (first < doubles)
+        run_block(search, target, true, first, doubles, buffers, errors);
+    else if (target->arguments == 2)
+        run_block(search, target, false, first - doubles, floats, buffers, errors);
+}
+
 static void *worker(void *argument) {
-    struct search *search = argument;
-    struct buffers *at = aligned_alloc(64, (sizeof *at + 63) / 64 * 64);
+    struct shared *shared = argument;
+    const struct search *search = shared->search;
+    void *buffers = aligned_alloc(64, (search->buffer_size + 63) / 64 * 64);
     struct error *errors = calloc(search->count, sizeof *errors);
-    if (!at || !errors)
-        search->failed = true;
-    bool quick = search->settings->quick;
-    uint64_t doubles = has_mpfr ? quick ? QUICK_DOUBLES : DOUBLES : 0;
-    uint64_t floats = quick ? QUICK_FLOATS : FLOATS, blocks = (doubles + floats) / BLOCK;
-    for (size_t i; !search->failed && (i = search->next++) < blocks * target_count;) {
-        const struct target *target = &targets[i / blocks];
-        uint64_t first = i % blocks * BLOCK;
-        if (first < doubles)
-            run_block(search, target, true, first, doubles, at, errors);
-        else if (target->arguments == 2)
-            run_block(search, target, false, first - doubles, floats, at, errors);
-    }
-    if (!search->failed) {
-        pthread_mutex_lock(&search->lock);
-        for (size_t k = 0; k < search->count; k++)
-            error_add(&search->errors[k], &errors[k]);
-        pthread_mutex_unlock(&search->lock);
-    }
+    if (!buffers || !errors)
+        shared->failed = true;
+    for (size_t i; !shared->failed && (i = shared->next++) < search->items;)
+        search->run(search, i, buffers, errors);
+    pthread_mutex_lock(&shared->lock);
+    for (size_t k = 0; !shared->failed && k < search->count; k++)
+        error_add(&search->errors[k], &errors[k]);
+    pthread_mutex_unlock(&shared->lock);
     free(errors);
-    free(at);
+    free(buffers);
 #ifdef WITH_MPFR
     mpfr_free_cache(); // each thread has its own
 #endif
     return NULL;
 }
 
-bool measure_sampled(const struct runnable *all, size_t count, const struct settings *settings,
-                     struct error *errors) {
-    struct search search = {.all = all, .count = count, .settings = settings, .errors = errors};
-    pthread_t *threads = calloc((size_t)settings->threads, sizeof *threads);
+bool search_in_threads(const struct search *search) {
+    struct shared shared = {.search = search};
+    int wanted = search->settings->threads, started = 0;
+    pthread_t *threads = calloc((size_t)wanted, sizeof *threads);
     if (!threads)
         return false;
-    pthread_mutex_init(&search.lock, NULL);
-    int started = 0;
-    while (started < settings->threads - 1 &&
-           pthread_create(&threads[started], NULL, worker, &search) == 0)
+    pthread_mutex_init(&shared.lock, NULL);
+    while (started < wanted - 1 && pthread_create(&threads[started], NULL, worker, &shared) == 0)
         started++;
-    worker(&search);
+    worker(&shared);
     for (int i = 0; i < started; i++)
         pthread_join(threads[i], NULL);
-    pthread_mutex_destroy(&search.lock);
+    pthread_mutex_destroy(&shared.lock);
     free(threads);
-    return !search.failed;
+    return !shared.failed;
+}
+
+bool measure_sampled(const struct runnable *all, size_t count, const struct settings *settings,
+                     struct error *errors) {
+    uint64_t samples = samples_of(settings, true) + samples_of(settings, false);
+    size_t items = (size_t)(samples / BLOCK) * target_count;
+    return search_in_threads(&(struct search){all, count, items, sizeof(struct buffers), settings,
+                                              errors, NULL, run_item});
 }

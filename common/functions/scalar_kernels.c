@@ -142,7 +142,6 @@ static const struct normaliser NORMALISERS[] = {{"1/sqrt", "AoS", aos}, {"1/sqrt
 
 const struct entries TABLE_NAME = {
     .isa = "scalar",
-    .needs = "sse2",
     .bits = 8 * sizeof(elem),
     .is_double = DOUBLE,
     .count = sizeof TABLE / sizeof *TABLE,

@@ -6,19 +6,16 @@
 
 #if BITS == 128
 #define ISA "SSE"
-#define NEEDS "sse4.1" // libmvec's b variants use it
 #define LIBMVEC_CODE "b"
 #define SLEEF_CODE "sse4"
 #define ISA_NAME sse
 #elif BITS == 256
 #define ISA "AVX2"
-#define NEEDS "avx2 fma"
 #define LIBMVEC_CODE "d"
 #define SLEEF_CODE "avx2"
 #define ISA_NAME avx2
 #else
 #define ISA "AVX-512"
-#define NEEDS "avx512f avx512dq"
 #define LIBMVEC_CODE "e"
 #define SLEEF_CODE "avx512f"
 #define ISA_NAME avx512
@@ -177,7 +174,6 @@ static const struct normaliser NORMALISERS[] = {{"1/sqrt", "SoA", normalise_exac
 
 const struct entries TABLE_NAME = {
     .isa = ISA,
-    .needs = NEEDS,
     .bits = BITS,
     .is_double = DOUBLE,
     .count = sizeof TABLE / sizeof *TABLE,

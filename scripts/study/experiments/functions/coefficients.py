@@ -14,6 +14,7 @@ functions" (1980): with a fused multiply-add each part may fill its format.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 
 from mpmath import asin, atan, chebyfit, cos, factorial, mp, mpf, nstr, pi, sin, sqrt, tan
@@ -73,6 +74,10 @@ def split_half_pi(precision: int) -> list[str]:
         return parts
 
 
+def _wrapped(numbers: list[str]) -> list[str]:
+    return textwrap.wrap(", ".join(numbers) + ",", 96, initial_indent=" " * 4, subsequent_indent=" " * 4)
+
+
 def header() -> str:
     """The text of coefficients.h."""
     lines = [
@@ -89,10 +94,8 @@ def header() -> str:
             texts = [v + suffix for v in values]
             lines.append(f"// polynomial's own error {error}")
             lines.append(f"static const elem {name}[] = {{")
-            lines += [f"    {text}," for text in texts]
-            lines.append("};")
+            lines += [*_wrapped(texts), "};"]
         parts = [v + suffix for v in split_half_pi(precision)]
         lines.append("static const elem HALF_PI[] = {")
-        lines += [f"    {text}," for text in parts]
-        lines.append("};")
+        lines += [*_wrapped(parts), "};"]
     return "\n".join([*lines, "#endif", ""])
