@@ -200,7 +200,8 @@ class Measuring:
         launched = dict.fromkeys(points, 0)
 
         def once(point: Point, padding: int) -> float:
-            picture = self.series.picture(point.x, launched[point] if self.series.drawn else 0)
+            number, x = launched[point], point.x
+            picture = self.series.picture(x, number) if self.series.drawn else self.pictures[x]
             launched[point] += 1
             warmup, reps = frames_of(self.series, points[point].seconds)
             how = {"cpu": self.settings.cpu, "warmup": warmup, **picture.options}

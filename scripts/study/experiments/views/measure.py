@@ -104,7 +104,7 @@ def choose(
             plan.left_out.append(LeftOut(phase=str(pair[0]), reason=f"this CPU lacks {lacking[0]}"))
             continue
         pace: dict[Point, float] = {}
-        for spec in set(pair) - known:
+        for spec in (spec for spec in pair if spec not in known):
             pace |= _tried(spec, views, settings.jobs, first, plan)
         ahead += sum(cost(one, view, settings) for (_, view), one in pace.items())
         needed = time.monotonic() - begun + ahead
