@@ -42,12 +42,9 @@ def lit_from(place: list[float], shapes: list[dict], strength: float = 3, bright
 
 SCENES = {
     "above": lit_from([3, 4, 0], SOLIDS),
-    "low": lit_from([-6, 0.2, 2], SOLIDS),
-    "before a solid": lit_from([0, 0.5, 3.2], SOLIDS),
     "in a solid": lit_from([0, -0.6, 3.4], SOLIDS),
     "light and solid outside of the bounds": lit_from([24, 20, -8], [*SOLIDS, DISTANT], bright=60)
     | {"march": scene(SOLIDS)["march"] | {"bounds_radius": 12}},
-    "weak": lit_from([2, 5, 0], SOLIDS, 0.5),
     "sharp": lit_from([2, 5, 0], SOLIDS, 40),
     "a crowd": lit_from([2, 5, 0], [FLOOR, *CROWD]),
     "copies": lit_from([7, 6, -3], [FLOOR, BEADS]),
@@ -76,10 +73,6 @@ def nearness(picture: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> fl
     assert same.mean() > 0.999
     error = np.clip(images.rgb(picture), 0, 1) - np.clip(images.rgb(truth), 0, 1)
     return float(-10 * np.log10(max(float((error[same].astype(float) ** 2).mean()), 1e-15)))
-
-
-def test_there_are_phases_to_test() -> None:
-    assert {"baseline", "opt1", "opt2"} <= set(DRAWING)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -113,7 +106,7 @@ def test_a_mandelbulb_shades_the_floor(phase: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ["above", "a crowd", "copies"])
 @pytest.mark.parametrize("phase", WIDE)
 def test_eight_lanes_draw_it_too(phase: str, name: str, truths, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STEPWISE_ISA_LIMIT", "avx2")

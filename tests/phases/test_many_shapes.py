@@ -69,6 +69,10 @@ def test_as_the_march_of_all_shapes(
     assert not ((off > 0.002).sum() > 3) and np.isfinite(off).all()
 
 
+def test_crowd256_is_the_generators() -> None:
+    assert registry.find_scene("crowd256").data == scaling_scenes.data("scattered", 256, 1)
+
+
 @pytest.mark.parametrize("strength", [1.05, 1.6])
 def test_a_light_near_by_of_little_strength(strength: float, tmp_path: Path) -> None:
     """Rays of a beam turn apart there, and their cones are next to as wide as any can be: what is ahead of
