@@ -10,7 +10,7 @@
 #   build/NAME/probe          prints distances at given points, for tests (tools/probe.c)
 #   build/NAME/read, count/read   compiles only for warnings: variants for other CPUs, the counting sources
 #   build/NAME/syntax/read    parses every source and variant for warnings, and makes no code
-#   build/truth/rays, build/packets/hits, build/rsqrt, build/ceilings, build/functions/bench   tools
+#   build/truth/rays, build/packets/hits, build/ceilings, build/functions/bench   tools
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...   another compiler, with ASan and UBSan, in its own folder
 #   make BUILD=build/tsan SANITIZE=thread ...        ThreadSanitizer
 #   make BUILD=build/emulated EMULATE=1 ...          AVX-512 emulated by AVX2, for tests of pictures (tests/emulate)

@@ -4,10 +4,6 @@
 $(BUILD)/common/stepper: common/counting/stepper.c common/tools/tools.mk common/rules.mk $(BUILD)/common/toolchain
 	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $< -o $@
 
-# Prints the results of the CPU's approximate reciprocal roots (hard case 20).
-$(BUILD)/rsqrt: $(BUILD)/common/tools/rsqrt.o
-	$(CC) $(SANITIZERS) $^ -lm -o $@
-
 # A program whose counts are known (tests/calibration), plain and with counted blocks.
 CALIBRATION_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -Icommon
 $(BUILD)/calibration/calibrate: tests/calibration/calibrate.c common/rules.mk $(BUILD)/common/toolchain

@@ -17,7 +17,6 @@ from hard.first_hits import on_ray
 from study.experiments.stability.cases import Case, exact, find_cases
 from study.experiments.stability.cases.scenes import angle_degrees, rays
 from study.experiments.stability.cases.shapes import c02_silhouette as c02
-from study.experiments.stability.cases.shapes import c06_far_sphere as c06
 from study.experiments.stability.cases.shapes import c09_repetition as c09
 from study.experiments.stability.cases.shapes import c10_thin_plate as c10
 from study.experiments.stability.cases.shapes import c11_edges as c11
@@ -48,17 +47,6 @@ def test_silhouette(delta: float) -> None:
         assert abs(abs(impact - 1) / mpf(delta) - 1) < 2**-52 / delta  # δ, but for the doubles' rounding
         camera = c02.beside(x, y)["camera"]
         assert camera["position"][:2] == camera["look_at"][:2] == [x, y]
-
-
-@strengths("distance", 6)
-def test_far_sphere(distance: float) -> None:
-    for offset in c06.OFFSETS:
-        inside = mpf(1) - mpf(offset) ** 2
-        t = c06.exact(distance, offset)
-        if inside < 0:
-            assert t == math.inf
-        else:
-            assert abs((mpf(distance) - mpmath.sqrt(inside)) / mpf(t) - 1) < 1e-15
 
 
 @strengths("cell", 9)

@@ -19,25 +19,9 @@ def _made(phase: Phase, make: tuple[str, ...], folder: str) -> Phase | None:
     return Phase(phase.name, make, folder, phase.time_limit)
 
 
-def flushing(phase: Phase) -> Phase | None:
-    """gcc, denormals flushed to zero. This and the others: None where the compiler is not installed.
-
-    The phase's own objects, linked so that gcc's start-up code has the CPU do so (FTZ, DAZ).
-    """
-    if not shutil.which("gcc"):
-        return None
-    return Phase(phase.name, phase.make, phase.folder, phase.time_limit, "render-ftz")
-
-
-def fast_math(phase: Phase) -> Phase | None:
-    """gcc -ffast-math: no NaN, no infinity, no denormal, any order of operations; the phase's other flags.
-    None, as of contracted(), also of a phase that compiles itself: its parent is asked.
-    """
-    return _made(phase, ("CC=gcc", "SANITIZERS=-ffast-math"), "build/hard-fast")
-
-
 def contracted(phase: Phase) -> Phase | None:
-    """gcc, which may fuse every multiplication with the addition after it; None also on a CPU without FMA."""
+    """gcc, which may fuse every multiplication with the addition after it. None where the compiler is not
+    installed, on a CPU without FMA, and of a phase that compiles itself: its parent is asked."""
     if "fma" not in registry.cpu_flags():
         return None
     return _made(phase, ("CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"), "build/hard-fma")

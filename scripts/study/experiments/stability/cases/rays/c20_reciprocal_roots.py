@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import functools
-import json
 import math
-import subprocess
-import threading
 
 import numpy as np
 
-from study.core import registry
 from study.experiments.stability.cases import Outcome, Phase
 from study.experiments.stability.cases.scenes import scene, shape
 
@@ -20,26 +15,6 @@ SHAPES = {
     "cone": {"bottom_radius": 1, "top_radius": 0.5, "half_height": 1},
     "mandelbulb": {"power": 8, "iterations": 1, "bailout": 4},
 }
-
-
-ALONE = threading.Lock()  # cases run in threads; two makes would write the same file
-
-
-@functools.cache
-def table() -> dict | str:
-    """What this CPU's rsqrt instructions give (common/tools/rsqrt.c), or why that is not known."""
-    path = "build/rsqrt"
-    try:
-        with ALONE:
-            made = subprocess.run(
-                ["make", "-s", "-C", str(registry.ROOT), path], capture_output=True, text=True
-            )
-        if made.returncode != 0:
-            return "the table program does not build"
-        done = subprocess.run([registry.ROOT / path], capture_output=True, text=True, timeout=60)
-        return json.loads(done.stdout)
-    except (OSError, ValueError, subprocess.TimeoutExpired) as error:
-        return f"no table of this CPU: {error}"
 
 
 def at_centre(kind: str, off: float) -> tuple[np.ndarray, np.ndarray]:
@@ -68,10 +43,4 @@ def run(phase: Phase, strength: float) -> Outcome:
         this = float(np.max(np.where(np.isfinite(got), off, np.inf)))
         if this > error:
             error, worst_of = this, kind
-    found = table()
-    said = (
-        found
-        if isinstance(found, str)
-        else f"rsqrtps of this {found['vendor']} CPU: table {found['rsqrtps']['hash']}"
-    )
-    return Outcome(error, note=f"{worst_of + ', ' if worst_of else ''}{said}")
+    return Outcome(error, note=worst_of)
