@@ -11,10 +11,10 @@ import complete
 import numpy as np
 import pytest
 
-from study.core import registry
+from study.core import cli, commands, registry
 from study.core.cli import CANNOT_RUN, StudyError
 from study.experiments.original import measure as original
-from study.numbers.beside import ORIGINAL
+from study.numbers.beside import ORIGINAL, Original, held_beside
 from study.pictures import images
 
 ORIGIN = {"x": 0, "y": 0, "z": 0}
@@ -132,3 +132,16 @@ def test_a_scene_file_of_the_papers_is_converted_for_ours(toy: Path, tmp_path: P
     assert not found.fractal
     with pytest.raises(StudyError, match="ball"):
         original.scene_of("bowl", [program])
+
+
+def test_from_end_to_end(toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is measured again replaces its row; the others stay."""
+    monkeypatch.setattr(original, "folder_of", lambda repository: tmp_path / "kept" / "repository")
+    words = ["--repository", str(toy), "-n", "36", "--launches", "1", "--run", str(tmp_path / "run")]
+    for scenes in (["scene0", "mandelbulb"], ["scene0"]):
+        outcome, _ = commands.called("original", [*words, "--scene", *scenes])
+        assert outcome.ended == cli.OK
+        made = Original.load(tmp_path / "run" / ORIGINAL)
+        assert sorted(row.scene for row in made.rows) == ["mandelbulb", "scene0"]
+    assert cli.plain(outcome.result) == cli.plain(made) and str(tmp_path) not in (made.repository or "")
+    assert not held_beside(tmp_path / "run")  # no baseline was measured

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from study.core import cli, commands, registry, run, store
@@ -94,6 +95,16 @@ def test_povray_gets_the_scene_and_says_what_it_lacks() -> None:
         changed["shapes"][1] |= change
         with pytest.raises(StudyError, match=said):
             povray.translated(changed, 320, 180)
+
+
+def test_povrays_picture_is_read_as_it_is(tmp_path: Path) -> None:
+    pixels = np.array([[[0, 1, 2], [65535, 13107, 0]]], np.uint16)
+    spec = oiio.ImageSpec(2, 1, 3, "uint16")
+    file = oiio.ImageOutput.create(str(tmp_path / "picture.png"))
+    assert file.open(str(tmp_path / "picture.png"), spec) and file.write_image(pixels) and file.close()
+    assert povray.read_linear(tmp_path / "picture.png") == pytest.approx(pixels / 65535)
+    with pytest.raises(StudyError, match=r"none\.png"):
+        povray.read_linear(tmp_path / "none.png")
 
 
 def test_embrees_hits_are_shaded_as_the_format_has_it(tmp_path: Path) -> None:
