@@ -104,58 +104,6 @@ class PictureErrors(Record, kw_only=True):
         return ("identical" if math.isinf(self.level) else show.number(self.level)) + means
 
 
-class HitErrors(Record, kw_only=True):
-    """Errors of hits to ground truth, over the pixels whose camera ray truth proves."""
-
-    evaluations: Annotated[float | None, key("evaluations/pixel", "of the scene's distance")] = None
-    judged: Annotated[float | None, key("share of pixels", "whose hits are judged")] = None
-    known: Annotated[float | None, key("share of pixels", "whose colour truth knows")] = None
-    false_hits_ppm: Annotated[float | None, key("ppm", "hit where truth misses")] = None
-    false_misses_ppm: Annotated[float | None, key("ppm", "miss where truth hits")] = None
-    wrong_shape_ppm: Annotated[float | None, key("ppm", "another shape where both hit")] = None
-    wrong_ppm: Annotated[float | None, key("ppm", "the three together")] = None
-    dt_p50: Annotated[float | None, key("scene units", "median of |Δt| where the shape is right")] = None
-    dt_p99: Annotated[float | None, key("scene units", "99th percentile of it")] = None
-    dt_p100: Annotated[float | None, key("scene units", "its maximum")] = None
-    psnr_db: Annotated[float | None, key("dB", "shaded picture to truth; null: identical")] = None
-    non_finite: Annotated[int | None, key("samples", "NaN or infinite where none may be")] = None
-
-
-Ms = Annotated[float | None, key("ms", "median over process launches")]
-MsLow = Annotated[float | None, key("ms", "lower end, 95 %")]
-MsHigh = Annotated[float | None, key("ms", "upper end")]
-MsLaunches = Annotated[list[float] | None, key("ms", "one per process launch")]
-Times = Annotated[float | None, key("×", "time of the other over this one's")]
-TimesLow = Annotated[float | None, key("×", "lower end, 95 %")]
-TimesHigh = Annotated[float | None, key("×", "upper end")]
-
-
-class Timed(Record, kw_only=True):
-    """A time with its 95 % interval."""
-
-    ms: Ms = None
-    ms_low: MsLow = None
-    ms_high: MsHigh = None
-    launches: MsLaunches = None
-
-
-class TimedErrors(HitErrors, kw_only=True):
-    """A time with its 95 % interval, and errors of hits to ground truth."""
-
-    ms: Ms = None
-    ms_low: MsLow = None
-    ms_high: MsHigh = None
-    launches: MsLaunches = None
-
-
-class Gain(Record, kw_only=True):
-    """A ratio of times with its 95 % interval."""
-
-    gain: Times = None
-    gain_low: TimesLow = None
-    gain_high: TimesHigh = None
-
-
 class Antialiased(Record, kw_only=True):
     """Errors of pictures averaged over 4×4 samples."""
 
