@@ -1,5 +1,8 @@
 // Distances at given points, for tests (common/phase.h).
-#include "packets.h"
+#include <stdlib.h>
+
+#include "phase.h"
+#include "trace.h"
 
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {

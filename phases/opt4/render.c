@@ -2,7 +2,8 @@
 // time, one ray through the centre of each. A mask cuts the last packet of a row to the width.
 #include <stdlib.h>
 
-#include "packets.h"
+#include "phase.h"
+#include "trace.h"
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one

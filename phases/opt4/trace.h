@@ -2,6 +2,7 @@
 #ifndef OPT4_TRACE_H
 #define OPT4_TRACE_H
 
+#include "frame/frame.h"
 #include "sdf.h"
 
 struct world {
@@ -56,5 +57,13 @@ struct vec normal_at(struct vec direction, vmask found, const struct nearest_sha
 // lanes of `active` are valid in `result`.
 void trace(struct point origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result);
+
+// packets.c: a point of the world as sums of two floats; the unit directions of the rays through eight pixels of a row;
+// the lanes of a packet of `count` pixels; writes it; memory for the rays in the frames of all shapes.
+struct point point_from_doubles(const double a[3]);
+struct vec get_direction(int column, int row, const struct frame *frame, const struct view *view);
+vmask v_mask_first(int count);
+void store(struct frame *frame, size_t pixel, int count, const struct shaded *seen);
+struct local_ray *new_local_rays(const struct prepared *prepared);
 
 #endif

@@ -4,7 +4,8 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "packets.h"
+#include "phase.h"
+#include "trace.h"
 #include "workers/workers.h"
 
 // A tile of scene0 takes some 100 µs, a thousand times the contended counter. A row of 32 pixels fills

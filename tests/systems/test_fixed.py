@@ -367,6 +367,16 @@ WIDE = scene(
 SCENES["wide"] = WIDE
 
 
+@pytest.mark.parametrize("words", ["roots=article clear=never", "roots=3 clear=never"])
+def test_directions_longer_than_all_lengths_are_normalised_too(draw, words):
+    """A ray whose tangent off the axis is below that of the sphere's rim, 0.204, hits it; others miss."""
+    made, _ = draw("fixed", "wide", words, (32, 18))
+    half = math.tan(math.radians(50)) / 18
+    x, y = np.meshgrid((2 * np.arange(32) - 31) * half, (2 * np.arange(18) - 17) * half)
+    rim = math.tan(math.asin(0.3 / 1.5))
+    assert np.array_equal(made["id"] >= 0, np.hypot(x, y) < rim) and (made["id"] >= 0).sum() == 4
+
+
 # Pixels up to 280 units off the camera's axis, a unit away: no factor with 28 bits of fraction is that large.
 SCENES["broad"] = WIDE | {"shapes": [ball(1, [x, 0, 0.1 * x]) for x in (-6, -3, 0, 3, 6)]}
 SCENES["broad"]["camera"] = WIDE["camera"] | {"vertical_fov_degrees": 160}

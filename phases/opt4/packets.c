@@ -1,18 +1,15 @@
 // Packets of pixels: eight neighbours of a row, one ray through the centre of each, and how they are stored.
-#ifndef OPT4_PACKETS_H
-#define OPT4_PACKETS_H
-
 #include <stdlib.h>
 
 #include "phase.h"
 #include "trace.h"
 
-static inline struct vec vec_from_doubles(const double a[3]) {
+static struct vec vec_from_doubles(const double a[3]) {
     return (struct vec){v_splat((float)a[0]), v_splat((float)a[1]), v_splat((float)a[2])};
 }
 
 // A point of the world as sums of two floats, the same in all lanes.
-static inline struct point point_from_doubles(const double a[3]) {
+struct point point_from_doubles(const double a[3]) {
     float hi[3], lo[3];
     for (int i = 0; i < 3; i++)
         split(a[i], &hi[i], &lo[i]);
@@ -20,8 +17,7 @@ static inline struct point point_from_doubles(const double a[3]) {
 }
 
 // Unit directions of the rays through the centres of eight pixels of a row.
-static inline struct vec get_direction(int column, int row, const struct frame *frame,
-                                       const struct view *view) {
+struct vec get_direction(int column, int row, const struct frame *frame, const struct view *view) {
     COUNT(get_direction, call);
     COUNT(get_direction, scalar);
     double pixel_size = view->tan_half_fov / frame->height;
@@ -35,14 +31,14 @@ static inline struct vec get_direction(int column, int row, const struct frame *
 }
 
 // Writes the first `count` lanes, one every `stride` floats.
-static inline void store_plane(float *plane, int stride, int count, vfloat values) {
+static void store_plane(float *plane, int stride, int count, vfloat values) {
     float lanes[LANES];
     _mm256_storeu_ps(lanes, values);
     for (int lane = 0; lane < count; lane++)
         plane[lane * stride] = lanes[lane];
 }
 
-static inline void store(struct frame *frame, size_t pixel, int count, const struct shaded *seen) {
+void store(struct frame *frame, size_t pixel, int count, const struct shaded *seen) {
     COUNT(store, call);
     float *rgb = frame->rgb + 3 * pixel;
     store_plane(rgb, 3, count, seen->color.x);
@@ -61,12 +57,10 @@ static inline void store(struct frame *frame, size_t pixel, int count, const str
 }
 
 // The first `count` lanes.
-static inline vmask v_mask_first(int count) {
+vmask v_mask_first(int count) {
     return v_cmp_lt(_mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7), v_splat((float)count));
 }
 
-static inline struct local_ray *new_local_rays(const struct prepared *prepared) {
+struct local_ray *new_local_rays(const struct prepared *prepared) {
     return aligned_alloc(32, (size_t)prepared->model.shape_count * sizeof(struct local_ray));
 }
-
-#endif
