@@ -139,7 +139,7 @@ def test_a_peer_draws_the_scene(name: str, scene: str, tmp_path: Path) -> None:
 
 
 def test_what_is_not_there_says_what_it_needs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(peer.shutil, "which", lambda name: None)
+    monkeypatch.setattr(povray.shutil, "which", lambda name: None)
     monkeypatch.setattr(peer, "HOME", tmp_path)
     assert "povray" in (GONE.lacking() or "") and "moderngl" in (ALL["llvmpipe"].lacking() or "")
 
@@ -275,7 +275,7 @@ def test_bad_input_is_said(tmp_path: Path) -> None:
 
 def test_a_run_beside_a_peer_that_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peer, "find_all", lambda: {"wall": WALL, "gone": GONE, "offline": OFFLINE})
-    monkeypatch.setattr(peer.shutil, "which", lambda name: None)
+    monkeypatch.setattr(povray.shutil, "which", lambda name: None)
     words = ["--phase", "opt1", "--launches", "2", "-n", "16", "--error-n", "16", "--threads", "1"]
     outcome = called(*words, "--install", "--run", tmp_path)
     made = Peers.load(tmp_path / PEERS)

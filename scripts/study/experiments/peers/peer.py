@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import json
 import os
-import shutil
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -99,11 +98,6 @@ def run(command: Sequence[str | Path], job: Job, title: str, **more: str) -> tup
         said = (done.stderr or done.stdout).strip().splitlines()
         raise StudyError(f"{title}: {said[-1] if said else f'status {done.returncode}'}", CANNOT_RUN)
     return done.stdout, done.stderr
-
-
-def from_debian(package: str, program: str) -> str | None:
-    """What is lacking of a program that Debian has; None where it is there."""
-    return None if shutil.which(program) else f"needs Debian's package {package}"
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from study.core import cli, registry, run, store, temporary
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.scaling import figures, laws
+from study.experiments.scaling import figures, laws, tables
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling.schema import LeftOut, Row, Scaling
 from study.experiments.scaling.series import chosen, series
-from study.numbers import power_laws
 
 DESCRIPTION = """\
 How time grows: each program is timed over picture height, number of shapes, step cap, bounces and threads, in
@@ -96,10 +95,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     )
     store.write_json(folder / FILE, result)
     drawn = running.draw(folder, figures.drawings(result))
-    lines = [
-        f"{fit.title}, {fit.phase}: exponent of time {power_laws.text(fit.time.exponent)}; {fit.verdict}"
-        for fit in result.fits
-    ]
+    lines = [one.markdown for one in tables.parts(result)[:1]]
     bad = [row for row in rows if row.non_finite]
     failed = [f"{r.phase} in {r.series} at {r.x:g}: {r.non_finite} samples not finite" for r in bad]
     first = {(row.series, row.phase): row for row in reversed(left_out)}

@@ -75,14 +75,14 @@ def crowds(rows: Sequence[Row], phases: Sequence[str]) -> list[Crowd]:
             mine = {row.x: row for row in own if row.series == SCATTERED}
         most = max(mine, default=0)
         few, many = mine.get(FEW), mine.get(most if most > FEW else MANY)
-        crowd = Crowd(phase=phase)
-        if few and many:
-            crowd.n, crowd.shapes, crowd.ratio = many.n, int(most), over(many, few)
-            crowd.scenes = [one.scenes or 1 for one in (few, many)]
-            crowd.coverage = [covered(own, x) for x in (FEW, most)]
-            if few.scenes and many.scenes:
-                crowd.mean_ms = [float(np.mean(one.ns)) * 1e-6 for one in (few, many)]
-                crowd.by_medians = Interval.of(stats.ratio_interval(many.ns, few.ns, rounds=False))
+        if few is None or many is None:
+            continue
+        crowd = Crowd(phase=phase, n=many.n, shapes=int(most), ratio=over(many, few))
+        crowd.scenes = [one.scenes or 1 for one in (few, many)]
+        crowd.coverage = [covered(own, x) for x in (FEW, most)]
+        if few.scenes and many.scenes:
+            crowd.mean_ms = [float(np.mean(one.ns)) * 1e-6 for one in (few, many)]
+            crowd.by_medians = Interval.of(stats.ratio_interval(many.ns, few.ns, rounds=False))
         made.append(crowd)
     return made
 

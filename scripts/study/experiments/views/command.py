@@ -70,13 +70,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     )
     store.write_json(folder / FILE, result)
     drawn = running.draw(folder, tables.drawings(result))
-    lines = [f"{one.phase}: median {said(one)} ({one.verdict})" for one in result.rungs]
+    lines = [one.markdown for one in tables.parts(result)[:1]]
     failed = [tables.failed(row) for row in rows if row.non_finite]
     failed += [f"{one.phase} on {tables.where(one)}: {one.reason}" for one in plan.failures]
     remarks = [f"left out {one.phase} {tables.where(one)}: {one.reason}" for one in result.left_out]
     return Outcome(result, [*lines, *drawn], folder, remarks, failed)
-
-
-def said(gain: gains.Gain) -> str:
-    middle, worst = (column.text(gain) for column in tables.GAINS[3:5])
-    return f"{middle}, worst {worst}"

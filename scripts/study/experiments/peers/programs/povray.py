@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.experiments.peers import shader
-from study.experiments.peers.peer import Drawn, Job, Peer, from_debian, run
+from study.experiments.peers.peer import Drawn, Job, Peer, run
 
 TIME = re.compile(r"Trace Time: .*\(([0-9.]+) seconds\)")
 FADE = 1e-6  # its light falls off as 2/(1 + d/FADE), which is 2 FADE/d to 1e-7 of it
@@ -113,7 +113,7 @@ class POVRay(Peer):
     """Timed without a picture file; the picture is of a launch of its own."""
 
     def lacking(self) -> str | None:
-        return from_debian("povray", "povray")
+        return None if shutil.which("povray") else "needs Debian's package povray"
 
     def draw(self, job: Job) -> Drawn:
         (job.folder / "scene.pov").write_text(translated(job.scene.data, *job.size), encoding="utf-8")
