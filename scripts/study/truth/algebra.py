@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 from flint import acb_poly, arb, arb_poly, ctx, fmpq_poly, fmpz, fmpz_poly
 
@@ -93,6 +94,7 @@ def _is_root(poly: Poly, root: Root) -> bool:
     if common.degree() < 1:
         return False
     work, ctx.prec = ctx.prec, 256
+    roots: Any  # with multiplicities, which flint's hints leave out
     try:
         roots = common.numer().complex_roots()
     finally:
@@ -170,7 +172,8 @@ def _isolated(poly: Poly) -> list[tuple[arb, int]]:
         whole = _integers(poly)
         if whole is None:
             raise Unsure from None
-        return sorted(((z.real, n) for z, n in whole.complex_roots() if z.imag == 0), key=_middle)
+        several: Any = whole.complex_roots()
+        return sorted(((z.real, n) for z, n in several if z.imag == 0), key=_middle)
     real = []
     for z, n in found:
         if z.imag > 0 or z.imag < 0:

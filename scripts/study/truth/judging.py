@@ -61,8 +61,9 @@ def beyond_outlines(truth: Picture, image: Picture, pixels: int) -> dict[str, fl
     """
     near = np.zeros(truth["id"].shape, bool)
     padded = np.pad(truth["id"], pixels, mode="edge")
+    height, width = near.shape
     for y, x in np.ndindex(2 * pixels + 1, 2 * pixels + 1):
-        near |= padded[y : y + near.shape[0], x : x + near.shape[1]] == image["id"]
+        near |= padded[y : y + height, x : x + width] == image["id"]
     near &= image["Z"] <= np.nextafter(truth["Z"].astype(np.float32), np.float32(np.inf))
     count, masks = int((truth["status"] == PROVED).sum()), wrong_hits(truth, image)
     return {
@@ -174,7 +175,7 @@ def metrics(
     if unshadowed is not None:
         made.append(known(images.rgb(unshadowed)))
     pairs = list(zip(exact, made, strict=False))
-    found = {
+    found: dict[str, Any] = {
         "converged_only": fractal,
         "non_finite": images.non_finite(image) + (images.non_finite(unshadowed) if unshadowed else 0),
         "proved_fraction": float((status == PROVED).mean()),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_rgb
@@ -118,7 +119,7 @@ def painted(truth: Picture, where: np.ndarray, wrong: np.ndarray, factor: int = 
     pad = (0, height - where.shape[0]), (0, width - where.shape[1])
     grey = images.to_display(np.nan_to_num(images.rgb(truth))).mean(axis=-1) / 255 * DIM
 
-    def blocks(plane: np.ndarray, mode: str) -> np.ndarray:
+    def blocks(plane: np.ndarray, mode: Any) -> np.ndarray:
         padded = np.pad(plane, pad, mode=mode)
         return padded.reshape(height // factor, factor, width // factor, factor).swapaxes(1, 2)
 
@@ -181,7 +182,7 @@ def figure(
     spots = made.add_gridspec(
         1, 3, wspace=0.04, top=1 - above / total, bottom=below / total, left=0.01, right=0.99
     )
-    axes = [made.add_subplot(spot) for spot in spots]
+    axes = [made.add_subplot(spots[place]) for place in range(3)]
     for panel, picture, text in zip(axes, (image, truth), (name, "ground truth"), strict=False):
         panels.show(panel, images.to_display(images.rgb(picture)))
         panel.set_title(text, fontsize=14, loc="left")

@@ -126,9 +126,10 @@ def build_all(specs: Sequence[Spec], targets: Sequence[str], jobs: int) -> dict[
 
     def one(task: tuple[Spec, str]) -> StudyError | None:
         try:
-            return build(*task) and None
+            build(*task)
         except StudyError as error:
             return error
+        return None
 
     tasks = [(spec, target) for spec in specs for target in targets]
     build_together(tasks, jobs)
@@ -187,7 +188,7 @@ def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, Flops]:
             if not costs.declares(case[0].phase):
                 return None
             found = counting.declared(case[0], scene, height).flops
-            return found and Flops(paper=found.paper, machine=found.machine)
+            return Flops(paper=found.paper, machine=found.machine) if found else None
         except DriverError as error:
             cli.say(f"no FLOPs of {case[0]} on {case[1]}: {error}")
         except StudyError:  # does not build, which was said

@@ -7,7 +7,7 @@ with their sign, and any other finite value is within 5 % or 1 ulp: how near it 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from mpmath import acos, cos, exp, log, mp, mpf, pi, power, sin, sqrt
@@ -19,7 +19,7 @@ NEAR = 0.05
 INF, NAN = math.inf, math.nan
 
 
-def arguments(function: str, precision: str) -> list[tuple[float, ...]]:
+def arguments(function: str, precision: str) -> Sequence[tuple[float, ...]]:
     """Edge arguments; each a tuple of the function's arguments, exactly representable."""
     info = np.finfo(TYPES[precision])
     least, huge = float(info.smallest_subnormal), float(info.max)
@@ -137,7 +137,7 @@ def judge(
     """One row per edge argument. `evaluate`: arrays to results."""
     cases = arguments(function, precision)
     kind = TYPES[precision]
-    padded = np.array((cases + [cases[-1]] * (-len(cases) % 16)), kind)
+    padded = np.array(([*cases] + [cases[-1]] * (-len(cases) % 16)), kind)
     with np.errstate(all="ignore"):
         values = evaluate(padded[:, 0], padded[:, 1] if padded.shape[1] == 2 else None)
     rows = []

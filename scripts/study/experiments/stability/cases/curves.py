@@ -142,7 +142,7 @@ def _error_axis(axes: Axes, floor: float, ceiling: float, lost: bool) -> None:
     ticks = [floor, *(10.0**p for p in powers)] + [ceiling] * lost
     names = ["0", *(number(10.0**p) for p in powers)] + ["none"] * lost
     axes.yaxis.set_major_locator(FixedLocator(ticks))
-    axes.yaxis.set_major_formatter(lambda _, place: names[place] if place is not None else "")
+    axes.yaxis.set_major_formatter(lambda _, place: "" if place is None else names[int(place)])
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(floor / 2, ceiling * (2 if lost else 0.3))

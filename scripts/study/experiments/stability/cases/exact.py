@@ -5,6 +5,8 @@ Nothing here marches. Origins are (3,), directions (..., 3) of unit length, resu
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 Array = np.ndarray
@@ -46,7 +48,7 @@ def box(origin: Array, direction: Array, centre: object, half: object) -> Array:
     return np.where((first <= last) & (first > 0), first, np.inf)
 
 
-def cone(origin: Array, direction: Array, centre: object, bottom: float, top: float, half: float) -> Array:
+def cone(origin: Array, direction: Array, centre: Any, bottom: float, top: float, half: float) -> Array:
     """First t > 0 from outside a capped cone about y: its two discs and its side, whichever comes first."""
     o, d = _wide(np.subtract(origin, centre), direction)
     best = np.full(d.shape[:-1], np.inf, L)

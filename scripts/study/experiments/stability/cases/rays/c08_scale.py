@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from study.experiments.stability.cases import Outcome, Phase
@@ -25,7 +27,7 @@ FOG = 2.0**-28
 LARGEST = 19  # of |k|: ε·2⁻¹⁹ is still above the format's least length, the bounds below its largest
 
 
-def times(value: object, factor: float) -> object:
+def times(value: Any, factor: float) -> Any:
     return [x * factor for x in value] if isinstance(value, list) else value * factor
 
 
