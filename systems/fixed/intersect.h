@@ -32,12 +32,12 @@ static struct vec vec_madd(struct vec a, struct vec b, vnum s, const struct form
                         v_add(a.z, v_mul(b.z, s, f))};
 }
 
-static struct vec vec_select(vmask m, struct vec a, struct vec b) {
+static struct vec vec_chosen(vmask m, struct vec a, struct vec b) {
     return (struct vec){v_select(m, a.x, b.x), v_select(m, a.y, b.y), v_select(m, a.z, b.z)};
 }
 
 static struct vec vec_gather(scalar *const table[3], vnum at) {
-    return (struct vec){v_gather(table[0], at), v_gather(table[1], at), v_gather(table[2], at)};
+    return (struct vec){v_lookup(table[0], at), v_lookup(table[1], at), v_lookup(table[2], at)};
 }
 
 // Returns the unit directions of rays through the middle of pixels.
@@ -60,7 +60,7 @@ static void take_nearer(int i, vnum b, vnum discriminant, struct hit *hit, const
     vmask real = v_positive(discriminant);
     if (!v_any(real))
         return;
-    vnum t = v_sub(v_sub(v_splat(0), b), v_sqrt(discriminant, f));
+    vnum t = v_sub(v_sub(v_splat(0), b), v_root(discriminant, f));
     vmask nearer = v_and(v_and(real, v_positive(t)), v_cmp_lt(t, hit->t));
     hit->t = v_select(nearer, t, hit->t);
     hit->shape = v_select(nearer, v_splat(i), hit->shape);
@@ -121,7 +121,7 @@ static vmask occluded(struct packet rays, vnum far, const struct scene_tables *s
         vmask ahead = v_and(v_and(rays.active, v_positive(discriminant)), v_cmp_lt(b, v_splat(0)));
         if (!v_any(ahead))
             continue;
-        vnum t = v_sub(v_sub(v_splat(0), b), v_sqrt(discriminant, f));
+        vnum t = v_sub(v_sub(v_splat(0), b), v_root(discriminant, f));
         vmask hit = v_and(v_and(ahead, v_positive(t)), v_cmp_lt(t, far));
         dark = v_or(hit, dark);
         rays.active = v_andnot(hit, rays.active);

@@ -53,7 +53,7 @@ static struct vec direct_light(struct vec p, struct vec n, struct vec direction,
     vnum one = v_splat(scene->one);
     shine = v_select(v_cmp_lt(shine, one), shine, one);
     vnum specular = v_select(
-        v_positive(shine), power(shine, v_gather(scene->shininess, hit->shape), scene), v_splat(0));
+        v_positive(shine), power(shine, v_lookup(scene->shininess, hit->shape), scene), v_splat(0));
     specular = v_mul(specular, v_splat(scene->specular), f);
     const scalar *e = scene->emission;
     struct vec reach = {limited(times_reciprocal(v_splat(e[0]), distance)),
@@ -65,7 +65,7 @@ static struct vec direct_light(struct vec p, struct vec n, struct vec direction,
         v_add(colour.z, v_mul(reach.z, v_add(v_mul(base.z, cosine, f), specular), f)),
     };
     light = (struct vec){limited(light.x), limited(light.y), limited(light.z)};
-    return vec_select(lit, light, colour);
+    return vec_chosen(lit, light, colour);
 }
 
 // Returns the unit normal of the sphere that was hit, at p; of lanes without a hit, of the first sphere.
@@ -98,10 +98,10 @@ static struct shaded trace(struct packet rays, const struct scene_tables *scene,
         if (bounce == 0)
             result.normal = n;
         struct vec light = direct_light(p, n, rays.direction, &hit, scene);
-        light = vec_select(hit.found, light, vec_select(rays.active, background, result.colour));
+        light = vec_chosen(hit.found, light, vec_chosen(rays.active, background, result.colour));
         struct vec sum = vec_madd(result.colour, light, weight, f);
-        result.colour = vec_select(rays.active, sum, result.colour);
-        weight = v_mul(weight, v_gather(scene->mirror_weight, hit.shape), f);
+        result.colour = vec_chosen(rays.active, sum, result.colour);
+        weight = v_mul(weight, v_lookup(scene->mirror_weight, hit.shape), f);
         rays.active = v_and(hit.found, v_positive(weight));
         if (bounce == scene->bounces || !v_any(rays.active))
             return result;

@@ -128,7 +128,7 @@ static inline vnum v_select(vmask m, vnum yes, vnum no) {
     return m ? yes : no;
 }
 
-static inline vnum v_gather(const int64_t *table, vnum at) {
+static inline vnum v_lookup(const int64_t *table, vnum at) {
     return table[at];
 }
 

@@ -14,12 +14,12 @@
 //     v_and  v_or  v_andnot     of masks; v_andnot(a, b): b where not a
 //     v_any(m)  v_mask_lane(m, i)  v_mask_first(n)
 //     v_select(m, yes, no)      yes where m, else no
-//     v_gather(table, at)       table[at]; v_test_bit(a, k): lanes whose whole number has bit k set
+//     v_lookup(table, at)       table[at]; v_test_bit(a, k): lanes whose whole number has bit k set
 //     v_load(p)  v_store_float(a, scale, p)  v_store_double: stored times scale
 // From this file and roots.h:
 //     v_mul(a, b, f)            a·b; v_dot(a, b, f): a·x + b·y + c·z, shifted once, as in the article
 //     v_half(a)  v_max(a, b)    v_half rounds down, as every shift does
-//     v_sqrt(a, f)              √a; normalize(v, f, &r): v/|v|, and 1/|v| in r; times_reciprocal(a, r): a/|v|
+//     v_root(a, f)              √a; normalize(v, f, &r): v/|v|, and 1/|v| in r; times_reciprocal(a, r): a/|v|
 #ifndef FIXED_NUMBER_H
 #define FIXED_NUMBER_H
 

@@ -57,7 +57,7 @@ static inline struct rsqrt v_rsqrt(vnum a, const struct format *f) {
 }
 
 // Returns √a for 0 < a < 2^(62 − 2·bits).
-static inline vnum v_sqrt(vnum a, const struct format *f) {
+static inline vnum v_root(vnum a, const struct format *f) {
     if (f->newton_steps == 0)
         return article_sqrt(a, f);
     struct rsqrt r = v_rsqrt(v_sll(a, f->bits), f);

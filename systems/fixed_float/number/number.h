@@ -9,11 +9,11 @@
 //     v_and  v_or  v_andnot     of masks; v_andnot(a, b): b where not a
 //     v_any(m)  v_count(m)  v_mask_lane(m, i)  v_mask_first(n)
 //     v_select(m, yes, no)      yes where m, else no
-//     v_gather(table, at)       table[at]; v_test_bit(a, k): lanes whose whole number has bit k set
+//     v_lookup(table, at)       table[at]; v_test_bit(a, k): lanes whose whole number has bit k set
 //     v_load(p)  v_store_float(a, scale, p)  v_store_double: stored times scale
 // From this file:
 //     v_mul(a, b, f)            a·b; v_dot(a, b, f): a·x + b·y + c·z by fused products
-//     v_sqrt(a, f)              √a; normalize(v, f, &r): v/|v|, and 1/|v| in r; times_reciprocal(a, r): a/|v|
+//     v_root(a, f)              √a; normalize(v, f, &r): v/|v|, and 1/|v| in r; times_reciprocal(a, r): a/|v|
 #ifndef FIXED_NUMBER_H
 #define FIXED_NUMBER_H
 
@@ -25,10 +25,6 @@
 #include "number/lanes.h"
 
 static const float LARGEST_FACTOR = 0x1p31f; // fixed point's, so that both limit brightness alike
-
-struct vec {
-    vnum x, y, z;
-};
 
 static inline vnum v_sra(vnum a, int by) {
     (void)by;
@@ -45,9 +41,9 @@ static inline vnum v_dot(struct vec a, struct vec b, const struct format *f) {
     return v_madd(a.z, b.z, v_madd(a.y, b.y, a.x * b.x));
 }
 
-static inline vnum v_sqrt(vnum a, const struct format *f) {
+static inline vnum v_root(vnum a, const struct format *f) {
     (void)f;
-    return v_sqrt_of(a);
+    return v_sqrt(a);
 }
 
 struct reciprocal {
@@ -62,7 +58,7 @@ static inline vnum times_reciprocal(vnum a, struct reciprocal r) {
 static inline struct vec normalize(struct vec v, const struct format *f,
                                    struct reciprocal *length) {
     vnum square = v_dot(v, v, f), least = v_splat(1e-30f);
-    vnum x = v_splat(1) / v_sqrt_of(v_select(v_cmp_lt(square, least), least, square));
+    vnum x = v_splat(1) / v_sqrt(v_select(v_cmp_lt(square, least), least, square));
     length->factor = x;
     return (struct vec){v.x * x, v.y * x, v.z * x};
 }

@@ -127,7 +127,7 @@ static inline vnum v_select(vmask m, vnum yes, vnum no) {
                   _mm512_mask_blend_epi64(m.b, no.b, yes.b)};
 }
 
-static inline vnum v_gather(const int64_t *table, vnum at) {
+static inline vnum v_lookup(const int64_t *table, vnum at) {
     return (vnum){_mm512_i64gather_epi64(at.a, table, 8), _mm512_i64gather_epi64(at.b, table, 8)};
 }
 

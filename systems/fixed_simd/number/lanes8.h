@@ -145,7 +145,7 @@ static inline vnum v_select(vmask m, vnum yes, vnum no) {
     return (vnum){_mm256_blendv_epi8(no.a, yes.a, m.a), _mm256_blendv_epi8(no.b, yes.b, m.b)};
 }
 
-static inline vnum v_gather(const int64_t *table, vnum at) {
+static inline vnum v_lookup(const int64_t *table, vnum at) {
     const long long *from = (const long long *)table;
     return (vnum){_mm256_i64gather_epi64(from, at.a, 8), _mm256_i64gather_epi64(from, at.b, 8)};
 }

@@ -95,7 +95,7 @@ static void roots_over_the_whole_range(void **state) {
             for (int i = 0; i < 5000; i++) {
                 int64_t a = random_up_to(62 - bits < 40 ? 62 - bits : 40);
                 long double exact = sqrtl(ldexpl((long double)a, bits)),
-                            found = (long double)v_sqrt(a, &f);
+                            found = (long double)v_root(a, &f);
                 long double bound = exact * (NEWTON[steps] + 6 * 0x1p-29) + 1;
                 if (!(fabsl(found - exact) <= bound))
                     fail_msg("root of %lld, %d bits, %d steps: %Lg, not %Lg", (long long)a, bits,
@@ -111,7 +111,7 @@ static void the_articles_root(void **state) {
         const struct format f = {.bits = bits, .sqrt_whole_bits = 23 - bits};
         for (int64_t a = 1; a < 1 << 23; a += 1 + a / 500) {
             double exact = sqrt(ldexp((double)a, -bits)),
-                   found = ldexp((double)v_sqrt(a, &f), -bits);
+                   found = ldexp((double)v_root(a, &f), -bits);
             double below = exact - ldexp(1, -bits), above = exact * 1.0607 + ldexp(1, -bits);
             if (!(found >= below && found <= above))
                 fail_msg("root of %lld, %d bits: %g, not %g", (long long)a, bits, found, exact);
