@@ -8,13 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from conformance import geometry
 from conformance.feature_scenes import FEATURES, FRACTALS, SIZES, scene, shape
 from conformance.harness import PHASES, REDUCED, Unsupported, call, check_refusal, distances, keep
-from drawn import examples
 from study.core import registry
 
 # A derived phase has the distance functions of the phase that it derives from.
@@ -175,19 +172,6 @@ def test_placed(phase: str, kind: str) -> None:
         check_distances(phase, one)
 
 
-def test_repetition_is_the_nearest_copy(phase: str) -> None:
-    """Of a shape that fits its cell, the centre cell's distance is the least over all copies near by."""
-    random = np.random.default_rng(3)
-    cells = np.array([4.0, 5.0, 6.0])
-    repeated = scene([shape("sphere", radius=1.25, repeat=cells.tolist())])
-    points = random.uniform(-1.5, 1.5, (COUNT, 3)) * cells
-    copies = np.array(np.meshgrid(*[np.arange(-3, 4)] * 3)).reshape(3, -1).T * cells
-    least = np.min([np.linalg.norm(points - copy, axis=1) for copy in copies], axis=0) - 1.25
-    found, _, where = probe(phase, repeated, points, "repetition")
-    off = np.abs(found - least)
-    assert (off <= 32 * roundoff(phase) * 10).all(), f"{where}: off by {off.max():.2e}"
-
-
 @functools.cache
 def of_many(name: str) -> Case:
     return case(name, FEATURES[name], points_around(np.random.default_rng(4), FEATURES[name]))
@@ -196,52 +180,6 @@ def of_many(name: str) -> Case:
 @pytest.mark.parametrize("name", ["shapes_64", "shapes_64_turned", "shapes_overlap", "shapes_same_place"])
 def test_many_shapes(phase: str, name: str) -> None:
     check_distances(phase, of_many(name))
-
-
-@functools.cache
-def drawn_kinds(phase: str) -> list[str]:
-    """The shapes that it draws: a refusal while hypothesis looks for a failure would be made small as one."""
-    kinds = []
-    for kind in EXACT:
-        try:
-            refused_or_drawn(phase, keep(f"kind_{kind}", scene([shape(kind)])))
-        except Unsupported:
-            continue
-        kinds.append(kind)
-    return kinds
-
-
-placement = st.tuples(*[st.floats(-3, 3, width=32)] * 3).map(list)
-
-
-@settings(
-    max_examples=examples(5 if REDUCED else 25),
-    derandomize=True,
-    deadline=None,
-    database=None,
-    suppress_health_check=list(HealthCheck),
-)
-@given(
-    kinds=st.lists(st.sampled_from(EXACT), min_size=1, max_size=3),
-    position=placement,
-    turn=placement,
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_lipschitz(phase: str, kinds: list[str], position: list, turn: list, seed: int) -> None:
-    """|f(p) − f(q)| ≤ |p − q|: else a march could step through a surface. Of shapes that the phase draws."""
-    random, drawn = np.random.default_rng(seed), drawn_kinds(phase)
-    kinds = [kind if kind in drawn else drawn[0] for kind in kinds]
-    placed = {"position": position, "rotation_degrees": [60 * x for x in turn]}
-    whole = scene([shape(kind, **random_sizes(kind, random), **placed) for kind in kinds])
-    p = random.uniform(-6, 6, (500, 3))
-    q = p + random.normal(size=p.shape) * 10 ** random.uniform(-6, 1, (500, 1))
-    found, _, where = probe(phase, whole, np.concatenate([p, q]), f"lipschitz_{phase}")
-    excess = np.abs(found[:500] - found[500:]) - np.linalg.norm(p - q, axis=1)
-    tolerance = 64 * roundoff(phase) * (extent(whole, p) + extent(whole, q))
-    worst = int(np.argmax(excess - tolerance))
-    assert (excess <= tolerance).all(), (
-        f"{where}: {p[worst].tolist()} to {q[worst].tolist()}: {excess[worst]:.2e}"
-    )
 
 
 def bulb_points(random: np.random.Generator) -> np.ndarray:
