@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.systems import command, pictures, tables
+from study.experiments.systems import pictures, tables
 
-# Each command writes its own file and judges it; the last draws a sheet of all.
-COMMANDS = ("rods", "flight --still", "lattice", "fixed", "packets", "systems")
+COMMANDS = ("rods", "flight --still", "lattice", "fixed", "packets")  # each writes its own file
 
 
 def calls(study: Study) -> list[Call]:
     run = ["--run", str(study.run)]
-    return [Call(name, [*words, *run], may_lack=True) for name, *words in map(str.split, COMMANDS)]
+    made = [Call(name, [*words, *run], may_lack=True) for name, *words in map(str.split, COMMANDS)]
+    return [*made, Call("redraw", [str(study.run), "--only", pictures.PICTURES], may_lack=True)]
 
 
 EXPERIMENT = Experiment(
@@ -23,6 +23,5 @@ EXPERIMENT = Experiment(
     depth="full",
     cut="Builds and animations of six programs take minutes.",
     sections=[(640, lambda data: tables.section(data.path))],
-    command=command,
     sheets={pictures.PICTURES: pictures.write_pictures},
 )

@@ -44,7 +44,7 @@ def section(run: Path) -> Section:
         table + parts,
         answer=_answer(claims),
         file=run,
-        script="scripts/stepwise systems",
+        script="scripts/stepwise redraw",
         drawn=drawn,
         images=images if parts else {},
     )
