@@ -38,8 +38,7 @@ static bool make_folders(char *path) {
 bool cache_folder(char path[4096], char reason[256]) {
     const char *own = getenv("STEPWISE_CACHE"), *xdg = getenv("XDG_CACHE_HOME"),
                *home = getenv("HOME");
-    // "./": the compiler takes a name that begins with "-" for an option
-    int length = own && *own     ? snprintf(path, 4000, "%s%s", *own == '-' ? "./" : "", own)
+    int length = own && *own     ? snprintf(path, 4000, "%s", own)
                  : xdg && *xdg   ? snprintf(path, 4000, "%s/stepwise", xdg)
                  : home && *home ? snprintf(path, 4000, "%s/.cache/stepwise", home)
                                  : 0;
@@ -129,19 +128,8 @@ void cache_used(const char *path) {
     utimensat(AT_FDCWD, path, NULL, 0); // fails harmlessly in a read-only folder
 }
 
-// Opens a regular file, else returns NULL: reading a pipe could block.
-static FILE *open_file(const char *path) {
-    int opened = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-    struct stat found;
-    if (opened >= 0 && (fstat(opened, &found) != 0 || !S_ISREG(found.st_mode))) {
-        close(opened);
-        return NULL;
-    }
-    return opened < 0 ? NULL : fdopen(opened, "rb");
-}
-
 bool cache_holds(const char *path, const char *text) {
-    FILE *file = open_file(path);
+    FILE *file = fopen(path, "rb");
     if (!file)
         return false;
     char part[16384];
@@ -200,7 +188,7 @@ bool cache_seal(const char *path, const char *tag, const char *text) {
 }
 
 bool cache_sealed(const char *path, const char *tag, const char *text) {
-    FILE *file = open_file(path);
+    FILE *file = fopen(path, "rb");
     struct stat found;
     if (!file)
         return false;

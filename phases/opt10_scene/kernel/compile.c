@@ -75,8 +75,8 @@ static double time_limit(void) {
 }
 
 // Signals while the compiler runs in its own process group. A signal that ends this process ends the compiler
-// too. SIGCHLD is reset, because an inherited SIG_IGN would discard the compiler's exit status.
-static const int signals[] = {SIGCHLD, SIGINT, SIGTERM, SIGHUP};
+// too.
+static const int signals[] = {SIGINT, SIGTERM, SIGHUP};
 enum { SIGNALS = sizeof signals / sizeof *signals };
 static volatile sig_atomic_t interrupted;
 
@@ -87,9 +87,9 @@ static void interrupt(int number) {
 static void watch_signals(struct sigaction before[SIGNALS]) {
     interrupted = 0;
     for (int i = 0; i < SIGNALS; i++) {
-        struct sigaction now = {.sa_handler = i == 0 ? SIG_DFL : interrupt};
+        struct sigaction now = {.sa_handler = interrupt};
         sigaction(signals[i], NULL, &before[i]);
-        if (i == 0 || before[i].sa_handler != SIG_IGN) // nohup stays nohup
+        if (before[i].sa_handler != SIG_IGN) // nohup stays nohup
             sigaction(signals[i], &now, NULL);
     }
 }

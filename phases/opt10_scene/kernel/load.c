@@ -30,8 +30,6 @@ static char *text_of(const char *source, const char *flags, int lanes, const cha
                  file.st_mtim.tv_nsec, (long long)file.st_ino) < 0)
         return NULL;
     size_t head = strlen(text), length = strlen(source);
-    for (size_t i = 0; i + 1 < head; i++)
-        text[i] = text[i] == '\n' ? ' ' : text[i]; // a newline in the path would end the comment
     char *whole = realloc(text, head + length + 1);
     if (whole)
         memcpy(whole + head, source, length + 1);
@@ -45,7 +43,6 @@ static bool make_object(const char *source, const char *folder, const char *comp
                         const char *flags, int lanes, const char *tag, const char *object,
                         const char *kept, char reason[256]) {
     char text[4400], made[4400];
-    struct stat found;
     snprintf(text, sizeof text, "%s/.%s-XXXXXX.c", folder, tag);
     cache_sweep(folder);
     int opened =
@@ -60,7 +57,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
         snprintf(reason, 256, "%.120s cannot be written: %.60s", text, strerror(errno));
     else if (!compile_kernel(compiler, flags, lanes, tag, text, made, reason))
         done = false;
-    else if (stat(made, &found) != 0 || !S_ISREG(found.st_mode)) { // reading a pipe could block
+    else if (access(made, R_OK) != 0) {
         snprintf(reason, 256, "%.160s wrote no object", compiler);
         done = false;
     } else {
@@ -71,7 +68,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
             unlink(kept); // the kernel is used now, and made again next time
     }
     unlink(text);
-    remove(made); // a folder, if the compiler made one
+    unlink(made);
     return done;
 }
 
