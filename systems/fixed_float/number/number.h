@@ -1,7 +1,7 @@
 // Float arithmetic in lanes, in place of fixed_simd's fixed point: tile.c is the same. A float has its own exponent, so
 // a shift that brings a fixed-point product back to the format does nothing here. Lengths are in scene units.
 //
-// From lanes.h, lane by lane:
+// From common/simd, lane by lane:
 //     vnum  vmask               floats; which lanes
 //     v_splat(a)  v_iota()      a in each lane; 0, 1, 2 … from the first lane on
 //     v_add  v_sub  v_mul_wide  sum, difference, product
@@ -22,7 +22,61 @@
 #include <stdint.h>
 
 #include "number/format.h"
-#include "number/lanes.h"
+#include "simd/simd.h"
+
+typedef vfloat vnum;
+
+static inline vnum v_add(vnum a, vnum b) {
+    return a + b;
+}
+
+static inline vnum v_sub(vnum a, vnum b) {
+    return a - b;
+}
+
+static inline vnum v_mul_wide(vnum a, vnum b) {
+    return a * b;
+}
+
+static inline bool v_mask_lane(vmask a, int lane) {
+    return v_mask_bits(a) >> lane & 1;
+}
+
+static inline vmask v_positive(vnum a) {
+    return v_cmp_lt(v_splat(0), a);
+}
+
+static inline vindex v_whole(vnum a) {
+#if LANES == 16
+    return _mm512_cvtps_epi32(a);
+#else
+    return _mm256_cvtps_epi32(a);
+#endif
+}
+
+static inline vnum v_lookup(const float *table, vnum at) {
+    return v_gather(table, v_whole(at));
+}
+
+static inline vmask v_test_bit(vnum a, int k) {
+#if LANES == 16
+    return (vmask){_mm512_test_epi32_mask(v_whole(a), _mm512_set1_epi32(1 << k))};
+#else
+    const __m256i bit = _mm256_set1_epi32(1 << k);
+    return (vmask){_mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(v_whole(a), bit), bit))};
+#endif
+}
+
+static inline void v_store_float(vnum a, double scale, float to[LANES]) {
+    v_store(a * v_splat((float)scale), to);
+}
+
+static inline void v_store_double(vnum a, double scale, double to[LANES]) {
+    float lanes[LANES];
+    v_store(a, lanes);
+    for (int lane = 0; lane < LANES; lane++)
+        to[lane] = lanes[lane] * scale;
+}
 
 static const float LARGEST_FACTOR = 0x1p31f; // fixed point's, so that both limit brightness alike
 
