@@ -3,40 +3,39 @@
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import networkx as nx
+from iced_x86 import Decoder, FlowControl, Formatter, FormatterSyntax, OpKind
 
 from study.bounds.profiles import Sampled
-from study.core.cli import StudyError
-from study.core.host import child
 from study.counting.elf import Function, Program
 from study.counting.symbols import canonical
 
+_SYNTAX = Formatter(FormatterSyntax.GAS)
+_JUMPS = (FlowControl.CONDITIONAL_BRANCH, FlowControl.UNCONDITIONAL_BRANCH, FlowControl.INDIRECT_BRANCH)
 ROOT = -1  # of the control flow: no block's address
 LEAST = 0.01  # of the frame: a region under it is left out
 
 
 @dataclass(frozen=True)
 class Line:
-    """One instruction as objdump writes it. `target`: of a jump inside the function, else None."""
+    """One instruction in AT&T syntax. `target`: of a direct jump, else None."""
 
     address: int
     mnemonic: str
-    text: str
-    target: int | None
-    prefix: str = ""
+    text: str = ""
+    target: int | None = None
+    flow: int = FlowControl.NEXT
 
     @property
     def is_call(self) -> bool:
-        return self.mnemonic.startswith("call")
+        return self.flow in (FlowControl.CALL, FlowControl.INDIRECT_CALL)
 
     @property
     def jumps(self) -> bool:
-        return self.mnemonic.startswith("j")
+        return self.flow in _JUMPS
 
     @property
     def ends_block(self) -> bool:
@@ -45,40 +44,20 @@ class Line:
     @property
     def goes_on(self) -> bool:
         """Whether the next instruction may follow."""
-        return self.mnemonic not in ("jmp", "ret", "retq", "jmpq", "hlt", "ud2")
+        return self.flow in (FlowControl.NEXT, FlowControl.CONDITIONAL_BRANCH) or self.is_call
 
 
-_CODE = re.compile(
-    r"^\s*([0-9a-f]+):\t(?:(?:notrack|bnd|data16|cs) )*((?:(?:lock|rep|repz|repnz) )?)(\S+)\s*(.*)$"
-)
-_TARGET = re.compile(r"^([0-9a-f]+) <")
-
-
-def parse_objdump(text: str) -> list[Line]:
-    """Instructions of `objdump -d --no-show-raw-insn`. StudyError if there are none."""
+def disassemble(code: bytes, start: int) -> list[Line]:
+    """Instructions at an address, as far as they are known."""
     found = []
-    for line in text.splitlines():
-        if not (match := _CODE.match(line)):
-            continue
-        mnemonic, rest = match[3], match[4].split("#")[0].strip()
-        target = _TARGET.match(rest)
-        jump = int(target[1], 16) if target and mnemonic.startswith("j") else None
-        found.append(Line(int(match[1], 16), mnemonic, rest, jump, match[2]))
-    if not found:
-        raise StudyError(f"objdump: no instruction in {len(text)} characters")
+    for one in Decoder(64, code, ip=start):
+        if one.is_invalid:
+            break
+        mnemonic, text = _SYNTAX.format_mnemonic(one), _SYNTAX.format_all_operands(one)
+        direct = one.flow_control in _JUMPS and one.op0_kind == OpKind.NEAR_BRANCH64
+        target = one.near_branch_target if direct else None
+        found.append(Line(one.ip, mnemonic, text, target, one.flow_control))
     return found
-
-
-def disassemble(binary: Path, start: int, size: int) -> list[Line]:
-    command = ["objdump", "-d", "--no-show-raw-insn", "-M", "att"]
-    limits = [f"--start-address={start:#x}", f"--stop-address={start + size:#x}"]
-    try:
-        done = child.run([*command, *limits, str(binary)], capture_output=True, text=True)
-    except OSError:
-        raise StudyError("objdump is missing; binutils adds what bounds the hot loops (Table 3)") from None
-    if done.returncode:
-        raise StudyError(f"objdump: {(done.stderr.strip().splitlines() or ['failed'])[-1]}")
-    return parse_objdump(done.stdout)
 
 
 def blocks_of(lines: Sequence[Line]) -> dict[int, list[Line]]:
@@ -108,7 +87,7 @@ def flow(blocks: Mapping[int, Sequence[Line]]) -> nx.DiGraph:
     # A block that nothing else leads to is a case of a switch: the computed jumps lead there.
     cases = [start for start in order[1:] if not graph.in_degree(start)]
     for start in order:
-        if blocks[start][-1].jumps and blocks[start][-1].text.startswith("*"):
+        if blocks[start][-1].flow == FlowControl.INDIRECT_BRANCH:
             graph.add_edges_from((start, case) for case in cases)
     graph.add_edges_from((ROOT, start) for start in order if start == order[0] or not graph.in_degree(start))
     return graph
@@ -154,10 +133,10 @@ def regions(sampled: Sampled, built: Program) -> list[Region]:
             weights.setdefault(function, {})[address] = weight
     found = []
     for function, here in weights.items():
-        start, size, name = function.start, function.size, function.name
+        start, name = function.start, function.name
         if sum(here.values()) < LEAST * whole:
             continue
-        blocks = blocks_of(disassemble(built.path, start, size))
+        blocks = blocks_of(disassemble(built.code_of(function), start))
         loops = sorted(loops_of(blocks).items(), key=lambda item: len(item[1]))
         parts: dict[int | None, list[int]] = {}
         for block in blocks:
@@ -184,18 +163,16 @@ def assembly(lines: Iterable[Line]) -> str:
     """
     text = [".Lhere:"]
     for line in lines:
-        if line.is_call or line.mnemonic.startswith(("ret", "nop", "endbr", "xchg", "leave")):
+        if line.flow == FlowControl.CONDITIONAL_BRANCH or (line.jumps and line.target is not None):
+            text.append(f"\t{line.mnemonic}\t.Lhere")
+        elif line.flow != FlowControl.NEXT or line.mnemonic.startswith(("nop", "endbr", "xchg", "leave")):
             continue
-        if line.jumps:
-            if line.target is not None or not line.text.startswith("*"):
-                text.append(f"\t{line.mnemonic}\t.Lhere")
-            continue
-        if line.mnemonic in ("push", "pushq", "pop", "popq"):
+        elif line.mnemonic in ("push", "pop"):
             register = line.text if line.text.startswith("%") else "%r11"
             if register != line.text:
                 text.append(f"\tmovq\t{line.text}, {register}")
-            ends = (register, "-8(%rsp)") if line.mnemonic.startswith("push") else ("-8(%rsp)", register)
+            ends = (register, "-8(%rsp)") if line.mnemonic == "push" else ("-8(%rsp)", register)
             text.append(f"\tmovq\t{', '.join(ends)}")
-            continue
-        text.append(f"\t{line.prefix}{line.mnemonic}\t{line.text}".rstrip())
+        else:
+            text.append(f"\t{line.mnemonic}\t{line.text}".rstrip())
     return "\n".join(text) + "\n"

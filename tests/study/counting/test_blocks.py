@@ -136,7 +136,7 @@ def test_the_code_counted_is_the_code_shipped(compiler, phase, tmp_path):
     left_out = {
         f"lanes{one['lanes']}.o"
         for one in find_phase(phase).variants
-        if not registry.cpu_flags().issuperset(one["isa"])
+        if not registry.cpu_flags().issuperset(one.isa)
     }
     shipped = sorted((folder / "objects").glob("*.o"))
     timed = left_out if compiler == "gcc" else set()  # clang's have only those that run (rules.mk)
@@ -248,7 +248,7 @@ def test_a_camera_ray_has_one_direction(measured):
     """One call for each packet of pixels, from one caller."""
     one = measured["calls"]
     phase = find_phase(one.phase)
-    lanes = variant_here(phase)["lanes"]
+    lanes = variant_here(phase).lanes
     calls = one.functions["get_direction"].calls
     assert [c["get_direction"] for c in one.edges.values() if "get_direction" in c] == [calls]
     assert one.functions["phase_render"].calls == 1

@@ -123,7 +123,7 @@ def test_functions_add_up(counted, phase, name):
     for one in functions:
         assert {"calls", "lanes", "paper", "machine"} <= one.keys()
         assert one["calls"] == one["parts"].get("call", 0) and one["useful"] <= one["machine"]
-        assert 0 <= one["lanes"] <= one["calls"] * registry.variant_here(DECLARED[phase])["lanes"]
+        assert 0 <= one["lanes"] <= one["calls"] * registry.variant_here(DECLARED[phase]).lanes
     if DECLARED[phase].lanes == 1:
         assert all(one["lanes"] == one["calls"] for one in functions)
         assert made["useful"] == made["executed"]

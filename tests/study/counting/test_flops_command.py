@@ -86,7 +86,7 @@ def test_costs_def_reads_as_the_compiler_reads_it(phase):
     beside = registry.find_phase(phase).family == registry.SYSTEMS  # not every one of them draws a torus
     made = flops.declared(Spec(phase, phase), registry.find_scene("two_spheres" if beside else "trio"), 12)
     lines = {(c.function, c.part): c for c in costs.of_phase(phase)}
-    lanes = registry.variant_here(registry.find_phase(phase))["lanes"]
+    lanes = registry.variant_here(registry.find_phase(phase)).lanes
     parts = {(f, p): n for f, one in made.by_function.items() for p, n in one.parts.items()}
     assert parts.keys() == lines.keys()
     for kind, total in made.by_class.items():
