@@ -18,7 +18,8 @@ from study.core.registry import ROOT, Spec
 
 # As make itself, dash and bash say it.
 MISSING = re.compile(
-    r"(?:make(?:\[\d+\])?|compile\.py): (\S+): No such file|sh: (?:line )?(?:\d+: )?(\S+): (?:command )?not found"
+    r"(?:make(?:\[\d+\])?|compile\.py): (\S+): No such file|"
+    r"sh: (?:line )?(?:\d+: )?(\S+): (?:command )?not found"
 )
 
 
