@@ -53,7 +53,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Ratio:
-    """A phase's speed-up over `base` on a machine; `text`: with its interval; `error`: in words."""
+    """A phase's speed-up over `base` on a machine; `text`: with its interval; `label`: with its error."""
 
     machine: str
     scene: str
@@ -63,7 +63,7 @@ class Ratio:
     low: float | None
     high: float | None
     text: str
-    error: str
+    label: str
 
 
 def scripts() -> str:
@@ -155,12 +155,12 @@ def speedups(ratios: Sequence[Ratio]) -> str:
         "datum.machine == machine && datum.scene == scene && datum.base == base"
     )
     rows = altair.Y("phase:N", sort=phases, title=None)
-    across = altair.X("value:Q", title="speed-up, ×").scale(type="log", nice=False, padding=60)
+    across = altair.X("value:Q", title="speed-up, ×, or ms a frame").scale(type="log", nice=False, padding=60)
     tooltip = [
         "phase",
         "scene",
-        altair.Tooltip("text", title="speed-up"),
-        altair.Tooltip("error", title="PSNR"),
+        altair.Tooltip("text", title="interval"),
+        altair.Tooltip("label", title="PSNR"),
     ]
     bars = base.mark_rule(strokeWidth=2.5).encode(
         x="low:Q", x2="high:Q", y=rows, color=altair.Color("phase:N", scale=colours, legend=None)
@@ -172,7 +172,6 @@ def speedups(ratios: Sequence[Ratio]) -> str:
         shape=altair.Shape("phase:N", scale=shapes, legend=None),
         tooltip=tooltip,
     )
-    label = base.transform_calculate(label="format(datum.value, '.3') + '×, ' + datum.error")
-    words = label.mark_text(align="left", dx=12, fontSize=10).encode(x=across, y=rows, text="label:N")
+    words = base.mark_text(align="left", dx=12, fontSize=10).encode(x=across, y=rows, text="label:N")
     chart = (bars + marks + words).add_params(*chosen)
     return _place(chart, "Point at a mark for its interval.")

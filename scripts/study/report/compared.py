@@ -10,7 +10,6 @@ import numpy as np
 from PIL import Image
 
 from study.core import html
-from study.experiments.section import inside
 from study.numbers.analysis import Data
 from study.pictures import embed, images
 
@@ -53,8 +52,8 @@ def _files(data: Data) -> list[tuple[str, str, int, Path]]:
     for scene in [*(one for one in FIRST if one in scenes), *sorted(scenes - {*FIRST})]:
         for pair in data.pairs:
             for who, name in ((pair["reference"], "reference_png"), (pair["phase"], "png")):
-                if pair["scene"] == scene and name in pair:
-                    found.setdefault((scene, who), (pair["width"], inside(data.path, pair[name])))
+                if pair["scene"] == scene and pair.get(name):
+                    found.setdefault((scene, who), (pair["width"], data.path / pair[name]))
     return [(*key, *value) for key, value in found.items()]
 
 
@@ -103,11 +102,11 @@ def fragment(data: Data) -> str:
         scene = pair["scene"]
         if (
             len(shown.get(scene, ())) < 2
-            or "reference_image" not in pair
+            or not pair.get("reference_image")
             or scene in {h["scene"] for h in heats}
         ):
             continue
-        if found := _evaluations(inside(data.path, pair["reference_image"])):
+        if found := _evaluations(data.path / pair["reference_image"]):
             levels, most = found
             every = _step(levels.shape[1])
             uri = _uri(levels[::every, ::every])

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from study.core import show
 from study.core.store import RESULTS, Run
 from study.numbers import analysis, beside, columns, history, ladder
 from study.numbers.analysis import Data
@@ -24,19 +25,24 @@ from study.pictures.processes import in_processes
 from study.report import facts
 
 PUBLISHED = RESULTS / "reference"
+TIMES = "nothing: ms a frame"
 Picture = tuple[str, int, int]  # scene, width and height in pixels
 
 
 def _ratios(machine: str, rows: pd.DataFrame, checked: bool) -> Iterator[Ratio]:
+    """Of each scene, phase and base; the base TIMES has milliseconds in their place."""
     for scene, group in ladder.ladders(rows).items():
         for row in group.to_dict("records"):
             phase = row["phase"] + (f" ×{row['threads']}" if row["threads"] > 1 else "")
-            for base, (name, text) in columns.BASES.items():
+            size, error = f"{row['width']}×{row['height']}", figures.truth_text(row)
+            bases = columns.BASES | {TIMES: ("ms", lambda row: f"{show.interval(row, 'ms')} ms")}
+            for base, (name, text) in bases.items():
+                if pd.isna(row[name]) or (name == "speedup" and not checked):
+                    continue
                 ends = [None if math.isnan(row[key]) else row[key] for key in (f"{name}_low", f"{name}_high")]
-                if not pd.isna(row[name]) and (checked or name != "speedup"):
-                    said = f"{text(row)} over {base}, {row['width']}×{row['height']}"
-                    error = figures.truth_text(row)
-                    yield Ratio(machine, scene, base, phase, row[name], *ends, said, error)
+                unit = " ms" if base == TIMES else "×"
+                label = f"{show.number(row[name])}{unit}{'' if error == show.NOTHING else f', {error}'}"
+                yield Ratio(machine, scene, base, phase, row[name], *ends, f"{text(row)}, {size}", label)
 
 
 def _pictures(run: Run, wanted: list[Picture]) -> dict[str, Picture]:
@@ -58,15 +64,16 @@ def _read(path: Path, pictures: dict[str, Picture]) -> list[Ratio]:
 
 
 def _others(own: Path, wanted: list[Picture]) -> list[list[Ratio]]:
-    """Of each published machine the run with most of the wanted pictures, the largest, the newest."""
-    best: dict[str, tuple[tuple[int, int, str], Path, dict[str, Picture]]] = {}
+    """Of each published machine the run with most of the wanted pictures, then the largest, most phases."""
+    best: dict[str, tuple[tuple[int, int, int, str], Path, dict[str, Picture]]] = {}
     for plan in PUBLISHED.glob("*/plan.json"):
         run = Run(plan.parent)
         pictures = _pictures(run, wanted)
         if not pictures or run.path.resolve() == own.resolve():
             continue
         size = sum(width * height for _, width, height in pictures.values())
-        worth = sum(one in wanted for one in pictures.values()), size, str(run.context.time)
+        about = len(run.plan.configurations), str(run.context.time)
+        worth = sum(one in wanted for one in pictures.values()), size, *about
         machine = history.machine(run)
         if machine not in best or worth > best[machine][0]:
             best[machine] = worth, run.path, pictures

@@ -30,6 +30,7 @@ def test_published_machines_state_ratios_only_beside_the_papers_program(
     bases = {name: {one.base for one in drawn if one.machine == name} for name in names}
     assert "baseline" in bases[names[0]] and "the paper's baseline" in bases[names[0]]
     assert all(("baseline" in found) == ("the paper's baseline" in found) for found in bases.values())
+    assert all(machines.TIMES in found for found in bases.values())
     rows = json.loads((run / "original.json").read_text())["rows"]
     (beside,) = [row for row in rows if (row["phase"], row["scene"]) == ("baseline", "scene0")]
     wanted = (names[0], "scene0", "the paper's baseline", "baseline")

@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import started
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -135,15 +134,6 @@ def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) ->
     assert (low, high) == pytest.approx((opt4["ms_low"] / 1e3, opt4["ms_high"] / 1e3))
 
 
-def test_a_phase_with_few_launches_has_no_whisker(rows: pd.DataFrame) -> None:
-    axes = ladder_figures.pace(rows).axes[1]
-    assert axes.get_title() == "mandelbulb"
-    containers = {container.get_label(): container for container in axes.containers}
-    for phase, has in (("opt1", False), ("opt2", True)):
-        low, high = containers[phase][2][0].get_segments()[0][:, 1]
-        assert bool(high > low) == has
-
-
 def test_the_ladder_has_the_speedup_its_error_and_the_papers_marks(rows: pd.DataFrame) -> None:
     figure = ladder_figures.speedups(rows)
     scene0 = figure.axes[0]
@@ -171,41 +161,6 @@ def test_identical_pictures_stand_on_the_rail_and_failing_ones_are_named(rows: p
     assert "opt2@opt3" not in at  # nothing verified it
 
 
-def test_every_axis_names_its_unit(rows: pd.DataFrame) -> None:
-    units = ("pixel", "s", "×", "dB", "ns per pixel", "core cycles per pixel")
-    for draw in ladder_figures.PLOTS.values():
-        for axes in draw(rows).axes:
-            label = axes.get_xlabel()
-            assert label.endswith(units)
-            assert axes.get_ylabel().endswith(units) or draw is ladder_figures.speedups
-
-
-def test_the_caption_names_machine_compiler_and_flags(data: Data, rows: pd.DataFrame) -> None:
-    text = ladder_figures.caption(data, rows)
-    for part in ("Example CPU", "gcc 12.2.0", "-O3 -mavx2 -mfma", "3 to 6 process launches", "TSC 2.500 GHz"):
-        assert part in text
-
-
-def test_phases_differ_in_colour_marker_and_hatch(rows: pd.DataFrame) -> None:
-    looks = drawing.look(rows)
-    own = [style for (spec, _), style in looks.items() if "@" not in spec]
-    for key in ("color", "marker", "hatch"):
-        assert len({style[key] for style in own}) == len(own) == 5
-    assert looks["opt2@opt3", 1]["hollow"] and not looks["opt2", 1]["hollow"]
-
-
-def test_a_phase_has_one_colour_in_every_panel(rows: pd.DataFrame) -> None:
-    rows = rows[~((rows["scene"] == "mandelbulb") & (rows["phase"] == "opt1"))]
-    for draw in ladder_figures.PLOTS.values():
-        seen: dict[str, set] = {}
-        for axes in draw(rows).axes:
-            for container in axes.containers:
-                if container.get_label() in ("opt2", "opt3", "opt4"):
-                    seen.setdefault(container.get_label(), set()).add(container[0].get_color())
-        assert all(len(colours) == 1 for colours in seen.values())
-        assert len(seen) == 3 or draw is ladder_figures.speedups
-
-
 def test_without_verify_the_error_plot_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
     (run / "verify.json").unlink()
     done = script(run, "-o", tmp_path / "out")
@@ -213,24 +168,6 @@ def test_without_verify_the_error_plot_is_left_out_and_said(run: Path, tmp_path:
     assert "speed-against-error: left out" in done.stderr
     assert not (tmp_path / "out" / "speed-against-error.svg").exists()
     assert (tmp_path / "out" / "speedup-ladder.svg").exists()
-
-
-def test_without_baseline_the_ladder_is_left_out(data: Data, rows: pd.DataFrame, tmp_path: Path) -> None:
-    names = ("speedup", "speedup_low", "speedup_high")
-    made = ladder_figures.draw(data, rows.assign(**dict.fromkeys(names, np.nan)), tmp_path)
-    assert "speedup-ladder" not in made and "runtime" in made
-
-
-def test_many_sizes_and_one_phase_can_be_drawn(rows: pd.DataFrame) -> None:
-    one = rows[(rows["phase"] == "opt3") & (rows["scene"] == "scene0")].iloc[[0]]
-    many = pd.concat([one.assign(height=n, ms=n, ms_low=n - 1, ms_high=n + 1) for n in range(100, 2001, 100)])
-    figure = ladder_figures.runtime(many)
-    FigureCanvasAgg(figure).draw()
-    axes = figure.axes[0]
-    shown = [
-        t.get_text() for t in axes.get_xticklabels() if axes.get_xlim()[0] <= t.get_position()[0] <= 2400
-    ]
-    assert shown == ["100", "200", "500", "1,000", "2,000"]
 
 
 def test_an_unwritable_folder_and_an_empty_run_are_status_2(run: Path, tmp_path: Path) -> None:

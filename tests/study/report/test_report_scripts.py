@@ -255,9 +255,9 @@ def test_a_filter_leaves_the_rows_with_all_its_words(
 def test_the_charts_follow_their_choices(used: Callable) -> None:
     """A machine, a scene and a base of the ladder; a scene and a shadow of speed against error."""
     said = used(*SEEN[0])
-    (machines, scenes, bases), (drawn, shadows) = said["choices"]
-    assert machines == ["Example Lake (this run)", "Fast Lake", "Held Lake"]
-    assert bases == ["baseline", "opt2, same flags", "the paper's baseline"]
+    (names, scenes, bases), (drawn, shadows) = said["choices"]
+    assert names == ["Example Lake (this run)", "Fast Lake", "Held Lake"]
+    assert bases == ["baseline", "opt2, same flags", "the paper's baseline", machines.TIMES]
     assert scenes == ["scene0", "mandelbulb"] and drawn[:2] == scenes and len(shadows) == 2
     ladder, errors = said["marks"]
     # Six phases; not held beside the paper's program: no ratio to its baseline; over opt2: all of them.
