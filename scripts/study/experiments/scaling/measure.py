@@ -36,7 +36,7 @@ FAST = 3  # so many of the ladder's last phases come before all others
 EARLY_SHARE = (
     0.6  # of the time: what the others' first points may take before the newest phases' further ones
 )
-OVERHEAD = 0.1  # s of a launch beside its frames
+OVERHEAD = 0.05  # s of a launch beside its frames
 TRUTH_SHARE = 0.2  # of a series' seconds for truth's pictures
 MOST_JUDGED = 2_100_000  # pixels of a picture that is kept with its planes; larger ones are only timed
 
@@ -190,7 +190,7 @@ class Measuring:
         keep = self.series.kept and picture.width * picture.height <= MOST_JUDGED
         out = self.settings.scratch / f"{point.series}-{point.x}-{point.spec}.exr" if keep else None
         how = {"cpu": self.settings.cpu, "aov": keep, "out": out, **picture.options}
-        made = run.render(point.spec, picture.scene.path, picture.height, picture.width, **how)
+        made = run.render(point.spec, picture.scene.path, picture.height, picture.width, timed=False, **how)
         frame = made["frames"][0]
         planes = 9 if keep else 3  # R G B, and with --aov Z, id, N.x N.y N.z, evals
         return First(frame["ns"] * 1e-9, above_frame(frame["max_rss_kib"], picture, planes), out)

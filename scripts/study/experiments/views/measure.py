@@ -172,7 +172,8 @@ class Pictures:
     def first(self, spec: Spec, view: View) -> float:
         """Renders the picture: seconds a pixel. Raises DriverError."""
         width, height = self.size(view)
-        made = run.render(spec, view.scene.path, height, width, aov=True, out=self.path(spec, view))
+        how = {"aov": True, "out": self.path(spec, view)}
+        made = run.render(spec, view.scene.path, height, width, timed=False, **how)
         if made["kernel"] not in (None, GENERATED):
             self.general[spec, view] = made["kernel"]
         return made["frames"][0]["ns"] * 1e-9 / (width * height)
