@@ -112,16 +112,10 @@ def camera_of(camera: Camera, path: Path) -> dict[str, Any]:
     takes the view's z for the focal length, so a turned camera sees a wider angle. Raises StudyError."""
     x, y = math.radians(camera.rotation.x), math.radians(camera.rotation.y)
     ahead = [math.cos(x) * math.sin(y), -math.sin(x), math.cos(x) * math.cos(y)]
-    degrees = 0.0
-    if ahead[2] > 0:
-        straight = ahead[2] == 1
-        half = math.tan(math.radians(camera.fov / 2)) / ahead[2]
-        degrees = camera.fov if straight else 2 * math.degrees(math.atan(half))
-    if not 1 <= degrees <= 170:
-        raise StudyError(
-            f"{path}: $.camera.rotation: our cameras see 1 to 170 degrees; with this rotation its program "
-            f"draws {f'{degrees:.1f} degrees' if degrees else 'a mirrored picture'}"
-        )
+    half = math.tan(math.radians(camera.fov / 2)) / ahead[2] if ahead[2] > 0 else math.nan
+    degrees = camera.fov if ahead[2] == 1 else 2 * math.degrees(math.atan(half))
+    if not 1 <= degrees <= 170:  # NaN: a mirrored picture
+        raise StudyError(f"{path}: $.camera.rotation: our cameras see 1 to 170 degrees, not {degrees:.1f}")
     position = triple(camera.position)
     return {
         "position": position,
