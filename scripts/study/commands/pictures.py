@@ -25,7 +25,7 @@ def caption(pair: Pair) -> tuple[str, str]:
     """What stands under a picture, and its colour."""
     outside = pair.within_tolerance is False
     colour = panels.BAD if outside else panels.GOOD
-    if not pair.sha256:
+    if not pair.image:
         return "could not be rendered", colour
     if pair.non_finite:
         return f"{pair.non_finite} samples not finite", colour

@@ -27,10 +27,6 @@ def session() -> tuple[dict, list[str]]:
     return names, printed
 
 
-def test_the_page_is_short():
-    assert len(PAGE.read_text(encoding="utf-8").splitlines()) <= 60
-
-
 def test_a_run_is_frames_in_three_lines(session):
     names, _ = session
     first = BLOCK.findall(PAGE.read_text(encoding="utf-8"))[0]

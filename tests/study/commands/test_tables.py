@@ -16,15 +16,12 @@ import pandas as pd
 import pytest
 import started
 
-from study.claims import claims
 from study.commands import tables
-from study.core import show, table_files
+from study.core import registry, show
 from study.core.cli import StudyError
 from study.experiments.sweep import chapter
 from study.numbers import analysis, ladder, paper, stats, summary
 from study.numbers import columns as ladder_columns
-from study.numbers.verdicts import OPEN, PART
-from study.pictures import gate
 from study.pictures import ladder as figures
 from study.report import front_page
 
@@ -91,24 +88,6 @@ def test_times_are_medians_over_launches_in_the_unit_of_their_name(run: Path) ->
         "1.00",
         "33.6",
     ]
-
-
-def test_how_many_frames_a_launch_stands_for_is_beside_its_time(run: Path) -> None:
-    """opt4's launches have as many timed frames as the fixture gave them, baseline's one, without warm-up."""
-    edit(run, lambda f: f["frame"] == 0 if f["phase"] == "baseline" else None)
-    baseline, opt4 = (row(run, "scene0", phase, 180) for phase in ("baseline", "opt4"))
-    frames = [json.loads(line) for line in (run / "frames.jsonl").read_text().splitlines()]
-    mine = [f for f in frames if (f["config"], f["launch"], f["warmup"]) == ("scene0180opt4", 0, False)]
-    assert (baseline["frames_a_launch"], bool(baseline["unwarmed"])) == (1, True)
-    assert (opt4["frames_a_launch"], bool(opt4["unwarmed"])) == (len(mine), False) and len(mine) > 1
-    made = tables.make(analysis.load(run), rows_of(run))
-    for name in ("ladder", "runtime"):
-        lines = [line for line in made[name][1].splitlines() if line.startswith("|")]
-        head = next(line for line in lines if "frames a launch" in line)
-        at = head.split("|").index(" frames a launch ") if name == "runtime" else None
-        cells = [line.split("|") for line in lines if "| baseline |" in line]
-        assert any(" 1 (no warm-up) " in line for line in cells), name
-        assert at is None or {line[at] for line in cells} == {" 1 (no warm-up) "}
 
 
 def test_speedups_are_ratios_of_medians_over_both_bases(run: Path) -> None:
@@ -198,25 +177,6 @@ def test_every_speed_has_its_error(run: Path) -> None:
     assert show.gate(row(run, "scene0", "opt2@opt3", 180)) == "not verified"
 
 
-def test_the_error_of_another_size_says_so(run: Path) -> None:
-    assert show.gate(row(run, "scene0", "opt4", 90)) == "✓ within (at n = 180)"
-
-
-def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Path) -> None:
-    """Of n = 64, where n = 180 was timed: in the ladder's head and in README's note."""
-    hits = dict.fromkeys(("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99"), 0.0)
-    psnr = {name: 54.5 for name in ("psnr_db", "psnr_ideal_db", "psnr_none_db")}
-    truth = {"scene": "scene0", "phase": "opt4", "height": 64, "converged_only": False, **hits, **psnr}
-    text = f"{tables.BEGIN}\n{tables.END}\n"
-    before = tables.readme(text, analysis.load(run), rows_of(run))
-    assert "PSNR to the ground truth, not measured (" in " ".join(before.split())
-    complete.write(run / "accuracy.json", {"rows": [truth]})
-    data = analysis.load(run)
-    made = tables.readme(text, data, ladder.rows(data))
-    assert "54.5" in made and "PSNR to the ground truth at n = 64 (" in " ".join(made.split())
-    assert "error to ground truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
-
-
 def test_a_phase_that_draws_the_ideal_shadow_is_held_against_the_ideal_picture(run, monkeypatch) -> None:
     """In the chapter's sentence, the figure, the front page; another phase against the paper's shadow."""
     rest = dict.fromkeys(("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99"), 0.0)
@@ -227,7 +187,7 @@ def test_a_phase_that_draws_the_ideal_shadow_is_held_against_the_ideal_picture(r
         (False, "45.3 dB to ground truth", "45.3 dB"),
         (True, "129 dB to the ideal picture", "129 dB (ideal)"),
     ):
-        monkeypatch.setattr(gate, "draws_ideal", lambda phase, ideal=ideal: ideal)
+        monkeypatch.setattr(registry.Phase, "draws_ideal", property(lambda phase, ideal=ideal: ideal))
         opt4 = row(run, "scene0", "opt4", 180)
         assert chapter.to_truth(opt4) == sentence
         assert figures.truth_text(opt4) == short
@@ -284,56 +244,6 @@ def test_a_pair_left_to_truth_is_neither_within_nor_failing(run: Path) -> None:
 # Broken and missing input
 
 
-def test_without_verify_the_speeds_stand_unverified(run: Path) -> None:
-    (run / "verify.json").unlink()
-    data = analysis.load(run)
-    assert any("verify.json is missing" in note for note in data.notes)
-    assert "verification" not in tables.make(data, ladder.rows(data))
-    assert show.gate(row(run, "scene0", "opt4", 180)) == "not verified"
-
-
-def test_a_torn_last_line_is_dropped(run: Path) -> None:
-    whole = rows_of(run)
-    with (run / "frames.jsonl").open("a") as file:
-        file.write('{"schema": 1, "config": "scene0')
-    pd.testing.assert_frame_equal(rows_of(run), whole)
-
-
-def test_a_broken_line_in_the_middle_is_refused_with_its_number(run: Path) -> None:
-    lines = (run / "frames.jsonl").read_text().splitlines(keepends=True)
-    (run / "frames.jsonl").write_text("".join([*lines[:4], "{]\n", *lines[4:]]))
-    with pytest.raises(StudyError, match=r"frames.jsonl:5: "):
-        analysis.load(run)
-
-
-@pytest.mark.parametrize(
-    "file, change",
-    [
-        ("plan.json", lambda plan: plan.update(phases=True)),
-        ("plan.json", lambda plan: plan.update(configurations=[{}])),
-        ("frames.jsonl", lambda frame: frame.update(height="x")),
-        ("frames.jsonl", lambda frame: frame.update(scene=[])),
-        ("verify.json", lambda verify: verify.update(pairs=["x"])),
-    ],
-)
-def test_a_file_of_other_types_is_refused_by_its_name(run: Path, file: str, change) -> None:
-    if file == "frames.jsonl":
-        edit(run, lambda frame: change(frame))
-    else:
-        found = json.loads((run / file).read_text())
-        change(found)
-        (run / file).write_text(json.dumps(found))
-    with pytest.raises(StudyError, match=file) as refused:
-        rows_of(run)
-    assert "\n" not in str(refused.value)
-
-
-def test_a_missing_key_is_named(run: Path) -> None:
-    edit(run, lambda frame: frame.pop("core_cycles") and None)
-    with pytest.raises(StudyError, match=r"frames\.jsonl:1: .*required field `core_cycles`"):
-        analysis.load(run)
-
-
 @pytest.mark.parametrize("emptied", ["missing", "empty", "only warm-up"])
 def test_no_timed_frame_is_an_error_only_where_a_table_is_wanted(run: Path, emptied: str) -> None:
     if emptied == "missing":
@@ -376,11 +286,6 @@ def test_overridden_frames_and_old_scenes_are_left_out(run: Path) -> None:
     data = analysis.load(run)
     assert sum("left out" in note for note in data.notes) == 2
     assert row(run, "scene0", "opt4", 180)["launches"] == 4
-
-
-def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="no such run"):
-        analysis.load(tmp_path / "nothing")
 
 
 # Files and command line
@@ -427,17 +332,21 @@ def test_bad_input_is_status_2_in_one_line(run: Path, tmp_path: Path) -> None:
     assert script(run).returncode == 2
 
 
-def test_readme_block_is_replaced_and_the_rest_kept(run: Path) -> None:
-    data = analysis.load(run)
-    text = f"# Title\nbefore\n{tables.BEGIN}\nlast week's\n{tables.END}\nafter\n"
-    made = tables.readme(text, data, ladder.rows(data))
-    assert made.startswith("# Title\nbefore\n") and made.endswith(f"{tables.END}\nafter\n")
-    assert "last week" not in made
-    assert "320×180, one thread" in made and "× baseline" not in made
-    assert "| [`opt4`](phases/opt4/NOTES.md) | Eight float rays at once |" in made
-    assert tables.readme(made, data, ladder.rows(data)) == made
-    with pytest.raises(StudyError, match="lacks the lines"):
-        tables.readme("# no marks\n", data, ladder.rows(data))
+def test_readme_block_is_replaced_and_the_rest_kept(run: Path, tmp_path: Path, monkeypatch) -> None:
+    data, page = analysis.load(run), tmp_path / "README.md"
+    monkeypatch.setitem(tables.PAGES, "readme", (page, "ladder"))
+    page.write_text("# Title\n<!-- ladder:begin -->\nlast week's\n<!-- ladder:end -->\nafter\n")
+    made = tables.rewritten("readme", data, ladder.rows(data))
+    assert made.startswith("# Title\n<!-- ladder:begin -->\n") and made.endswith(
+        "<!-- ladder:end -->\nafter\n"
+    )
+    assert "last week" not in made and "× baseline" not in made
+    assert "| [`opt4`](phases/opt4/NOTES.md) |" in made
+    page.write_text(made)
+    assert tables.rewritten("readme", data, ladder.rows(data)) == made
+    page.write_text("# no marks\n")
+    with pytest.raises(StudyError):
+        tables.rewritten("readme", data, ladder.rows(data))
 
 
 # Numbers as text
@@ -494,43 +403,6 @@ def test_the_rerun_speedups_are_those_of_its_cycles() -> None:
         assert ratio == pytest.approx(speedup, abs=0.06)
 
 
-def test_claims_are_held_against_the_run(run: Path) -> None:
-    data = analysis.load(run)
-    found = claims.check(data, ladder.rows(data))
-    assert len(found) == len(paper.read("claims"))
-    verdict = {(claim["scene"], claim["quote"][:20]): claim["verdict"] for claim in found}
-    assert verdict["scene0", "careful parameter fi"] == claims.FAILS  # 0.61 % of the pixels differ
-    assert verdict["scene0", "up to 32.1× speed-up"] == claims.UNSURE  # 31.7 to 32.3
-    assert verdict["scene0", "each of the scenes r"] == PART  # 3.2 and not only 2, at n = 180 of 2000
-    assert verdict["mandelbulb", "each of the scenes r"] == claims.UNSURE
-    assert verdict["scene0", "constant performance"] == PART  # as far as it was tried
-    assert verdict["mandelbulb", "constant performance"] == OPEN
-    assert verdict["scene0", "for smaller n, in ou"] == PART  # 26.7 against 32
-    assert verdict["mandelbulb", "in our baseline, the"] == claims.FAILS  # 1.25 times and not 0.88
-
-
-def test_claims_without_frames_are_not_measured(run: Path) -> None:
-    (run / "frames.jsonl").write_text("")
-    data = analysis.load(run, strict=False)
-    found = {claim["verdict"] for claim in claims.check(data, ladder.rows(data)) if claim["command"]}
-    assert found == {OPEN}
-
-
-def test_the_fixture_is_what_its_maker_makes(tmp_path: Path) -> None:
-    maker = tmp_path / "make_run.py"
-    shutil.copy(ROOT / "tests" / "fixtures" / "make_run.py", maker)
-    subprocess.run([sys.executable, maker], check=True)
-    for path in (ROOT / "tests" / "fixtures" / "run").iterdir():
-        assert (tmp_path / "run" / path.name).read_bytes() == path.read_bytes()
-
-
-def test_intervals_are_columns_of_their_own_in_csv(tmp_path):
-    rows = pd.DataFrame([{"a": 1, "ms": {"value": 2.5, "low": 2}}, {"a": 3, "ms": None}])
-    table_files.write({"some": (rows, "text")}, tmp_path)
-    assert (tmp_path / "some.csv").read_text() == "a,ms.value,ms.low\n1,2.5,2.0\n3,,\n"
-    assert json.loads((tmp_path / "some.json").read_text())[0]["ms"] == {"value": 2.5, "low": 2}
-
-
 def test_the_papers_program_is_the_readmes_last_row(run: Path) -> None:
     """Our baseline takes 200 ms a launch, the paper's 250 and its opt4 20: 0.8 and 10 times."""
     base = {"phase": "baseline", "scene": "scene0", "n": 180, "psnr_display_db": None}
@@ -572,18 +444,6 @@ def test_the_readme_ends_on_the_two_strongest_other_programs(run: Path) -> None:
     assert [cells[0] for cells in found] == ["first", "second"]
     assert found[0][4] == "2.00× [2.00,\u00a02.00] as long as opt10_scene" and found[1][8] == "60.0"
     assert front_page.strongest(run, 720) == []
-
-
-def test_machines_have_ratios_only_beside_the_papers_program(run: Path) -> None:
-    data = analysis.load(run)
-    for row in (frames := [json.loads(line) for line in (run / "frames.jsonl").read_text().splitlines()]):
-        row |= {"height": 720, "width": 1280}
-    (run / "frames.jsonl").write_text("".join(json.dumps(row) + "\n" for row in frames))
-    data = analysis.load(run)
-    assert "×" not in front_page.machines_block([data])
-    checked = {"phase": "baseline", "ours_over_theirs": {"value": 0.97}}
-    complete.write(run / "original.json", {"rows": [checked]})
-    assert "× [" in front_page.machines_block([data])
 
 
 PUBLISHED = sorted(file.parent for file in (ROOT / "results" / "reference").glob("*/context.json"))

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import complete
 import pytest
-import started
 
-from study.core import store
-from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments import experiment, section
-from study.experiments.ablations import chapter as ablations_chapter
-from study.experiments.flops import chapter as flops_chapter
-from study.experiments.hotspots import tables as hotspots
 from study.numbers import analysis
 
 PICTURE = {"phase": "baseline", "flags_from": "baseline", "scene": "scene0", "width": 16, "height": 9}
@@ -126,89 +117,4 @@ def test_a_sound_run_has_every_part(run: Path) -> None:
     assert names >= expected | {"hotspots-baseline", "table3", "table3-regions"}
 
 
-# Broken files. A path leads to what is replaced; REMOVE takes it away.
-REMOVE = object()
-WHOLE: tuple = ()
-BROKEN = [
-    *(("counts.json", WHOLE, value) for value in ({}, [], None)),
-    *(("counts.json", ("declared", 0), value) for value in ({}, "x", None)),
-    ("counts.json", ("declared", 0, "by_class"), REMOVE),
-    ("counts.json", ("declared", 0, "executed"), "x"),
-    ("counts.json", ("declared", 0, "height"), "x"),
-    ("counts.json", ("declared", 0, "flops", "paper"), 0),
-    ("counts.json", ("measured",), [{}]),
-    ("counts.json", ("measured",), ["x"]),
-    *(("validation.json", WHOLE, value) for value in ({}, [], None)),
-    *(("validation.json", ("rows", 0), value) for value in ({}, "x")),
-    ("validation.json", ("rows", 0, "calibrated"), "x"),
-    ("validation.json", ("rows", 0, "calibrated"), []),
-    ("validation.json", ("rows", 0, "measured"), None),
-    *(("hotspots.json", WHOLE, value) for value in ({}, [], None)),
-    *(("hotspots.json", ("bounds",), value) for value in ({}, [{}], ["x"])),
-    ("hotspots.json", ("bounds", 0, "regions"), [{}]),
-    ("hotspots.json", ("beside",), None),
-    ("hotspots.json", ("beside", "scene0|baseline|16|9"), None),
-    ("hotspots.json", ("beside", "scene0|baseline|16|9", "per_cycle", "sdf"), "x"),
-    *(("hotspots.json", ("profiles", 0, "weight"), value) for value in (0, -1, None)),
-    *(("hotspots.json", ("profiles", 0, "cpu_ns"), value) for value in ("x", 0, None)),
-    ("hotspots.json", ("profiles", 0, "samples"), 0),
-    ("hotspots.json", ("profiles", 0, "variant"), "none"),
-    ("hotspots.json", ("profiles", 0, "functions", 0, "weight"), "x"),
-]
-
-
-def broken(name: str, where: tuple, value: Any) -> Any:
-    whole = [json.loads(complete.text(name, CONTENTS[name]()))]
-    target: Any = whole
-    for step, key in zip((0, *where), (*where, None), strict=True):
-        if key is None and value is REMOVE:
-            del target[step]
-        elif key is None:
-            target[step] = value
-        else:
-            target = target[step]
-    return whole[0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name, where, value", BROKEN)
-def test_a_broken_file_is_one_line_with_its_name(
-    loaded: analysis.Data, run: Path, name: str, where: tuple, value: Any
-) -> None:
-    data = dataclasses.replace(loaded, path=run, kept={})
-    store.write_json(run / name, broken(name, where, value))
-    with pytest.raises(StudyError) as caught:
-        experiment.sections(data)
-    said = str(caught.value)
-    others = {"counts": "flops", "validation": "flops"}
-    script = others.get(Path(name).stem, Path(name).stem)
-    assert said.startswith(str(run / name)) and f"scripts/stepwise {script}" in said
-    assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("script", ["tables", "report"])
-@pytest.mark.parametrize("name, where, value", [BROKEN[0], ("counts.json", ("declared", 0), {})])
-def test_the_scripts_end_in_status_2(
-    run: Path, tmp_path: Path, script: str, name: str, where: tuple, value: Any
-) -> None:
-    store.write_json(run / name, broken(name, where, value))
-    command = [sys.executable, ROOT / "scripts" / "stepwise", script, run, "-o", tmp_path / "out" / "made"]
-    done = started.run(command)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
-    assert name in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 # What is shown
-
-
-def test_prose_has_no_stray_quotes() -> None:
-    texts = [
-        flops_chapter.CONVENTIONS,
-        flops_chapter.VALIDATION,
-        ablations_chapter.STEPS_ABOUT,
-        hotspots.ABOUT,
-    ]
-    for text in [*texts, section.Section.__doc__]:
-        assert text and '"' not in text
