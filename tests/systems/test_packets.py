@@ -350,6 +350,6 @@ def test_a_scene_without_closed_form_is_refused(named, written):
 
 @pytest.mark.parametrize("words", ["tree", "tree=octree", "lanes=4", "x" * 300])
 def test_a_setting_that_is_none_is_refused(words, written):
-    with pytest.raises(run.DriverError, match=r"STEPWISE_PACKETS: .* should be of tree=bvh") as error:
+    with pytest.raises(run.DriverError, match="STEPWISE_PACKETS: ") as error:
         packets_rays.hits(written("one", SCENES["one"]), bundle(256, 1), "primary", words)
     assert error.value.status == 4
