@@ -20,8 +20,7 @@ import msgspec
 import pandas as pd
 import pytest
 import started
-from hypothesis import given
-from hypothesis import strategies as st
+from round_ceilings import record
 
 from study.bounds import ceilings, roof, roof_shares
 from study.bounds.roof import Point
@@ -35,38 +34,6 @@ from study.pictures.draw import RING, STYLE, save
 
 ROOT = Path(__file__).parents[3]
 PIXELS = {90: 160 * 90, 180: 320 * 180}
-# Instructions per core cycle; a division takes 8 cycles, a square root 16.
-RATES = {
-    **{"fma": 2.0, "add": 2.0, "mul": 2.0, "minmax": 2.0, "div": 0.125, "sqrt": 0.0625},
-    **{"rsqrt": None, "add+mul": 3.0, "add+2mul": 2.5, "2add+mul": 2.5},
-}
-BYTES = {"L1": 128.0, "L2": 64.0, "L3": 16.0, "memory": 4.0}
-
-
-def record() -> dict:
-    """ceilings.json of a machine with the rates above at every width up to 256 bits, and nothing wider."""
-    rows = []
-
-    def add(about: dict, rate: float | None, per_instruction: float) -> None:
-        if rate is None or about["bits"] == 512:
-            rows.append({**about, "value": None, "reason": "this CPU lacks it"})
-            return
-        value = rate * per_instruction
-        spread = {"value": value, "median": value * 0.99, "low": value * 0.98, "high": value}
-        rows.append({**about, **spread, "per_second": value * 4e9, "instructions_per_core_cycle": rate})
-
-    for precision, element in (("double", 64), ("single", 32)):
-        for bits in (element, 128, 256, 512):
-            for name, rate in RATES.items():
-                about = {"name": name, "precision": precision, "bits": bits, "unit": "flop/core cycle"}
-                add(about, rate, bits / element * (2 if name == "fma" else 1))
-    for level, value in BYTES.items():
-        for name in ("load", "store", "copy"):
-            for bits in (64, 128, 256, 512):
-                about = {"name": name, "level": level, "bits": bits, "unit": "byte/core cycle"}
-                about |= {"working_set_bytes": 1 << 14}
-                add(about, value / (bits / 8) * bits / 256 * (1 if name == "copy" else 0.5), bits / 8)
-    return {"schema": 1, "tsc_hz": 2.5e9, "core_hz": 4e9, "ceilings": rows}
 
 
 @pytest.fixture
@@ -142,75 +109,6 @@ def written(run: Path, name: str) -> str:
 def script(*arguments: object, name: str = "roofline") -> subprocess.CompletedProcess:
     command = [sys.executable, str(ROOT / "scripts" / "stepwise"), name, *map(str, arguments)]
     return started.run(command)
-
-
-# The roof of an operation mix, by hand
-
-
-def test_the_busiest_resource_sets_the_roof(limits: ceilings.Ceilings) -> None:
-    lanes = {
-        ("fma", "double", 256): 400,  # 100 instructions
-        ("mul", "double", 256): 200,  # 50
-        ("add", "double", 256): 400,  # 100
-        ("div", "double", 256): 8,  # 2
-        ("sqrt", "double", 256): 8,  # 2
-        ("compare", "double", 256): 100,  # 25
-    }
-    made = roof_shares.mix(lanes, limits)
-    wanted = {"multiply": 75, "add": 50, "divider": 2 * 8 + 2 * 16, "issue": 279 / 3}
-    assert made.cycles == pytest.approx(wanted)
-    assert (made.flops, made.bound, made.unpriced) == (800 + 200 + 400 + 8 + 8, "issue", 0)
-    assert made.roof == pytest.approx(1416 / 93)
-    made = roof_shares.mix(
-        lanes | {("div", "double", 256): 32}, limits
-    )  # 8 divisions: 64 cycles, and 32 of roots
-    assert (made.bound, made.roof) == ("divider", pytest.approx(1440 / 96))
-
-
-def test_widths_and_precisions_add_up(limits: ceilings.Ceilings) -> None:
-    lanes = {("div", "double", 64): 3, ("sqrt", "single", 32): 2, ("div", "single", 256): 16}
-    made = roof_shares.mix(lanes, limits)
-    assert made.cycles["divider"] == pytest.approx(3 * 8 + 2 * 16 + 2 * 8)
-    assert made.cycles["issue"] == pytest.approx((3 + 2 + 2) / 3)
-
-
-def test_operations_without_a_ceiling_are_told_and_not_free(limits: ceilings.Ceilings) -> None:
-    lanes = {("rsqrt", "single", 256): 80, ("add", "single", 256): 240, ("add", "extended", 80): 80}
-    made = roof_shares.mix(lanes, limits)
-    assert made.flops == 400 and made.unpriced == pytest.approx(160 / 400)
-    assert made.cycles == pytest.approx({"add": 15, "issue": 40 / 3})  # an rsqrt still takes an issue slot
-    nothing = roof_shares.mix({("add", "half", 512): 32}, limits)
-    assert nothing.unpriced == 1 and nothing.bound is None and math.isnan(nothing.roof)
-    empty = roof_shares.mix({}, limits)
-    assert math.isnan(empty.roof) and math.isnan(empty.unpriced)
-
-
-KINDS = st.sampled_from([kind for kind, rate in RATES.items() if rate and kind in ceilings.KINDS])
-LANES = st.dictionaries(
-    st.tuples(KINDS, st.just("double"), st.sampled_from([64, 128, 256])), st.integers(1, 10**9)
-)
-
-
-@given(LANES.filter(bool))
-def test_no_mix_is_above_the_fma_roof_nor_any_of_its_operations_alone(lanes: dict) -> None:
-    limits = msgspec.convert(record(), ceilings.Ceilings)
-    made = roof_shares.mix(lanes, limits)
-    fma = limits.flops("fma", "double", 256)
-    # Three instructions may be issued where two FMAs may: additions beside them have units of their own.
-    assert made.roof <= fma * 1.5 * (1 + 1e-12)
-    for key, n in lanes.items():
-        assert max(roof_shares.mix({key: n}, limits).cycles.values()) <= max(made.cycles.values()) * (
-            1 + 1e-12
-        )
-
-
-def test_fmas_alone_have_the_fma_roof(limits: ceilings.Ceilings) -> None:
-    for precision, bits in (("double", 64), ("double", 256), ("single", 128)):
-        made = roof_shares.mix({("fma", precision, bits): 1000}, limits)
-        assert made.roof == pytest.approx(limits.flops("fma", precision, bits))
-
-
-# Points
 
 
 def test_a_point_is_flops_over_cycles_of_each_clock(run: Path) -> None:
