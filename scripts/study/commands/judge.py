@@ -11,7 +11,6 @@ import math
 import secrets
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from study.commands import try_
 from study.core import cli, json_files, registry, show
@@ -63,23 +62,23 @@ def labs() -> dict[int, Lab]:
     return {one["number"]: Lab(**one) for one in json_files.read_json(FILE)["labs"]}
 
 
-def of_phase(lab: Lab, result: dict[str, Any]) -> list[Check]:
+def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
     """Of what stepwise try measured beside the lab's start."""
-    start, mine = result["sides"]
+    start, mine = result.sides
     if lab.same_bits:
-        picture = Check("picture", result["same_bits"], f"every bit as {lab.start}'s")
+        picture = Check("picture", result.same_bits, f"every bit as {lab.start}'s")
     else:
-        fails = "; ".join(mine["fails"])
+        fails = "; ".join(mine.fails)
         picture = Check("picture", not fails, f"within its tolerance{f' ({fails})' if fails else ''}")
     made = [picture]
     if lab.lanes:
-        now, before = mine["lanes_at_work"], start["lanes_at_work"]
+        now, before = mine.lanes_at_work, start.lanes_at_work
         rises = bool(now and before and now - before >= lab.lanes)
         said = f"lanes at work: {100 * lab.lanes:.0f} points more than {lab.start}'s"
         if now and before:
             said += f" ({show.percent(before)} → {show.percent(now)})"
         made.append(Check("lanes", rises, said))
-    ratio = result["ratio"]
+    ratio = result.ratio
     fast = bool(ratio.sufficient and ratio.low >= lab.speedup)
     unsure = not fast and ratio.high >= lab.speedup
     said = f"at least {lab.speedup}× as fast as {lab.start}: {show.spread(ratio, 3, '×')}"

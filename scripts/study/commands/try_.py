@@ -9,7 +9,7 @@ import secrets
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,8 @@ from study.core.registry import Scene, Spec
 from study.counting import flops
 from study.counting.schema import Declared
 from study.numbers import stats
+from study.numbers.accuracy import Row
+from study.numbers.stats import Interval
 from study.pictures import gate, images, panels
 from study.pictures.gallery import Gallery
 from study.truth import judging
@@ -41,6 +43,41 @@ FRAME = 0.1  # s that a timed frame may take: ten launches of both fit half a mi
 POLL = 0.5  # s between two looks at the files
 CHANGED = 0.001  # of calls: less is not listed
 LISTED = 12  # functions
+
+
+@dataclass(frozen=True)
+class Side:
+    """What is known of one phase: its row against ground truth, its metrics against baseline, what of its
+    tolerance fails, evaluations of a camera ray, and by the counting build FLOPs, lanes and calls."""
+
+    name: str
+    truth: Row
+    baseline: dict[str, Any]
+    fails: list[str]
+    evaluations: float
+    ms: Interval | None = None
+    flops: int | None = None
+    lanes_at_work: float | None = None
+    parts: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What is shown: sizes of the pictures and of what is timed, both sides, the parent first, and calls."""
+
+    scene: str
+    width: int
+    height: int
+    timed_width: int
+    timed_height: int
+    launches: int
+    seed: int
+    ratio: Interval
+    sides: list[Side]
+    same_bits: bool
+    calls: list[tuple[str, int, int]] | None
+    picture: str
+    schema: int = 1
 
 
 @dataclass(frozen=True)
@@ -115,7 +152,7 @@ def counted(spec: Spec, scene: Scene, height: int) -> Declared | None:
         return None
 
 
-def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str, Any]], bool, Path]:
+def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, Side], bool, Path]:
     """Of each its row against ground truth (as stepwise accuracy has it), its metrics against baseline and
     what fails; whether both pictures have the same bits; and the strip of pictures. Raises StudyError where
     one cannot draw the scene.
@@ -140,9 +177,9 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, dict[str,
         if declared is not None:
             fails += [f"{name}: {why}" for name, why in gate.failures(to_base, declared).items()]
         evaluations = float(np.nanmean(pictures[spec]["evals"]))
-        found[spec] = {"truth": row, "baseline": to_base, "fails": fails, "evaluations": evaluations}
+        found[spec] = Side(str(spec), row, to_base, fails, evaluations)
     metrics = images.compare(pictures[both.parent], pictures[both.mine])
-    bad = bool(found[both.mine]["fails"])
+    bad = bool(found[both.mine].fails)
     title = f"{scene.name}, {size[0]}×{size[1]} pixels: {both.mine} beside {both.parent}"
     notes = (*("" for _ in both.both), "outside its tolerance" if bad else "within its tolerance")
     names = str(both.parent), str(both.mine)
@@ -160,81 +197,86 @@ def calls(parent: Declared, mine: Declared) -> list[tuple[str, int, int]]:
     return sorted(rows, key=lambda row: -abs(row[2] - row[1]))
 
 
-def compared(args: argparse.Namespace) -> dict[str, Any]:
-    """Everything that is shown, as JSON types and stats.Interval."""
+def compared(args: argparse.Namespace) -> Compared:
+    """Everything that is shown."""
     both, scene = sides(args.name, args.against), registry.find_scene(args.scene)
-    needed = [*both.both, BASE]
     targets = [(spec, target) for spec in both.both for target in ("render", "render-count")]
     build_together([*targets, (BASE, "render")], len(driver.USABLE))
-    for spec in needed:
+    for spec in (*both.both, BASE):
         build(spec)
     found, same, strip = errors(both, scene, args.n)
     height = timed_height(both, scene)
     ms = times(both, scene, height, args.launches, args.seed)
-    counts = {spec: counted(spec, scene, args.n) for spec in both.both}
-    ratio = stats.ratio_interval(ms[both.parent], ms[both.mine])
-    size, timed = scene.size(args.n), scene.size(height)
-    about = {"scene": scene.name, "width": size[0], "height": size[1], "timed_width": timed[0]}
-    about |= {"timed_height": timed[1], "launches": args.launches, "seed": args.seed, "ratio": ratio}
-    sides_ = [
-        {
-            "name": str(spec),
-            "ms": stats.median_interval(ms[spec]),
-            **found[spec],
-            "flops": one.flops.machine if one and one.flops else None,
-            "lanes_at_work": one and work.efficiency(one),
-            "parts": one and {name: function.parts for name, function in one.by_function.items()},
-        }
-        for spec, one in counts.items()
-    ]
-    changed = calls(*counts.values()) if all(counts.values()) else None
-    return {"schema": 1, **about, "sides": sides_, "same_bits": same, "calls": changed, "picture": str(strip)}
+    counts = [counted(spec, scene, args.n) for spec in both.both]
+    made = []
+    for spec, counts_of in zip(both.both, counts, strict=True):
+        side = replace(found[spec], ms=stats.median_interval(ms[spec]))
+        if counts_of:
+            parts = {name: one.parts for name, one in counts_of.by_function.items()}
+            machine = counts_of.flops.machine if counts_of.flops else None
+            side = replace(side, flops=machine, lanes_at_work=work.efficiency(counts_of), parts=parts)
+        made.append(side)
+    (width, n), timed = scene.size(args.n), scene.size(height)
+    return Compared(
+        scene=scene.name,
+        width=width,
+        height=n,
+        timed_width=timed[0],
+        timed_height=timed[1],
+        launches=args.launches,
+        seed=args.seed,
+        ratio=stats.ratio_interval(ms[both.parent], ms[both.mine]),
+        sides=made,
+        same_bits=same,
+        calls=calls(*counts) if all(counts) else None,
+        picture=str(strip),
+    )
 
 
-def cells(side: dict[str, Any]) -> dict[str, str]:
+def cells(side: Side) -> dict[str, str]:
     """A side's numbers as text, by what they are."""
-    truth, base = side["truth"], side["baseline"]
+    truth, base = side.truth, side.baseline
     decibels, means = truth.colours.psnr_db, " (4×4 means)" * truth.converged_only
     declared = show.NOTHING
-    if side["flops"] is not None:
-        declared = show.number(side["flops"] / truth.width / truth.height, 4)
-    lanes = show.NOTHING if side["lanes_at_work"] is None else show.percent(side["lanes_at_work"])
+    if side.flops is not None:
+        declared = show.number(side.flops / truth.width / truth.height, 4)
+    lanes = show.NOTHING if side.lanes_at_work is None else show.percent(side.lanes_at_work)
     return {
-        "time of a frame, ms [95 %]": show.spread(side["ms"], 4),
+        "time of a frame, ms [95 %]": show.spread(side.ms, 4),
         "PSNR to ground truth, dB": ("identical" if decibels == math.inf else show.number(decibels)) + means,
         "wrong hits, ppm of the pixels": show.number(truth.wrong_ppm),
         "PSNR to baseline, dB": "identical" if base["identical"] else show.number(base["psnr_db"]),
         "pixels off by more than 1/255 to baseline": show.percent(base["fraction_over_1_255"]),
-        "evaluations of a camera ray": show.number(side["evaluations"], 4),
+        "evaluations of a camera ray": show.number(side.evaluations, 4),
         "declared FLOPs a pixel": declared,
         "lanes at work": lanes,
     }
 
 
-def text(result: dict[str, Any]) -> str:
+def text(result: Compared) -> str:
     """For people: a table of both sides, then calls that changed, what fails, and the strip."""
-    parent, mine = result["sides"]
+    parent, mine = result.sides
     left, right = cells(parent), cells(mine)
-    wide = [max(map(len, column)) for column in (left, [parent["name"], *left.values()])]
+    wide = [max(map(len, column)) for column in (left, [parent.name, *left.values()])]
     lines = [
-        f"{result['scene']}: pictures and counts {result['width']}×{result['height']}, "
-        f"times {result['timed_width']}×{result['timed_height']}, one thread, {result['launches']} launches",
+        f"{result.scene}: pictures and counts {result.width}×{result.height}, "
+        f"times {result.timed_width}×{result.timed_height}, one thread, {result.launches} launches",
         "",
-        f"{'':{wide[0]}}  {parent['name']:{wide[1]}}  {mine['name']}",
+        f"{'':{wide[0]}}  {parent.name:{wide[1]}}  {mine.name}",
         *(f"{name:{wide[0]}}  {left[name]:{wide[1]}}  {right[name]}" for name in left),
         "",
-        f"{mine['name']} is {speed_up(result['ratio'])} {parent['name']}.{doubt(result['ratio'])}",
+        f"{mine.name} is {speed_up(result.ratio)} {parent.name}.{doubt(result.ratio)}",
     ]
-    if result["calls"]:
+    if result.calls:
         lines += ["", "Calls that changed (--json has all):"]
-        lines += [f"  {name}: {old:,} → {new:,}" for name, old, new in result["calls"][:LISTED]]
-    elif result["calls"] is not None:
+        lines += [f"  {name}: {old:,} → {new:,}" for name, old, new in result.calls[:LISTED]]
+    elif result.calls is not None:
         lines += ["", "No function is called more or less often."]
-    if mine["fails"]:
-        lines += ["", f"{mine['name']} is outside its tolerance:", *(f"  {why}" for why in mine["fails"])]
+    if mine.fails:
+        lines += ["", f"{mine.name} is outside its tolerance:", *(f"  {why}" for why in mine.fails)]
     else:
-        lines += ["", f"{mine['name']} is within its tolerance."]
-    return "\n".join([*lines, f"Pictures: {result['picture']}"])
+        lines += ["", f"{mine.name} is within its tolerance."]
+    return "\n".join([*lines, f"Pictures: {result.picture}"])
 
 
 def doubt(ratio: stats.Interval) -> str:
@@ -283,5 +325,5 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.watch:
         return watch(args)
     result = compared(args)
-    status = cli.FAILED if result["sides"][1]["fails"] else cli.OK
+    status = cli.FAILED if result.sides[1].fails else cli.OK
     return Outcome(result, [text(result)], status=status)

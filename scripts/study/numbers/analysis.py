@@ -61,7 +61,7 @@ class Cell:
 
     def over(self, base: Cell) -> Interval:
         """Speed-up over `base`: ratio of the two medians."""
-        return stats.ratio_interval(base.values["ns"], self.values["ns"])
+        return stats.ratio_interval(base.values.ns, self.values.ns)
 
 
 @dataclass(frozen=True)
@@ -121,14 +121,14 @@ def _usable(run: store.Run, notes: list[str]) -> pd.DataFrame:
     frames = run.frames()
     if frames.empty:
         return frames
-    if "overridden" in frames and (changed := frames["overridden"].fillna(False).astype(bool)).any():
+    if "overridden" in frames and (changed := frames.overridden.fillna(False).astype(bool)).any():
         notes.append(f"{int(changed.sum())} frames with changed scene parameters are left out.")
         frames = frames[~changed]
-    last = frames.groupby("scene")["scene_hash"].transform("last")
-    if (stale := frames["scene_hash"] != last).any():
+    last = frames.groupby("scene").scene_hash.transform("last")
+    if (stale := frames.scene_hash != last).any():
         notes.append(f"{int(stale.sum())} frames of an older version of their scene are left out.")
         frames = frames[~stale]
-    return frames if (~frames["warmup"].astype(bool)).any() else frames.iloc[:0]
+    return frames if (~frames.warmup.astype(bool)).any() else frames.iloc[:0]
 
 
 def described(plan: Plan) -> dict[str, PhaseJson]:
@@ -142,12 +142,12 @@ def cells_of(frames: pd.DataFrame, plan: Plan) -> list[Cell]:
     if frames.empty:
         return []
     about = described(plan)
-    pace = (frames["ns"] / (frames["width"] * frames["height"])).groupby(frames["phase"]).median()
+    pace = (frames.ns / (frames.width * frames.height)).groupby(frames.phase).median()
     phases = [*about, *(c.phase for c in plan.configurations), *pace.sort_values(ascending=False).index]
-    scenes = [*(c.scene for c in plan.configurations), *sorted(frames["scene"].unique())]
+    scenes = [*(c.scene for c in plan.configurations), *sorted(frames.scene.unique())]
     frames = frames.assign(
-        core_hz=(frames["core_hz_before"] + frames["core_hz_after"]) / 2,
-        presented_ns=frames["ns"] + frames["present_ns"],
+        core_hz=(frames.core_hz_before + frames.core_hz_after) / 2,
+        presented_ns=frames.ns + frames.present_ns,
         round=stats.rounds_of(frames),
     )
     optional = tuple(name for name in ("core_hz_load", "kernel_compile_ns", "joules") if name in frames)
@@ -165,19 +165,19 @@ def cells_of(frames: pd.DataFrame, plan: Plan) -> list[Cell]:
     keys = ["scene", "spec", "width", "height", "threads"]
     cells = []
     for key, group in frames.groupby(keys, sort=False):
-        launch = group[~group["warmup"].astype(bool)].groupby("launch")
+        launch = group[~group.warmup.astype(bool)].groupby("launch")
         if not len(launch):
             continue
         values = pd.DataFrame({column: launch[column].median() for column in columns})
         first = group.sort_values("frame").groupby("launch").first()  # right after set-up, warm-up or not
-        values["setup_first_ns"] = first["prepare_ns"] + first["ns"]
+        values["setup_first_ns"] = first.prepare_ns + first.ns
         values["frames"] = launch.size()
         values.index = pd.Index(launch["round"].first(), name="round")
         facts = {name: group[name].iloc[-1] if name in group else None for name in FACTS}
         facts["kernel"] = kernel_said(group)
-        facts["algorithm"] = about.get(group["phase"].iloc[-1], PhaseJson()).algorithm
-        facts["unwarmed"] = not group["warmup"].any()
-        cells.append(Cell(*key, facts, values, group["config"].iloc[-1]))
+        facts["algorithm"] = about.get(group.phase.iloc[-1], PhaseJson()).algorithm
+        facts["unwarmed"] = not group.warmup.any()
+        cells.append(Cell(*key, facts, values, group.config.iloc[-1]))
     return sorted(
         cells,
         key=lambda c: (
@@ -192,9 +192,9 @@ def cells_of(frames: pd.DataFrame, plan: Plan) -> list[Cell]:
 
 def kernel_said(group: pd.DataFrame) -> str | None:
     """Which code a program's launches ran; where some had no kernel for their scene, how many and why."""
-    if "kernel" not in group or group["kernel"].isna().all():
+    if "kernel" not in group or group.kernel.isna().all():
         return None
-    said = group.groupby("launch")["kernel"].first()
+    said = group.groupby("launch").kernel.first()
     others = said[said != GENERATED]
     if others.empty or len(others) == len(said):
         return str(said.iloc[-1])
@@ -231,7 +231,7 @@ def noise(data: Data) -> dict[str, Any]:
     """What disturbed the timed frames: counts over all of them, and the sentences of stats."""
     if data.frames.empty:
         return {"frames": 0, "launches": 0, "remarks": []}
-    timed = data.frames[~data.frames["warmup"].astype(bool)]
+    timed = data.frames[~data.frames.warmup.astype(bool)]
     counts = {
         name: int(timed[name].sum())
         for name in ("steal_ticks", "ctx_voluntary", "ctx_involuntary", "faults_minor", "faults_major")
@@ -240,7 +240,7 @@ def noise(data: Data) -> dict[str, Any]:
     return {
         "frames": len(timed),
         "launches": int(timed.groupby(["config", "launch"]).ngroups),
-        "seconds": float(timed["ns"].sum() / 1e9),
+        "seconds": float(timed.ns.sum() / 1e9),
         **counts,
         "remarks": stats.noise_warnings(data.frames),
     }

@@ -26,12 +26,12 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
     """Machine, compiler and flags of every phase, and what the points are."""
     context = data.context
     flags: dict[str, list[str]] = {}
-    for spec, text in dict.fromkeys(zip(rows["phase"], rows["flags"], strict=True)):
+    for spec, text in dict.fromkeys(zip(rows.phase, rows.flags, strict=True)):
         flags.setdefault(registry.short(text), []).append(spec)
     built = "; ".join(f"{', '.join(specs)}: {text}" for text, specs in flags.items())
-    launches = " to ".join(str(n) for n in dict.fromkeys((rows["launches"].min(), rows["launches"].max())))
+    launches = " to ".join(str(n) for n in dict.fromkeys((rows.launches.min(), rows.launches.max())))
     cpu = machine.name(context)
-    compiler = context.compiler or rows["compiler"].iloc[0]
+    compiler = context.compiler or rows.compiler.iloc[0]
     clock = f"core {rows['core_hz'].median() / 1e9:.2f} GHz, TSC {rows['tsc_hz'].median() / 1e9:.3f} GHz"
     return (
         f"{cpu}, {clock}; {compiler}. Median over {launches} process launches; whiskers: 95 % "
@@ -45,19 +45,19 @@ def against_n(rows: pd.DataFrame, name: str, unit: str, title: str) -> Figure:
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     looks = look(rows)
     for scene, axes in grid.items():
-        for key, group in rows[rows["scene"] == scene].groupby(["phase", "threads"], sort=False):
+        for key, group in rows[rows.scene == scene].groupby(["phase", "threads"], sort=False):
             style, group = looks[key], group.sort_values("height")
             axes.errorbar(
-                group["height"],
+                group.height,
                 group[name],
                 yerr=bars_of(group, name),
                 capsize=3,
-                markersize=6 if group["height"].nunique() <= 10 else 4,
+                markersize=6 if group.height.nunique() <= 10 else 4,
                 markerfacecolor="white" if style["hollow"] else style["color"],
                 **{key: style[key] for key in ("color", "marker", "linestyle", "label")},
             )
         axes.set(title=scene, xscale="log", yscale="log", xlabel="n: picture height, pixels", ylabel=unit)
-        heights = sorted(rows[rows["scene"] == scene]["height"].unique())
+        heights = sorted(rows[rows.scene == scene]["height"].unique())
         axes.set_xlim(heights[0] / 1.2, heights[-1] * 1.2)
         if len(heights) <= 6:
             axes.set_xticks(heights, map(str, heights))
@@ -88,20 +88,20 @@ LEFT = 0.8  # of a logarithmic axis
 
 def speedups(rows: pd.DataFrame) -> Figure:
     """Points over baseline at each scene's headline size, the paper's values beside them, and its errors."""
-    rows = rows[rows["headline"] & rows["speedup"].notna()]
+    rows = rows[rows.headline & rows.speedup.notna()]
     figure, grid = panels(rows, 0.5 * rows.groupby("scene").size().max() + 1.0, 6.2, 2)
     figure.suptitle("Speed-up over baseline in one interleaved run, and its error", x=0.01, ha="left")
     figure.get_layout_engine().set(rect=(0, 0, 0.975, 1), wspace=0.04)  # room right of the last column
     looks = look(rows)
     for scene, axes in grid.items():
-        group = rows[rows["scene"] == scene].reset_index(drop=True)
-        styles = [looks[key] for key in zip(group["phase"], group["threads"], strict=True)]
+        group = rows[rows.scene == scene].reset_index(drop=True)
+        styles = [looks[key] for key in zip(group.phase, group.threads, strict=True)]
         ends = bars_of(group, "speedup")
         for (i, row), style in zip(group.iterrows(), styles, strict=True):
             colour = style["color"]
-            axes.plot([LEFT, row["speedup"]], [i, i], ":", color="#999999", linewidth=1, zorder=1)
+            axes.plot([LEFT, row.speedup], [i, i], ":", color="#999999", linewidth=1, zorder=1)
             axes.errorbar(
-                row["speedup"],
+                row.speedup,
                 i,
                 xerr=ends[:, [i]],
                 color=colour,
@@ -124,7 +124,7 @@ def speedups(rows: pd.DataFrame) -> Figure:
         axes.text(1.19, 1.0, "PSNR to\nbaseline", **heads)
         axes.text(1.43, 1.0, "to ground\ntruth", **heads)
         axes.grid(False, axis="y")
-        if group["implied"].notna().any():
+        if group.implied.notna().any():
             axes.legend(loc="upper right", fontsize=8, title="the paper, over its baseline", title_fontsize=8)
     return figure
 
@@ -136,7 +136,7 @@ def paper_marks(axes: Axes, group: pd.DataFrame) -> None:
         ("stated", "*", 90, "black", -0.2, "by its text"),
         ("rerun", "o", 30, "white", 0.2, "its program, run again"),
     ):
-        there = group[group[name].notna() & (group["phase"] != ladder.BASE)]
+        there = group[group[name].notna() & (group.phase != ladder.BASE)]
         at = there[name], there.index + shift
         axes.scatter(*at, marker=marker, s=size + 40, color="white", zorder=3)
         style = {"marker": marker, "s": size, "color": face, "edgecolor": "black", "zorder": 4}
@@ -167,7 +167,7 @@ def text_colour(row: pd.Series) -> str:
 
 def error(rows: pd.DataFrame) -> Figure:
     """Each phase a point: ns/pixel against PSNR to baseline, in each space. Those from SAME up on a rail."""
-    rows = rows[rows["headline"] & (rows["psnr_db"].notna() | (rows["phase"] == ladder.BASE))]
+    rows = rows[rows.headline & (rows.psnr_db.notna() | (rows.phase == ladder.BASE))]
     figure, grid = panels(rows, 3.8)
     title = (
         "Speed against error: down is faster, right is nearer to baseline's picture\n"
@@ -181,10 +181,10 @@ def error(rows: pd.DataFrame) -> Figure:
     left, top = (finite.min() - 8, finite.max()) if finite.size else (40, 60)
     rail = top + 0.18 * (top - left) + 4
     for scene, axes in grid.items():
-        for _, row in rows[rows["scene"] == scene].iterrows():
-            style, pace = looks[row["phase"], row["threads"]], row["ns_per_pixel"]
+        for _, row in rows[rows.scene == scene].iterrows():
+            style, pace = looks[row.phase, row.threads], row.ns_per_pixel
             places = row[spaces].to_numpy(float)
-            places = [rail] * 3 if row["phase"] == ladder.BASE else np.where(places >= SAME, rail, places)
+            places = [rail] * 3 if row.phase == ladder.BASE else np.where(places >= SAME, rail, places)
             low, high = (np.nan_to_num(abs(row[f"ns_per_pixel_{end}"] - pace)) for end in ("low", "high"))
             axes.plot(places, [pace] * 3, color=style["color"], linewidth=1)
             axes.plot(places[1], pace, "|", color=style["color"], markersize=10)
@@ -209,7 +209,7 @@ def error(rows: pd.DataFrame) -> Figure:
         axes.set(xlabel="PSNR to baseline, dB", ylabel="ns per pixel")
         axes.margins(y=0.12)
         plain_log(axes.yaxis)
-    failing = (rows["within_tolerance"] == False).any()  # noqa: E712 (None: not verified)
+    failing = (rows.within_tolerance == False).any()  # noqa: E712 (None: not verified)
     legend(figure, grid, (Line2D([], [], **RING, label="outside its tolerance"),) if failing else ())
     return figure
 
@@ -232,9 +232,9 @@ CAPTIONS = {
 
 def lacking(name: str, rows: pd.DataFrame) -> str | None:
     """What the plot would need and the run has not."""
-    if name == "speed-against-error" and rows["psnr_db"].isna().all():
+    if name == "speed-against-error" and rows.psnr_db.isna().all():
         return "verify.json has no error for these phases"
-    if name == "speedup-ladder" and rows["speedup"].isna().all():
+    if name == "speedup-ladder" and rows.speedup.isna().all():
         return f"{ladder.BASE} was not measured"
     return None
 

@@ -7,6 +7,7 @@ import subprocess
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import emitted
 import msgspec
@@ -97,8 +98,8 @@ def test_a_bad_name_is_said_with_what_would_be_right(words, said):
 # --- by hand
 
 
-def counted(**calls: int) -> dict:
-    return {"by_function": {name: {"calls": n} for name, n in calls.items()}}
+def counted(**calls: int) -> SimpleNamespace:
+    return SimpleNamespace(by_function={name: SimpleNamespace(calls=n) for name, n in calls.items()})
 
 
 def test_calls_that_changed_the_largest_difference_first():
@@ -107,13 +108,13 @@ def test_calls_that_changed_the_largest_difference_first():
     assert try_.calls(parent, mine) == [("less", 1000, 400), ("more", 10, 90), ("new", 0, 7), ("gone", 3, 0)]
 
 
-def side(**changed: object) -> dict:
+def side() -> try_.Side:
     """80 pixels, 4,000 FLOPs of which three quarters at work."""
     truth = Row(phase="opt4", scene="trio", psnr_db=54.54, width=10, height=8)
     truth.false_hits_ppm, truth.false_misses_ppm, truth.wrong_shape_ppm = 1000.0, 200.0, 34.0
     base = {"identical": False, "psnr_db": 61.25, "fraction_over_1_255": 0.025}
-    one = {"truth": truth, "baseline": base, "ms": stats.Interval(12.5, 12.25, 12.75, 10, True)}
-    return one | {"evaluations": 17.25, "flops": 4000, "lanes_at_work": 0.75} | changed
+    ms = stats.Interval(12.5, 12.25, 12.75, 10, True)
+    return try_.Side("opt4", truth, base, [], 17.25, ms, flops=4000, lanes_at_work=0.75)
 
 
 def test_cells_of_a_side():

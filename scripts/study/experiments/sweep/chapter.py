@@ -39,7 +39,7 @@ def to_truth(row: Row) -> str:
 def fastest(data: Data) -> dict[str, Row]:
     """Scene → the fastest row of its ladder."""
     ladders = ladder.ladders(ladder.rows(data))
-    return {scene: group.loc[group["ms"].idxmin()].to_dict() for scene, group in ladders.items()}
+    return {scene: group.loc[group.ms.idxmin()].to_dict() for scene, group in ladders.items()}
 
 
 def _answer(best: dict[str, Row]) -> str:
@@ -86,11 +86,11 @@ def speeds(data: Data) -> Section:
         answer = _answer(best)
         rows = ladder.rows(data)
         if not rows.empty:
-            exact = [name for name in rows["phase"].unique() if registry.is_exact(name)]
+            exact = [name for name in rows.phase.unique() if registry.is_exact(name)]
             verb = "leave" if len(exact) > 1 else "leaves"
             names = " and ".join(filter(None, (", ".join(exact[:-1]), *exact[-1:])))
             remarks += [CLOSED.format(f"{names} {verb}")] if exact else []
-            remarks += [BASES] if rows["phase"].str.contains("@").any() else []
+            remarks += [BASES] if rows.phase.str.contains("@").any() else []
         drawn = _drawings(data, ("speedup-ladder",))
     about = {"file": data.path / "frames.jsonl", "script": "scripts/stepwise sweep", "drawn": drawn}
     return Section("ladder", "Speed and error", "make sweep", parts, remarks, answer=answer, **about)
@@ -114,9 +114,7 @@ def _against_height(data: Data) -> str:
     """Time per pixel of the fastest phase of the first scene, at the least height and at the largest."""
     rows = ladder.rows(data)
     scene, best = next(iter(fastest(data).items()))
-    mine = rows[
-        (rows["scene"] == scene) & (rows["phase"] == best["phase"]) & (rows["threads"] == best["threads"])
-    ]
+    mine = rows[(rows.scene == scene) & (rows.phase == best["phase"]) & (rows.threads == best["threads"])]
     ends = mine.sort_values("height").iloc[[0, -1]].to_dict("records")
     said = [f"{show.interval(row, 'ns_per_pixel')} ns per pixel at n = {row['height']}" for row in ends]
     if ends[0]["height"] == ends[1]["height"]:
