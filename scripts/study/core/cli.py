@@ -145,7 +145,7 @@ def main(run: Callable[[], int | None]) -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # whatever the terminal's encoding lacks
     try:
-        status = finish(run() or OK)
+        status = run() or OK
         if sys.stdout:
             sys.stdout.flush()
     except StudyError as error:
@@ -189,22 +189,3 @@ def say(text: str) -> None:
     """Progress and remarks for people: standard error, so that --json stays parseable."""
     sys.stderr.write(text + "\n")  # one write: lines of several threads stay whole
     sys.stderr.flush()
-
-
-# What follows goes with the last command that has a `main` of its own.
-_emitted: list[dict[str, Any]] = []
-
-
-def emit(result: Any, run: Path | str | None = None) -> None:
-    command = _name().removeprefix("stepwise ")
-    _emitted[:] = [{"command": command, "status": None, "run": plain(run), "result": plain(result)}]
-
-
-def finish(status: int) -> int:
-    if _emitted:
-        print(json.dumps(_emitted.pop() | {"status": "failed" if status else "ok"}, allow_nan=False))
-    return status
-
-
-def one_line(text: str) -> str:
-    return " ".join(text.splitlines())

@@ -1,18 +1,15 @@
 """The commands of scripts/stepwise, found by their files.
 
 They are study/experiments/NAME/command.py and study/commands/NAME.py; a name that Python has taken ends in
-an underscore there. A command is a module with `main`, which reads sys.argv and returns an exit status. The
-first sentence of its text says what the command does.
+an underscore there. A command is a module as `Body` says; the first sentence of its text says what it does.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import contextlib
 import difflib
 import importlib
-import io
 import sys
 import time
 from collections.abc import Sequence
@@ -92,48 +89,12 @@ def called(name: str, words: Sequence[str | Path]) -> tuple[Outcome, bool]:
     global begun
     begun = time.monotonic()
     body: Any = importlib.import_module(find_all()[name].module)
-    if not hasattr(body, "options"):
-        return _legacy(find_all()[name], body, list(map(str, words))), False
     args = parser_for(name, body).parse_args(list(map(str, words)))
     return (body.measure(args) if hasattr(body, "measure") else body.run(args)), args.json
 
 
 def parser_of(command: Command) -> argparse.ArgumentParser:
-    body: Any = importlib.import_module(command.module)
-    return parser_for(command.name, body) if hasattr(body, "options") else _legacy_parser(command)
-
-
-def _legacy(command: Command, body: Any, words: list[str]) -> Outcome:
-    before = sys.argv[:]
-    sys.argv[:] = [f"stepwise {command.name}", *words]
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):
-            status = body.main() or cli.OK
-    finally:
-        sys.argv[:] = before
-    said = cli._emitted.pop() if cli._emitted else {"result": None, "run": None}
-    return Outcome(said["result"], run=said["run"] and Path(said["run"]), status=status)
-
-
-def _legacy_parser(command: Command) -> argparse.ArgumentParser:
-    found: list[argparse.ArgumentParser] = []
-
-    class Parsed(Exception):
-        pass
-
-    def parsed(parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
-        found.append(parser)
-        raise Parsed
-
-    words, parse = sys.argv[:], argparse.ArgumentParser.parse_args
-    argparse.ArgumentParser.parse_args = parsed  # type: ignore[assignment, method-assign]
-    sys.argv[:] = [f"stepwise {command.name}"]
-    try:
-        with contextlib.suppress(Parsed):
-            importlib.import_module(command.module).main()
-    finally:
-        argparse.ArgumentParser.parse_args, sys.argv[:] = parse, words  # type: ignore[method-assign]
-    return found[0]
+    return parser_for(command.name, importlib.import_module(command.module))
 
 
 def find_all() -> dict[str, Command]:
@@ -171,8 +132,5 @@ def main() -> int:
         hint = f"did you mean {near[0]}?" if near else "`scripts/stepwise list` names them all"
         raise StudyError(f"no command {name!r}; {hint}" if name else f"which command? {hint}")
     sys.argv[:] = [f"stepwise {name}", *rest]
-    body = importlib.import_module(found[name].module)
-    if not hasattr(body, "options"):
-        return body.main()
     outcome, as_json = called(name, rest)
     return outcome.tell(as_json)

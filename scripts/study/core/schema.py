@@ -13,13 +13,9 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, Union, get_args, get_origin, get_type_hints
 
 import msgspec
-from msgspec import UNSET, UnsetType
 
-from study.core import cli, json_files
+from study.core import json_files
 from study.core.cli import StudyError
-
-Absent = UnsetType  # in a union: the key may be missing, and is then missing in what is read, too
-ABSENT = UNSET
 
 # What another thing's JSON can raise, from `current` down to a cell's text.
 BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
@@ -70,30 +66,6 @@ class File(Record):
         except msgspec.ValidationError as error:
             raise StudyError(f"{where}: {error}") from None
 
-    # What follows goes with the last reader of dicts.
-    @classmethod
-    def read(cls, path: Path) -> dict[str, Any]:
-        cls.load(path)
-        path = json_files.stored(path)
-        return cls.checked(json_files.read_json(path), str(path))
-
-    @classmethod
-    def read_if_there(cls, path: Path) -> dict[str, Any]:
-        return cls.read(path) if json_files.stored(path).exists() else {}
-
-    @classmethod
-    def checked(cls, data: Any, where: str) -> dict[str, Any]:
-        made = cls.of(data, where)
-        return _filled(cls.current(data), msgspec.to_builtins(made))
-
-
-def _filled(data: Any, whole: Any) -> Any:
-    if isinstance(data, dict) and isinstance(whole, dict):
-        return whole | {name: _filled(value, whole.get(name)) for name, value in data.items()}
-    if isinstance(data, list):
-        return [_filled(one, other) for one, other in zip(data, whole, strict=True)] if whole else data
-    return data
-
 
 def fields(kind: type[Record]) -> Iterator[tuple[str, Any, msgspec.Meta]]:
     """Of each key its name in the file, its type and what it is. Raises TypeError where it does not say."""
@@ -107,41 +79,13 @@ def fields(kind: type[Record]) -> Iterator[tuple[str, Any, msgspec.Meta]]:
 
 
 def alternatives(kind: Any) -> list[Any]:
-    """The types that a value may have, without what a key says of itself, null and absence."""
+    """The types that a value may have, without what a key says of itself, and null."""
     if get_origin(kind) is Annotated:
         return alternatives(get_args(kind)[0])
     if get_origin(kind) in (Union, types.UnionType):
         return [one for each in get_args(kind) for one in alternatives(each)]
-    return [] if kind in (type(None), Absent) else [kind]
+    return [] if kind is type(None) else [kind]
 
 
 def is_record(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, Record)
-
-
-def _parts(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
-    """The parts of a value with their places and types, where only one type of object or list is possible."""
-    for one in alternatives(kind):
-        origin, arguments = get_origin(one), get_args(one)
-        if isinstance(data, dict) and is_record(one):
-            hints = get_type_hints(one, include_extras=True)
-            for each in msgspec.structs.fields(one):
-                if each.encode_name in data:
-                    yield f".{each.encode_name}", data[each.encode_name], hints[each.name]
-        elif isinstance(data, dict) and origin is dict:
-            for name, value in data.items():
-                yield f".{name}", value, arguments[1]
-        elif isinstance(data, list) and origin is list:
-            for number, value in enumerate(data):
-                yield f"[{number}]", value, arguments[0]
-
-
-def unknown(data: Any, kind: Any, place: str = "$") -> list[str]:
-    """Places in `data` that the type does not know of: keys that no page explains."""
-    found = []
-    if isinstance(data, dict) and len(kinds := [k for k in alternatives(kind) if is_record(k)]) == 1:
-        known = {each.encode_name for each in msgspec.structs.fields(kinds[0])}
-        found = [f"{place}.{name}" for name in data if name not in known]
-    for part, value, inner in _parts(cli.plain(data), kind):
-        found += unknown(value, inner, place + part)
-    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import secrets
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -64,23 +64,3 @@ def about(args: argparse.Namespace) -> dict[str, Any]:
 def draw(path: Path, drawings: Mapping[str, Drawing]) -> list[Path]:
     """Writes them into path/figures."""
     return [file for name, made in drawings.items() for file in made.write(path / "figures" / name)]
-
-
-def end(
-    args: argparse.Namespace,
-    result: Any,
-    lines: Iterable[object],
-    failed: Iterable[str] = (),
-    remarks: Iterable[str] = (),
-) -> int:
-    """The result for --json, else `lines`; then remarks and what failed. Returns the exit status."""
-    if args.json:
-        cli.emit(result, args.run or registry.ROOT / "build" / args.home)
-    else:
-        print("\n".join(map(str, lines)))
-    for text in remarks:
-        cli.say(text)
-    failed = list(failed)
-    for text in failed:
-        cli.say(f"FAIL {text}")
-    return cli.FAILED if failed else cli.OK
