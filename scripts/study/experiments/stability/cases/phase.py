@@ -97,16 +97,8 @@ class Phase:
         """
         with _written(scene) as path:
             out = path.with_name("picture.exr")
-            command: list[str | Path] = [
-                self.program(self.renderer),
-                path,
-                "-n",
-                str(size[1]),
-                "-w",
-                str(size[0]),
-                "-o",
-                out,
-            ]
+            command: list[str | Path] = [self.program(self.renderer), path, "-o", out]
+            command += ["-n", str(size[1]), "-w", str(size[0])]
             for name, value in overrides.items():
                 command += ["--" + name.replace("_", "-"), repr(value)]
             _checked(self.execute([*command, "--aov"] if aov else command))
