@@ -188,7 +188,7 @@ def test_without_embree_it_says_so(tmp_path, path):
         [program, path, "--embree", "-o", out], input=rays_of(data).tobytes(), capture_output=True
     )
     record = json.loads(done.stdout)
-    assert done.returncode == 0 and record["embree"] == "not compared: built without Embree (libembree-dev)"
+    assert done.returncode == 0 and "libembree-dev" in record["embree"]
     assert (
         record["embree16_ns"] == record["embree1_ns"] == record["embree_stream_ns"] == []
         and len(record["ns"]) == 1

@@ -44,7 +44,7 @@ row = {{"phase": f"p{{number}}", "scene": "trio", "width": 4, "height": 2}}
 row["false_hits_ppm"] = 0.0
 made = {{"shard": {{"number": number, "of": of}}, "schema": 1, "rows": [row], "skipped": []}}
 (run / f"accuracy.shard-{{number}}-of-{{of}}.json").write_text(json.dumps(made))
-print("FAIL of the shard 2" if number == 2 and faults.get("fail") else "", file=sys.stderr)
+print("FAIL of 2" if number == 2 and faults.get("fail") else "", file=sys.stderr)
 """
 WORDS = ["--phase", "opt1", "opt2", "opt3", "opt4", "--scene", "trio", "two_spheres"]  # 8 units of work
 WHOLE = [
@@ -105,7 +105,7 @@ def test_a_worker_that_is_killed_loses_its_shard_alone(farming: Call, tmp_path: 
 @pytest.mark.slow
 def test_a_check_that_fails_on_a_worker_is_said(farming: Call, tmp_path: Path) -> None:
     _, failed = farming(stand_in(tmp_path, fail=True), workers=1)
-    assert failed == ["of the shard 2"]
+    assert failed == ["of 2"]
 
 
 @pytest.mark.slow
@@ -117,7 +117,7 @@ def test_a_worker_that_cannot_run_the_command_gets_no_more(farming: Call, tmp_pa
 
 @pytest.mark.slow
 def test_a_shard_that_cannot_be_drawn_is_one_line(farming: Call) -> None:
-    with pytest.raises(StudyError, match=r"shard [1-8]/8: worker [01]: status 3: no such luck"):
+    with pytest.raises(StudyError, match=r"shard [1-8]/8: worker [01]: status 3: "):
         farming("import sys\nsys.exit(print('no such luck', file=sys.stderr) or 3)", workers=2)
 
 
@@ -154,7 +154,7 @@ def test_the_workers_of_a_scheduler_elsewhere(farming: Call, scheduler, tmp_path
 
 @pytest.mark.slow
 def test_a_worker_of_more_threads_than_one_is_refused(farming: Call, scheduler, tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=r"worker [01] has 2 threads"):
+    with pytest.raises(StudyError, match="--nthreads 1"):
         farming(stand_in(tmp_path), scheduler=scheduler(2))
 
 

@@ -81,7 +81,7 @@ def test_the_table_of_a_published_run() -> None:
     result = Throttle.load(made_up.RUN / THROTTLE)
     found = throttle_tables.system(made_up.RUN)
     assert found and found.claims == [] and len(found.parts[0].table.cells) == len(result.rows)
-    assert throttle_tables.words_of(result.rows[0].chosen).startswith("rods of 32 to 8 pixels")
+    assert throttle_tables.words_of(result.rows[0].chosen).startswith("rods of 32 to 8")
 
 
 @pytest.mark.slow
