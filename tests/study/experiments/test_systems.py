@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from study.core.cli import StudyError
+from study.core.registry import ROOT
 from study.experiments import experiment
 from study.experiments.systems import pictures
 from study.experiments.systems import tables as systems
@@ -32,6 +33,11 @@ def test_every_system_has_its_claims_and_tables() -> None:
     }
     assert max(len(text.split()) for row in claims.table.cells for text, _ in row) <= 12
     assert "0.793×" in section.answer and "81.6×" in section.answer
+
+
+def test_the_published_page_has_the_table_of_its_run() -> None:
+    text = (ROOT / "results" / "reference" / "systems.md").read_text(encoding="utf-8")
+    assert systems.section(made_up.RUN).parts[0].markdown in text and made_up.RUN.name in text
 
 
 def test_the_sheet_is_on_the_page_once_it_is_there(tmp_path: Path) -> None:
