@@ -126,9 +126,10 @@ def of_one_round(base: ArrayLike, other: ArrayLike) -> tuple[np.ndarray, np.ndar
     Of two Series their index tells the round (NaN: unknown). Of others launch k of both is of round k, if
     they are as many.
     """
-    both = base, other
-    if all(isinstance(some, pd.Series) and not some.index.hasnans for some in both):
-        return np.intersect1d(base.index, other.index, return_indices=True)[1:]
+    rounds = [some.index for some in (base, other) if isinstance(some, pd.Series) and not some.index.hasnans]
+    if len(rounds) == 2:
+        mine, others = (np.asarray(index) for index in rounds)
+        return np.intersect1d(mine, others, return_indices=True)[1:]
     together = np.arange(np.size(base) if np.size(base) == np.size(other) else 0)
     return together, together
 

@@ -25,9 +25,11 @@ from study.core.cli import StudyError
 from study.pictures import labels
 
 # Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
-# than any of it: no two rungs share one. Markers and hatches say the same in print.
-COLOURS = ("#000000", "#E69F00", "#56B4E9", "#009E73", "#D55E00", "#0072B2", "#CC79A7")
-COLOURS += ("#8C8C8C", "#882255", "#332288", "#A6A000", "#6F4518")
+# than any of it: no two phases share one. Markers and hatches say the same in print.
+COLOURS = [
+    *("#000000", "#E69F00", "#56B4E9", "#009E73", "#D55E00", "#0072B2", "#CC79A7"),
+    *("#8C8C8C", "#882255", "#332288", "#A6A000", "#6F4518"),
+]
 BAD = "#b3261e"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", (4, 1, 0), "H")
 HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")

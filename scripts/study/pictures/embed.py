@@ -21,8 +21,10 @@ WIDEST = 2000  # pixels of a rendered picture on the page: twice what a column s
 
 
 # What PIL raises of a broken file.
-_BROKEN = (OSError, ValueError, SyntaxError, EOFError, ArithmeticError, MemoryError, struct.error, zlib.error)
-_BROKEN += (Image.DecompressionBombError,)
+_BROKEN = (
+    *(OSError, ValueError, SyntaxError, EOFError, ArithmeticError, MemoryError),
+    *(struct.error, zlib.error, Image.DecompressionBombError),
+)
 
 
 @contextlib.contextmanager

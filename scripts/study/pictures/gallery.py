@@ -67,11 +67,12 @@ class Gallery:
 
         def one(task: Task) -> DriverError | None:
             try:
-                return self.render(*task)
+                self.render(*task)
             except DriverError as error:
                 if error.status == BAD_INPUT:
                     raise
                 return error
+            return None
 
         once = list({self.path(*task): task for task in tasks}.values())
         with ThreadPoolExecutor(jobs) as pool:

@@ -75,10 +75,10 @@ def check(phase: Phase) -> None:
     for name, declared in phase.tolerance.items():
         where = f"{phase.name}: phase.json: tolerance.{name}"
         if name not in ("smooth", "fractal", TRUTH, IDEAL, *scenes()):
-            known = ", ".join(("smooth", "fractal", TRUTH, IDEAL, *scenes()))
-            raise StudyError(f"{where}: no such scene or class; there are {known}")
-        margin_of = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH, OUTLINE))
-        known = margin_of if name == TRUTH else IDEAL_METRICS if name == IDEAL else METRICS
+            there = ", ".join(("smooth", "fractal", TRUTH, IDEAL, *scenes()))
+            raise StudyError(f"{where}: no such scene or class; there are {there}")
+        margins_of = (*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH, OUTLINE)
+        known = list(margins_of if name == TRUTH else IDEAL_METRICS if name == IDEAL else METRICS)
         if not isinstance(declared, Mapping):
             raise StudyError(f"{where}: should be an object of metric: bound")
         if not isinstance(declared.get("reason"), str) or not declared["reason"].strip():

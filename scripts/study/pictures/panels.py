@@ -118,7 +118,7 @@ def pair(
     figure.suptitle(title, x=0.01, y=1 - 0.15 / total, ha="left", va="top", fontsize=16)
     edges = {"top": 1 - above / total, "bottom": below / total, "left": 0.01, "right": 0.945}
     spots = figure.add_gridspec(1, 4, wspace=0.04, width_ratios=(1, 1, 1, 0.03), **edges)
-    *axes, bar_axes = (figure.add_subplot(spot) for spot in spots)
+    *axes, bar_axes = (figure.add_subplot(spot) for spot in (spots[0, i] for i in range(4)))
     for panel, picture, name in zip(axes, pictures, names, strict=False):
         show(panel, images.to_display(images.rgb(picture)))
         panel.set_title(name, fontsize=14, loc="left")

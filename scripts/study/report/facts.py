@@ -117,17 +117,15 @@ def command(plan: Plan) -> str:
     """The sweep that measures the same again, from what the plan recorded."""
     asked = plan.configurations
     parts = ["scripts/stepwise sweep"]
-    for option, values in (
-        ("--phase", [c.spec or None for c in asked]),
-        ("--scene", [c.scene for c in asked]),
-        ("-n", [f"{c.width}x{c.height}" for c in asked if c.width]),
-        ("--threads", [c.threads for c in asked]),
-        *(
-            (f"--{key}", [getattr(plan, key)])
-            for key in ("launches", "reps", "warmup", "long", "seed", "cpu")
-        ),
-        ("--budget", [plan.budget_s]),
-    ):
-        given = [shlex.quote(str(value)) for value in dict.fromkeys(values) if value is not None]
-        parts += [option, *given] if given else []
+    given: dict[str, list] = {
+        "--phase": [c.spec or None for c in asked],
+        "--scene": [c.scene for c in asked],
+        "-n": [f"{c.width}x{c.height}" for c in asked if c.width],
+        "--threads": [c.threads for c in asked],
+        **{f"--{key}": [getattr(plan, key)] for key in ("launches", "reps", "warmup", "long", "seed", "cpu")},
+        "--budget": [plan.budget_s],
+    }
+    for option, values in given.items():
+        words = [shlex.quote(str(value)) for value in dict.fromkeys(values) if value is not None]
+        parts += [option, *words] if words else []
     return " ".join(parts) if asked else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ from matplotlib.lines import Line2D
 from study.core import show
 from study.core.show import Column
 from study.experiments.frames.measure import HALF, PHASE
-from study.experiments.frames.schema import Frames, Row
+from study.experiments.frames.schema import Frames, LeftOut, Row
 from study.pictures.draw import Drawing, plain_log
 
 FIGURE = "frames"
@@ -92,7 +93,7 @@ LEFT_OUT = [
 ]
 
 
-def tables(result: Frames) -> list[tuple[str, str, list[Row], list[Column]]]:
+def tables(result: Frames) -> list[tuple[str, str, Sequence[Row | LeftOut], list[Column]]]:
     """Name, caption, rows and columns."""
     caption = "Finished frames a second on every core, gamma and 8 bits included"
     return [
