@@ -185,6 +185,8 @@ INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s
         t = square * quick_inverse(v_max(towards, v_splat(1e-20f)));
     t = *where = v_min(v_max(t, low), high);
     for (int step = 0; step < MOST_CONE_STEPS; step++) {
+        ACTIVE(v_count(active));
+        COUNT(widest_step, call);
         struct along_ray at = along_solid(r, t, s);
         vfloat per = quick_inverse(t), ratio = at.h * per;
         vfloat p = v_nmadd(t, at.slope, at.h); // derivative of u·h(1/u)

@@ -63,7 +63,7 @@ static inline void march(struct march_state *at, struct vec direction,
     vfloat t = v_splat(0.0f), last = t, evals = at->evals;
     for (int step = at->steps; step < scene->model.march.max_steps; step++) {
         ACTIVE(LANES - v_count(done));
-        COUNT(march, step);
+        COUNT(march_step, call);
         vfloat distance = sdf(world->local_rays, t, scene, done, NULL);
         evals = evals + v_zero_where(done, v_splat(1.0f));
         vmask reached = v_andnot(done, reaches(distance, t, hit_distance));

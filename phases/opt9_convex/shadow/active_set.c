@@ -135,7 +135,7 @@ static inline vfloat distance_to(const struct candidate *c, const struct batch_p
 static inline void evaluate_candidate(const struct candidate *c, int k, struct batch_packet *w,
                                       struct falling_bound *below) {
     ACTIVE(LANES - v_count(is_idle(w)));
-    COUNT(evaluate_candidate, call);
+    COUNT(candidate_active, call);
     vfloat h = distance_to(c, w);
     *below = (struct falling_bound){(h + w->march.t) * v_splat(1.0f - 0x1p-18f), v_splat(-1.0f)};
     int kept = v_any(v_cmp_lt(h, w->least)) - 1; // branch-free: a branch would wait for the root

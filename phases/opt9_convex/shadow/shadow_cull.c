@@ -20,7 +20,7 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
                     plane_clears(height_over(s, point), add_dot(s->normal, to_light), q, scene));
     } else {
         ACTIVE(v_count(*clear));
-        COUNT(trivially_lit, solid);
+        COUNT(cone_test, call);
         float slope = lit_slope_for(s, q);
         struct vec to = to_centre(s, point);
         here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);

@@ -18,11 +18,11 @@ candidate_distance(int i, struct shadow_candidate *candidates, vfloat t, vmask d
         return;
     }
     ACTIVE(LANES - v_count(done));
-    COUNT(nearest_candidate, shape);
+    COUNT(candidate, call);
     vmask awake = v_cmp_ge_in(v_not(done), *least + t, candidate->wake_bound);
     if (!v_any(v_cmp_ge_in(awake, t, candidate->from)))
         return;
-    COUNT(nearest_candidate, awake);
+    COUNT(candidate_awake, call);
     vfloat h = distance_along(candidate, t, &scene->primitives[i]);
     candidate->wake_bound = (h + t) * v_splat(1.0f - 0x1p-18f);
     *least = v_min(*least, h);
