@@ -1,12 +1,8 @@
-"""A chapter of a run's page: its tables, figures and remarks.
-
-A file that is broken ends in a StudyError that names it and its script, never in a traceback.
-"""
+"""A chapter of a run's page: its tables, figures and remarks."""
 
 from __future__ import annotations
 
 import contextlib
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +14,6 @@ from study.core import cli, show
 from study.core.cli import StudyError
 from study.core.schema import Record
 from study.core.show import Column, Table
-from study.numbers.analysis import BROKEN
 from study.pictures.draw import Drawing
 
 
@@ -47,13 +42,6 @@ class Part:
         )
 
 
-def inside(run: Path, name: str) -> Path:
-    """The file of a run that one of its files names. StudyError for a place elsewhere."""
-    if Path(name).is_absolute() or ".." in Path(name).parts or "\0" in name:
-        raise StudyError(f"{run}: {name!r} is no file of this run")
-    return run / name
-
-
 @dataclass(frozen=True)
 class Section:
     """A chapter of the page. `answer`: what came out, in a sentence with its number, unit and interval or
@@ -78,11 +66,6 @@ class Section:
     cut: str = ""  # what a quick study left out of it, and how to get it
     html: str = ""  # a fragment of its own, behind the tables
     chart: str = ""  # that answers the mouse, of study.pictures.charts; the first figure is behind it
-
-    def __post_init__(self) -> None:
-        for name in (*self.drawn, *(part.name for part in self.parts)):
-            if not re.fullmatch(r"[\w.+@-]*", name):
-                raise StudyError(f"{self.file or self.id}: {name!r} cannot be a file's name")
 
 
 @dataclass(frozen=True)
@@ -113,18 +96,13 @@ class System:
 
 @contextlib.contextmanager
 def reading(file: Path | str, script: str) -> Iterator[None]:
-    """Whatever the content of `file` makes fail becomes a StudyError: the file, why, and who writes it."""
+    """A StudyError about `file` names who writes it."""
     try:
         yield
     except StudyError as error:
         if "scripts/" in str(error):
             raise
-        raise StudyError(f"{error}; remove it and make it again with {script}", error.exit_status) from None
-    except BROKEN as error:
-        name = " ".join(script.split()[:2])  # scripts/stepwise NAME
-        raise StudyError(
-            f"{file}: not what {name} writes ({error!r}); remove it and make it again with {script}"
-        ) from error
+        raise StudyError(f"{error}; make {file} again with {script}", error.exit_status) from None
 
 
 @dataclass
@@ -167,6 +145,4 @@ def part(
     rows = list(rows)
     if not rows:
         return []
-    made = Part(name, caption, rows, show.table(rows, shown), foot, open)
-    _ = made.markdown  # here, where a cell that is no text is still known to be the file's
-    return [made]
+    return [Part(name, caption, rows, show.table(rows, shown), foot, open)]

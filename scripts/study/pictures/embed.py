@@ -3,38 +3,14 @@
 from __future__ import annotations
 
 import base64
-import contextlib
 import io
-import struct
-import zlib
-from collections.abc import Iterator
-from pathlib import Path
 
 from PIL import Image
-
-from study.core.cli import StudyError
 
 MIME = {"png": "image/png", "svg": "image/svg+xml", "jpeg": "image/jpeg", "webp": "image/webp"}
 SHORTER = 0.6  # a JPEG stands in for a rendered picture where it has at most this share of its bytes
 QUALITY = 85
 WIDEST = 2000  # pixels of a rendered picture on the page: twice what a column shows; its file has all of them
-
-
-# What PIL raises of a broken file.
-_BROKEN = (
-    *(OSError, ValueError, SyntaxError, EOFError, ArithmeticError, MemoryError),
-    *(struct.error, zlib.error, Image.DecompressionBombError),
-)
-
-
-@contextlib.contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Raises StudyError for a picture that PIL cannot read."""
-    try:
-        yield
-    except _BROKEN as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise StudyError(f"{path}: not a whole picture: {why}") from None
 
 
 def data_uri(content: bytes, kind: str) -> str:

@@ -29,8 +29,7 @@ def read(path: Path) -> bytes:
 
 def picture(path: Path) -> str:
     """A rendered picture's data URI. The PNG itself lies beside the page."""
-    with embed.reading(path):
-        return embed.rendered(read(path))
+    return embed.rendered(read(path))
 
 
 def content(section: Section) -> str:

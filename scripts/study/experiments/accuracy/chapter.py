@@ -7,7 +7,7 @@ from pathlib import Path
 
 from study.core import show
 from study.experiments.accuracy import tables
-from study.experiments.section import Section, inside, part
+from study.experiments.section import Section, part
 from study.numbers.accuracy import FILE, Accuracy, Row
 
 
@@ -46,7 +46,7 @@ def errors(path: Path) -> Section:
             "drawn": tables.drawings(result),
             "script": _again(result),
             "images": {
-                inside(path, row.picture): f"{row.scene} by {row.phase}: where it is wrong"
+                path / row.picture: f"{row.scene} by {row.phase}: where it is wrong"
                 for row in result.rows
                 if row.picture and row.phase in ("baseline", "opt4")
             },

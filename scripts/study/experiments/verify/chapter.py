@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.experiments.section import Section, inside, part, reading
+from study.experiments.section import Section, part, reading
 from study.experiments.verify import columns
 from study.numbers import ladder
 from study.numbers.analysis import Data
@@ -38,7 +38,7 @@ def verification(data: Data) -> Section:
         script="scripts/stepwise verify",
         drawn=drawn,
         images={
-            inside(data.path, pair["heatmap"]): f"{pair['scene']}: {pair['phase']} is outside its tolerance"
+            data.path / pair["heatmap"]: f"{pair['scene']}: {pair['phase']} is outside its tolerance"
             for pair in failing
             if pair.get("heatmap")
         },
