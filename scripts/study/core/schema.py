@@ -17,9 +17,6 @@ import msgspec
 from study.core import json_files
 from study.core.cli import StudyError
 
-# What another thing's JSON can raise, from `current` down to a cell's text.
-BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
-
 
 def key(unit: str, meaning: str, **bounds: Any) -> msgspec.Meta:
     """What a key is: its unit ("" for none), what it means in a few words, and bounds as msgspec has them

@@ -15,7 +15,6 @@ from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import Phase, arithmetic_flags
 from study.core.run_schema import Context, PhaseJson, Plan
-from study.core.schema import BROKEN as BROKEN
 from study.numbers import stats
 from study.numbers.schema import Verify
 from study.numbers.stats import Interval
