@@ -235,10 +235,9 @@ def test_a_pair_left_to_truth_is_neither_within_nor_failing(run: Path) -> None:
 
     edit_pairs(run, left)
     opt4 = row(run, "mandelbulb", "opt4", 90)
-    assert show.gate(opt4) == "by ground truth alone" and show.gate_mark(opt4) == ""
+    assert show.gate_mark(opt4) == ""
     made = tables.make(analysis.load(run), rows_of(run))
     assert "OUTSIDE" not in made["verification"][1] + made["ladder"][1]
-    assert made["verification"][1].count("by ground truth alone") == 2
 
 
 # Broken and missing input
