@@ -6,7 +6,6 @@
 #   build/NAME/render-lines   the timing build with line tables;  render-calls: without inlining (for profiles)
 #   build/NAME/render-count   counts calls and multiplies them by NAME's costs.def (counting/flops.h)
 #   build/NAME/render-blocks  counts executions of each basic block (counting/blocks.c); render-blocks-calls: not inlined
-#   build/NAME/render-ftz     the timing build, which starts with denormals flushed to zero (hard case 19)
 #   build/NAME/probe          prints distances at given points, for tests (tools/probe.c)
 #   build/NAME/read, count/read   compiles only for warnings: variants for other CPUs, the counting sources
 #   build/NAME/syntax/read    parses every source and variant for warnings, and makes no code
@@ -151,7 +150,7 @@ $(BUILD)/%/count/flops.o: common/counting/flops.c $(COMMON_HEADERS) $$(call sour
 
 $(BUILD)/%/render: $(BUILD)/%/phase.o $(RENDER)
 	$(LINK) -o $@
-$(BUILD)/%/render-ftz: $(BUILD)/%/phase.o $(RENDER)
+$(BUILD)/%/phase.o $(RENDER)
 	$(LINK) -ffast-math -o $@
 $(BUILD)/%/render-lines: $(BUILD)/%/lines/phase.o $(RENDER)
 	$(LINK) -o $@

@@ -29,7 +29,6 @@ SETTINGS = {
     "build/clang": ["CC=clang"],
     "build/asan": ["SANITIZE=1"],
     "build/asan-clang": ["CC=clang", "SANITIZE=1"],
-    "build/hard-fast": ["CC=gcc", "SANITIZERS=-ffast-math"],
     "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
 }
 LOUD = os.environ.get("V", "") not in ("", "0")  # whether commands are shown
@@ -122,8 +121,7 @@ def quick_needs() -> Wanted:
     """What several quick tests want built, so that no two of them make it at once. Of what does not build the
     test that wants it tells.
     """
-    hard = {folder: ["baseline/render"] for folder in ("build/hard-fast", "build/hard-fma")}
-    return {"build": ["truth/rays", *viewer()], **hard}
+    return {"build": ["truth/rays", *viewer()], "build/hard-fma": ["baseline/render"]}
 
 
 def viewer() -> list[str]:
@@ -146,19 +144,18 @@ def rest_needs() -> Wanted:
     by_parent = [name for name in ladder if not embeds(name)]
     return {
         "build": [
-            *(f"{name}/{target}" for name in ladder for target in (*blocks, "render-ftz")),
+            *(f"{name}/{target}" for name in ladder for target in blocks),
             *(f"{name}/{target}" for name in profiled for target in ("render-lines", "render-calls")),
             *(f"{name}/render" for name in steps),
             *(f"{name}/{t}" for name, told in steps.items() if told for t in ("render-count", blocks[1])),
             *("calibration/calibrate", "calibration/calibrate-blocks", "common/stepper"),
-            *("functions/bench", "rsqrt", "opt2@opt3/render", "packets/hits", "tests/test_upper_halves"),
+            *("functions/bench", "opt2@opt3/render", "packets/hits", "tests/test_upper_halves"),
         ],
         "build/clang": [
             *(f"{name}/{blocks[0]}" for name in by_parent),
             *(f"{name}/{blocks[1]}" for name in ("baseline", "opt4", "opt9_convex")),  # as test_blocks.py
             "calibration/calibrate-blocks",
         ],
-        "build/hard-fast": [f"{name}/render" for name in by_parent],
         "build/hard-fma": [f"{name}/render" for name in by_parent],
     }
 
