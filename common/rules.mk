@@ -150,8 +150,6 @@ $(BUILD)/%/count/flops.o: common/counting/flops.c $(COMMON_HEADERS) $$(call sour
 
 $(BUILD)/%/render: $(BUILD)/%/phase.o $(RENDER)
 	$(LINK) -o $@
-$(BUILD)/%/phase.o $(RENDER)
-	$(LINK) -ffast-math -o $@
 $(BUILD)/%/render-lines: $(BUILD)/%/lines/phase.o $(RENDER)
 	$(LINK) -o $@
 $(BUILD)/%/render-calls: $(BUILD)/%/calls/phase.o $(RENDER)
