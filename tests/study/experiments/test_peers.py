@@ -4,10 +4,12 @@ arithmetic. A peer that is not installed leaves out its own picture alone."""
 from __future__ import annotations
 
 import copy
+import importlib
 import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import OpenImageIO as oiio
@@ -19,7 +21,7 @@ from study.core.registry import Scene, Spec
 from study.experiments.peers import measure, peer, shader, tables
 from study.experiments.peers.measure import Measuring, Point
 from study.experiments.peers.peer import Drawn, Job, Peer
-from study.experiments.peers.programs import drjit, embree, povray
+from study.experiments.peers.programs import drjit, embree, fidget, povray
 from study.numbers.beside import PEERS, PLAIN, Peers, Program
 from study.numbers.schema import Skipped
 from study.truth import truth
@@ -123,6 +125,97 @@ def test_embrees_hits_are_shaded_as_the_format_has_it(tmp_path: Path) -> None:
     assert seen[0] == pytest.approx([2.105 * fog, 0.6 * fog, 3.61 * fog]) and list(seen[1]) == [0.25, 0, 0]
 
 
+def test_fidgets_solids_are_below_zero_inside() -> None:
+    """Points just inside and just outside of each solid, on an axis and off it."""
+    for shape, inside, outside in (
+        ({"type": "sphere", "radius": 2}, [0, 1.99, 0], [0, 2.01, 0]),
+        ({"type": "plane", "normal": [0, 2, 0], "offset": 3}, [9, 1.49, 9], [9, 1.51, 9]),
+        ({"type": "box", "half_size": [1, 2, 3]}, [0.99, -1.99, 2.99], [0.99, -2.01, 2.99]),
+        ({"type": "torus", "major_radius": 3, "minor_radius": 1}, [0, 0, 2.01], [0, 0, 1.99]),
+        ({"type": "octahedron", "radius": 3}, [0.99, -1, 1], [1.01, -1, 1]),
+        (
+            {"type": "cone", "bottom_radius": 2, "top_radius": 1, "half_height": 1},
+            [0, -0.99, 1.98],
+            [0, -0.99, 2.01],
+        ),
+        ({"type": "sphere", "radius": 1, "position": [5, 0, 0]}, [5.99, 0, 0], [6.01, 0, 0]),
+        ({"type": "box", "half_size": [1, 2, 3], "rotation_degrees": [90, 0, 0]}, [0, 2.99, 0], [0, 0, 2.01]),
+    ):
+        found = fidget.solid(shape, np.array([inside, outside], float).T)
+        assert found[0] < 0 < found[1], shape
+    for lacking in (
+        {"type": "mandelbulb"},
+        {"type": "box", "rounding": 0.1},
+        {"type": "box", "repeat": [1, 0, 0]},
+    ):
+        with pytest.raises(StudyError, match="fidget"):
+            fidget.solid(lacking, np.zeros(3))
+
+
+def test_fidgets_text_says_the_same() -> None:
+    data, known = registry.find_scene("scene0_plain").data, {}
+    p = (1.7, -1.2, 11.5)
+    operations = {
+        **{"add": float.__add__, "sub": float.__sub__, "mul": float.__mul__, "min": min, "max": max},
+        **{"abs": abs, "sqrt": math.sqrt, "const": float},
+    }
+    for name, operation, *operands in map(str.split, fidget.expression(data).splitlines()):
+        values = [known.get(one, one) for one in operands]
+        axis = "xyz".find(operation[-1]) if operation.startswith("var-") else -1
+        known[name] = p[axis] if axis >= 0 else operations[operation](*values)
+    least = min(fidget.solid(shape, np.array(p)) for shape in data["shapes"])
+    assert known[name] == pytest.approx(least) and least < 0  # inside the cone
+
+
+def test_fidgets_voxels_lie_along_a_pixels_ray() -> None:
+    """The middle of 90 rows, 160 columns; nearest and farthest voxel; and fidget's own map of them undone."""
+    data = registry.find_scene("scene0_plain").data
+    both = [fidget.from_voxels(data, 160, 90) @ [79.5, 44.5, k, 1] for k in (0, fidget.DEPTH)]
+    assert [p[:3] / p[3] for p in both] == [pytest.approx([0, 0, 100]), pytest.approx([0, 0, 10])]
+    corner = fidget.from_voxels(data, 160, 90) @ [-0.5, -0.5, fidget.DEPTH, 1]
+    up = 10 * math.tan(math.radians(15))
+    assert corner[:3] / corner[3] == pytest.approx([-up * 16 / 9, up, 10])
+    world = [(3 - 80) / 45, (7 - 44) / -45, (9 - 512) / 45, 1]
+    assert fidget.from_world(data, 160, 90) @ world == pytest.approx(
+        fidget.from_voxels(data, 160, 90) @ [3, 7, 9, 1]
+    )
+
+
+class Vec(np.ndarray):
+    """A point, as libraries that compile Python have it."""
+
+    x, y, z = (property(lambda self, i=i: float(self[i])) for i in range(3))
+
+
+def test_the_formulas_of_compiled_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Distances one and a half from each solid, by NumPy; w to the power 8 by its angles."""
+    monkeypatch.syspath_prepend(peer.WORKERS)
+    formulas = importlib.import_module("formulas")
+    names = ("dot", "minimum", "maximum", "clip", "sqrt")
+    m = SimpleNamespace(
+        **{name: getattr(np, name) for name in names},
+        **{"norm": np.linalg.norm, "norm2": math.hypot, "func": lambda f: f, "rcp": lambda x: 1 / x},
+        **{"select": lambda a, b, c: b if a else c, "vec3": lambda *v: np.array(v, float).view(Vec)},
+    )
+    shapes, vec3 = formulas.shapes(m), m.vec3
+    for name, p, sizes in (
+        ("sphere", (0, -3.5, 0), (2,)),
+        ("plane", (9, 4.5, 9), (vec3(0, 1, 0), 3)),
+        ("box", (1.9, 3.2, 0), (vec3(1, 2, 3), 0)),
+        ("box", (1, 2, 4.6), (vec3(1, 2, 3), 0.1)),
+        ("torus", (4.5 + 1.2, -1.6, 0), (4.5, 0.5)),
+        ("cone", (0.3, 2.5, 0.4), (2, 1, 1)),
+        ("cone", (2.9, -2.2, 0), (2, 1, 1)),
+        ("octahedron", (0, 0, -4.5), (3,)),
+        ("octahedron", tuple([1 + 1.5 / math.sqrt(3)] * 3), (3,)),
+    ):
+        assert shapes[name](vec3(*p), *sizes) == pytest.approx(1.5), name
+    w = vec3(0.3, -0.7, 0.5)
+    r, polar, azimuth = np.linalg.norm(w), 8 * math.acos(w.y / np.linalg.norm(w)), 8 * math.atan2(w.x, w.z)
+    turned = math.sin(polar) * math.sin(azimuth), math.cos(polar), math.sin(polar) * math.cos(azimuth)
+    assert formulas.eighth(m)(w) == pytest.approx(r**8 * np.array(turned))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "scene"), [(name, scene) for name, one in ALL.items() for scene in one.least_db]
@@ -141,7 +234,11 @@ def test_a_peer_draws_the_scene(name: str, scene: str, tmp_path: Path) -> None:
 def test_what_is_not_there_says_what_it_needs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(povray.shutil, "which", lambda name: None)
     monkeypatch.setattr(peer, "HOME", tmp_path)
-    assert "povray" in (GONE.lacking() or "") and "moderngl" in (ALL["llvmpipe"].lacking() or "")
+    for one, needed in ((GONE, "povray"), (ALL["taichi"], "taichi=="), (ALL["fidget"], "cargo")):
+        assert needed in (one.lacking() or "")
+    with pytest.raises(StudyError, match="cargo") as error:
+        ALL["fidget"].install()
+    assert error.value.exit_status == cli.CANNOT_RUN
 
 
 def test_the_newest_llvm_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

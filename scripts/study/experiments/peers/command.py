@@ -16,9 +16,10 @@ from study.numbers.beside import PEERS, Peers, Program
 from study.numbers.schema import Skipped
 
 DESCRIPTION = """\
-Draws scenes without shadows and mirrors by our phases and by other programs: POV-Ray, Embree, Dr.Jit, and
-OpenGL on the CPU by Mesa's llvmpipe. A program that is not there is left out by name. --install puts those
-from PyPI into build/peers; Debian's packages are named."""
+Draws scenes without shadows and mirrors by our phases and by other programs: POV-Ray, Embree, Dr.Jit,
+Taichi, fidget, and OpenGL and OpenCL on the CPU by Mesa's llvmpipe and PoCL. A program that is not there is
+left out by name. --install puts those from PyPI and crates.io into build/peers; Debian's packages are
+named."""
 STATUSES = {cli.FAILED: "a picture is wrong", cli.CANNOT_RUN: "none of the other programs can run here"}
 
 
@@ -35,7 +36,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     running.height(parser, 180, "height of the pictures that are judged", "--error-n")
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
     add("--cpu", type=int, default=run.FASTEST, help="first CPU to pin to; default: of a fast core")
-    add("--install", action="store_true", help="put what comes from PyPI into build/peers")
+    add("--install", action="store_true", help="put what comes from PyPI and crates.io into build/peers")
     running.options(parser, PEERS, "peers")
 
 

@@ -1,7 +1,7 @@
 """What a peer is: another program that draws a scene of ours. Each module of programs/ exports one, PEER.
 
-A peer that is not there is left out by name. `--install` puts what comes from PyPI into build/peers; a Debian
-package is only named.
+A peer that is not there is left out by name. `--install` puts what comes from PyPI or crates.io into
+build/peers; a Debian package is only named.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def run(command: Sequence[str | Path], job: Job, title: str, **more: str) -> tup
 
 @dataclass(frozen=True)
 class Python(Peer):
-    """A peer that is a package of PyPI: workers/draw_NAME.py draws in an environment of its own."""
+    """A peer that is a package of PyPI: workers/draw.py NAME draws in an environment of its own."""
 
     packages: Sequence[str] = ()
     modules: str = ""
@@ -122,13 +122,14 @@ class Python(Peer):
             venvs.install(self.home, [*self.packages, "numpy"])
 
     def task(self, job: Job) -> dict[str, Any]:
-        """What its worker is told: the scene as it is, its camera, and as a kernel's text."""
+        """What its worker is told: the scene as it is, its camera, and as a kernel's text, with the distance
+        to each shape by itself."""
         data, (width, height) = job.scene.data, job.size
         data = {**data, "march": data["march"] | FLOAT}
-        turns = [shader.turn(shape.get("rotation_degrees", (0, 0, 0))).tolist() for shape in data["shapes"]]
         return {
             **{"width": width, "height": height, "threads": job.threads, "frames": job.frames},
-            **{"scene": data, "source": shader.source(data, width, height), "turns": turns},
+            **{"scene": data, "source": shader.source(data, width, height)},
+            "distances": [shader.distance(shape) for shape in data["shapes"]],
             **shader.camera(data, width, height),
             "out": str(job.folder / "picture.npy") if job.picture else None,
         }
@@ -137,7 +138,7 @@ class Python(Peer):
         path, python = job.folder / "task.json", venvs.python_of(self.home)
         store.write_json(path, self.task(job))
         more = {name: value.format(threads=job.threads) for name, value in self.environment.items()}
-        command: list[str | Path] = [python, "-I", WORKERS / f"draw_{self.name}.py", path]
+        command: list[str | Path] = [python, "-I", WORKERS / "draw.py", self.name, path]
         said, _ = run(command, job, self.title, **more)
         try:
             found = json.loads(said.strip().splitlines()[-1])

@@ -1,4 +1,4 @@
-"""A scene as the text of a shader in GLSL; its camera and its turns."""
+"""A scene as the text of a kernel in the words that GLSL and OpenCL C share; its camera and its turns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TEXT = Path(__file__).with_name("workers") / "march.h"
 
 
 def number(x: float) -> str:
-    """A float literal."""
+    """A float literal of both languages, and of Python."""
     return repr(float(x))
 
 
@@ -33,7 +33,7 @@ def turn(degrees: Sequence[float]) -> np.ndarray:
 
 
 def distance(shape: dict[str, Any]) -> str:
-    """An expression: the signed distance of the point p to the shape."""
+    """An expression, of Python as well: the signed distance of the point p to the shape."""
     at = f"(p - {vec3(shape['position'])})" if any(shape.get("position", ())) else "p"
     if any(shape.get("rotation_degrees", ())):
         rows = turn(shape["rotation_degrees"])
@@ -95,7 +95,7 @@ def source(data: dict[str, Any], width: int, height: int) -> str:
         lines += [f"d = {one};", f"if (d < least) {{ least = d; i = {i}; }}"]
     lines += ["return i;", "}", "vec3 colour_of(int i) {"]
     lines += [f"if (i == {i}) return {vec3(one['color'])};" for i, one in enumerate(of)]
-    lines += ["return vec3(0.0);", "}", "float shininess_of(int i) {"]
+    lines += [f"return {vec3([0, 0, 0])};", "}", "float shininess_of(int i) {"]
     lines += [f"if (i == {i}) return {number(one['shininess'])};" for i, one in enumerate(of)]
     lines += ["return 1.0;", "}"]
     return TEXT.read_text(encoding="utf-8").replace("@SCENE", "\n".join(lines))

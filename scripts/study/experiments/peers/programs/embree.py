@@ -9,37 +9,18 @@ import numpy as np
 
 from study.core.cli import StudyError
 from study.core.registry import Scene, find_scene
+from study.experiments.peers import shade
 from study.experiments.peers.peer import Drawn, Job, Peer
 from study.measuring import rays as packets
 
 
 def shaded(scene: Scene, rays: packets.Rays, hits: np.ndarray) -> np.ndarray:
-    """Linear colours of camera rays by what they hit, (t, shape) each, as common/scenes/README.md has them.
-    No shadows, no mirrors."""
-    data = scene.data
+    """Linear colours of camera rays by what they hit, (t, shape) each."""
     t, shape = hits.T.astype(float)
-    met = shape >= 0
+    met, d = shape >= 0, rays[:, 3:6].astype(float)
     which = shape[met].astype(int)
-    d = rays[met, 3:6].astype(float)
-    p = rays[met, :3] + t[met, None] * d
-    n = packets.normals(data, p, which)
-    n = np.where((n * d).sum(1, keepdims=True) > 0, -n, n)
-    materials = [data["materials"][s["material"]] for s in data["shapes"]]
-    colour = np.array([m["color"] for m in materials], float)[which]
-    shininess = np.array([m["shininess"] for m in materials], float)[which]
-    to = np.subtract(data["light"]["position"], p)
-    away = np.linalg.norm(to, axis=1, keepdims=True)
-    to /= away
-    facing = (n * to).sum(1, keepdims=True)
-    emission = np.array(data["light"]["emission"]) / away
-    shine = np.maximum(-((2 * facing * n - to) * d).sum(1), 0) ** shininess
-    made = colour * (0.01 + np.maximum(facing, 0) * emission)
-    made += np.where(facing > 0, 0.2 * shine[:, None] * emission, 0)
-    far = np.linalg.norm(p, axis=1, keepdims=True)
-    made *= np.exp(-data["fog"] * far**3)
-    out = np.broadcast_to(np.array(data["background"], float), (len(met), 3)).copy()
-    out[met] = np.where(far <= data["march"]["bounds_radius"], made, out[met])
-    return out
+    p = rays[met, :3] + t[met, None] * d[met]
+    return shade.colours(scene.data, d, met, p, packets.normals(scene.data, p, which), which)
 
 
 @dataclass(frozen=True)
