@@ -198,15 +198,18 @@ def test_the_formulas_of_compiled_python(monkeypatch: pytest.MonkeyPatch) -> Non
         **{"select": lambda a, b, c: b if a else c, "vec3": lambda *v: np.array(v, float).view(Vec)},
     )
     shapes, vec3 = formulas.shapes(m), m.vec3
+    edge = 1.5 + 1.5 / math.sqrt(2)  # of an octahedron
     for name, p, sizes in (
         ("sphere", (0, -3.5, 0), (2,)),
         ("plane", (9, 4.5, 9), (vec3(0, 1, 0), 3)),
         ("box", (1.9, 3.2, 0), (vec3(1, 2, 3), 0)),
         ("box", (1, 2, 4.6), (vec3(1, 2, 3), 0.1)),
-        ("torus", (4.5 + 1.2, -1.6, 0), (4.5, 0.5)),
+        ("torus", (5.7, -1.6, 0), (4.5, 0.5)),
         ("cone", (0.3, 2.5, 0.4), (2, 1, 1)),
         ("cone", (2.9, -2.2, 0), (2, 1, 1)),
+        ("cone", (0.9 + 1.8 / math.sqrt(5), 1.5 / math.sqrt(5), 1.2 + 2.4 / math.sqrt(5)), (2, 1, 1)),
         ("octahedron", (0, 0, -4.5), (3,)),
+        *(("octahedron", tuple(np.roll([0, edge, -edge], i)), (3,)) for i in range(3)),
         ("octahedron", tuple([1 + 1.5 / math.sqrt(3)] * 3), (3,)),
     ):
         assert shapes[name](vec3(*p), *sizes) == pytest.approx(1.5), name
@@ -243,6 +246,7 @@ def test_what_is_not_there_says_what_it_needs(monkeypatch: pytest.MonkeyPatch, t
 
 def test_the_newest_llvm_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     versions = {"libLLVM-15.so.1": 15, "libLLVM.so.19.1": 19, "libLLVM-17.so": 17, "libLLVM-9.so": None}
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
     with pytest.raises(StudyError, match="found: none"):
         drjit.find_llvm([tmp_path])
     for name in versions:
