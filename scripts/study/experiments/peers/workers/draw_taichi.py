@@ -29,7 +29,7 @@ power = formulas.eighth(M)
 
 
 @ti.func
-def mandelbulb(p, iterations: ti.template(), bailout):
+def mandelbulb(p, iterations, bailout):
     w, m, dz = p, p.dot(p), 1.5
     for _ in range(iterations):
         dz = 8 * m * m * m * ti.sqrt(m) * dz + 1
