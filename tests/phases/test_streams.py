@@ -34,7 +34,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def test_slope_of_scene0s_cones() -> None:
-    """The least that tells a ray lit; tests/phases/test_convex.py tries the bound on random marches."""
+    """The least that tells a ray lit; test_soft_shadow_proofs.py tries the bound on random marches."""
     assert bound(0.3458) * STRENGTH == pytest.approx(1, abs=1e-3)
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from study.core import registry, store
@@ -190,7 +190,7 @@ def phase(tmp_path, monkeypatch):
     def lay(costs_def: str, residues_def: str, lanes: int = 1) -> Path:
         (tmp_path / "costs.def").write_text(costs_def)
         (tmp_path / "residues.def").write_text(residues_def)
-        made = dataclasses.replace(registry.find_phase("baseline"), path=tmp_path, lanes=lanes)
+        made = msgspec.structs.replace(registry.find_phase("baseline"), path=tmp_path, lanes=lanes)
         monkeypatch.setattr(registry, "find_phase", lambda name: made)
         return tmp_path
 
@@ -287,7 +287,7 @@ def test_residues_are_parts_times_lanes_times_flops(phase):
 def test_a_derived_phase_has_its_ancestors_residues(tmp_path, monkeypatch):
     """Of the parts that it has itself."""
     about = store.read_json(registry.ROOT / "phases" / "opt4" / "phase.json")
-    mine = {name: about[name] for name in ("title", "family", "order", "idea", "paper")}
+    mine = {name: about[name] for name in ("title", "order", "idea", "paper")}
     mine |= {"name": "mine", "parent": "opt4", "derives": "opt4"}
     for name, data in (("opt4", about), ("mine", mine)):
         store.write_json(tmp_path / "phases" / name / "phase.json", data)

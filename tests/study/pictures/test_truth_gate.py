@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -97,24 +97,24 @@ def test_non_inferiority_is_the_inequality(mine, base, margin):
     assert failed == (mine > base + margin)
 
 
-def rung(order: int, family: str = "ladder", **tolerance: object) -> Phase:
+def later(order: int, family: str = "ladder", **tolerance: object) -> Phase:
     known = registry.find_phase("opt1")
-    return dataclasses.replace(known, name="opt9", order=order, family=family, tolerance=tolerance)
+    return msgspec.structs.replace(known, name="opt9", order=order, family=family, tolerance=tolerance)
 
 
-def test_rungs_behind_opt4_are_held_against_truth():
-    assert [gate.by_truth(rung(order)) for order in (0, 4, 5, 9)] == [False, False, True, True]
-    assert not gate.by_truth(rung(9, "truth"))
+def test_phases_behind_opt4_are_held_against_truth():
+    assert [gate.by_truth(later(order)) for order in (0, 4, 5, 9)] == [False, False, True, True]
+    assert not gate.by_truth(later(9, "truth"))
     for name in ("baseline", "opt1", "opt2", "opt3", "opt4"):
         assert not gate.by_truth(registry.find_phase(name))
 
 
 def test_margins_are_declared_with_a_reason():
     granted = {"dt_p99": 1e-6, "antialiased": {"psnr_db": 1}, "reason": "24 bits"}
-    phase = rung(5, truth=granted)
+    phase = later(5, truth=granted)
     gate.check(phase)
     assert gate.margins(phase) == {"dt_p99": 1e-6, "antialiased.psnr_db": 1}
-    assert gate.margins(rung(5)) == {}
+    assert gate.margins(later(5)) == {}
     for wrong, message in (
         ({"dt_p99": 1}, "lacks its reason"),
         ({"reason": "so"}, "bounds no metric"),
@@ -125,7 +125,7 @@ def test_margins_are_declared_with_a_reason():
         ({"outline_pixels": 9, "reason": "so"}, "whole number of pixels from 1 to 8"),
     ):
         with pytest.raises(StudyError, match=message):
-            gate.check(rung(5, truth=wrong))
+            gate.check(later(5, truth=wrong))
 
 
 def test_a_phase_that_draws_the_ideal_is_judged_by_it_and_not_by_the_estimator():
@@ -148,16 +148,16 @@ def test_a_phase_that_draws_the_ideal_is_judged_by_it_and_not_by_the_estimator()
 
 def test_the_ideal_is_declared_with_a_reason():
     granted = {"reason": "24 bits", "dt_p99": 1e-6}
-    phase = rung(11, truth=granted, ideal={"psnr_ideal_db": 90, "reason": "float"})
+    phase = later(11, truth=granted, ideal={"psnr_ideal_db": 90, "reason": "float"})
     gate.check(phase)
     assert (
         phase.draws_ideal and gate.left_to_truth(phase) and gate.ideal_bounds(phase) == {"psnr_ideal_db": 90}
     )
-    assert not rung(11, truth=granted).draws_ideal and gate.ideal_bounds(rung(11, truth=granted)) == {}
+    assert not later(11, truth=granted).draws_ideal and gate.ideal_bounds(later(11, truth=granted)) == {}
     for wrong, message in (
         ({"psnr_ideal_db": 90}, "lacks its reason"),
         ({"psnr_db": 90, "reason": "so"}, "no such metric"),
         ({"reason": "so"}, "bounds no metric"),
     ):
         with pytest.raises(StudyError, match=message):
-            gate.check(rung(11, truth=granted, ideal=wrong))
+            gate.check(later(11, truth=granted, ideal=wrong))
