@@ -98,9 +98,7 @@ def spheres_alone(whole: dict) -> dict:
 @given(random_scenes())
 def test_random_scenes(phase: str, whole: dict) -> None:
     """Whatever the numbers: status 0, nothing that is not finite. Where it is refused, of its spheres."""
-    size = (
-        (5, 3) if registry.phases()[phase].precision == "exact" else (11, 7)
-    )  # a proved pixel may take a tenth of a second
+    size = (5, 3) if phase == harness.TRUTH else (11, 7)  # a proved pixel may take a tenth of a second
     for one in (whole, spheres_alone(whole)):
         try:
             check_picture(render(phase, keep(f"random_{phase}", one), *size))
