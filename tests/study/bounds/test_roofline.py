@@ -9,8 +9,7 @@ import dataclasses
 import math
 import re
 import shutil
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import complete
@@ -19,7 +18,6 @@ import matplotlib
 import msgspec
 import pandas as pd
 import pytest
-import started
 from round_ceilings import record
 
 from study.bounds import ceilings, roof, roof_shares
@@ -33,6 +31,7 @@ from study.pictures import labels
 from study.pictures.draw import RING, STYLE, save
 
 ROOT = Path(__file__).parents[3]
+pytestmark = pytest.mark.usefixtures("few_resamples")
 PIXELS = {90: 160 * 90, 180: 320 * 180}
 
 
@@ -104,11 +103,6 @@ def change_ceiling(run: Path, name: str, precision: str, bits: int, value: float
 
 def written(run: Path, name: str) -> str:
     return tables.tables(points_of(run), roof.read(run)[1])[name][1]
-
-
-def script(*arguments: object, name: str = "roofline") -> subprocess.CompletedProcess:
-    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), name, *map(str, arguments)]
-    return started.run(command)
 
 
 def test_a_point_is_flops_over_cycles_of_each_clock(run: Path) -> None:
@@ -355,19 +349,19 @@ def test_few_launches_have_no_interval(run: Path) -> None:
 # The command, its files and its figures
 
 
-def test_what_is_missing_or_broken_is_status_2(run: Path) -> None:
+def test_what_is_missing_or_broken_is_status_2(run: Path, stepwise: Callable) -> None:
     for name, command in (("counts.json", "stepwise flops"), ("ceilings.json", "stepwise ceilings")):
         text = (run / name).read_text()
         (run / name).unlink()
-        done = script(run)
+        done = stepwise("roofline", run)
         assert done.returncode == 2 and name in done.stderr and command in done.stderr
         assert not (run / "figures").exists()
         (run / name).write_text(text)
     (run / "ceilings.json").write_text('{"schema": 1, "ceil')
-    assert script(run).returncode == 2
+    assert stepwise("roofline", run).returncode == 2
     store.write_json(run / "ceilings.json", record())
     write_counts(run, [], [])
-    assert script(run).returncode == 2
+    assert stepwise("roofline", run).returncode == 2
 
 
 def test_the_report_goes_on_without_ceilings(run: Path) -> None:
@@ -386,8 +380,8 @@ def test_the_report_goes_on_without_ceilings(run: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_tables_and_figures(run: Path, tmp_path: Path) -> None:
-    done = script(run, "--json", "-o", tmp_path / "out")
+def test_the_command_writes_tables_and_figures(run: Path, tmp_path: Path, stepwise: Callable) -> None:
+    done = stepwise("roofline", run, "--json", "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     made = emitted.result(done.stdout)
     assert made["ceilings"] == record()["ceilings"]

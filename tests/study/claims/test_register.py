@@ -268,20 +268,20 @@ def point(height: int = 2000, **shares: float) -> SimpleNamespace:
 @pytest.mark.parametrize(
     ("shares", "value", "verdict", "said"),
     [
-        ({"peak": 0.07, "roof": 0.5}, 7.0, HOLDS, "7.0 % of what its ports allow; 50.0 % of the measured"),
-        ({"peak": 0.05, "roof": 0.5}, 5.0, PART, "5.0 % of what its ports allow; 50.0 % of the measured"),
-        ({"peak": 0.08, "roof": math.nan}, 8.0, HOLDS, "8.0 % of what its ports allow (the"),
-        ({"peak": math.nan, "roof": 0.09}, 9.0, HOLDS, "peak is not known; 9.0 % of the measured"),
-        ({"peak": math.nan, "roof": math.nan}, math.nan, OPEN, ""),
+        ({"peak": 0.07, "roof": 0.5}, 7.0, HOLDS, ("7.0 %", "50.0 %")),
+        ({"peak": 0.05, "roof": 0.5}, 5.0, PART, ("5.0 %", "50.0 %")),
+        ({"peak": 0.08, "roof": math.nan}, 8.0, HOLDS, ("8.0 %",)),
+        ({"peak": math.nan, "roof": 0.09}, 9.0, HOLDS, ("9.0 %",)),
+        ({"peak": math.nan, "roof": math.nan}, math.nan, OPEN, ()),
     ],
 )
 def test_a_share_of_peak_is_of_the_theoretical_one(
-    data: Data, shares: dict, value: float, verdict: str, said: str
+    data: Data, shares: dict, value: float, verdict: str, said: tuple[str, ...]
 ) -> None:
     data.kept["points"] = {("scene0", "opt4"): point(**shares)}
     claim = claimed(scene="scene0", phase="opt4", base="", value=7.45, n=2000)
     found = register.CHECKS["share_of_peak"](data, claim)
-    assert found.verdict == verdict and said in found.here
+    assert found.verdict == verdict and all(share in found.here for share in said)
     assert found.value == pytest.approx(value, nan_ok=True)
 
 

@@ -1,8 +1,6 @@
 """Two runs side by side, made up so that the answer is known."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import complete
@@ -10,8 +8,10 @@ import emitted
 import pytest
 from compared import make_run, rows, run, sides
 
-from study.core.registry import ROOT
+from study.commands import compare
 from study.numbers import stats
+
+pytestmark = pytest.mark.usefixtures("few_resamples")
 
 TIMES = {("opt1", "s"): 100, ("opt1", "t"): 50, ("opt2", "s"): 30}
 LATER = {("opt1", "s"): 50, ("opt1", "t"): 100, ("opt2", "s"): 30, ("opt3", "s"): 5}
@@ -40,7 +40,7 @@ def test_ratios_are_those_of_the_medians(two):
     assert verdicts == {
         ("opt1", "s"): "faster",
         ("opt1", "t"): "slower",
-        ("opt2", "s"): "the same within noise",
+        ("opt2", "s"): compare.SAME,
     }
     assert found["opt1", "s"].base_ms.value == pytest.approx(100, rel=0.01)
 
@@ -66,7 +66,7 @@ def test_time_is_cycles_over_clock_and_what_moved_is_named(tmp_path):
         assert row.clock.value == pytest.approx(ghz / 3)
         assert row.time.value == pytest.approx(row.cycles.value * row.clock.value)
         by_cycles = rows(base, other, by="cycles")["opt1", "s"].verdict
-        assert by_cycles == ("faster" if cycles > 1 else "the same within noise")
+        assert by_cycles == ("faster" if cycles > 1 else compare.SAME)
 
 
 def test_too_few_launches_give_no_verdict(tmp_path):
@@ -84,8 +84,7 @@ def test_other_work_is_said_first_and_has_no_verdict(tmp_path, change):
     assert {row.verdict for row in rows(a, b).values()} == {"no verdict (other scene)"}
     done = run(a.path, b.path)
     assert done.returncode == 0, done.stderr
-    first = done.stdout.splitlines()[2]
-    assert first.startswith(f"no verdict on B: s: {name} differs (")
+    assert name in done.stdout.splitlines()[2]
     done = run(a.path, b.path, "--fail-on-slower")
     assert done.returncode == 1 and "FAIL s: " in done.stderr
     assert run(a.path, b.path, "--fail-on-slower", "--allow", "scene").returncode == 0
@@ -105,12 +104,12 @@ def test_two_machines_are_said_first_and_have_no_verdict(tmp_path, cpu, ghz):
     b = make_run(tmp_path / "b", LATER, {"cpu": cpu}, **clocked(3, 10, ghz))
     assert {row.verdict for row in rows(a, b).values()} == {"no verdict (other machine)"}
     done = run(a.path, b.path)
-    assert done.stdout.splitlines()[2].startswith("no verdict on B: other machines: Some CPU")
+    assert done.stdout.splitlines()[2].startswith(compare.NONE)
     done = run(a.path, a.path, "--fail-on-slower")
-    assert (done.returncode, "no verdict" in done.stdout) == (0, False)
+    assert (done.returncode, compare.NONE in done.stdout) == (0, False)
     assert run(a.path, b.path, "--fail-on-slower").returncode == 1
     allowed = {row.verdict for row in rows(a, b, machine_may_differ=True).values()}
-    assert allowed == {"faster", "slower", "the same within noise"}
+    assert allowed == {"faster", "slower", compare.SAME}
 
 
 def pinned(kind):
@@ -129,21 +128,21 @@ def test_two_kinds_of_core_are_said_first_and_have_no_verdict(tmp_path):
         )
     )
     done = run(a.path, b.path)
-    assert done.stdout.splitlines()[2] == "no verdict on B: other core types: P-core and E-core"
+    assert "P-core and E-core" in done.stdout.splitlines()[2]
     assert "  pinned.core_type\n    A  P-core\n    B  E-core\n" in done.stdout
     assert {row.verdict for row in rows(a, b).values()} == {"no verdict (other machine)"}
     done = run(a.path, b.path, "--fail-on-slower")
-    assert done.returncode == 1 and "FAIL other core types: P-core and E-core" in done.stderr
+    assert done.returncode == 1 and "P-core and E-core" in done.stderr
     for other in (c, d):
-        assert "no verdict" not in run(a.path, other.path).stdout
-    assert "no verdict" not in {row.verdict for row in rows(a, b, machine_may_differ=True).values()}
+        assert compare.NONE not in run(a.path, other.path).stdout
+    assert compare.NONE not in {row.verdict for row in rows(a, b, machine_may_differ=True).values()}
 
 
 def test_other_sizes_are_said_first(tmp_path):
     a, b = make_run(tmp_path / "a", TIMES), make_run(tmp_path / "b", TIMES, width=32, height=18)
     done = run(a.path, b.path)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[2] == "no verdict on B: s: other sizes (16x9 and 32x18)"
+    assert "16x9 and 32x18" in done.stdout.splitlines()[2]
     assert "A / run" not in done.stdout and "not in B" not in done.stdout
     assert run(a.path, b.path, "--fail-on-slower").returncode == 1
     assert run(a.path, b.path, "--fail-on-slower", "--allow", "size").returncode == 0
@@ -162,14 +161,11 @@ def test_a_launch_with_another_clock_is_flagged_and_can_be_left_out(tmp_path):
     assert set(side.frames["launch"]) == set(range(8))
     (rest,) = sides(made, leave_out=True)
     assert set(rest.frames["launch"]) == {0, 1, 2, 4, 6, 7}
-    assert (
-        "in A: opt1 s launch 3: core 3.2 GHz, +6.7 % off the other launches"
-        in run(made.path, made.path).stdout
-    )
-    done = run(made.path, made.path, "--leave-out-off-clock")
-    assert "left out of A: opt1 s launch 5: TSC 2.501 GHz, +0.04 % off the other launches" in done.stdout
-    warnings = stats.noise_warnings(made.frames())
-    assert "2 launches ran at another clock than the others (scripts/stepwise compare says which)" in warnings
+    for option in ([], ["--leave-out-off-clock"]):
+        said = run(made.path, made.path, *option).stdout
+        assert "opt1 s launch 3: core 3.2 GHz, +6.7 %" in said
+        assert "opt1 s launch 5: TSC 2.501 GHz, +0.04 %" in said
+    assert any(line.startswith("2 launches") for line in stats.noise_warnings(made.frames()))
 
 
 def test_many_runs_beside_one_base(two, tmp_path):
@@ -191,7 +187,7 @@ def test_json(two):
     done = run(two[0].path, two[1].path, "--json")
     assert done.returncode == 0, done.stderr
     said = emitted.result(done.stdout)
-    assert [row["verdict"] for row in said["rows"]] == ["faster", "the same within noise", "slower"]
+    assert [row["verdict"] for row in said["rows"]] == ["faster", compare.SAME, "slower"]
     builds = {"A": "gcc 12, glibc 2.36, -O3", "B": "gcc 13, glibc 2.40, -O3"}
     assert said["differences"] == {
         "libc": {"A": "glibc 2.36", "B": "glibc 2.40"},
@@ -207,14 +203,12 @@ def test_text(two):
     assert "time A / run [95 %]" in done.stdout
     assert "only in B: opt3 s 16x9" in done.stdout
     assert "    A  glibc 2.36\n    B  glibc 2.40\n" in done.stdout
-    done = run(two[0].path, two[0].path)
-    assert "machine, compiler and commit are the same" in done.stdout
 
 
 def test_status_tells_of_something_slower(two, tmp_path):
     a, b = (each.path for each in two)
     done = run(a, b, "--fail-on-slower")
-    assert (done.returncode, done.stderr) == (1, "FAIL slower in B: opt1 t 16x9\n")
+    assert done.returncode == 1 and done.stderr.count("FAIL") == 1 and "opt1 t" in done.stderr
     assert run(a, b).returncode == 0
     quick = make_run(tmp_path / "quick", {key: ms / 2 for key, ms in TIMES.items()})
     assert run(a, quick.path, "--fail-on-slower").returncode == 0
@@ -228,21 +222,20 @@ def verified(made, **within) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("times", "within", "kind", "said"),
+    ("times", "within", "kind"),
     [
-        ({("opt1", "s"): 1}, {"opt1": True, "opt2": True}, "vanished", "not in B: opt2 s 16x9"),
-        ({}, {"opt1": True, "opt2": False}, "failed", "outside its tolerance in B: opt2 s"),
-        ({}, {"opt1": True}, "unverified", "not verified in B: opt2 s"),
-        ({}, {"opt1": True, "opt2": None}, "unverified", "not verified in B: opt2 s"),
+        ({("opt1", "s"): 1}, {"opt1": True, "opt2": True}, "vanished"),
+        ({}, {"opt1": True, "opt2": False}, "failed"),
+        ({}, {"opt1": True}, "unverified"),
+        ({}, {"opt1": True, "opt2": None}, "unverified"),
     ],
 )
-def test_a_phase_that_is_gone_or_wrong_or_unjudged_stops_the_gate(tmp_path, times, within, kind, said):
+def test_a_phase_that_is_gone_or_wrong_or_unjudged_stops_the_gate(tmp_path, times, within, kind):
     both = {("opt1", "s"): 1, ("opt2", "s"): 1}
     a = verified(make_run(tmp_path / "a", both), opt1=True, opt2=True)
     b = verified(make_run(tmp_path / "b", times or both), **within)
     done = run(a, b, "--fail-on-slower")
-    assert (done.returncode, done.stderr) == (1, f"FAIL {said}\n")
-    assert said in done.stdout
+    assert done.returncode == 1 and done.stderr.count("FAIL") == 1 and "opt2 s" in done.stderr
     assert run(a, b, "--fail-on-slower", "--allow", kind).returncode == 0
     assert run(a, b).returncode == 0
     assert run(a, a, "--fail-on-slower").returncode == 0
@@ -250,17 +243,9 @@ def test_a_phase_that_is_gone_or_wrong_or_unjudged_stops_the_gate(tmp_path, time
 
 def test_nothing_to_compare_is_an_error(two, tmp_path):
     other = make_run(tmp_path / "other", {("opt4", "s"): 1})
-    assert "no phase, scene and size in common" in run(two[0].path, other.path).stderr
+    assert run(two[0].path, other.path).returncode == 2
     empty = make_run(tmp_path / "empty", {})
     done = run(two[0].path, empty.path)
     assert done.returncode == 2
-    assert f"no timed frame; measure with scripts/stepwise sweep --run {empty.path} --resume" in done.stderr
+    assert f"stepwise sweep --run {empty.path} --resume" in done.stderr
     assert "not a run" in run(two[0].path, tmp_path).stderr
-
-
-def test_a_full_disk_behind_the_output_is_told_in_one_line(two):
-    command = [sys.executable, ROOT / "scripts" / "stepwise", "compare", two[0].path, two[1].path]
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
-    assert done.returncode == 2
-    assert done.stderr.strip() == "stepwise compare: standard output: No space left on device"

@@ -2,13 +2,10 @@
 
 import shutil
 import subprocess
-import sys
 
 import pytest
-import started
 
 from study.core import commands
-from study.core.registry import ROOT
 
 PRESS = """\
 source "$1"
@@ -25,10 +22,9 @@ def scripts(tmp_path_factory):
     """Shell -> its script."""
     folder, made = tmp_path_factory.mktemp("completion"), {}
     for shell in ("bash", "zsh"):
-        done = started.run([sys.executable, ROOT / "scripts" / "stepwise", "completion", shell])
-        assert done.returncode == 0, done.stderr
+        (script,) = commands.called("completion", [shell])[0].lines
         made[shell] = folder / shell
-        made[shell].write_text(done.stdout)
+        made[shell].write_text(script)
     return made
 
 

@@ -72,13 +72,13 @@ def test_phase_json_is_filled(root):
 
 
 def test_notes_are_a_fresh_skeleton(root):
-    (root / "phases/opt2/NOTES.md").write_text("# opt2\nwhat was measured there\n")
+    (root / "phases/opt2/NOTES.md").write_text("# opt2\nzebra\n")
     made = new_phase.create("x", "opt2", root)
     notes = (made / "NOTES.md").read_text()
-    assert "what was measured there" not in notes
+    assert "zebra" not in notes
     headings = [line for line in notes.splitlines() if line.startswith("#")]
     wanted = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
-    assert headings == ["# x: FILL IN the idea in a few words", *(f"## {title}" for title in wanted)]
+    assert headings[0].startswith("# x: FILL IN") and headings[1:] == [f"## {title}" for title in wanted]
 
 
 @pytest.mark.slow
@@ -86,7 +86,7 @@ def test_notes_are_a_fresh_skeleton(root):
     "name", ["", "Opt", "4opt", "opt-4", "opt4@opt2", "../opt", "opt 4", "a/b", "öpt", "a\n"]
 )
 def test_bad_names_are_refused(root, name):
-    with pytest.raises(StudyError, match="is no phase name"):
+    with pytest.raises(StudyError, match=re.escape(repr(name))):
         new_phase.create(name, "opt2", root)
 
 
@@ -103,7 +103,7 @@ def test_taken_name_and_unknown_parent_are_refused(root):
     for name in ("opt1", "half"):
         with pytest.raises(StudyError, match=f"phases/{name} exists already"):
             new_phase.create(name, "opt2", root)
-    with pytest.raises(StudyError, match="no phase 'op2'; did you mean opt2"):
+    with pytest.raises(StudyError, match=r"'op2'.*opt2"):
         new_phase.create("x", "op2", root)
 
 
@@ -111,10 +111,10 @@ def test_a_failure_leaves_nothing_behind(root, monkeypatch):
     before = set((root / "phases").iterdir())
 
     def full(self, target):
-        raise OSError(28, "No space left on device")
+        raise OSError(28, "full")
 
     monkeypatch.setattr(Path, "rename", full)
-    with pytest.raises(StudyError, match="phases/x: No space left on device"):
+    with pytest.raises(StudyError, match="phases/x: full"):
         new_phase.create("x", "opt2", root)
     assert set((root / "phases").iterdir()) == before
 

@@ -123,7 +123,7 @@ def test_every_experiment_has_a_quick_depth_or_says_why_not():
     for name, one in ALL.items():
         assert not one.cut or one.cut.endswith("."), name
         if one.depth != "quick":
-            assert one.cut, f"{name}: why has a quick study none of it?"
+            assert one.cut, name
         elif name != "sweep":
             quick, standard = (one.calls(study_of(depth)) for depth in ("quick", "standard"))
             assert bool(one.cut) == (quick != standard), name
@@ -151,7 +151,7 @@ def done(tmp_path, monkeypatch) -> list[tuple[str, list[str]]]:
 
 def test_a_page_is_written_before_all_phases_are_built(done, tmp_path, monkeypatch):
     outcome = run_study.run(arguments(tmp_path))
-    assert outcome.ended == cli.CRASHED, "functions has a bug, and all the others are done"
+    assert outcome.ended == cli.CRASHED
     assert [name for name, _ in done[:4]] == ["build", "sweep", "report", "build"]
     first, timed, page, every = (what for _, what in done[:4])
     assert len(first) < len(every) == len(registry.ladder())

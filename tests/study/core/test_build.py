@@ -145,9 +145,9 @@ def test_a_derived_phase_is_its_folder_laid_over_its_parents(root):
 @pytest.mark.parametrize(
     ("keys", "said"),
     [
-        ({"derives": "nobody"}, "there is no phase 'nobody'"),
-        ({"derives": "child"}, "child derives from child itself"),
-        ({"without": ["nothing.c"]}, "the parent has no 'nothing.c'"),
+        ({"derives": "nobody"}, "'nobody'"),
+        ({"derives": "child"}, "child .* child"),
+        ({"without": ["nothing.c"]}, "'nothing.c'"),
     ],
 )
 def test_a_lineage_that_is_none_is_said_in_a_line(root, keys, said):

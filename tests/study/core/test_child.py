@@ -76,12 +76,12 @@ def test_a_compiler_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 
 
 def test_a_driver_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv(child.LIMIT, "1")
-    lines = run._lines(["sh", "-c", "for i in 1 2 3; do echo $i; sleep 0.6; done; exec sleep 600"], None, 0)
+    monkeypatch.setenv(child.LIMIT, "0.5")
+    lines = run._lines(["sh", "-c", "for i in 1 2 3; do echo $i; sleep 0.3; done; exec sleep 600"], None, 0)
     found = []
-    with pytest.raises(run.DriverError, match=r"sh: no end after 1 s; killed"):
+    with pytest.raises(run.DriverError, match=r"sh: no end after 0.5 s; killed"):
         found += lines  # three lines, for longer than the limit: each sets the watch again
-    lines = run._lines(["sh", "-c", "for i in 1 2 3; do echo $i; sleep 0.6; done"], None, 0)
+    lines = run._lines(["sh", "-c", "for i in 1 2 3; do echo $i; sleep 0.3; done"], None, 0)
     assert list(lines) == ["1\n", "2\n", "3\n"]
 
 

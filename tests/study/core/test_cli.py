@@ -110,7 +110,7 @@ def test_an_option_is_written_the_same_way_everywhere(command):
                 placeholder = commands.OPTIONS[name][0]
                 assert (action.nargs == 0) == (placeholder is None)
                 assert placeholder in (None, shown), f"{command.name}: {name} {shown}"
-        assert "--seconds" not in action.option_strings, "the time for measuring is --budget"
+        assert "--seconds" not in action.option_strings
         if not action.option_strings and "run" in action.dest:
             assert shown == "RUN"
 

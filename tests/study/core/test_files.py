@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -55,11 +53,10 @@ def test_a_broken_file_is_named_with_its_key(name: str, how: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("name", ["context.json", "plan.json", "verify.json", "frames.jsonl"])
-def test_a_command_ends_with_status_2(name: str, tmp_path: Path) -> None:
+def test_a_command_ends_with_status_2(name: str, tmp_path: Path, stepwise: Callable) -> None:
     run = tmp_path / "run"
     shutil.copytree(FIXTURE, run)
     (run / name).write_text('{"pairs": 1, "schema": 9, "configurations": 1}\n')
-    command = [sys.executable, ROOT / "scripts" / "stepwise", "tables", run, "-o", tmp_path / "out"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = stepwise("tables", run, "-o", tmp_path / "out")
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1, done.stderr
     assert str(run / name) in done.stderr

@@ -43,31 +43,29 @@ def test_a_place_that_moved_is_found_but_not_guessed():
     assert patches.apply({"f": text(moved)}, patch_of(old, new)) == {
         "f": text([*moved[:12], "added", *moved[12:]])
     }
-    with pytest.raises(PatchError, match=r"t\.patch:3: does not apply to x/f"):
+    with pytest.raises(PatchError, match=r"t\.patch:3: .* x/f"):
         patches.apply({"f": text([*moved, *moved])}, patch_of(old, new))  # two places
 
 
 def test_a_changed_line_of_context_is_refused_with_its_place():
     old = [f"line {i}" for i in range(20)]
     changed = [*old[:9], "edited", *old[10:]]
-    with pytest.raises(
-        PatchError, match=r"p/x/ablations/t\.patch:3: does not apply to x/f, which has changed"
-    ):
+    with pytest.raises(PatchError, match=r"p/x/ablations/t\.patch:3: .* x/f"):
         patches.apply({"f": text(changed)}, patch_of(old, [*old[:10], "added", *old[10:]]))
 
 
 @pytest.mark.parametrize(
-    ("diff", "words"),
+    ("diff", "line"),
     [
-        (["--- a/g", "+++ b/g", "@@ -1 +1 @@", "-a", "+b"], r"names no file of the phase; there are f"),
-        (["--- a/f", "+++ b/f", "@@ -1,2 +1,2 @@", "-a", "+b"], "the hunk ends early"),
-        (["--- a/f", "+++ b/f", "@@ -1 +1 @@", "-a", "-b", "+b"], "not as many as its head says"),
-        (["--- a/f", "+++ b/f", "nonsense"], "is no line of a unified diff"),
-        (["@@ -1 +1 @@", "-a", "+b"], "a hunk before its file"),
+        (["--- a/g", "+++ b/g", "@@ -1 +1 @@", "-a", "+b"], 2),
+        (["--- a/f", "+++ b/f", "@@ -1,2 +1,2 @@", "-a", "+b"], 3),
+        (["--- a/f", "+++ b/f", "@@ -1 +1 @@", "-a", "-b", "+b"], 3),
+        (["--- a/f", "+++ b/f", "nonsense"], 3),
+        (["@@ -1 +1 @@", "-a", "+b"], 1),
     ],
 )
-def test_a_broken_diff_is_refused(diff, words):
-    with pytest.raises(PatchError, match=words):
+def test_a_broken_diff_is_refused(diff, line):
+    with pytest.raises(PatchError, match=rf"t\.patch:{line}: "):
         patches.apply({"f": "a\n"}, patches.Patch(Path("p/x/ablations/t.patch"), {}, tuple(diff), 1))
 
 
@@ -91,10 +89,10 @@ def small_root(root: Path, **heads: dict[str, str | None]) -> Path:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"what": None}, "its head lacks 'what"),
-        ({"direction": "up"}, "direction is 'up', must be added or removed"),
-        ({"colour": "red"}, r"t\.patch:5: 'colour: red' is no line 'key: value'"),
-        ({"after": "gone"}, r"no ablation 'opt1\+gone', which .*t\.patch comes after; opt1 has t"),
+        ({"what": None}, "'what"),
+        ({"direction": "up"}, "direction .*'up'"),
+        ({"colour": "red"}, r"t\.patch:5: 'colour: red'"),
+        ({"after": "gone"}, r"'opt1\+gone', .*t\.patch .*opt1 has t"),
         ({"after": "t"}, r"t\.patch: comes after itself"),
     ],
 )
@@ -159,10 +157,10 @@ def test_an_ablation_is_a_phase_by_name():
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("opt1+arays", r"no ablation of opt1 'arays'; did you mean arrays\?"),
-        ("opt1+", "no ablation of opt1 ''"),
-        ("opt1+../../x", "no ablation of opt1"),
-        ("op1+arrays", "no phase 'op1'; did you mean opt1"),
+        ("opt1+arays", r"'arays'.* arrays\?"),
+        ("opt1+", "opt1 ''"),
+        ("opt1+../../x", "opt1"),
+        ("op1+arrays", "'op1'.* opt1"),
     ],
 )
 def test_an_unknown_ablation_is_refused_with_what_is_near(name, words):

@@ -94,13 +94,13 @@ def test_an_unknown_phase_is_refused(text):
 
 
 def test_an_unknown_name_names_the_nearest():
-    with pytest.raises(StudyError, match="no phase 'op4'; did you mean opt4"):
+    with pytest.raises(StudyError, match=r"'op4'.* opt4"):
         registry.find_phase("op4")
-    with pytest.raises(StudyError, match="no scene 'mandlebulb'; did you mean mandelbulb"):
+    with pytest.raises(StudyError, match=r"'mandlebulb'.* mandelbulb"):
         registry.find_scene("mandlebulb")
     with pytest.raises(StudyError, match=r"no scene 'xyz'; there are .*cubes"):
         registry.find_scene("xyz")
-    with pytest.raises(StudyError, match="'flythrough' stands in common/scenes/animated: it is"):
+    with pytest.raises(StudyError, match=r"'flythrough' .* common/scenes/animated"):
         registry.find_scene("flythrough")
 
 

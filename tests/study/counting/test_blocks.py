@@ -79,10 +79,8 @@ def test_a_wrong_count_is_told():
     functions["calls_inner"].load += 1
     edges = calibration.expected_edges("calls", 1)
     edges["calls_maybe"]["calls_inner"] = 4
-    assert calibration.differences(functions, "calls", 1, edges) == [
-        "calls, calls_inner, loaded: 289 instead of 288",
-        "calls, calls by calls_maybe: {'calls_inner': 4} instead of {'calls_inner': 5}",
-    ]
+    loaded, called = calibration.differences(functions, "calls", 1, edges)
+    assert "calls_inner, loaded: 289" in loaded and "calls_maybe: {'calls_inner': 4}" in called
     assert "sse, sse_double, calls: 0 instead of 1" in calibration.differences({}, "sse", 1)
 
 

@@ -94,7 +94,7 @@ def test_its_head_is_understood(name):
     assert not broken
     assert found.spec == Spec.parse(name) and found.against != found.spec
     assert found.what and "(" in found.paper and found.scenes
-    assert registry.find_phase(name).tolerance, f"{name}: held to no tolerance (its head may name a phase's)"
+    assert registry.find_phase(name).tolerance
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -325,8 +325,9 @@ def test_the_gain_is_the_steps_whichever_side_has_it(added, gain):
 def test_a_step_that_was_given_up_says_why():
     slow, fast = (made(base_ns=ns, paper="not satisfying (x)") for ns in (4.0, 10.0))
     assert slow.claim == verdicts.HOLDS and ablations.said(slow).endswith(": no faster")
+    without = ablations.said(slow)
     slow.failed = ["psnr_db"]
-    assert ablations.said(slow).endswith(": too wrong and no faster")
+    assert ablations.said(slow) not in (without, verdicts.HOLDS, verdicts.FAILS)
     assert ablations.said(fast) == fast.claim == verdicts.FAILS
 
 

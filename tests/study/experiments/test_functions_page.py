@@ -120,6 +120,7 @@ def test_the_command_and_its_chapter(tmp_path: Path) -> None:
     assert show.markdown(show.table(found.entries, tables.ENTRIES)) == parts["functions-all"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [[], ["evaluate", "--id", "1"], ["sing"]])
 def test_bad_arguments_of_the_bench(words: list[str]) -> None:
     command = [function_bench.program(), *words]

@@ -146,7 +146,7 @@ def test_listed_and_left_out_are_everything(kinds):
     frame = {"warmup": False, "ns": 1_000_000, "core_cycles": 3e6}
     about |= {"frames": [frame]}
     if "phase" not in kinds:
-        with pytest.raises(StudyError, match="no sample in the timed frames"):
+        with pytest.raises(StudyError, match="no sample"):
             profiles.profile(recording, about, built, "shipped")
         return
     found = profiles.profile(recording, about, built, "shipped").profile

@@ -16,6 +16,8 @@ from study.core.registry import ROOT
 from study.numbers import exports, history, stats
 from study.report import history_chapter
 
+pytestmark = pytest.mark.usefixtures("few_resamples")
+
 ZEN = {"cpu": {"model": "Some CPU", "microarchitecture": "Zen", "logical_cpus": 2}}
 SIZE = ("s", 16, 9, 1)
 
@@ -114,9 +116,9 @@ def test_a_slow_hour_is_no_slower_phase(tmp_path):
 
 
 def test_the_interval_of_a_change_holds_the_true_one():
-    """300 pairs of runs of 8 launches, 3 % of noise in a launch and 10 % of it in a run's rounds."""
+    """200 pairs of runs of 8 launches, 3 % of noise in a launch and 10 % of it in a run's rounds."""
     random, held = np.random.default_rng(5), 0
-    for _ in range(300):
+    for _ in range(200):
         pairs = []
         for speed_up in (4.0, 5.0):
             rounds = random.normal(1, 0.1, 8)
@@ -124,7 +126,7 @@ def test_the_interval_of_a_change_holds_the_true_one():
             pairs.append((100 * rounds * noise[0], 100 / speed_up * rounds * noise[1]))
         found = stats.change_interval(*pairs)
         held += found.low <= 1.25 <= found.high
-    assert held / 300 >= 0.9
+    assert held / 200 >= 0.9
 
 
 def chapter(results, monkeypatch, times):

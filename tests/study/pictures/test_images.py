@@ -26,9 +26,9 @@ def test_a_ppm_is_read_or_refused(tmp_path):
     assert images.read_ppm(path).tolist() == [[[10, 1, 2], [3, 4, 5]]]
     for broken in (b"", b"P6\n2 1\n255\n\0\1\2\3\4", b"P5\n6 1\n255\n\0\1\2\3\4\5", b"P6\nx 1\n255\n\0\1\2"):
         path.write_bytes(broken)
-        with pytest.raises(StudyError, match="not a whole binary PPM of 8 bits"):
+        with pytest.raises(StudyError, match=r"shown\.ppm"):
             images.read_ppm(path)
-    with pytest.raises(StudyError, match="cannot be read: No such file"):
+    with pytest.raises(StudyError, match=r"none\.ppm"):
         images.read_ppm(tmp_path / "none.ppm")
 
 
@@ -163,7 +163,7 @@ def test_pictures_of_unlike_form_are_refused(blank):
     with pytest.raises(StudyError, match="10x10 and 12x10"):
         images.compare(blank(), blank(10, 12))
     colour = {name: blank()[name] for name in "RGB"}
-    with pytest.raises(StudyError, match="lacks the channels Z id"):
+    with pytest.raises(StudyError, match="Z id"):
         images.compare(blank(), colour)
 
 

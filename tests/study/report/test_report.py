@@ -170,10 +170,10 @@ def test_the_command_repeats_the_plan(run: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "said"),
     [
-        ("verify.json", "scripts/stepwise verify --run RUN measures it"),
-        ("context.json", "context.json is missing"),
-        ("plan.json", "plan.json is missing"),
-        ("frames.jsonl", "No frame was timed in this run"),
+        ("verify.json", "scripts/stepwise verify --run RUN"),
+        ("context.json", "context.json"),
+        ("plan.json", "plan.json"),
+        ("frames.jsonl", "No frame"),
     ],
 )
 def test_a_missing_file_is_stated_and_no_crash(run: Path, quick: Callable, file: str, said: str) -> None:
@@ -184,7 +184,7 @@ def test_a_missing_file_is_stated_and_no_crash(run: Path, quick: Callable, file:
 def test_an_empty_run_still_makes_a_page(tmp_path: Path) -> None:
     (tmp_path / "run").mkdir()
     page, _ = page_of(tmp_path / "run", tmp_path)
-    for said in ("No frame was timed", "make flops measures it", "recorded no phase"):
+    for said in ("No frame", "make flops", "recorded no phase"):
         assert said in page.text
     assert page.bad == ""
 
@@ -208,7 +208,7 @@ def test_pictures_and_failing_heat_maps_are_in_the_page(run: Path, quick: Callab
     assert {"contact-sheet.png", "map.png"} <= {
         path.name for path in (tmp_path / "out" / "figures").iterdir()
     }
-    assert "scripts/stepwise pictures --run RUN measures it" not in page.text
+    assert "scripts/stepwise pictures --run RUN" not in page.text
 
 
 def test_phases_come_from_the_plan_with_their_notes(

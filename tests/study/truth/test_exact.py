@@ -150,7 +150,7 @@ def test_repetition_and_bounds():
     [((0, 0, 0), (0, 0, 0)), ((math.nan, 0, 0), (0, 0, 1)), ((0, 0, 0), (math.inf, 0, 1))],
 )
 def test_what_is_no_ray_is_refused(origin, direction):
-    with pytest.raises(StudyError, match="a ray needs finite numbers"):
+    with pytest.raises(StudyError, match="finite"):
         exact.first_hit(several(BALL), origin, direction)
 
 

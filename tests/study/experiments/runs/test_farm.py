@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import started
 
 from study.core import cli, commands
 from study.core.cli import StudyError
@@ -193,8 +192,8 @@ def test_a_cluster_that_is_not_there_is_one_line(words: list[str], dask: None, t
         (["stability", "--workers", "2", "--shards", "9", "--", "--case", "7"], "--shards 9"),
     ],
 )
-def test_bad_input_is_one_line(words: list[str], said: str) -> None:
-    done = started.run([sys.executable, STEPWISE, "farm", *words])
+def test_bad_input_is_one_line(words: list[str], said: str, stepwise: Callable) -> None:
+    done = stepwise("farm", *words)
     assert done.returncode == cli.BAD_INPUT and said in done.stderr.splitlines()[-1]
 
 

@@ -126,7 +126,7 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
     store.write_json(tmp_path / FILE, Frames(schema=1, launches=6, threads=2, rows=[row, half]))
     chapter = frames_chapter.rates(tmp_path)
     text = chapter.parts[0].markdown
-    assert "| 61.0 |" in text and "opt8_streams: 58.0, on the bulb 62.0; 99.9" in text
+    assert "| 61.0 |" in text and "opt8_streams: 58.0, " in text and "62.0; 99.9" in text
     assert "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text
     assert "61.5 [60" in chapter.answer and "50.0 dB (4×4 means) to opt3" in chapter.answer
     assert "16.5 (largest of 120)" in text
