@@ -17,6 +17,7 @@ from study.core import registry
 FORM = (
     "test_same_call_same_bits",
     "test_threads",
+    "test_threads_of_many_tiles",
     "test_record",
     "test_missing_instruction_set",
     "test_bad_scene",
@@ -26,8 +27,26 @@ FORM = (
 # Asked of the reference alone: whether its pictures are what the words say, and show each feature. The others
 # are held against its pictures.
 OF_THE_REFERENCE = ("test_features_show", "test_picture_is_what_the_words_say")
+# The quick half: of these, each phase takes another one in so many; the rest is slow.
+SHARES = {
+    "test_feature": 8,
+    "test_shape": 3,
+    "test_special_points": 3,
+    "test_placed": 3,
+    "test_many_shapes": 3,
+}
+SHARES |= {"test_mandelbulb": 3, "test_mandelbox": 3, "test_mandelbulb_at_its_poles": 3}
+SHARES |= {"test_random_scenes": 2, "test_hits_are_where_geometry_says": 6}
+# Of truth, whose pixels take milliseconds, and in NumPy.
+SLOW = re.compile(
+    r"test_(hits_are_where_geometry_says|what_is_displayed_is_the_picture|same_call_same_bits)\[truth\]|"
+    r"test_feature\[everything-truth\]|"
+    r"test_picture_is_what_the_words_say\[(everything|mirrors_3|mirrors_fog_sky)-|"
+    r"test_mandelbulb\[7-256-|test_mandelbox\[shrinking-"
+)
 # What a sanitized build is asked: each feature that has code of its own once, cut tiles, threads, any scene.
-SANITIZED = ("test_feature", "test_sizes", "test_threads", "test_random_scenes", "test_many_shapes")
+SANITIZED = ("test_feature", "test_sizes", "test_threads", "test_threads_of_many_tiles", "test_random_scenes")
+SANITIZED += ("test_many_shapes",)
 SANITIZED_FEATURES = re.compile(
     r"everything|shapes_64$|shadows_(hard|ideal)|mirrors_facing_2|mandelbox_(plane|bulb)|rounded_soft|camera_within|"
     r"nothing_to_see|crowd|hits_in_one_column|bounds_radius_large|repeated_all|max_steps_1$|bulb_within"
@@ -46,14 +65,18 @@ def asked(item: pytest.Item) -> bool:
     return name in FORM or not registry.phases()[phase].approximate
 
 
+def in_its_share(item: pytest.Item) -> bool:
+    """Whether the quick half has it: all of them if a phase alone is asked."""
+    share = SHARES.get(item.originalname, 1)
+    return zlib.crc32(item.name.encode()) % share == 0
+
+
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     mine = [item for item in items if item.path.parent == Path(__file__).parent]
     left = [item for item in mine if not asked(item)]
     for item in mine:
-        # Every phase draws another quarter of the features in `make test`; all of them if it alone is asked.
-        drawn = item.originalname == "test_feature" and not config.getoption("phase")
-        if drawn and zlib.crc32(item.name.encode()) % 4:
+        if not config.getoption("phase") and (not in_its_share(item) or SLOW.match(item.name)):
             item.add_marker(pytest.mark.slow)
     if left:
         dropped = set(left)

@@ -311,24 +311,36 @@ def test_same_call_same_bits(phase: str, monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_threads(phase: str) -> None:
     """More than one only where phase.json says so, and then without a bit of difference: odd numbers, more of
-    them than rows, than pixels, than tiles of any sensible size."""
+    them than rows, than pixels, than tiles."""
     path = keep("everything", FEATURES["everything"])
     if not registry.phases()[phase].threads:
         check_refusal(call(phase, path, "-n", 9, "--threads", 2), 4)
         return
-    cases = [((17, 9), (3,)), ((1, 1), (2, 64))]
-    if precision(phase) != "exact":  # a proved pixel takes milliseconds; one tile, whatever the phase's lanes
-        cases += [((97, 41), (2, 7)), *((size, (5,)) for size in ((32, 8), (32, 32), (64, 64), (32, 128)))]
-    for (width, height), numbers in cases:
-        alone = render(phase, path, width, height)
-        for threads in numbers:
-            same_bits(render(phase, path, width, height, "--threads", threads), alone)
-    # many tiles, and a sphere in the first place: a worker's memory before its first shadow ray is all of it;
-    # and a width of sixteens, whose rows may go past the caches
+    same_by_threads(phase, path, {(17, 9): [3], (1, 1): [2, 64]})
+    if precision(phase) != "exact":  # a proved pixel takes milliseconds
+        same_by_threads(phase, path, {(57, 41): [7]})
+
+
+@pytest.mark.slow
+def test_threads_of_many_tiles(phase: str) -> None:
+    """And of one tile, whatever the phase's lanes."""
+    if not registry.phases()[phase].threads or precision(phase) == "exact":
+        return
+    path = keep("everything", FEATURES["everything"])
+    same_by_threads(
+        phase, path, {(97, 41): [2, 7], (32, 8): [5], (32, 32): [5], (64, 64): [5], (32, 128): [5]}
+    )
+    # a sphere in the first place: a worker's memory before its first shadow ray is all of it; and a width of
+    # sixteens, whose rows may go past the caches
     path = keep("sphere_first", scene([*ROOM[1:], FLOOR], light={"shadows": "soft"}))
-    alone = render(phase, path, 208, 60) if precision(phase) != "exact" else None
-    for threads in (3, 64) if alone else ():
-        same_bits(render(phase, path, 208, 60, "--threads", threads), alone)
+    same_by_threads(phase, path, {(208, 60): [3, 64]})
+
+
+def same_by_threads(phase: str, path: Path, numbers: dict[tuple[int, int], list[int]]) -> None:
+    for size, counts in numbers.items():
+        alone = render(phase, path, *size)
+        for threads in counts:
+            same_bits(render(phase, path, *size, "--threads", threads), alone)
 
 
 def test_deepest_mirrors(phase: str) -> None:
