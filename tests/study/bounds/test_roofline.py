@@ -6,6 +6,7 @@ At n = 180 the fixture's opt4 takes 2000 core cycles and 1250 TSC cycles per pix
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import re
 import shutil
@@ -23,6 +24,7 @@ from round_ceilings import record
 from study.bounds import ceilings, roof, roof_shares
 from study.bounds.roof import Point
 from study.core import store
+from study.core.run_schema import Context
 from study.counting.counts import Counts
 from study.counting.schema import Executed, Measurement
 from study.experiments.roofline import chapter, figures, tables
@@ -30,7 +32,7 @@ from study.numbers import analysis
 from study.pictures import labels
 from study.pictures.draw import RING, STYLE, save
 
-ROOT = Path(__file__).parents[3]
+FIXTURE = Path(__file__).parents[2] / "fixtures" / "run"
 pytestmark = pytest.mark.usefixtures("few_resamples")
 PIXELS = {90: 160 * 90, 180: 320 * 180}
 
@@ -77,15 +79,25 @@ def write_counts(run: Path, several: list[Measurement], declared: list[dict]) ->
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    run = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
+    run = Path(shutil.copytree(FIXTURE, tmp_path / "machine" / "run"))
     store.write_json(run / "ceilings.json", record())
     write_counts(run, [OPT4, OPT3], [DECLARED, BASELINE])
     return run
 
 
+@functools.cache
+def timed() -> analysis.Data:
+    """The fixture's frames, which no test here changes: a quarter of a second."""
+    return analysis.load(FIXTURE)
+
+
+def loaded(run: Path) -> analysis.Data:
+    return dataclasses.replace(timed(), path=run, context=Context.load(run / "context.json"), kept={})
+
+
 def points_of(run: Path) -> list[Point]:
     counted, limits, _ = roof.read(run, strict=False)
-    return roof.points(analysis.load(run), counted, limits)
+    return roof.points(loaded(run), counted, limits)
 
 
 def point(run: Path, phase: str, n: int) -> Point:
@@ -200,7 +212,7 @@ def test_where_no_access_of_its_width_was_measured_the_best_of_any_stands(
 
 
 def under_the_points(run: Path) -> str:
-    parts = chapter.roofline(analysis.load(run)).parts
+    parts = chapter.roofline(loaded(run)).parts
     return next(part for part in parts if part.name == "roofline").foot
 
 
@@ -293,7 +305,7 @@ def test_ceilings_of_another_machine_are_marked(run: Path) -> None:
     for change in ({"cpu": {"model": "Other CPU"}}, {"tsc_hz": 3e9}):
         store.write_json(run / "ceilings.json", record() | change)
         assert point(run, "opt4", 180).foreign_ceilings
-        section = chapter.roofline(analysis.load(run))
+        section = chapter.roofline(loaded(run))
         part = next(part for part in section.parts if part.name == "roofline")
         assert "another machine" in section.remarks[0] and "another machine" in part.markdown
         assert all("another machine" in written(run, name) for name in ("roofline", "table6"))
@@ -366,7 +378,7 @@ def test_what_is_missing_or_broken_is_status_2(run: Path, stepwise: Callable) ->
 
 def test_the_report_goes_on_without_ceilings(run: Path) -> None:
     (run / "ceilings.json").unlink()
-    data = analysis.load(run)
+    data = loaded(run)
     counted, limits, notes = roof.read(run, strict=False)
     points = roof.points(data, counted, limits)
     assert limits is None and len(notes) == 1

@@ -86,7 +86,7 @@ def test_notes_are_a_fresh_skeleton(root):
     "name", ["", "Opt", "4opt", "opt-4", "opt4@opt2", "../opt", "opt 4", "a/b", "öpt", "a\n"]
 )
 def test_bad_names_are_refused(root, name):
-    with pytest.raises(StudyError, match=re.escape(repr(name))):
+    with pytest.raises(StudyError, match=f"'{re.escape(name)}'"):
         new_phase.create(name, "opt2", root)
 
 

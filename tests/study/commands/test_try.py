@@ -118,16 +118,10 @@ def side() -> try_.Side:
 
 
 def test_cells_of_a_side():
-    assert try_.cells(side()) == {
-        "time of a frame, ms [95 %]": "12.50 [12.25,\u00a012.75]",
-        "PSNR to ground truth, dB": "54.5",
-        "wrong hits, ppm of the pixels": "1,234",
-        "PSNR to baseline, dB": "61.2",
-        "pixels off by more than 1/255 to baseline": "2.5\u00a0%",
-        "evaluations of a camera ray": "17.25",
-        "declared FLOPs a pixel": "50.00",
-        "lanes at work": "75\u00a0%",
-    }
+    times = ["12.50 [12.25,\u00a012.75]"]
+    pictures = ["54.5", "1,234", "61.2", "2.5\u00a0%"]  # to ground truth, then to baseline
+    work = ["17.25", "50.00", "75\u00a0%"]
+    assert list(try_.cells(side()).values()) == times + pictures + work
 
 
 @pytest.mark.parametrize(
