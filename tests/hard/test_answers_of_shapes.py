@@ -152,7 +152,7 @@ def test_torus_rim_by_distance() -> None:
                 return mpmath.hypot(mpmath.hypot(p[0], p[2]) - c17.MAJOR, p[1]) - c17.MINOR
 
             low, high = mpf(2), mpf(4)  # one minimum, at the rim
-            for _ in range(220):
+            for _ in range(110):
                 a, b = low + (high - low) / 3, high - (high - low) / 3
                 low, high = (low, b) if distance(a) < distance(b) else (a, high)
             known = c17.truth(x)[row, 0]

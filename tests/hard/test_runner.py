@@ -128,13 +128,20 @@ class Wrong(Phase):
         return distance + (self.renders % 2), nearest
 
 
-@pytest.mark.parametrize("one", hard.cases(), ids=lambda one: one.name)
+# One of them has to be compiled by two compilers.
+CASES = [
+    pytest.param(one, id=one.name, marks=[pytest.mark.slow] * (one.name == "contraction"))
+    for one in hard.cases()
+]
+
+
+@pytest.mark.parametrize("one", CASES)
 def test_a_wrong_phase_fails(one: Case) -> None:
     """Every case sees a phase that confuses hit and miss, even at its easiest strength."""
     assert one.failed(one.run(Wrong("baseline"), one.strengths[0]).error)
 
 
-@pytest.mark.parametrize("one", hard.cases(), ids=lambda one: one.name)
+@pytest.mark.parametrize("one", CASES)
 def test_the_easiest_is_easy(one: Case) -> None:
     """The baseline, in double, is right at the easiest strength: else a failure would say nothing."""
     assert not one.failed(one.run(Phase("baseline"), one.strengths[0]).error)

@@ -5,8 +5,12 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
+from _pytest.mark import ParameterSet
 
 from conformance import harness
 from conformance.feature_scenes import FLOOR, scene, shape
@@ -50,6 +54,9 @@ SCENES = {
     "copies": lit_from([7, 6, -3], [FLOOR, BEADS]),
 }
 
+QUICK = ("in a solid", "copies")
+BULBS = ("baseline", "opt4", "opt9_convex", "opt11_ideal")  # in the quick half
+
 
 def drawn(phase: str, name: str) -> dict[str, np.ndarray]:
     path = harness.keep(f"ideal_scene_{name.replace(' ', '_')}", SCENES[name])
@@ -62,9 +69,9 @@ def rods_of_one_pixel(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STEPWISE_RODS", "march=pixels")
 
 
-@pytest.fixture(scope="module")
-def truths() -> dict[str, dict[str, np.ndarray]]:
-    return {name: drawn("truth", name) for name in SCENES}
+@functools.cache
+def truths(name: str) -> dict[str, np.ndarray]:
+    return drawn("truth", name)
 
 
 def nearness(picture: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
@@ -75,30 +82,45 @@ def nearness(picture: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> fl
     return float(-10 * np.log10(max(float((error[same].astype(float) ** 2).mean()), 1e-15)))
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_truths_picture_is_its_ideal_picture(name: str, truths) -> None:
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in SCENES]
+)
+def test_truths_picture_is_its_ideal_picture(name: str) -> None:
     """Whether it is called soft or ideal, and not the picture of the estimator."""
     light = SCENES[name]["light"] | {"shadows": "soft"}
     path = harness.keep("ideal_scene_as_soft", SCENES[name] | {"light": light})
     soft = harness.render("truth", path, WIDTH, HEIGHT).picture
     for channel in "RGB":
-        assert np.array_equal(truths[name][channel], truths[name][f"ideal.{channel}"])
-        assert np.array_equal(truths[name][channel], soft[f"ideal.{channel}"])
-    assert not np.array_equal(truths[name]["G"], soft["G"])
+        assert np.array_equal(truths(name)[channel], truths(name)[f"ideal.{channel}"])
+        assert np.array_equal(truths(name)[channel], soft[f"ideal.{channel}"])
+    assert not np.array_equal(truths(name)["G"], soft["G"])
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("phase", DRAWING)
-def test_every_phase_draws_truths_picture(phase: str, name: str, truths) -> None:
-    assert nearness(drawn(phase, name), truths[name]) >= LEAST_DB
+def each_phase_and_scene() -> Iterator[ParameterSet]:
+    """In the quick half two scenes of each phase."""
+    for i, phase in enumerate(DRAWING):
+        for j, name in enumerate(SCENES):
+            yield pytest.param(phase, name, marks=[pytest.mark.slow] * ((i + j) % 3 > 0))
 
 
-@pytest.mark.parametrize("phase", DRAWING)
-def test_a_mandelbulb_shades_the_floor(phase: str) -> None:
-    """Its distance is an estimate, for which no step is proved. Soft shadows are at 38 to 42 dB here."""
+@pytest.mark.parametrize(("phase", "name"), each_phase_and_scene())
+def test_every_phase_draws_truths_picture(phase: str, name: str) -> None:
+    assert nearness(drawn(phase, name), truths(name)) >= LEAST_DB
+
+
+@functools.cache
+def bulb(phase: str) -> dict[str, np.ndarray]:
     bulb = shape("mandelbulb", iterations=1, position=[0, 0.3, 3.5])
     path = harness.keep("ideal_scene_bulb", lit_from([-6, 1.5, 2], [FLOOR, bulb]))
-    mine, truth = (harness.render(one, path, WIDTH, HEIGHT).picture for one in (phase, "truth"))
+    return harness.render(phase, path, WIDTH, HEIGHT).picture
+
+
+@pytest.mark.parametrize(
+    "phase", [pytest.param(name, marks=[pytest.mark.slow] * (name not in BULBS)) for name in DRAWING]
+)
+def test_a_mandelbulb_shades_the_floor(phase: str) -> None:
+    """Its distance is an estimate, for which no step is proved. Soft shadows are at 38 to 42 dB here."""
+    mine, truth = bulb(phase), bulb("truth")
     floor = (mine["id"] == 0) & (truth["id"] == 0)
     assert floor.mean() > 0.3
     error = (np.clip(images.rgb(mine), 0, 1) - np.clip(images.rgb(truth), 0, 1))[floor].astype(float)
@@ -108,9 +130,9 @@ def test_a_mandelbulb_shades_the_floor(phase: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["above", "a crowd", "copies"])
 @pytest.mark.parametrize("phase", WIDE)
-def test_eight_lanes_draw_it_too(phase: str, name: str, truths, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_eight_lanes_draw_it_too(phase: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STEPWISE_ISA_LIMIT", "avx2")
-    assert nearness(drawn(phase, name), truths[name]) >= LEAST_DB
+    assert nearness(drawn(phase, name), truths(name)) >= LEAST_DB
 
 
 def test_a_phase_that_draws_the_ideal_draws_soft_and_ideal_alike() -> None:

@@ -39,7 +39,7 @@ def test_slope_of_scene0s_cones() -> None:
 
 
 @pytest.mark.parametrize("width", EACH_WIDTH)
-@pytest.mark.parametrize("shadows", ["hard", "soft"])
+@pytest.mark.parametrize("shadows", [pytest.param("hard", marks=pytest.mark.slow), "soft"])
 def test_cones_and_queues_are_the_parents_picture(shadows, width, tmp_path) -> None:
     """A march in float has noise at its first steps, which what is told without one has not."""
     for seed, count in ((3, 12), (4, 60)):
@@ -59,6 +59,7 @@ def test_shadows_at_edges_are_the_parents(name, tmp_path) -> None:
     assert np.abs(clamped(mine) - clamped(march)).max() < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", EACH_WIDTH)
 def test_starts_are_the_parents(width, tmp_path) -> None:
     """The same squares and patches, from other arrangements of lanes.

@@ -285,7 +285,9 @@ def test_their_hits_are_what_is_seen_within_the_footprint(name, tmp_path):
     assert done.returncode == 1 and {"false_hits_ppm", "wrong_shape_ppm"} & set(row["worse"]), row["worse"]
 
 
-@pytest.mark.parametrize("name", ["lattice", "scene0", "trio"])
+@pytest.mark.parametrize(
+    "name", ["scene0", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lattice", "trio"))]
+)
 def test_a_picture_one_pixel_aside_is_not_rods(name):
     """Truth's own, rolled by a pixel: every hit has its shape beside it, but where it uncovers what is behind
     it lies farther than truth's.
