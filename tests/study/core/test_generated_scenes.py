@@ -44,7 +44,7 @@ def hits(scene: dict, width: int, height: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("arrangement", generated_scenes.ARRANGEMENTS)
-@pytest.mark.parametrize("count", [1, 16, 150])
+@pytest.mark.parametrize("count", [1, 16, pytest.param(150, marks=pytest.mark.slow)])
 def test_the_share_of_rays_that_hit_is_the_stated_one(arrangement: str, count: int) -> None:
     scene = generated_scenes.data(arrangement, count, seed=3)
     assert len(scene["shapes"]) == count

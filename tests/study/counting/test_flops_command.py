@@ -137,8 +137,8 @@ def command(*arguments: object, **environment: str) -> subprocess.CompletedProce
         (["--run", "/nowhere"], "not a run"),
     ],
 )
-def test_bad_arguments_are_status_2(arguments, said):
-    done = command(*arguments)
+def test_bad_arguments_are_status_2(arguments, said, stepwise):
+    done = stepwise("flops", *arguments)
     assert done.returncode == 2 and said in done.stderr
 
 

@@ -120,8 +120,8 @@ def test_two_shards_joined_are_the_bytes_of_one_run(name: str, tmp_path) -> None
         (["accuracy", "--shard", "3/2"], "argument --shard: '3/2'"),
     ],
 )
-def test_bad_shards_are_one_line(words: list[str], said: str, tmp_path) -> None:
-    done = started.run([sys.executable, STEPWISE, *words, "--run", str(tmp_path / "run")])
+def test_bad_shards_are_one_line(words: list[str], said: str, tmp_path, stepwise) -> None:
+    done = stepwise(*words, "--run", tmp_path / "run")
     assert done.returncode == cli.BAD_INPUT and said in done.stderr.splitlines()[-1]
     assert not (tmp_path / "run").exists()
 
