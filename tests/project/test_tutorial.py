@@ -55,5 +55,4 @@ def test_every_command_works_as_the_text_says(copy: Path) -> None:
     )
     assert picture == ("identical", "identical") and evaluations[0] == evaluations[1]
     assert float(flops[1].replace(",", "")) < float(flops[0].replace(",", ""))
-    assert "mine is within its tolerance" in tried
     assert (copy / "build" / "try" / "mine-scene0.png").is_file()
