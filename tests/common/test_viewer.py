@@ -121,12 +121,12 @@ def test_frames_go_there_in_a_straight_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('{"phase": "opt4"}\n{"mode": "grey"}\n', ":2: mode: colours, difference, evals, depth, normals or"),
-        ('{"position": [0, 1]}\n', ":1: position: three numbers is required"),
-        ('{"phase": "opt99"}\n', 'phase: "opt99" is no phase of this program'),
-        ('{"up": [0, 0, 1]}\n', "look_at is the camera's position, or up is parallel to the view"),
-        ('{"mod": "ids"}\n', ":1: mod is no key of a path; scene, phase, reference, mode,"),
-        ('{"divider": 1.5}\n', ":1: divider: a number from 0 to 1, or false is required"),
+        ('{"phase": "opt4"}\n{"mode": "grey"}\n', ":2: mode: "),
+        ('{"position": [0, 1]}\n', ":1: position: "),
+        ('{"phase": "opt99"}\n', 'phase: "opt99"'),
+        ('{"up": [0, 0, 1]}\n', "look_at"),
+        ('{"mod": "ids"}\n', ":1: mod "),
+        ('{"divider": 1.5}\n', ":1: divider: "),
         ('{"phase": "fixed"}\n', "soft shadows"),
         ('{"frames": 2\n', ":1: "),
         ("\n", "no frame"),
@@ -144,14 +144,14 @@ def test_a_bad_script_is_one_line(tmp_path: Path, text: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("words", "status", "said"),
     [
-        (["nowhere"], 2, "no such scene; a path is required, or a name of common/scenes"),
-        (["--phase", "opt99"], 2, '"opt99" is no phase here; viewer --list'),
+        (["nowhere"], 2, "nowhere"),
+        (["--phase", "opt99"], 2, '"opt99"'),
         (["--phase", "fixed"], 4, "soft shadows"),
-        (["--size", "3"], 2, "a size of 64x36 to 8192x8192 is required"),
-        (["--threads", "0"], 2, "--threads: 1 to 4096 is required"),
-        (["--headless"], 2, "--headless needs --script FILE and -o DIR"),
-        (["--nothing"], 2, "--nothing: unknown option"),
-        (["a", "b"], 2, "at most one SCENE"),
+        (["--size", "3"], 2, "64x36 to 8192x8192"),
+        (["--threads", "0"], 2, "--threads: 1 to 4096"),
+        (["--headless"], 2, "--script"),
+        (["--nothing"], 2, "--nothing"),
+        (["a", "b"], 2, "SCENE"),
     ],
 )
 def test_bad_arguments_are_one_line(words: list[str], status: int, said: str) -> None:

@@ -44,7 +44,7 @@ def test_the_chapter_is_of_the_file_alone(tmp_path: Path) -> None:
 
 def test_what_a_phase_does() -> None:
     wrong, right = data().results
-    assert tables.does(wrong, ABOUT)[0].startswith("fails from 0.1: an error of 2.5")
+    assert {"0.1:", "2.5"} <= set(tables.does(wrong, ABOUT)[0].split())
     assert tables.does(right, ABOUT)[0].endswith("10⁻⁴ scene units")
     assert tables.does(msgspec.structs.replace(wrong, first_failure=1e-6), ABOUT)[0].endswith(": hung")
     assert len(figures.draw(data()).axes[0].patches) == 2
