@@ -23,7 +23,7 @@ from study.core.registry import ROOT
 from study.pictures import images
 
 PHASE = "opt11_ideal"
-WIDTH, HEIGHT = 96, 54
+WIDTH, HEIGHT = 64, 36
 
 pytestmark = pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
