@@ -31,6 +31,11 @@ SETTINGS = {
     "build/asan-clang": ["CC=clang", "SANITIZE=1"],
     "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
 }
+BY_CLANG = (
+    "baseline",
+    "opt4",
+    "opt9_convex",
+)  # of each kind one, as test_blocks has it
 LOUD = os.environ.get("V", "") not in ("", "0")  # whether commands are shown
 CCACHE = Path("/usr/lib/ccache")  # Debian's: has a gcc and a clang that ask ccache first
 END = 5  # seconds that what was started has for its end before it is killed
@@ -77,11 +82,6 @@ def of_family(family: str) -> set[str]:
     return {name for name in phases() if patches.about(name)["family"] == family}
 
 
-def embeds(phase: str) -> bool:
-    """Whether it compiles itself where it runs: what is counted is its parent's code again (test_blocks)."""
-    return "embedded" in patches.about(phase)
-
-
 def quick_tests() -> Tests:
     """Every phase by gcc, and the C tests, sanitized."""
     tests: Tests = {"ceilings by gcc": {"build": ["ceilings"]}, "C tests": {"build/asan": ["c-tests"]}}
@@ -98,20 +98,14 @@ def phase_tests(name: str) -> Tests:
 
 
 def rest_tests() -> Tests:
-    """Code by clang, the counting programs, and the phases sanitized.
-
-    Counting programs are run as gcc makes them; clang reads their sources, but for the systems'. Both read
-    variants that this CPU does not run (rules.mk), which clang does not build.
-    """
+    """Every phase read by clang and sanitized, the counting programs, and what clang makes."""
     tests: Tests = {"common by clang": {"build/clang": ["ceilings"]}}
-    counting, systems = phases("costs.def"), of_family("systems")
     for name in phases():
-        tests[f"{name} by clang"] = {"build/clang": [f"{name}/{to}" for to in ("render", "probe", "read")]}
+        tests[f"{name} read by clang"] = {"build/clang": [f"{name}/syntax/read"]}
         tests[f"{name} sanitized"] = {"build/asan": [f"{name}/render", f"{name}/probe"]}
-        if name in counting:
-            tests[f"{name} counted"] = {"build": [f"{name}/render-count", f"{name}/count/read"]}
-            if name not in systems:
-                tests[f"{name} counted"]["build/clang"] = [f"{name}/count/read"]
+    for name in BY_CLANG:
+        tests[f"{name} by clang"] = {"build/clang": [f"{name}/render", f"{name}/probe"]}
+    tests |= {f"{name} counted": {"build": [f"{name}/render-count"]} for name in phases("costs.def")}
     tests["ceilings sanitized"] = {"build/asan": ["ceilings"]}
     tests["C tests by clang"] = {"build/asan-clang": ["c-tests"]}
     return tests
@@ -131,20 +125,20 @@ def viewer() -> list[str]:
 
 
 def rest_needs() -> Wanted:
-    """The same of the other tests."""
+    """The same of the other tests: of the paper's steps, which declare FLOPs, what their declaration is held
+    against; of an ablation whose head says why it declares none (`costs:`) the picture alone."""
     ladder = [name for name in phases("costs.def") if name not in of_family("systems")]
-    # What test_ablations runs of them: no counting program of one whose head says why no costs are declared
-    # (the compilers read those sources there).
+    declared = [name for name in ladder if "variants" not in patches.about(name)]
     steps = {
-        f"{name}+{path.stem}": re.search("^costs:", path.read_text(), re.MULTILINE) is None
+        f"{name}+{path.stem}": name in declared and not re.search("^costs:", path.read_text(), re.MULTILINE)
         for name, folder in patches.folders().items()
         for path in sorted(folder.glob("ablations/*.patch"))
     }
     blocks, profiled = ("render-blocks", "render-blocks-calls"), ("baseline", "opt2", "opt3", "opt4")
-    by_parent = [name for name in ladder if not embeds(name)]
     return {
         "build": [
-            *(f"{name}/{target}" for name in ladder for target in blocks),
+            *(f"{name}/{blocks[0]}" for name in ladder),
+            *(f"{name}/{blocks[1]}" for name in declared),
             *(f"{name}/{target}" for name in profiled for target in ("render-lines", "render-calls")),
             *(f"{name}/render" for name in steps),
             *(f"{name}/{t}" for name, told in steps.items() if told for t in ("render-count", blocks[1])),
@@ -152,11 +146,9 @@ def rest_needs() -> Wanted:
             *("functions/bench", "opt2@opt3/render", "packets/hits", "tests/test_upper_halves"),
         ],
         "build/clang": [
-            *(f"{name}/{blocks[0]}" for name in by_parent),
-            *(f"{name}/{blocks[1]}" for name in ("baseline", "opt4", "opt9_convex")),  # as test_blocks.py
+            *(f"{name}/{target}" for name in BY_CLANG for target in blocks),
             "calibration/calibrate-blocks",
         ],
-        "build/hard-fma": [f"{name}/render" for name in by_parent],
     }
 
 
