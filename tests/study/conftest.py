@@ -21,6 +21,7 @@ def stepwise(
 
     def call(*words: object) -> subprocess.CompletedProcess[str]:
         monkeypatch.setattr(sys, "argv", ["stepwise", *map(str, words)])
+        monkeypatch.setattr(cli.signal, "signal", lambda *_: None)  # pytest keeps its own handlers
         capsys.readouterr()
         with pytest.raises(SystemExit) as ended:
             cli.main(commands.main)
