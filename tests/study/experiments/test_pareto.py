@@ -142,16 +142,6 @@ def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
     assert measuring.evaluations(point, shadowed, 24) > wanted / (24 * width) + 5
 
 
-@pytest.mark.slow
-def test_a_mandelbulb_marched_without_sdf_counts_by_its_own_estimates() -> None:
-    lacks = registry.missing_isa(registry.find_phase("opt8_streams"))
-    if lacks:
-        pytest.skip(f"the CPU lacks {', '.join(lacks)}")
-    bulb = registry.find_scene("mandelbulb")
-    point = measuring.Point(bulb.name, Spec.parse("opt8_streams"), *measuring.own(bulb))
-    assert 10 < measuring.evaluations(point, bulb, 24) < 100, "0.135 by its `sdf` alone"
-
-
 def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
     """The driver's default is one thread (the test above sees it said); these ask for no more."""
     asked = []

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from study.bounds import work
 from study.core import progress, run
 from study.core.registry import BASE, Scene, Spec
 from study.core.run import DriverError
@@ -119,17 +118,15 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
 def evaluations(point: Point, scene: Scene, height: int) -> float | None:
     """Evaluations of the scene's distance per pixel, of all rays and normals, by the counting build.
 
-    Of lanes at work only. None for a phase that counts no `sdf`, or that cannot be counted here. A Mandelbulb
-    that is marched without `sdf` counts by its own estimates, of which each `sdf` of such a scene has one.
+    Of lanes at work only. None for a phase that counts no `sdf`, or that cannot be counted here.
     """
     size = height, scene.size(height)[0]
     try:
         said = run.render(point.spec, scene.path, *size, target="render-count", timed=False, **point.march)
     except DriverError:
         return None
-    counted = said["by_function"]
-    lanes = [counted[name]["lanes"] for name in ("sdf", *work.ESTIMATES) if name in counted]
-    return max(lanes) / (size[0] * size[1]) if lanes else None
+    counted = said["by_function"].get("sdf")
+    return counted["lanes"] / (size[0] * size[1]) if counted else None
 
 
 def judge(
