@@ -23,6 +23,7 @@ from study.experiments.accuracy import command
 from study.pictures import gate, images
 from study.pictures.gallery import Gallery
 from study.truth import judging
+from study.truth.subject import Subject
 
 PHASE, GENERATOR = "opt9_convex", "opt10_scene"
 VARIABLE = "STEPWISE_PATH"
@@ -104,10 +105,10 @@ def test_every_path_is_as_near_to_truth_as_the_phase_declares(
         gallery = Gallery(tmp_path / path, [command.BASE, *beside, spec])
         tasks = [(who, one, size) for who in gallery.programs for one in (shown, plain)]
         refused = gallery.render_all(tasks, 1)
-        rows, missing = command.judge(gallery, shown, plain, size, [spec], refused)
-        assert all(f"{VARIABLE}={path}: " in item["reason"] for item in missing)
+        rows, missing = command.judge(Subject(gallery, shown, plain, size, beside), [spec], refused)
+        assert all(f"{VARIABLE}={path}: " in item.reason for item in missing)
         for row in rows:
-            assert row["gated"] and row["worse"] == [], (path, row["why"])
+            assert row.gated and row.worse == [], (path, row.why)
             drawn.add(path)
     assert drawn == drawn_by(shown.data)
 
