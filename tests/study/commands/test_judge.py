@@ -60,7 +60,7 @@ def test_other_bits_are_refused(judged):
 @pytest.mark.slow
 def test_idle_lanes_are_refused(judged, monkeypatch):
     """As many lanes at work as before, however fast it is."""
-    monkeypatch.setattr(try_, "share", lambda counts: 0.3)
+    monkeypatch.setattr(try_.work, "efficiency", lambda counts: 0.3)
     status, said = judged(5, "--phase", "opt8_streams", "--json")
     result = emitted.result(said)
     assert status == 1 and [one["passed"] for one in result["checks"]] == [True, False, True]
