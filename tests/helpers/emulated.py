@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -41,11 +39,4 @@ def emulated(phase: str, target: str) -> Path:
 
 def made_in(folder: str, phase: str, setting: str, target: str = "render") -> Path:
     """A program of a build in a folder of its own; `setting`: of make, e.g. SANITIZE=1."""
-    path = ROOT / "build" / folder / phase / target
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with (path.parents[1] / ".making").open("w") as lock:  # of all phases: what they share is made once
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        words = ["make", "-s", "-C", ROOT, f"BUILD=build/{folder}", setting, path.relative_to(ROOT)]
-        done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr[-3000:]
-    return path
+    return build(phase, target, f"build/{folder}", (setting,))

@@ -26,13 +26,16 @@ MISSING = re.compile(
 _one_at_a_time = threading.RLock()  # two makes of one target would write the same files
 
 
-def build(spec: Spec | str, target: str = "render") -> Path:
+def build(
+    spec: Spec | str, target: str = "render", folder: str = "build", settings: tuple[str, ...] = ()
+) -> Path:
     """Path of the binary, brought up to date once per process: what a script runs stays the same.
 
-    StudyError with the compiler's last lines, or the name of the missing tool.
+    `settings` are make's, with a folder of their own. StudyError with the compiler's last lines, or the name
+    of the missing tool.
     """
     with _one_at_a_time:
-        return _build(str(spec), target)
+        return _build(str(spec), target, folder, settings)
 
 
 @contextlib.contextmanager
@@ -63,11 +66,11 @@ def build_together(tasks: Sequence[tuple[Spec, str]], jobs: int) -> None:
 
 
 @functools.cache
-def _build(spec: str, target: str) -> Path:
-    path = ROOT / "build" / spec / target
-    command = ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))]
+def _build(spec: str, target: str, folder: str, settings: tuple[str, ...]) -> Path:
+    path = ROOT / folder / spec / target
+    command = ["make", "-s", "-C", str(ROOT), f"BUILD={folder}", *settings, str(path.relative_to(ROOT))]
     try:
-        with _alone(ROOT / "build"):
+        with _alone(ROOT / folder):
             done = child.run(command, capture_output=True, text=True)
     except FileNotFoundError:
         raise StudyError("make is missing; run `make setup` or install make and gcc", CANNOT_RUN) from None

@@ -84,13 +84,10 @@ def test_table1_and_its_claims_are_judged_by_the_papers_rule() -> None:
     assert entered.difference == pytest.approx(-0.359, abs=0.001)
 
     data = load(PUBLISHED)
-    judged = {
-        (row["unit"], row["scene"]): row
-        for row in claims.check(data, ladder.rows(data))
-        if "FLOP" in row["unit"]
-    }
-    found = {key: row["verdict"] for key, row in judged.items()}
+    checked = claims.check(data, ladder.rows(data))
+    judged = {(row.unit, row.scene): row for row in checked if "FLOP" in row.unit}
+    found = {key: row.verdict for key, row in judged.items()}
     assert found["GFLOP", "mandelbulb"] == found["GFLOP", "scene0"] == HOLDS
     assert found["× the FLOPs of scene0", "mandelbulb"] == HOLDS
     assert found["% of the FLOPs", "mandelbulb"] == PART and FAILS not in found.values()
-    assert "59.30" in judged["GFLOP", "mandelbulb"]["here"]
+    assert "59.30" in judged["GFLOP", "mandelbulb"].here

@@ -6,6 +6,7 @@ import dataclasses
 import shutil
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from study.commands import report, report_pdf
@@ -50,7 +51,8 @@ def test_it_says_what_the_run_says(data, tmp_path):
 @pytest.mark.slow
 def test_typst_sets_it_whatever_the_machine_is_called(data, tmp_path):
     """Names are data, never markup."""
-    context = data.context | {"cpu": {**data.context["cpu"], "model": HOSTILE}, "compiler": HOSTILE}
+    cpu = msgspec.structs.replace(data.context.cpu, model=HOSTILE)
+    context = msgspec.structs.replace(data.context, cpu=cpu, compiler=HOSTILE)
     out = tmp_path / "out" / "report.pdf"
     out.parent.mkdir()
     try:

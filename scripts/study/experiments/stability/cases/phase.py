@@ -70,7 +70,7 @@ class Phase:
 
         A copy, since another make that comes in between would take the program from under the measurement.
         """
-        with _one_at_a_time:  # two makes of one folder would write the same files
+        with _one_at_a_time:
             return _copy(self.name, target, self.folder, self.make)
 
     def execute(
@@ -156,18 +156,8 @@ def _copies() -> tempfile.TemporaryDirectory[str]:
 
 @functools.cache
 def _copy(name: str, target: str, folder: str, make: tuple[str, ...]) -> Path:
-    made = build.build(name, target) if not make and folder == "build" else _made(name, target, folder, make)
+    made = build.build(name, target, folder, make)
     copy = Path(_copies().name, folder, name, target)
     copy.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy2(made, copy)
     return copy
-
-
-def _made(name: str, target: str, folder: str, make: tuple[str, ...]) -> Path:
-    path = f"{folder}/{name}/{target}"
-    command = ["make", "-s", "-C", str(registry.ROOT), f"BUILD={folder}", *make, path]
-    done = child.run(command, capture_output=True, text=True)
-    if done.returncode != 0:
-        said = [line for line in done.stderr.splitlines() if "error" in line] or ["make failed"]
-        raise StudyError(f"{path} does not build: {said[0].strip()}")
-    return registry.ROOT / path
