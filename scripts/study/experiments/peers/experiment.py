@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
-from study.experiments.peers import command, drjit, tables
+from study.experiments.peers import command, tables
 from study.numbers.beside import PEERS, Peers
 
 EXPERIMENT = Experiment(
     name="peers",
     what="our phases beside other programs",
     turn=145,
-    schemas={PEERS: Peers, drjit.FILE: drjit.DrJit},
+    schemas={PEERS: Peers},
     depth=None,  # it draws with what the user has installed for it, so no two studies would have the same
-    sections=[
-        (160, lambda data: drjit.section(data.path)),
-        (165, lambda data: tables.section(data.path)),
-    ],
+    sections=[(165, lambda data: tables.section(data.path))],
     cut="The other programs are not among what `make study` installs.",
     command=command,
 )
