@@ -96,18 +96,6 @@ class Mca(Record, kw_only=True):
     split: Annotated[Split | None, key("share", "of the cycles, by what is blamed")] = None
 
 
-class Osaca(Record, kw_only=True):
-    """OSACA's view of one pass. Unknown instructions count as nothing: every figure is a lower bound."""
-
-    arch: Annotated[str, key("", "whose tables")]
-    throughput: Annotated[float, key("core cycles", "of the busiest port")]
-    port: Annotated[str, key("", "its name")]
-    critical_path: Annotated[float, key("core cycles", "longest chain")]
-    loop_carried: Annotated[float | None, key("core cycles", "from pass to pass; null: not found in time")]
-    instructions: Annotated[int, key("instructions", "of the pass")]
-    unknown: Annotated[int, key("instructions", "that its tables lack")]
-
-
 class Compared(Record, kw_only=True):
     """The modelled regions' cycles of a frame."""
 
@@ -127,7 +115,6 @@ class Region(Record, kw_only=True, omit_defaults=True):
     instructions: Annotated[int, key("instructions", "of it")] = 0
     calls: Annotated[int, key("calls", "in it")] = 0
     mca: Annotated[Mca | None, key("", "what llvm-mca says")] = None
-    osaca: Annotated[Osaca | None, key("", "what OSACA says")] = None
     measured: Annotated[float | None, key("core cycles", "a pass, from samples and counts")] = None
 
 

@@ -1,8 +1,7 @@
 """What bounds the hot code: Table 3 of the paper, a top-down split by the PMU where there is one, or a model.
 
 The model takes the regions of the shipped code that samples fall into (innermost loops, and what is in no
-loop, per function: bounds.regions), and asks two static analysers (bounds.analysers) what their instructions
-need.
+loop, per function: bounds.regions), and asks llvm-mca (bounds.mca) what their instructions need.
 
 It sees a region as a straight line, every load a hit in L1, every branch known and every instruction there
 in time: no front end, no branch misses, no cache, nothing of what a call does inside or of what the line's
@@ -13,16 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from study.bounds import analysers
+from study.bounds import mca
 from study.bounds.profiles import Sampled
 from study.bounds.regions import LEAST, assembly, regions
 from study.bounds.schema import Bound, Compared, Profiled, Region, Split
+from study.core import machine
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.counting import pmu
 from study.counting.elf import Program
-
-LEAST_OSACA = 0.05  # the same for OSACA, which takes seconds
 
 
 def topdown(spec: Spec, scene: Scene, height: int) -> tuple[Split, str] | None:
@@ -37,13 +35,13 @@ def topdown(spec: Spec, scene: Scene, height: int) -> tuple[Split, str] | None:
 
 
 def _modelled_regions(
-    sampled: Sampled, built: Program, cpu: str | None, archs: Sequence[str], say: Callable[[str], None]
+    sampled: Sampled, built: Program, cpu: mca.Model | None, say: Callable[[str], None]
 ) -> list[Region]:
-    """The regions that hold time, by llvm-mca for `cpu` (None: not) and by OSACA with one of `archs`.
+    """The regions that hold time, by llvm-mca if there is one.
 
-    What an analyser refuses is said once, with the number of its regions and their share of the time.
+    What it refuses is said once, with the number of its regions and their share of the time.
     """
-    made, arch = [], None
+    made = []
     refused: dict[str, list[float]] = {}  # error → shares
     for region in regions(sampled, built):
         if region.share < LEAST:
@@ -60,10 +58,7 @@ def _modelled_regions(
         made.append(one)
         try:
             if cpu and one.instructions:
-                one.mca = analysers.run_mca(text, cpu)
-            if archs and one.instructions and region.share >= LEAST_OSACA:
-                arch = arch or analysers.osaca_arch(text, archs)
-                one.osaca = analysers.run_osaca(text, arch)
+                one.mca = mca.run(text, cpu)
         except StudyError as error:
             refused.setdefault(str(error), []).append(region.share)
     for error, shares in refused.items():
@@ -77,23 +72,15 @@ def model(
     built: Program,
     instructions: Mapping[str, int] | None = None,
     say: Callable[[str], None] = lambda line: None,
-    processor: analysers.Processor | None = None,
-    osaca: bool = True,
 ) -> Bound:
     """The modelled split of a shipped build's samples, and its hot regions.
 
     `instructions`: of one frame by function of the program, counted; without them no time is predicted.
-    `osaca` False leaves it out (it takes seconds a region). Missing tools are said and left out.
     """
-    processor, profile = processor or analysers.this_processor(), sampled.profile
-    lacking = [analysers.mca_missing(), analysers.osaca_missing() if osaca else None]
-    for line in filter(None, lacking):
-        say(line)
-    cpu, remark = None, None
-    if found := analysers.mca_program():
-        cpu, remark = analysers.mcpu(processor, found[1])
-    archs = analysers.OSACA_ARCH[processor.name] if osaca and not lacking[1] else ()
-    rows = _modelled_regions(sampled, built, cpu, archs, say)
+    profile, cpu = sampled.profile, mca.model()
+    if cpu is None:
+        say(mca.MISSING)
+    rows = _modelled_regions(sampled, built, cpu, say)
     modelled = [one for one in rows if one.mca]
     _measure(profile, rows, instructions or {})
     return Bound(
@@ -103,9 +90,9 @@ def model(
         width=profile.width,
         height=profile.height,
         by="model",
-        processor=processor.name,
-        model=f"llvm-mca {found[1]} -mcpu={cpu}" if found else None,
-        remark=remark,
+        processor=machine.cpu()["microarchitecture"],
+        model=cpu.name if cpu else None,
+        remark=f"LLVM does not know this processor: modelled as {cpu.cpu}" if cpu and cpu.guessed else None,
         covered=sum(one.share for one in modelled),
         split=_split(modelled),
         cpu_ns=profile.cpu_ns,

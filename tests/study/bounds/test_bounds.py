@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 from pathlib import Path
 
@@ -9,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.bounds import analysers, regions
+from study.bounds import mca, regions
 from study.bounds import topdown as bounds
-from study.bounds.analysers import Processor, split
 from study.bounds.profiles import Sampled
 from study.bounds.regions import Region
 from study.bounds.schema import Hotspots, Mca, Profiled, Share
@@ -21,9 +21,7 @@ from study.experiments.hotspots import bounds_tables as bounds_page
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "bounds"
 MCA = (FIXTURES / "llvm-mca.txt").read_text()
-OSACA = (FIXTURES / "osaca.yaml").read_text()
-needs_mca = pytest.mark.skipif(analysers.mca_missing() is not None, reason=str(analysers.mca_missing()))
-needs_osaca = pytest.mark.skipif(analysers.osaca_missing() is not None, reason=str(analysers.osaca_missing()))
+needs_mca = pytest.mark.skipif(mca.model() is None, reason=mca.MISSING)
 
 # A loop in a loop, then a loop around a switch of three cases, one of which returns.
 NEST = """
@@ -126,11 +124,11 @@ def test_an_analyser_gets_no_calls_returns_or_padding(nest):
     assert "\trep movsq" in text  # a string instruction stays one
 
 
-# --- the analysers' output
+# --- llvm-mca's output
 
 
 def test_recorded_llvm_mca():
-    found = analysers.parse_mca(MCA)
+    found = mca.parse(MCA)
     assert (found["cycles"], found["uops"], found["width"], found["block"]) == (1209, 400, 6, 12)
     assert (found["resources"], found["registers"], found["memory"]) == (0.5947, 0.5443, 0)
 
@@ -141,26 +139,7 @@ def test_recorded_llvm_mca():
 )
 def test_broken_llvm_mca_is_refused(text):
     with pytest.raises(StudyError, match="llvm-mca: "):
-        analysers.parse_mca(text)
-
-
-def test_recorded_osaca():
-    found = analysers.parse_osaca(OSACA, "SPR")
-    # vsqrtpd is not in OSACA 0.7.1's tables of Sapphire Rapids: two additions of two cycles are left.
-    assert (found.critical_path, found.loop_carried, found.throughput) == (4, 4, 1)
-    assert (found.instructions, found.unknown) == (4, 1)
-
-
-def test_osaca_out_of_time_gives_no_figure():
-    late = OSACA.replace("Warnings: [", "Warnings: [LCDWarning, ")
-    assert late != OSACA
-    assert analysers.parse_osaca(late, "SPR").loop_carried is None
-
-
-@pytest.mark.parametrize("text", ["", "Traceback\n", OSACA[: OSACA.index("Summary")]])
-def test_broken_osaca_is_refused(text):
-    with pytest.raises(StudyError, match="osaca: "):
-        analysers.parse_osaca(text, "SPR")
+        mca.parse(text)
 
 
 # --- known code
@@ -170,9 +149,16 @@ CHAIN = ".Lhere:\n" + "\tvaddpd\t%ymm1, %ymm0, %ymm0\n" * 8
 APART = ".Lhere:\n" + "".join(f"\tvaddpd\t%ymm1, %ymm1, %ymm{i}\n" for i in range(2, 10))
 
 
+def run(text: str) -> Mca:
+    """By the model of Skylake, whatever CPU this is."""
+    found = mca.model()
+    assert found
+    return mca.run(text, dataclasses.replace(found, cpu="skylake"))
+
+
 @needs_mca
 def test_a_chain_takes_its_latency_and_the_rest_its_ports():
-    chain, apart = analysers.run_mca(CHAIN, "skylake"), analysers.run_mca(APART, "skylake")
+    chain, apart = run(CHAIN), run(APART)
     assert chain.throughput == pytest.approx(8 * 4, rel=0.02)
     assert apart.throughput == pytest.approx(8 / 2, rel=0.02)
     assert chain.split.dependencies > 0.9 > 0.5 > apart.split.dependencies
@@ -183,7 +169,7 @@ def test_a_chain_takes_its_latency_and_the_rest_its_ports():
 def test_the_stack_is_no_chain():
     """Ten pushes and pops are ten stores and ten loads: one store a cycle, far from ten loads in a row."""
     code = [regions.Line(i, "push" if i < 10 else "pop", f"%r{8 + i % 8}") for i in range(20)]
-    made = analysers.run_mca(regions.assembly(code), "skylake")
+    made = run(regions.assembly(code))
     assert 9 <= made.throughput < 20
     pushed = regions.assembly([regions.Line(0, "push", "0x38(%rsp)")])
     assert pushed == ".Lhere:\n\tmovq\t0x38(%rsp), %r11\n\tmovq\t%r11, -8(%rsp)\n"
@@ -192,25 +178,15 @@ def test_the_stack_is_no_chain():
 @needs_mca
 def test_code_that_is_none_is_refused():
     with pytest.raises(StudyError, match="llvm-mca: "):
-        analysers.run_mca("\tnonsense %ymm0\n", "skylake")
+        run("\tnonsense %ymm0\n")
 
 
-@pytest.mark.slow
-@needs_osaca
-def test_osaca_agrees_on_the_chain():
-    chain, apart = analysers.run_osaca(CHAIN, "SKX"), analysers.run_osaca(APART, "SKX")
-    assert (chain.critical_path, chain.loop_carried, chain.unknown) == (32, 32, 0)
-    assert apart.throughput == pytest.approx(4) and apart.critical_path <= 4
-    assert analysers.osaca_arch("\tvsqrtpd\t%ymm1, %ymm2\n", ("SPR", "SKX")) == "SKX"
-    assert analysers.osaca_arch(CHAIN, ("SPR", "SKX")) == "SPR"
-
-
-def mca(
+def made_up(
     throughput: float, latency: float, uops: float, resources: float, registers: float, memory: float
 ) -> Mca:
     about = {"throughput": throughput, "latency": latency, "uops": uops, "block_throughput": 1, "width": 6}
     made = Mca(**about, resources=resources, registers=registers, memory=memory)
-    made.split = split(made)
+    made.split = mca.split(made)
     return made
 
 
@@ -219,7 +195,7 @@ share = st.floats(0, 1)
 
 @given(share, share, share, st.floats(0.1, 1000), st.floats(0.1, 1000))
 def test_the_split_is_everything(resources, registers, memory, uops, cycles):
-    made = split(mca(cycles, cycles, uops, resources, registers, memory))
+    made = mca.split(made_up(cycles, cycles, uops, resources, registers, memory))
     assert made.retiring + made.memory + made.core == pytest.approx(1)
     assert made.ports + made.dependencies == pytest.approx(made.core)
     shares = (made.retiring, made.memory, made.core, made.ports, made.dependencies)
@@ -227,29 +203,26 @@ def test_the_split_is_everything(resources, registers, memory, uops, cycles):
 
 
 @pytest.mark.parametrize(
-    "name, known, release, chosen, remark",
+    ("release", "host", "flags", "chosen", "guessed"),
     [
-        ("Emerald Rapids", True, 14, "icelake-server", "Emerald Rapids has no model in LLVM 14"),
-        ("Emerald Rapids", True, 18, "sapphirerapids", None),
-        ("Ice Lake", True, 14, "icelake-server", None),
-        ("Ice Lake", True, 13, "skylake-avx512", "Ice Lake has no model in LLVM 13"),
-        ("Zen 5", True, 18, "znver4", "Zen 5 has no model in LLVM 18"),
-        ("Zen 3", True, 14, "znver3", None),
-        ("Haswell", False, 14, "haswell", "processor not known"),
+        (14, "icelake-server", ["avx512f"], "icelake-server", False),
+        (18, "generic", ["avx2", "avx512f"], "skylake-avx512", True),  # of an older LLVM than its CPU
+        (18, "x86-64-v3", ["avx2"], "haswell", True),
+        (18, "(unknown)", [], "sandybridge", True),
     ],
 )
-def test_the_nearest_model_is_named(name, known, release, chosen, remark):
-    mcpu, said = analysers.mcpu(Processor(name, known), release)
-    assert mcpu == chosen
-    assert (said is None) == (remark is None) and (remark or "") in (said or "")
-
-
-def test_a_processor_that_is_not_known_is_taken_by_its_flags():
-    assert analysers.this_processor({"microarchitecture": None, "flags": ["avx2"]}) == Processor(
-        "Haswell", False
-    )
-    assert analysers.this_processor({"microarchitecture": "Zen 4"}) == Processor("Zen 4", True)
-    assert set(analysers.OSACA_ARCH) == set(analysers.MCPU) >= {name for _, name in analysers.BY_FLAG}
+def test_the_newest_models_this_cpu_or_the_nearest(
+    monkeypatch, tmp_path, release, host, flags, chosen, guessed
+):
+    for number in (11, release):
+        tool = tmp_path / f"llvm-mca-{number}"
+        tool.write_text(f"#!/bin/sh\necho '  LLVM version {number}.0.6'\necho '  Host CPU: {host}'\n")
+        tool.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}")
+    monkeypatch.setattr(mca.machine, "cpu", lambda: {"flags": flags})
+    assert mca.model.__wrapped__() == mca.Model(str(tool), release, chosen, guessed)
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert mca.model.__wrapped__() is None
 
 
 # --- Table 3
@@ -263,10 +236,9 @@ def test_prediction_against_measurement(nest, monkeypatch):
     """Counts and cycles by hand: 0.9 of 3000 cycles for 1000 instructions."""
     lines, _ = nest
     monkeypatch.setattr(bounds, "regions", lambda *_: regions_of(lines))
-    monkeypatch.setattr(analysers, "mca_program", lambda: ("llvm-mca", 14))
-    monkeypatch.setattr(analysers, "run_mca", lambda *_: mca(20, 60, 60, 0.3, 0.1, 0.1))
-    processor = Processor("Haswell", True)
-    made = bounds.model(profile_of({0: 1}), None, {"nest": 1000}, osaca=False, processor=processor)
+    monkeypatch.setattr(mca, "model", lambda: mca.Model("llvm-mca", 14, "haswell"))
+    monkeypatch.setattr(mca, "run", lambda *_: made_up(20, 60, 60, 0.3, 0.1, 0.1))
+    made = bounds.model(profile_of({0: 1}), None, {"nest": 1000})
     count, compared = made.regions[0].instructions, made.compared
     assert count == regions.assembly(lines).count("\n") - 1
     assert compared.measured == pytest.approx(2700) and compared.share == pytest.approx(0.9)
@@ -282,14 +254,13 @@ def test_prediction_against_measurement(nest, monkeypatch):
     assert row["predicted_over_measured"] == pytest.approx(compared.throughput / 2700)
 
 
-def test_without_the_tools_one_line_each_and_the_rest_stays(nest, monkeypatch):
+def test_without_the_tool_one_line_and_the_rest_stays(nest, monkeypatch):
     lines, _ = nest
     monkeypatch.setattr(bounds, "regions", lambda *_: regions_of(lines))
-    monkeypatch.setattr(analysers, "mca_program", lambda: None)
-    monkeypatch.setattr(analysers, "osaca_program", lambda: None)
+    monkeypatch.setattr(mca, "model", lambda: None)
     said: list[str] = []
     made = bounds.model(profile_of({0: 1}), None, None, said.append)
-    assert [line.split()[0] for line in said] == ["llvm-mca", "osaca"]
+    assert said == [mca.MISSING]
     assert made.split is None and [one.share for one in made.regions] == [0.75, 0.15]
     assert made.regions[0].measured is None and made.compared is None
 
@@ -298,14 +269,14 @@ def test_what_an_analyser_refuses_is_one_line_with_its_count(nest, monkeypatch):
     """Two regions of 0.75 and 0.15 of the time, both refused for the same instruction."""
     lines, _ = nest
     monkeypatch.setattr(bounds, "regions", lambda *_: regions_of(lines))
-    monkeypatch.setattr(analysers, "mca_program", lambda: ("llvm-mca", 14))
+    monkeypatch.setattr(mca, "model", lambda: mca.Model("llvm-mca", 14, "haswell"))
 
     def refuse(*_: object) -> None:
         raise StudyError("llvm-mca: error: found an unsupported instruction")
 
-    monkeypatch.setattr(analysers, "run_mca", refuse)
+    monkeypatch.setattr(mca, "run", refuse)
     said: list[str] = []
-    made = bounds.model(profile_of({0: 1}), None, None, said.append, Processor("Haswell", True), osaca=False)
+    made = bounds.model(profile_of({0: 1}), None, None, said.append)
     (line,) = said
     assert "2 of 2 regions, 90%" in line and made.split is None and len(made.regions) == 2
 

@@ -50,9 +50,8 @@ def region_rows(record: Hotspots) -> list[Row]:
     for one in record.bounds:
         for region in one.regions:
             flat = {"phase": one.phase, "scene": one.scene, **show.cells(region)}
-            for prefix in ("mca", "osaca"):
-                if found := flat.pop(prefix):
-                    flat |= {f"{prefix}_{name}": value for name, value in show.cells(found).items()}
+            if found := flat.pop("mca"):
+                flat |= {f"mca_{name}": value for name, value in show.cells(found).items()}
             if split := flat.pop("mca_split", None):
                 flat |= {f"split_{k}": v for k, v in show.cells(split).items() if v is not None}
             made.append(flat)
@@ -89,16 +88,6 @@ ABOUT = (
 )
 
 
-def _osaca(row: Row) -> str:
-    unknown = cell(row, "osaca_unknown")
-    lacking = f", {unknown} instructions unknown" if unknown else ""
-    return f"{row.get('osaca_arch', show.NOTHING)}{lacking}"
-
-
-def _carried(row: Row) -> str:
-    return show.number(cell(row, "osaca_loop_carried") if cell(row, "loop") else None)
-
-
 REGIONS = [
     Column("", "scene", show.word("scene")),
     Column("", "phase", show.word("phase")),
@@ -108,10 +97,6 @@ REGIONS = [
     Column("", "calls left out", lambda r: str(cell(r, "calls") or show.NOTHING)),
     Column("cycles a pass, llvm-mca", "overlapping", show.plain("mca_throughput", 3)),
     Column("cycles a pass, llvm-mca", "alone", show.plain("mca_latency", 3)),
-    Column("cycles a pass, OSACA", "busiest port", show.plain("osaca_throughput", 3)),
-    Column("cycles a pass, OSACA", "critical path", show.plain("osaca_critical_path", 3)),
-    Column("cycles a pass, OSACA", "loop-carried", _carried),
-    Column("cycles a pass, OSACA", "tables of", _osaca),
     Column("cycles a pass", "measured", show.plain("measured", 3)),
     Column("held up by", "ports", _percent("split_ports")),
     Column("held up by", "dependencies", _percent("split_dependencies")),

@@ -31,7 +31,6 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--cpu", type=int, help="pin to this CPU")
     add("--run", type=Path, metavar="DIR", help="for hotspots.json; default: none")
     add("--no-bounds", action="store_true", help="without Table 3")
-    add("--no-osaca", action="store_true", help="Table 3 without OSACA, half a minute faster")
 
 
 class Sampling:
@@ -72,7 +71,7 @@ class Sampling:
         folder = ROOT / "build" / str(spec)
         built = elf.read(folder / profiles.TARGETS["shipped"], folder / profiles.OBJECTS["shipped"])
         counted = self._instructions(spec, scene, "shipped")
-        made = topdown.model(sampled, built, counted, self._say, osaca=not self.args.no_osaca)
+        made = topdown.model(sampled, built, counted, self._say)
         try:
             if by_pmu := topdown.topdown(spec, scene, self.args.n):
                 made.by, made.modelled_split = "pmu", made.split

@@ -17,7 +17,7 @@ def calls(study: Study) -> list[Call]:
     """Table 3 is about one step, structs to arrays, which the ladder's opt2 has among others."""
     scenes = study.scenes if study.depth == "full" else study.scenes[:1]
     samples = QUICK if study.quick else SAMPLES
-    fast = [] if study.depth == "full" else ["--no-osaca", "--samples", samples]  # OSACA: 30 s a phase
+    fast = [] if study.depth == "full" else ["--samples", samples]
     fast += ["-n", "120"] if study.quick else []
     arrays = ["opt1+arrays"] if "opt1" in ladder() else []
     names = [*ladder(), *arrays]
