@@ -80,11 +80,7 @@ def _hits(truth: Picture, image: Picture) -> dict[str, float]:
     found = {f"{name}_ppm": 1e6 * float(m.sum()) / count if count else math.nan for name, m in masks.items()}
     if not count:
         return found | dict.fromkeys(GEOMETRY, math.nan)
-    measured = _geometry(truth, image, known)
-    # A hit that was decided after the phase had guessed another has no normal in truth (truth.truth.decide).
-    turned = known & np.isfinite([truth[f"N.{axis}"] for axis in "xyz"]).all(axis=0)
-    name = "normal_p99_degrees"
-    measured[name] = _geometry(truth, image, turned)[name] if turned.any() else math.nan
+    measured = images.geometry(*({name: p[name][known] for name in images.AOVS} for p in (truth, image)))
     return found | {name: measured[name] for name in GEOMETRY}
 
 
@@ -108,10 +104,6 @@ def dt_p99_of(others: np.ndarray, truth: Picture, image: Picture) -> float:
     alike = int(np.searchsorted(mine, others[-1], "right")) if len(others) else 0
     kept = np.delete(mine, slice(max(alike - spare, 0), alike))
     return float(np.percentile(kept, 99)) if kept.size else math.nan
-
-
-def _geometry(truth: Picture, image: Picture, where: np.ndarray) -> dict[str, float]:
-    return images.geometry(*({name: p[name][where] for name in images.AOVS} for p in (truth, image)))
 
 
 def _judged(truth: Picture) -> np.ndarray:

@@ -239,20 +239,6 @@ def test_what_truth_does_not_know_is_no_agreement(blank):
     assert all(math.isnan(found[n]) for n in ("psnr_db", "rmse", "max_abs", "flip_max", "shadow_rmse"))
 
 
-def test_a_hit_without_a_normal_in_truth_is_left_out_of_the_angles_alone(blank):
-    truth, image = made_truth(blank(10, 10)), blank(10, 10)
-    image["N.x"][:5], image["N.z"][:5] = 1, 0  # a quarter turn off, where truth knows nothing
-    image["Z"][0, 0] += 2
-    for name in ("N.x", "N.y", "N.z", "ideal.G"):
-        truth[name][:5] = np.nan
-    truth["status.all"][:5] = 0
-    found = judging.metrics(truth, image)
-    assert found["normal_p99_degrees"] == 0 and found["dt_max"] == 2
-    assert found["unjudged_colours"] == 50 and found["false_misses_ppm"] == 0
-    truth["N.y"][:] = np.nan
-    assert math.isnan(judging.metrics(truth, image)["normal_p99_degrees"])
-
-
 # --- where
 
 

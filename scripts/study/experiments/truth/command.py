@@ -17,16 +17,16 @@ from study.pictures import images
 from study.truth import truth
 
 DESCRIPTION = """\
-Draws scenes with phase truth, and decides by exact algebra what its intervals leave open. Counts are of
-pixels by their camera ray. A copy of each picture goes to RUN/truth: put into build/truth/cache of another
+Draws scenes with phase truth. Counts are of pixels by their camera ray; one that no interval decides judges
+no phase. A copy of each picture goes to RUN/truth: put into build/truth/cache of another
 checkout with the same compiler, it is not made again there."""
-STATUSES = {1: "a ray of a scene without a fractal stayed undecided"}
+STATUSES = {1: "a ray of a scene without a fractal is undecided"}
 COLUMNS = [
     Column("", "scene", lambda r: r.scene),
     Column("", "size", lambda r: f"{r.width}x{r.height}"),
     *(
         Column("pixels by their camera ray", name.replace("_", " "), show.whole(name))
-        for name in ("proved", "decided_exactly", "undecided", "converged_only")
+        for name in ("proved", "undecided", "converged_only")
     ),
     Column("", "widest enclosure of t", lambda r: f"{r.widest:.1e}"),
 ]
@@ -51,11 +51,23 @@ def units(args: argparse.Namespace) -> list[Scene]:
 
 def kept(scene: Scene, size: truth.Size, jobs: int, folder: Path) -> Row:
     """The picture's row. Its copy is in folder/truth."""
-    found = truth.summary(scene, size, jobs)
-    copy = store.writable(folder / "truth") / Path(found.path).name
-    shutil.copyfile(registry.ROOT / found.path, copy)
-    counts = {name: getattr(found, name) for name in Row.__struct_fields__ if hasattr(found, name)}
-    return Row(**counts, sha256=images.sha256(images.read(copy)), picture=f"truth/{copy.name}")
+    made = truth.make(scene, size, jobs)
+    planes = images.read(made)
+    status, proved = planes["status"], planes["status"] == truth.PROVED
+    copy = store.writable(folder / "truth") / made.name
+    shutil.copyfile(made, copy)
+    return Row(
+        scene=scene.name,
+        width=size[0],
+        height=size[1],
+        proved=int(proved.sum()),
+        undecided=int((status == truth.UNDECIDED).sum()),
+        converged_only=int((status == truth.CONVERGED).sum()),
+        widest=float(planes["width"][proved].max(initial=0)),
+        chain_proved=int((planes["status.all"] == truth.PROVED).sum()),
+        sha256=images.sha256(planes),
+        picture=f"truth/{copy.name}",
+    )
 
 
 def measure(args: argparse.Namespace) -> Outcome:
@@ -66,6 +78,5 @@ def measure(args: argparse.Namespace) -> Outcome:
     path = folder / shards.file_name(FILE, args.shard)
     store.write_json(path, shards.marked(cli.plain(result), args.shard))
     smooth = {scene.name for scene in scenes if not scene.fractal}
-    bad = (row for row in rows if row.undecided and row.scene in smooth)
-    failed = [f"{row.scene}: {row.undecided} rays stayed undecided" for row in bad]
+    failed = [f"{r.scene}: {r.undecided} rays undecided" for r in rows if r.undecided and r.scene in smooth]
     return Outcome(result, [show.markdown(show.table(rows, COLUMNS))], folder, failed=failed)
