@@ -1,4 +1,4 @@
-"""Rows as tables for people: cells as text, tables as Markdown; the columns are in study.report.columns."""
+"""Rows as tables for people: cells as text, tables as Markdown."""
 
 from __future__ import annotations
 
