@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -17,7 +17,6 @@ from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.run_schema import Cpu
 from study.core.schema import Record, key
-from study.core.show import cell
 from study.numbers.schema import Result
 
 FILE = "ceilings.json"
@@ -99,16 +98,6 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
     ] = None
     ceilings: Annotated[list[Ceiling], key("", "the rates", min_length=1)]
 
-    def foreign(self, cpu: Any, tsc_hz: float) -> str | None:
-        """Why these are another machine's than a run's (its CPU and TSC rate); None: nothing says so.
-
-        `tsc_hz` NaN: not known. What either record lacks is not compared.
-        """
-        if not other_cpu(self.cpu, cpu, (self.tsc_hz, tsc_hz)):
-            return None
-        here, there = describe(self.cpu, self.tsc_hz), describe(cpu, tsc_hz)
-        return f"ceilings of another machine: {here}; what was timed ran on {there}"
-
     def _find(self, name: str, precision: str, bits: int) -> Ceiling | None:
         which = name, precision, bits
         return next((one for one in self.ceilings if (one.name, one.precision, one.bits) == which), None)
@@ -132,61 +121,42 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
         """Flop per core cycle that the ports allow (study.bounds.peaks); NaN where that is not known."""
         return peaks.peak(self.cpu, one.name, one.precision, one.bits) if one.precision else math.nan
 
-    def uneven(self) -> list[str]:
-        """Widths at which FMA in single precision is not twice that in double (scalar: as much), in words.
-
-        One unit does both, at one instruction rate: the slower of them was disturbed.
-        """
+    def doubts(self) -> list[str]:
+        """FMA ceilings in single precision that are not twice those in double (scalar: as much), since one
+        unit does both, and ceilings off what the ports allow, in words: these were disturbed, or their clock
+        was measured too low."""
         found = []
         for bits in WIDTHS:
-            scalar = bits < 128
-            ends = [self.flops("fma", name, element if scalar else bits) for name, element in _ELEMENTS]
-            ratio, due = ends[1] / ends[0], 1 if scalar else 2
-            if abs(ratio / due - 1) > AGREE:  # NaN: widths that this CPU lacks
-                found.append(f"{'scalar' if scalar else f'{bits} bits'} {ratio:.3g} instead of {due}")
-        return found
-
-    def off_ports(self) -> tuple[list[str], list[str]]:
-        """Ceilings above what the ports allow, and FMA ceilings more than AGREE below it, in words."""
-        above, below = [], []
+            due = 1 if bits < 128 else 2
+            double, single = (
+                self.flops("fma", name, max(bits, of) if due > 1 else of) for name, of in _ELEMENTS
+            )
+            if abs(single / double / due - 1) > AGREE:  # NaN: widths that this CPU lacks
+                width = "scalar" if due == 1 else f"{bits} bits"
+                found.append(f"fma {width} {single / double:.3g} instead of {due}")
         for one in self.ceilings:
-            if one.value is None or one.precision is None:
-                continue
-            due = self.peak(one)
-            said = f"{one.name} {one.precision} {one.bits} bits {one.value:.4g} of {due:g}"
-            if one.value > due * (1 + CLOCK):
-                above.append(said)
-            elif one.name == "fma" and one.value < due * (1 - AGREE):
-                below.append(said)
-        return above, below
+            if one.value is not None and one.precision is not None:
+                due = self.peak(one)
+                low = one.name == "fma" and one.value < due * (1 - AGREE)
+                if low or one.value > due * (1 + CLOCK):
+                    found.append(f"{one.name} {one.precision} {one.bits} bits {one.value:.4g} of {due:g}")
+        return found
 
     def steady(self) -> bool:
         """Whether the FMA ceilings agree with each other and, where those are known, with the ports."""
-        above, below = self.off_ports()
         fmas = (one for one in self.ceilings if one.name == "fma" and one.value is None)
         lost = [one for one in fmas if not (one.reason or "").startswith(LACKS)]  # for the clock
-        return not (self.uneven() or below or lost or any(said.startswith("fma ") for said in above))
+        return not (lost or any(said.startswith("fma ") for said in self.doubts()))
 
     def remarks(self) -> list[str]:
         """What speaks against these figures; nothing where they agree."""
-        said, (above, below) = [], self.off_ports()
+        if not (doubts := self.doubts()):
+            return []
         times = f"{self.tries} times" if self.tries and self.tries > 1 else "once"
-        if uneven := self.uneven():
-            said.append(
-                f"FMA ceilings that do not agree (measured {times}), single over double precision: "
-                f"{', '.join(uneven)}. The lower of the two was disturbed, and shares of it are too high."
-            )
-        if below:
-            said.append(
-                f"FMA ceilings more than {100 * AGREE:g}\u00a0% below what the ports allow, in flop/core "
-                f"cycle (measured {times}): {', '.join(below)}. Disturbed; shares of them are too high."
-            )
-        if above:
-            said.append(
-                f"Ceilings above what the ports allow, in flop/core cycle: {', '.join(above)}. The clock "
-                "beside them was measured too low; shares of them are too low by as much."
-            )
-        return said
+        return [
+            f"Ceilings that were disturbed (measured {times}): {', '.join(doubts)}: single over double "
+            "precision, or flop/core cycle of what the ports allow. Shares of them are off by as much."
+        ]
 
     def better(self, other: Ceilings) -> Ceilings:
         """Of each ceiling the higher of two measurements of one machine that the ports allow; the lower
@@ -217,34 +187,29 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
         return own if own > 0 else self.bandwidth(level)
 
 
-def _told(cpu: Any, names: Iterable[str]) -> list[Any]:
-    """What a record of a CPU says of itself, None where it does not."""
-    return [None if (value := cell(cpu, name)) is msgspec.UNSET else value for name in names]
-
-
-def describe(cpu: Any, tsc_hz: float) -> str:
+def describe(cpu: Cpu, tsc_hz: float = math.nan) -> str:
     """A machine in a few words; its numbers tell apart what calls itself by one name."""
-    name, *numbers = _told(cpu, ("model", "family", "model_number", "stepping"))
+    numbers = (cpu.family, cpu.model_number, cpu.stepping)
     told = f" ({'/'.join(map(str, numbers))})" if None not in numbers else ""
     clock = f", TSC {tsc_hz / 1e9:.3f} GHz" if tsc_hz > 0 else ""
-    return f"{name or 'a CPU that is not recorded'}{told}{clock}"
+    return f"{cpu.model or 'a CPU that is not recorded'}{told}{clock}"
 
 
-def other_cpu(own: Any, theirs: Any, tsc_hz: Sequence[float] = (math.nan, math.nan)) -> bool:
+def other_cpu(own: Cpu, theirs: Cpu, tsc_hz: Sequence[float] = (math.nan, math.nan)) -> bool:
     """Whether two records of a CPU are of different ones, or their TSC rates are. What either lacks, or NaN,
     is not compared."""
-    pairs = zip(_told(own, _CPU), _told(theirs, _CPU), strict=True)
+    pairs = [(getattr(own, name), getattr(theirs, name)) for name in _CPU]
     changed = any(None not in pair and pair[0] != pair[1] for pair in pairs)
     return changed or abs(tsc_hz[0] / tsc_hz[1] - 1) > TSC_TOLERANCE
 
 
-def refuse(folder: Path, there: Any) -> None:
+def refuse(folder: Path, there: Cpu) -> None:
     """StudyError if the run in `folder` was made on another CPU than this one."""
-    here = machine.cpu()
+    here = msgspec.convert(machine.cpu(), Cpu)
     if other_cpu(here, there):
         raise StudyError(
-            f"{folder}: a run of another machine, {describe(there, math.nan)}; its ceilings cannot be "
-            f"measured here, on {describe(here, math.nan)}"
+            f"{folder}: a run of another machine, {describe(there)}; its ceilings cannot be measured here, "
+            f"on {describe(here)}"
         )
 
 

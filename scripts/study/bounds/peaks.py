@@ -12,12 +12,9 @@ without FMA.
 from __future__ import annotations
 
 import math
-from typing import Any
-
-from msgspec import UNSET
 
 from study.core import machine
-from study.core.show import cell
+from study.core.run_schema import Cpu
 
 ELEMENT = {"double": 64, "single": 32}  # bits
 WIDE, WIDER = {128: 2, 256: 2}, {128: 2, 256: 2, 512: 2}  # two units, of 256 bits and of 512
@@ -35,22 +32,10 @@ PORTS: dict[str, dict[int, int]] = {
 FLOPS = {"fma": 2, "add": 1, "mul": 1}
 
 
-def ports(cpu: Any, bits: int) -> int | None:
-    """FMAs of `bits` (the element's where scalar) per core cycle. `cpu`: as in context.json or
-    ceilings.json; None where it, or what it can do, is not known.
-    """
-    names = ("microarchitecture", "vendor", "family", "model_number", "stepping")
-    told = {name: None if (value := cell(cpu, name)) is UNSET else value for name in names}
-    name, vendor, *numbers, stepping = told.values()
-    if None in numbers:
-        return None
-    name = name or machine.microarchitecture(vendor, *numbers, stepping or 0)
-    return PORTS.get(name or "", {}).get(max(bits, 128))
-
-
-def peak(cpu: Any, kind: str, precision: str, bits: int) -> float:
-    """Flop per core cycle at most, of fma, add or mul; NaN where that is not known."""
-    several = ports(cpu, bits)
+def peak(cpu: Cpu | None, kind: str, precision: str, bits: int) -> float:
+    """Flop per core cycle at most, of fma, add or mul; NaN where that is not known. `bits`: the element's
+    where scalar."""
+    several = PORTS.get((cpu and cpu.microarchitecture) or "", {}).get(max(bits, 128))
     if several is None or kind not in FLOPS:
         return math.nan
     return float(several * (bits // ELEMENT[precision]) * FLOPS[kind])

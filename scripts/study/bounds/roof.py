@@ -27,7 +27,6 @@ from study.counting.schema import Counts as Counted
 from study.counting.schema import Measurement, Picture
 from study.numbers import paper
 from study.numbers.analysis import GENERATED, Cell, Data
-from study.numbers.stats import Interval
 
 COUNTS = "counts.json"
 ORDER = ("blocks", "sde", "ptrace", "pmu")  # of two that counted the same picture, the first
@@ -53,26 +52,6 @@ def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, l
     return flops.read(folder / COUNTS), limits, notes
 
 
-def foreign(data: Data, limits: Ceilings | None) -> str | None:
-    """Why the ceilings are another machine's than the one that the frames were timed on, or None."""
-    rate = float(data.frames.tsc_hz.median()) if len(data.frames) else nan
-    return limits.foreign(data.context.cpu, rate) if limits else None
-
-
-@dataclass(frozen=True)
-class Rate:
-    """FLOPs over cycles with the interval of the cycles."""
-
-    value: float = nan
-    low: float = nan
-    high: float = nan
-
-    @classmethod
-    def of(cls, flops: float, cycles: Interval) -> Rate:
-        ends = (cycles.value, cycles.high, cycles.low)
-        return cls(*(flops / end if end > 0 else nan for end in ends))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Point(Roofs, Clocks):
     """A timed configuration of one thread that has counts.
@@ -80,7 +59,7 @@ class Point(Roofs, Clocks):
     Rates are FLOPs of the machine convention per core (or TSC) cycle, their ends the interval of the cycles
     over launches. `scaled_from_n`: the counts are another height's, per pixel. `paper_…`: the paper's own
     figure and percent; `paper_rule_…`: calls × FLOPs of each function. NaN: not counted, or no ceiling.
-    `foreign_ceilings`, `foreign_counts`: why they are not of what was timed.
+    `foreign_counts`: why they are not of what was timed.
     """
 
     phase: str
@@ -107,20 +86,13 @@ class Point(Roofs, Clocks):
     flops_per_core_cycle_low: float
     flops_per_core_cycle_high: float
     flops_per_tsc_cycle: float
-    flops_per_tsc_cycle_low: float
-    flops_per_tsc_cycle_high: float
     gflops: float
     paper_rule_scaled_from_n: int | None
     paper_rule_flops: float
     paper_rule_flops_per_core_cycle: float
-    paper_rule_flops_per_core_cycle_low: float
-    paper_rule_flops_per_core_cycle_high: float
     paper_rule_flops_per_tsc_cycle: float
-    paper_rule_flops_per_tsc_cycle_low: float
-    paper_rule_flops_per_tsc_cycle_high: float
     paper_rule_share_of_avx2_roof: float
     paper_rule_share_of_avx2_peak: float
-    foreign_ceilings: str | None
     paper_flops_per_cycle: float
     paper_share: float
     section: str
@@ -131,11 +103,8 @@ class Point(Roofs, Clocks):
 
 
 def remarks(points: Sequence[Point]) -> list[str]:
-    """What must stand beside every share of a roof: foreign ceilings, counts of other code, points above."""
-    said = [
-        f"{text[0].upper()}{text[1:]}. No share of a roof means anything."
-        for text in dict.fromkeys(one.foreign_ceilings for one in points if one.foreign_ceilings)
-    ]
+    """What must stand beside every share of a roof: counts of other code, points above."""
+    said = []
     for text in dict.fromkeys(one.foreign_counts for one in points if one.foreign_counts):
         phases = ", ".join(dict.fromkeys(one.phase for one in points if one.foreign_counts == text))
         said.append(f"Counts that are not of what was timed ({phases}): {text}.")
@@ -191,10 +160,8 @@ def _same(one: Picture, cell: Cell, scene_hash: str | None) -> bool:
     return (one.spec, one.scene) == (cell.spec, cell.scene) and known
 
 
-def _point(
-    cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, stated: Any, other: str | None
-) -> Point | None:
-    """None without counts. `stated`: the paper's figures; `other`: whose ceilings these are, if foreign."""
+def _point(cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, stated: Any) -> Point | None:
+    """None without counts. `stated`: the paper's figures."""
     cpu, hashes = data.context.cpu, data.frames[data.frames.scene == cell.scene].scene_hash
     scene_hash = str(hashes.iloc[-1]) if len(hashes) else None
     model, (precision, bits) = cpu.model, own_bits(cell)
@@ -221,12 +188,12 @@ def _point(
         return None
     if not loads + stores > 0:  # a back end that counts none
         loads = stores = nan
-    rate, by_tsc = Rate.of(flops, core), Rate.of(flops, tsc)
+    rate, low, high = (flops / end if end > 0 else nan for end in (core.value, core.high, core.low))
     intensity = flops / (loads + stores)
-    roofs = below(rate.value, intensity, precision, bits, operations, limits, cpu)
+    roofs = below(rate, intensity, precision, bits, operations, limits, cpu)
     rule = paper_rule.flop(paced[2]) if paced else None
     theirs = paced[0] * rule if paced and rule is not None else nan
-    ruled, ruled_tsc = Rate.of(theirs, core), Rate.of(theirs, tsc)
+    ruled = theirs / core.value
     return Point(
         phase=cell.spec,
         scene=cell.scene,
@@ -248,26 +215,19 @@ def _point(
         store_bytes=stores,
         bytes=loads + stores,
         intensity=intensity,
-        flops_per_core_cycle=rate.value,
-        flops_per_core_cycle_low=rate.low,
-        flops_per_core_cycle_high=rate.high,
-        flops_per_tsc_cycle=by_tsc.value,
-        flops_per_tsc_cycle_low=by_tsc.low,
-        flops_per_tsc_cycle_high=by_tsc.high,
+        flops_per_core_cycle=rate,
+        flops_per_core_cycle_low=low,
+        flops_per_core_cycle_high=high,
+        flops_per_tsc_cycle=flops / tsc.value,
         gflops=flops / cell.median("ns").value,
         **vars(roofs),
-        **vars(under_load(rate.value, bits, roofs, cell, limits)),
+        **vars(under_load(rate, bits, roofs, cell, limits)),
         paper_rule_scaled_from_n=paced[1] if paced else None,
         paper_rule_flops=theirs,
-        paper_rule_flops_per_core_cycle=ruled.value,
-        paper_rule_flops_per_core_cycle_low=ruled.low,
-        paper_rule_flops_per_core_cycle_high=ruled.high,
-        paper_rule_flops_per_tsc_cycle=ruled_tsc.value,
-        paper_rule_flops_per_tsc_cycle_low=ruled_tsc.low,
-        paper_rule_flops_per_tsc_cycle_high=ruled_tsc.high,
-        paper_rule_share_of_avx2_roof=ruled.value / roofs.avx2_fma_roof,
-        paper_rule_share_of_avx2_peak=ruled.value / roofs.avx2_fma_peak,
-        foreign_ceilings=other,
+        paper_rule_flops_per_core_cycle=ruled,
+        paper_rule_flops_per_tsc_cycle=theirs / tsc.value,
+        paper_rule_share_of_avx2_roof=ruled / roofs.avx2_fma_roof,
+        paper_rule_share_of_avx2_peak=ruled / roofs.avx2_fma_peak,
         paper_flops_per_cycle=stated.get(("performance", cell.scene, cell.spec), nan),
         paper_share=stated.get(("share_of_peak", cell.scene, cell.spec), nan) / 100,
         section=SECTION.get(cell.spec, "table6"),
@@ -277,8 +237,7 @@ def _point(
 def points(data: Data, counted: Counted, limits: Ceilings | None) -> list[Point]:
     """One per timed configuration of one thread that has counts, in the order of the cells."""
     stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
-    other = foreign(data, limits)
-    made = [_point(cell, counted, limits, data, stated, other) for cell in data.cells if cell.threads == 1]
+    made = [_point(cell, counted, limits, data, stated) for cell in data.cells if cell.threads == 1]
     return [one for one in made if one is not None]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from study.bounds import ceilings
-from study.core import cli, store
+from study.core import store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import BASE
 from study.core.store import Run
@@ -124,9 +124,9 @@ def other_sizes(base: pd.DataFrame, other: pd.DataFrame) -> dict[str, str]:
 def other_machine(base: Side, other: Side) -> str | None:
     """Why two runs are of two machines: CPU, CPUs, TSC rate, kind of core. None: nothing says so."""
     kinds = [side.run.context.pinned.core_type for side in (base, other)]
-    cpus = [cli.plain(side.run.context.cpu) for side in (base, other)]
+    cpus = [side.run.context.cpu for side in (base, other)]
     rates = [float(clocks.clocked(side.frames)["tsc_hz"].median()) for side in (base, other)]
-    counts = [cpu.get("logical_cpus") for cpu in cpus]
+    counts = [cpu.logical_cpus for cpu in cpus]
     if not ceilings.other_cpu(*cpus, rates) and (None in counts or counts[0] == counts[1]):
         same = None in kinds or kinds[0] == kinds[1]
         return None if same else f"other core types: {' and '.join(kinds)}"

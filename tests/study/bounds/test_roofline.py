@@ -296,21 +296,7 @@ def test_a_calibrated_back_end_goes_before_another(run: Path) -> None:
         assert point(run, "opt4", 180).backend == first
 
 
-# What is of another machine or of other code
-
-
-def test_ceilings_of_another_machine_are_marked(run: Path) -> None:
-    """The fixture's context.json says Example CPU, its frames a TSC of 2.5 GHz."""
-    assert roof.remarks(points_of(run)) == []
-    for change in ({"cpu": {"model": "Other CPU"}}, {"tsc_hz": 3e9}):
-        store.write_json(run / "ceilings.json", record() | change)
-        assert point(run, "opt4", 180).foreign_ceilings
-        section = chapter.roofline(loaded(run))
-        part = next(part for part in section.parts if part.name == "roofline")
-        assert "another machine" in section.remarks[0] and "another machine" in part.markdown
-        assert all("another machine" in written(run, name) for name in ("roofline", "table6"))
-    store.write_json(run / "ceilings.json", record() | {"cpu": {"model": "Example CPU @ 2.50GHz"}})
-    assert roof.remarks(points_of(run)) == []
+# What is of other code
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from study.bounds import ceilings
 from study.bounds.ceilings_tables import BANDWIDTH, COMPUTE, grid
 from study.core import cli, show, store
 from study.core.cli import Outcome
+from study.core.run_schema import Context
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -20,8 +21,8 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def measure(args: argparse.Namespace) -> Outcome:
     target = store.Run.open(args.run) if args.run else store.latest()
-    context = target.path / "context.json"
-    ceilings.refuse(target.path, store.read_json(context).get("cpu") if context.exists() else None)
+    context = Context.load_if_there(target.path / "context.json") or Context()
+    ceilings.refuse(target.path, context.cpu)
     measured = ceilings.measure(args.cpu, args.samples)
     path = ceilings.write(target.path, measured)
     tables = [

@@ -35,8 +35,6 @@ def roofline(data: Data) -> Section:
                 parts += part("roofline", caption, rows, tables.POINTS, foot)
                 answer = _answer(rows)
         if limits:
-            if not points and (other := roof.foreign(data, limits)):
-                notes.append(other)
             caption = "What one core does at best: flop per core cycle, best sample and median"
             parts += part(
                 "ceilings", caption, ceilings_tables.grid(limits, "precision"), ceilings_tables.COMPUTE

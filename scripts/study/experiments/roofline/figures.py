@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -21,7 +20,7 @@ from study.core import cli, machine, show
 from study.experiments.roofline.tables import FOREIGN, counted_by
 from study.numbers.analysis import Data
 from study.pictures import labels, ladder
-from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
+from study.pictures.draw import RING, Drawing, bars_of, legend, look, panels, plain_log
 
 CAPTIONS = {
     "roofline": "Every phase below the measured roofs of one core, by bytes as the core sees them; the dash "
@@ -125,18 +124,15 @@ def roofline(points: Sequence[Point], limits: Ceilings) -> Figure:
     roofs, table = arithmetic_roofs(limits, points), pd.DataFrame(points)
     columns = min(2, len({one.scene for one in points}))
     figure, grid = panels(table, 6.0, 7.6, columns)
-    other = next((one.foreign_ceilings for one in points if one.foreign_ceilings), "")
     title = (
-        f"What one core can do (lines{'' if other else ', measured in this run'}) and what each phase does "
+        "What one core can do (lines, measured in this run) and what each phase does "
         "of it (marks, with flop per core cycle): a roofline.\n"
         "A slanted line is the most that a cache or memory can feed, a level one the most that arithmetic "
         "can do. The dash above a mark:\n"
         "the phase's own limit, the lower of its operations' (div, sqrt, min/max … at their own rate) and "
         "of L1's by its width of access."
     )
-    if other:
-        title = f"{textwrap.fill(other[0].upper() + other[1:], 110)}\n{title}"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, color=BAD if other else "black")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5)
     looks = look(table)
     ends = [(one.flops_per_core_cycle, one.flops_per_core_cycle_low) for one in points]
     bottom = min(end for pair in ends for end in pair if not math.isnan(end)) / 2

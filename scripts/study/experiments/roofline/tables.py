@@ -29,8 +29,6 @@ def counted_by(point: Point) -> str:
 
 def doubtful(point: Point, name: str) -> str:
     """Why a share of a roof is not to be believed, in a few words, or nothing."""
-    if point.foreign_ceilings and not name.endswith("_peak"):  # which is no measurement
-        return "another machine's roof"
     above = getattr(point, name) > 1
     if name.startswith("share_of_least_roof") and point.least_bound == NEAREST:
         return "by wider accesses than its own" if above else ""
