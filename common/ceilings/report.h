@@ -7,7 +7,4 @@
 // Prints one JSON object (fields: results/README.md). `begin`: timer_ns at the program's start.
 void report_json(struct ceilings *all, uint64_t begin);
 
-// Prints a line for each ceiling.
-void report_table(struct ceilings *all, int samples);
-
 #endif

@@ -230,7 +230,7 @@ def measure(cpu: int | None = None, samples: int | None = None, tries: int = TRI
 
 
 def _once(program: Path, cpu: int | None, samples: int | None) -> Ceilings:
-    arguments = [str(program), "--json", *(["--samples", str(samples)] if samples else [])]
+    arguments = [str(program), *(["--samples", str(samples)] if samples else [])]
     cpus = run.cpu_set(run.FASTEST if cpu is None else cpu, 1)
     try:
         done = subprocess.run(

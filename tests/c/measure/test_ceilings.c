@@ -1,5 +1,4 @@
-// What common/ceilings makes of its samples. Its kernels are tested by `build/ceilings --check` and
-// tests/common/test_ceilings.py.
+// What common/ceilings makes of its samples. Its kernels are tested by tests/common/test_ceilings.py.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -79,10 +79,6 @@ def test_table1_and_its_claims_are_judged_by_the_papers_rule() -> None:
     assert base.paper_convention_gflop == pytest.approx(34.85, abs=0.01)
     assert rows["mandelbulb", "opt1"].rule_cut == pytest.approx(0.127, abs=0.001)
     assert rows["mandelbulb", "opt9_convex"].paper_rule_gflop is None
-    first, entered, *_ = (row for row in table1.readings(declared) if row.scene == "mandelbulb")
-    assert first.rule == table1.JUDGED and first.gflop == base.paper_rule_gflop
-    assert entered.difference == pytest.approx(-0.359, abs=0.001)
-
     data = load(PUBLISHED)
     checked = claims.check(data, ladder.rows(data))
     judged = {(row.unit, row.scene): row for row in checked if "FLOP" in row.unit}

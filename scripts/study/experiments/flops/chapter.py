@@ -85,13 +85,6 @@ def counted(path: Path) -> Section:
         if any(row.gflop for row in rows):
             caption = "FLOPs of a picture by phase, and the share of lanes at useful work"
             drawn = {"flops": Drawing(caption, CONVENTIONS, partial(_draw, rows))}
-        parts += part(
-            "table1-readings",
-            "Table 1 by the paper's rule, and by others: baseline's FLOPs. The paper's text states the rule; "
-            "its sheet with the FLOPs of each function is not public",
-            table1.readings(first),
-            columns.READINGS,
-        )
         parts += part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS)
     file = path / "validation.json"
     with reading(file, f"scripts/stepwise flops --validate --run {path}"):

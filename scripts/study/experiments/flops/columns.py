@@ -1,4 +1,4 @@
-"""Columns of what was counted: Table 1, its terms and readings, declared against measured."""
+"""Columns of what was counted: Table 1, its terms, declared against measured."""
 
 from __future__ import annotations
 
@@ -90,16 +90,6 @@ TERMS = [
     Column("", "GFLOP, paper's convention", plain("gflop", 4)),
     Column("", "share", lambda r: percent(r.share)),
     Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
-]
-
-
-READINGS = [
-    Column("", "scene", picture),
-    Column("", "baseline's FLOPs under the rule", word("rule")),
-    Column("", "GFLOP", plain("gflop", 4)),
-    Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
-    Column("", "the paper's GFLOP", plain("paper_gflop", 4)),
-    Column("", "difference", _signed),
 ]
 
 

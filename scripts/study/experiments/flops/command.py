@@ -117,8 +117,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     if args.validate:
         lines = _validation(rows)
     else:
-        several = [(table, columns.TABLE1), (table1.terms(stated), columns.TERMS)]
-        several += [(table1.readings(stated), columns.READINGS), (made, columns.MEASURED)]
+        several = [(table, columns.TABLE1), (table1.terms(stated), columns.TERMS), (made, columns.MEASURED)]
         lines = [show.markdown(show.table(some, shown)) for some, shown in several if some]
     general = dict.fromkeys(one.phase for one in [*stated, *made] if one.kernel)
     remarks = [f"{name}: its general code is counted, no kernel is generated for a scene" for name in general]

@@ -87,20 +87,6 @@ class Term:
     flop_per_evaluation: float | None
 
 
-@dataclass(frozen=True)
-class Reading:
-    """Baseline's FLOPs by one rule, beside the paper's own figure."""
-
-    scene: str
-    width: int
-    height: int
-    rule: str
-    gflop: float
-    flop_per_evaluation: float | None
-    paper_gflop: float
-    difference: float
-
-
 def term_of(function: str) -> str:
     for term, names in TERMS.items():
         if function in names.split():
@@ -197,44 +183,4 @@ def terms(declared: Iterable[Declared]) -> list[Term]:
         for term, flop in sums.items():
             share = flop / total if total else float("nan")
             made.append(Term(*about, term, flop / 1e9, share, flop / count if count else None))
-    return made
-
-
-JUDGED = "the paper's rule: calls of each function × its FLOPs, with all iterations of a Mandelbulb's call"
-# Functions of baseline whose math.h calls are transcendental; the others' are fabs, fmin, fmax and floor.
-TRANSCENDENTAL = ("rotate_point", "sdf_mandelbulb", "light_at", "trace")
-
-
-def readings(declared: Iterable[Declared]) -> list[Reading]:
-    """Baseline's FLOPs by the rule that Table 1 is judged by, and by others, beside the paper's own figure.
-
-    The paper's text states the rule; its sheet with the FLOPs of each function is not public.
-    """
-    stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
-    made = []
-    for one in declared:
-        theirs = stated.get(("flop_count", one.scene, BASE))
-        if one.phase != BASE or not one.flops or theirs is None or one.width * one.height != paper.PIXELS:
-            continue
-        functions, total, count = one.by_function, one.flops.paper, evaluations(one)
-        simple = sum(
-            cost.per_lane["call"] * functions[cost.function].parts.get(cost.part, 0)
-            for cost in costs.of_phase(BASE)
-            if cost.function not in TRANSCENDENTAL and cost.function in functions
-        )
-        found = [
-            (JUDGED, paper_rule.flop(one)),
-            ("iterations of the Mandelbulb as they were entered, not all of a call", total),
-            ("that, and fabs, fmin, fmax and floor not counted", total - simple),
-            (
-                "that, and degrees to radians not counted (three products a rotation)",
-                total - 3 * functions["rotate_point"].calls,
-            ),
-            ("that, and comparisons of the source counted", total + one.by_class["compare"]),
-        ]
-        for rule, flop in found:
-            if flop is not None:
-                each = flop / count if count else None
-                about = one.scene, one.width, one.height, rule, flop / 1e9, each
-                made.append(Reading(*about, theirs / 1e9, flop / theirs - 1))
     return made
