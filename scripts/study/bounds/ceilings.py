@@ -136,10 +136,10 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
                 found.append(f"fma {width} {single / double:.3g} instead of {due}")
         for one in self.ceilings:
             if one.value is not None and one.precision is not None:
-                due = self.peak(one)
-                low = one.name == "fma" and one.value < due * (1 - AGREE)
-                if low or one.value > due * (1 + CLOCK):
-                    found.append(f"{one.name} {one.precision} {one.bits} bits {one.value:.4g} of {due:g}")
+                peak = self.peak(one)
+                low = one.name == "fma" and one.value < peak * (1 - AGREE)
+                if low or one.value > peak * (1 + CLOCK):
+                    found.append(f"{one.name} {one.precision} {one.bits} bits {one.value:.4g} of {peak:g}")
         return found
 
     def steady(self) -> bool:

@@ -6,7 +6,7 @@ Run by make (common/rules.mk) on the FILE.s of a phase; makes, in one folder,
     counted/FILE.o  the same with counters, which is what runs;
     table.json      what each counter stands for, for counting.blocks; blocks_table.h for counting/blocks.c.
 
-study.counting.assembly_source has the text's blocks, study.counting.assembly_counters what counts them.
+study.counting.assembly_source has the text's blocks and what counts them.
 """
 
 from __future__ import annotations

@@ -1,23 +1,30 @@
-"""Compiler output (gcc or clang -S, AT&T syntax) as basic blocks, and that text with symbols or counters."""
+"""Compiler output (gcc or clang -S, AT&T syntax) as basic blocks, and that text with symbols or counters.
+
+Counters are statements that change no register, no flag and no byte of the stack, the red zone below rsp
+included: rax is kept in a thread-local slot, and the sum made by lea, which writes no flag. Where the block
+itself overwrites every flag before it reads one, a single inc does the same. (Intel SDM vol. 1, appendix A:
+which instructions write flags; System V ABI for AMD64, 3.2.2: the red zone; Drepper, ELF Handling For
+Thread-Local Storage: tpoff.)
+"""
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from elftools.elf.constants import SH_FLAGS
 from elftools.elf.elffile import ELFFile
 from elftools.elf.sections import SymbolTableSection
+from iced_x86 import Decoder, RflagsBits
 
 from study.core.cli import StudyError
-from study.counting.assembly_counters import count, count_lanes, count_rcx, overwrites_flags
-from study.counting.decode import Decoded, decode
+from study.counting.decode import MNEMONICS, Decoded, decode
 
 MARKER = "stepwise_block_"
 _PREFIXES = re.compile(r"lock|repn?[ez]?|notrack|bnd|data(16|32)|addr32|rex64|rex\.\w+|[c-g]s|ss|\{\w+\}")
+_AFTER_PREFIX = re.compile(r"\b(repn?[ez]?|lock)\s*;")
 _UNCONDITIONAL = re.compile(r"jmpq?|l?retq?|ud2|hlt|iretq?|ljmp")
 _ENDS = re.compile(r"j\w+|loop\w*|l?callq?|l?retq?|ljmp|xbegin|syscall|sysenter|int\d?|ud2|hlt|iretq?")
 _ALIGN = (".p2align", ".align", ".balign", ".nops")
@@ -73,48 +80,24 @@ class _Place:
     block: Block | None = None
 
 
-def _split(line: str) -> Iterator[str]:
-    """Statements of a line: at semicolons outside of strings, without comments."""
-    quoted, start = False, 0
-    for i, c in enumerate(line):
-        if c == '"' and (i == 0 or line[i - 1] != "\\"):
-            quoted = not quoted
-        elif not quoted and c == "#":
-            line = line[:i]
-            break
-        elif not quoted and c == ";":
-            yield line[start:i]
-            start = i + 1
-    yield line[start:]
-
-
 def statements(text: str) -> list[Statement]:
-    """The file's statements in order."""
+    """The file's statements in order. clang writes rep;movsq: one instruction, nothing between."""
     found: list[Statement] = []
-    alone: Statement | None = None  # a prefix without an instruction
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("#"):  # #APP and #NO_APP say something to the assembler
             found.append(Statement(line, number, "comment"))
             continue
-        for part in _split(re.sub(r"/\*.*?\*/", " ", line)):
-            while match := _LABEL.match(part):
-                found.append(Statement(match[0], number, "label", match[1].strip('"')))
-                part = part[match.end() :]
-            if not part.strip():
-                continue
-            name, rest = [*part.split(None, 1), ""][:2]
-            rest = rest.strip()
-            if re.match(r"[\w.$]+\s*=", part.strip()):
-                name, kind = ".set", "directive"
-                rest = part.strip().replace("=", ",", 1)
-            else:
+        while match := _LABEL.match(line):
+            found.append(Statement(match[0], number, "label", match[1].strip('"')))
+            line = line[match.end() :]
+        if '"' not in line:
+            line = line.partition("#")[0]
+        several = [line] if line.lstrip().startswith(".") else _AFTER_PREFIX.sub(r"\1 ", line).split(";")
+        for part in several:
+            if part.strip():
+                name, rest = [*part.split(None, 1), ""][:2]
                 kind = "directive" if name.startswith(".") else "instruction"
-            one = Statement(part, number, kind, name, rest)
-            if alone and kind == "instruction":  # clang writes rep;movsq: one instruction, nothing between
-                one = Statement(f"{alone.text} {part.strip()}", number, kind, alone.name, f"{name} {rest}")
-                found.pop()
-            found.append(one)
-            alone = one if kind == "instruction" and not _without_prefixes(one)[0] else None
+                found.append(Statement(part, number, kind, name, rest.strip()))
     return found
 
 
@@ -163,29 +146,18 @@ class Source:
 
     def _read(self) -> None:
         places: dict[str, _Place] = {}
-        section, previous, pushed = ".text", ".text", []
-        executable = {".text"}
+        section, executable = ".text", {".text"}
         for i, one in enumerate(self.statements):
-            moved = None
             if one.name in (".text", ".data", ".bss"):
-                moved = one.name
-            elif one.name in (".section", ".pushsection"):
+                section = one.name
+            elif one.name == ".section":
                 words = [word.strip().strip('"') for word in one.rest.split(",")]
-                moved = words[0]
-                if moved.startswith(".text") or (len(words) > 1 and "x" in words[1]):
-                    executable.add(moved)
-                if one.name == ".pushsection":
-                    pushed.append((section, previous))
-            elif one.name == ".popsection" and pushed:
-                section, previous = pushed.pop()
-                continue
-            elif one.name == ".previous":
-                moved = previous
-            if moved:
-                if moved != section:
-                    section, previous = moved, section
-                continue
-            if section in executable and one.kind != "comment":
+                section = words[0]
+                if section.startswith(".text") or (len(words) > 1 and "x" in words[1]):
+                    executable.add(section)
+            elif one.name in (".pushsection", ".popsection", ".previous", ".subsection"):
+                raise self._refuse(one, "a section of inline assembly")
+            elif section in executable and one.kind != "comment":
                 self._statement(i, one, section, places.setdefault(section, _Place()))
 
     def _begin(self, i: int, section: str, place: _Place) -> Block:
@@ -335,3 +307,69 @@ class Counters:
             {key: next(numbers) for key in masked},
             {key: next(numbers) for key in repeated},
         )
+
+
+_OSZAP = RflagsBits.OF | RflagsBits.SF | RflagsBits.ZF | RflagsBits.AF | RflagsBits.PF
+# With a count of zero these leave the flags as they are: never taken for having overwritten them.
+_MAY_KEEP_FLAGS = re.compile(r"SHLD?|SHRD?|SAL|SAR|RO[LR]|RC[LR]|(CMPS|SCAS)[BWDQ]")
+
+
+def _slot(number: int) -> str:
+    return f"%fs:stepwise_counters@tpoff+{8 * number}"
+
+
+_RAX, _RCX = "%fs:stepwise_saved@tpoff", "%fs:stepwise_saved@tpoff+8"
+
+
+def count(number: int, flags_free: bool) -> list[str]:
+    if flags_free:
+        return [f"\tincq\t{_slot(number)}"]
+    return [
+        f"\tmovq\t%rax, {_RAX}",
+        f"\tmovq\t{_slot(number)}, %rax",
+        "\tleaq\t1(%rax), %rax",
+        f"\tmovq\t%rax, {_slot(number)}",
+        f"\tmovq\t{_RAX}, %rax",
+    ]
+
+
+def count_lanes(number: int, mask: int, lanes: int) -> list[str]:
+    """Adds the active lanes. Flags travel through ah and al: lahf all but OF, seto that one."""
+    move = f"\tkmovw\t%k{mask}, %ecx" if lanes <= 16 else f"\tkmovd\t%k{mask}, %ecx"
+    return [
+        f"\tmovq\t%rax, {_RAX}",
+        f"\tmovq\t%rcx, {_RCX}",
+        "\tlahf",
+        "\tseto\t%al",
+        move,
+        f"\tandl\t${(1 << lanes) - 1:#x}, %ecx",
+        "\tpopcntl\t%ecx, %ecx",
+        f"\taddq\t%rcx, {_slot(number)}",
+        "\taddb\t$127, %al",  # overflows if al is 1
+        "\tsahf",
+        f"\tmovq\t{_RCX}, %rcx",
+        f"\tmovq\t{_RAX}, %rax",
+    ]
+
+
+def count_rcx(number: int, sign: int) -> list[str]:
+    """Adds rcx before a repeated instruction, takes off what is left behind it: its iterations."""
+    step = [f"\tmovq\t%rax, {_RAX}", f"\tmovq\t{_slot(number)}, %rax"]
+    if sign > 0:
+        step.append("\tleaq\t(%rax,%rcx), %rax")
+    else:
+        step += ["\tnotq\t%rcx", "\tleaq\t1(%rax,%rcx), %rax", "\tnotq\t%rcx"]
+    return [*step, f"\tmovq\t%rax, {_slot(number)}", f"\tmovq\t{_RAX}, %rax"]
+
+
+def overwrites_flags(code: bytes, offset: int) -> bool:
+    """Whether each flag that inc writes is overwritten in a block before anything reads it."""
+    waiting = _OSZAP
+    for instruction in Decoder(64, code, ip=offset):
+        if instruction.rflags_read & waiting:
+            return False
+        if not _MAY_KEEP_FLAGS.fullmatch(MNEMONICS[instruction.mnemonic]):
+            waiting &= ~instruction.rflags_modified
+        if not waiting:
+            return True
+    return False

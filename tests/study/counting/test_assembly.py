@@ -8,8 +8,7 @@ import pytest
 
 from study.core.cli import StudyError
 from study.counting import assembly, blocks
-from study.counting.assembly_counters import overwrites_flags
-from study.counting.assembly_source import Source
+from study.counting.assembly_source import Source, overwrites_flags
 from study.counting.counts import Counts
 from study.counting.decode import decode
 
@@ -121,6 +120,7 @@ def test_a_prefix_stays_with_its_instruction(tmp_path):
         "f:\n\tjmp .+4\n",  # by distance, not to a label
         "\tnop\n",  # outside any function
         "f:\n\trep\n\t.data\n",
+        "f:\n\tnop\n\t.pushsection .data\n\t.popsection\n\tret\n",
         "f:\n\tnop\n\t.byte 0xeb, 0\n\tret\n",  # bytes written by hand
     ],
 )
