@@ -29,8 +29,8 @@ typedef int kernel(long rounds, void *buffer);
 // clang-format off: one step of a loop a line
 #define DEFINE(name, body)                                                                         \
     kernel name;                                                                                   \
-    __asm__(".pushsection .text\n.p2align 4\n.globl " #name "\n.type " #name ", @function\n" #name \
-            ":\n" body ".size " #name ", .-" #name "\n.popsection\n");
+    __asm__(".text\n.p2align 4\n.globl " #name "\n.type " #name ", @function\n" #name \
+            ":\n" body ".size " #name ", .-" #name "\n");
 #define I(text) "\t" text "\n"
 #define LOOP(body) "1:\n" body I("decq %rdi") I("jnz 1b")
 #define RETURN I("xorl %eax, %eax") I("ret")

@@ -2,7 +2,6 @@
 
 A line of residues.def, RESIDUE(build, function, part, kind, least, most) // why, says where a compiler's code
 does otherwise than costs.def: so many operations more per lane and execution of the part. No count has it in.
-Of kind `call`: so many of the declared calls of math.h fewer go to libm, since they are an instruction.
 A derived phase without a residues.def has its ancestor's.
 """
 
@@ -20,7 +19,7 @@ from study.core.cli import StudyError
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare", "call")
 _LINE = re.compile(r"COST(_MATH)?\(\s*(\w+),\s*(\w+),\s*(LANES|1),((?:\s*\d+\s*,){8}\s*\d+\s*)\)\s*(//.*)?")
 _RESIDUE = re.compile(
-    rf"RESIDUE\(\s*(shipped|calls|both),\s*(\w+),\s*(\w+),\s*({'|'.join((*CLASSES[:7], 'call'))}),"
+    rf"RESIDUE\(\s*(shipped|calls|both),\s*(\w+),\s*(\w+),\s*({'|'.join(CLASSES[:7])}),"
     r"\s*(-?\d+),\s*(-?\d+)\s*\)\s*(//.*)?"
 )
 T = TypeVar("T")
@@ -40,7 +39,7 @@ class Cost:
 @dataclass(frozen=True)
 class Residue:
     """What a compiler adds to a part in a build (shipped, calls or both), at least and at most. `kind`: of
-    CLASSES, comparisons apart.
+    CLASSES that are FLOPs.
     """
 
     build: str

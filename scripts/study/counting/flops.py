@@ -98,7 +98,7 @@ def explained(stated: Declared, variant: str) -> dict[str, dict[str, Range]]:
     lines = {(c.function, c.part): c for c in costs.of_phase(stated.phase)}
     found: dict[str, dict[str, Range]] = defaultdict(dict)
     for one in costs.residues_of(stated.phase, lines.values()):
-        if one.build in (variant, "both") and one.kind != "call":
+        if one.build in (variant, "both"):
             width = lanes_of(stated) if lines[one.function, one.part].width == "LANES" else 1
             times = stated.by_function[one.function].parts[one.part] * width * FLOPS[one.kind]
             low, high = found[one.function].get(one.kind, (0, 0))

@@ -1,4 +1,4 @@
-"""Declared against measured: folding, comparing, residues, calls of math.h, the files of a run."""
+"""Declared against measured: folding, comparing, residues, the files of a run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from study.core import registry, store
 from study.core.cli import StudyError
-from study.counting import costs, flops, libm
+from study.counting import costs, flops
 from study.counting.counts import Counts
 from study.counting.schema import Declared, Flops, Function, Measurement, Row
 from study.experiments.flops import columns
@@ -180,7 +180,7 @@ def test_a_verdict_says_what_was_proved():
     assert [text[0] for text in verdicts] == ["✓", "✓", "✗", "n"] and "8.0" in verdicts[1]
 
 
-# --- calls of math.h: f is executed 10 times with a sine, a cosine and an fabs, g 5 times with a pow
+# --- costs.def and residues.def
 
 
 @pytest.fixture
@@ -195,44 +195,6 @@ def phase(tmp_path, monkeypatch):
         return tmp_path
 
     return lay
-
-
-def math_rows(phase, edges: dict, lanes: int = 1, variant: str = "calls") -> dict[str, Row]:
-    phase(
-        "COST(f, call, 1, 0, 0, 0, 0, 0, 0, 0, 0, 3)\nCOST(g, call, 1, 0, 0, 0, 0, 0, 0, 0, 0, 1)\n",
-        "RESIDUE(both, f, call, call, -1, -1) // fabs\n",
-        lanes,
-    )
-    one = stated(1)
-    one.by_function = {"f": Function(calls=10, parts={"call": 10}), "g": Function(calls=5, parts={"call": 5})}
-    found = libm.compare(one, measured({"f": counts(10, 1), "g": counts(5, 1)}, edges, variant=variant))
-    return {row.scope.removeprefix(libm.MATH): row for row in found}
-
-
-@pytest.mark.parametrize(
-    ("edges", "wrong"),
-    [
-        ({"f": {"sincos": 10, "g": 5}, "g": {"pow": 5, "memcpy": 7}}, set()),
-        ({"f": {"sin": 10, "cosf": 10}, "g": {"helper": 5}, "helper": {"__pow_finite@plt": 5}}, set()),
-        ({"f": {"sin": 10}, "g": {"pow": 5}}, {"total", "f"}),  # the cosine is not called
-        ({"f": {"sincos": 10}}, {"total", "g"}),
-        ({"f": {"sincos": 10, "fabs": 10}, "g": {"pow": 5}}, {"total", "f"}),  # was said to be an instruction
-        ({}, {"total", "f", "g"}),
-    ],
-)
-def test_math_calls_are_held_against_calls_into_libm(phase, edges, wrong):
-    rows = math_rows(phase, edges)
-    assert {name for name, row in rows.items() if not row.within} == wrong
-    assert [rows[name].counted for name in ("total", "f", "g")] == [35, 30, 5]
-    assert math_rows(phase, edges, variant="shipped").keys() == {"total"}
-
-
-def test_a_phase_with_lanes_calls_no_libm(phase):
-    assert math_rows(phase, {}, lanes=8)["total"].within
-    assert not math_rows(phase, {"f": {"pow": 1}}, lanes=8)["total"].within
-
-
-# --- costs.def and residues.def
 
 
 @pytest.mark.parametrize(

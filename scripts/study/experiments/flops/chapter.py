@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from study.core import show
-from study.counting import flops, libm
+from study.counting import flops
 from study.counting.schema import Row
 from study.experiments.flops import columns, table1
 from study.experiments.section import Section, part, reading
@@ -49,7 +49,7 @@ def _pictures(pictures: Iterable[table1.P]) -> list[table1.P]:
     return list(best.values())
 
 
-def _said(rows: Sequence[Row], calls: Sequence[Row], math: Sequence[Row] = ()) -> list[str]:
+def _said(rows: Sequence[Row], calls: Sequence[Row]) -> list[str]:
     """How to read the validation, by the back ends that were there: each has its own sums."""
     names = dict.fromkeys(row.backend for row in rows)
     told = "; ".join(f"{name} ({MEANS[name]})" if name in MEANS else name for name in names)
@@ -57,11 +57,6 @@ def _said(rows: Sequence[Row], calls: Sequence[Row], math: Sequence[Row] = ()) -
     for name in names:
         if equal := [row.within for row in calls if row.backend == name]:
             said.append(f"Calls by name, counting build against {name}: {sum(equal)} of {len(equal)} equal.")
-        if into := [row.within for row in math if row.backend == name]:
-            said.append(
-                f"Calls of math.h, declared against calls into libm by {name}, in all and by function: "
-                f"{sum(into)} of {len(into)} within 1\u00a0%."
-            )
     return said
 
 
@@ -92,10 +87,9 @@ def counted(path: Path) -> Section:
         order = list(dict.fromkeys(row.scene for row in every if row.judged))
         judged = sorted((row for row in every if row.judged), key=lambda row: order.index(row.scene))
         calls = [row for row in judged if row.scope.startswith("calls of")]
-        math = [row for row in judged if row.scope.startswith(libm.MATH)]
-        judged = [row for row in judged if not row.scope.startswith(("calls of", libm.MATH))]
+        judged = [row for row in judged if not row.of_calls]
         totals = [row for row in judged if row.scope == "total"]
-        said = _said([row for row in every if not row.scope.startswith(libm.MATH)], calls, math)
+        said = _said(every, calls)
         caption = "Declared against measured, whole pictures"
         parts += part("validation", caption, totals, columns.VALIDATION, "\n".join(said))
         if totals:

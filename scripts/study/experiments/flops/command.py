@@ -16,14 +16,13 @@ from study.core.build import build
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED, DriverError
-from study.counting import costs, flops, libm
+from study.counting import costs, flops
 from study.counting.flops import BACKENDS
 from study.counting.schema import Row
 from study.experiments.flops import columns, table1
 
 STATUSES = {cli.FAILED: "a count is further than 1 % from what was measured"}
 HEIGHT, STEPPED = 720, 18  # of the paper's pictures; with ptrace, some hundred thousand times slower
-MATH_SAID = "calls of math.h, by function and in all: {} of {} within 1 % of the calls into libm"
 T = TypeVar("T")
 
 
@@ -72,14 +71,13 @@ def in_parallel(work: Sequence[Callable[[], T]], jobs: int, about: str) -> list[
 
 
 def validated(spec: Spec, scene: Scene, height: int, backend: str) -> list[Row]:
-    """Of one picture: totals, and by blocks functions, their calls and those of math.h."""
+    """Of one picture: totals, and by blocks functions and their calls."""
     stated = flops.declared(spec, scene, height)
     shipped = flops.measure(backend, spec, scene, height)
     if backend != "blocks":
         return flops.compare(stated, shipped)
     calls = flops.measure(backend, spec, scene, height, "calls")
-    rows = [*flops.compare(stated, shipped, calls), *flops.compare_calls(stated, calls)]
-    return [*rows, *libm.compare(stated, shipped), *libm.compare(stated, calls)]
+    return [*flops.compare(stated, shipped, calls), *flops.compare_calls(stated, calls)]
 
 
 def measure(args: argparse.Namespace) -> Outcome:
@@ -125,13 +123,10 @@ def measure(args: argparse.Namespace) -> Outcome:
 
 
 def _validation(rows: Sequence[Row]) -> list[str]:
-    apart = ("calls of", libm.MATH)
-    listed = [row for row in rows if row.judged and not row.scope.startswith(apart)]
-    lines = [show.markdown(show.table(listed, columns.VALIDATION))]
-    for title, said in (("calls of", "calls by name: {} of {} functions equal"), (libm.MATH, MATH_SAID)):
-        if of := [row.within for row in rows if row.scope.startswith(title)]:
-            lines.append(said.format(sum(of), len(of)))
-    return lines
+    listed = [row for row in rows if row.judged and not row.of_calls]
+    equal = [row.within for row in rows if row.of_calls]
+    said = [f"calls by name: {sum(equal)} of {len(equal)} functions equal"] if equal else []
+    return [show.markdown(show.table(listed, columns.VALIDATION)), *said]
 
 
 def _failed(bad: Sequence[Row]) -> list[str]:
