@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study.core import imports
+from helpers import imports
 from study.core.registry import ROOT
 
 STUDY = ROOT / "scripts" / "study"
@@ -26,7 +26,7 @@ NAMES = {module(path) for path in FILES}
 def imported(path: Path) -> set[str]:
     """Modules of the study that a file imports by name."""
     found = set()
-    for name in imports.named(path, "study"):
+    for name in imports.named(path):
         while name not in NAMES and "." in name:
             name = name.rpartition(".")[0]
         if name in NAMES and name != "study":

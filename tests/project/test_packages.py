@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from study.core import imports
+from helpers import imports
 from study.core.registry import ROOT
 
 SCRIPTS = ROOT / "scripts"
@@ -89,7 +89,7 @@ def test_what_a_script_imports_is_declared_by_name(run_time: set[str]) -> None:
     owners = metadata.packages_distributions()
     wrong = []
     for path in FILES:
-        for name in imports.named(path, "study"):
+        for name in imports.named(path):
             top = name.partition(".")[0]
             if top in own or top in sys.stdlib_module_names or path in ELSEWHERE:
                 continue

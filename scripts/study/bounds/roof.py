@@ -136,22 +136,22 @@ def _origin(one: Picture, cell: Cell, cpu: str | None) -> str | None:
     """By what else than the timed program's compiler, flags or CPU something was counted; None: no such."""
     counted_on = one.cpu if isinstance(one, Measurement) else None
     pairs = [
-        ("compiler", one.compiler, cell.facts.get("compiler")),
-        ("flags", one.flags, cell.facts.get("flags")),
+        ("compiler", one.compiler, cell.facts.compiler),
+        ("flags", one.flags, cell.facts.flags),
     ]
     pairs.append(("cpu", counted_on, cpu))
     other = [
         f"{name} {own} instead of {timed}" for name, own, timed in pairs if own and timed and own != timed
     ]
-    if one.kernel and cell.facts.get("kernel") == GENERATED:
+    if one.kernel and cell.facts.kernel == GENERATED:
         other.append("of its general code instead of the kernel generated for the scene")
     return "; ".join(other) or None
 
 
 def own_bits(cell: Cell) -> tuple[str, int]:
     """Precision (double, single) and width of the cell's phase: the element's where it is scalar."""
-    precision = "single" if cell.facts.get("precision") == "float" else "double"
-    return precision, min(int(cell.facts.get("lanes") or 1) * ELEMENT[precision], 512)
+    precision = "single" if cell.facts.precision == "float" else "double"
+    return precision, min(int(cell.facts.lanes or 1) * ELEMENT[precision], 512)
 
 
 def _same(one: Picture, cell: Cell, scene_hash: str | None) -> bool:

@@ -170,7 +170,7 @@ def _speedup(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
     cell = _at(data, scene, phase, size)
     ratio = cell.over(_at(data, scene, base, size))
     verdict, why = reached(ratio, claim.value)
-    if verdict == FAILS and int(cell.facts["lanes"] or 1) > 1 and size[0] < claim.n:
+    if verdict == FAILS and int(cell.facts.lanes or 1) > 1 and size[0] < claim.n:
         verdict, why = UNSURE, f"{why}, and a smaller n gains less"
     text = f"{phase} over {base}: {_times(ratio)}"
     return sized(figure(ratio, text, verdict, why, size[0]), claim.n)

@@ -16,7 +16,7 @@ from study.core import store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import BASE
 from study.core.store import Run
-from study.numbers import accuracy, clocks, exports, history, stats, summary
+from study.numbers import accuracy, analysis, clocks, exports, history, stats, summary
 from study.numbers.schema import Verify
 from study.numbers.stats import Interval
 
@@ -139,14 +139,7 @@ def other_machine(base: Side, other: Side) -> str | None:
 
 def _values(frames: pd.DataFrame) -> dict[tuple, pd.DataFrame]:
     """Configuration → its launches: ns, core_cycles, core_hz (NaN where the run has none)."""
-    known = clocks.clocked(frames)
-    columns = ("ns", "core_cycles", "core_hz")
-    tables = {
-        name: stats.launch_values(known, name).rename(columns={"value": name}).set_index([*KEY, "launch"])
-        for name in columns
-    }
-    together = tables["ns"].assign(**{name: tables[name][name] for name in columns})
-    return {key: group[[*columns, "round"]] for key, group in together.groupby(KEY)}
+    return {key: cell.values for key, cell in analysis.by_key(analysis.cells_of(frames)).items()}
 
 
 def ratio(base: pd.Series, other: pd.Series) -> Interval | None:
@@ -164,7 +157,7 @@ def over_baseline(key: tuple, base: dict, other: dict) -> Interval | None:
     first = (*key[:-1], BASE)
     if key[-1] == BASE or first not in base or first not in other:
         return None
-    pairs = [tuple(one[name].set_index("round")["ns"] for name in (first, key)) for one in (base, other)]
+    pairs = [tuple(one[name].ns for name in (first, key)) for one in (base, other)]
     return stats.change_interval(*pairs)
 
 
@@ -324,7 +317,7 @@ def shown(sides: Sequence[Side], first: Sequence[Fault], found: Sequence[Row], b
     lines += [*(f"{NONE} on {one.run}: {one.text}" for one in first), ""]
     if found:
         columns = [one for one in COLUMNS if by == "baseline" or one[0] != "baseline"]
-        lines.append(summary.table([vars(row) for row in found], columns))
+        lines.append(summary.table(found, columns))
     return lines
 
 

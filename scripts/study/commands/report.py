@@ -16,7 +16,7 @@ from study.core import html, registry, show, store, table_files
 from study.core.cli import Outcome
 from study.experiments import experiment
 from study.experiments.section import Section
-from study.numbers import analysis, ladder, stats
+from study.numbers import analysis, ladder, noise, stats
 from study.numbers.analysis import Data
 from study.pictures import charts
 from study.report import chapters, facts, figures, history_chapter, machines
@@ -96,7 +96,7 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         "images": images,
         "absent": {one.id: figures.absent(one) for one in found},
         "machine": facts.machine(data),
-        "remarks": analysis.noise(data)["remarks"],
+        "remarks": noise.remarks(data.frames, data.cells),
         "commands": facts.commands(data),
         "skipped": facts.skipped(data),
         "phases": chapters.described(data),

@@ -85,13 +85,6 @@ class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         except patches.PatchError as error:
             raise StudyError(str(error)) from None
 
-    def inherits(self, name: str) -> str | None:
-        """The ancestor whose file `name` the phase has; None where it is its own or there is none."""
-        path = self.file(name)
-        if not path.exists() or path.is_relative_to(self.path):
-            return None
-        return next(one.name for one in path.parents if (one / "phase.json").exists())
-
 
 @dataclass(frozen=True)
 class Scene:

@@ -40,13 +40,12 @@ def write_text(path: Path, text: str) -> None:
     """Replace `path` by `text` in one step: a reader or a kill sees the old file or the new one."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.file(path.parent, f".{path.name}.") as made:
-            with made.open("w", encoding="utf-8") as file:
+        with temporary.folder(path.parent, f".{path.name}.") as folder:
+            with (folder / path.name).open("w", encoding="utf-8") as file:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
-            made.chmod(0o644)
-            made.replace(path)
+            (folder / path.name).replace(path)
     except OSError as error:
         raise _problem(path, error) from None
 
@@ -55,7 +54,7 @@ def writable(folder: Path) -> Path:
     """`folder`, made if need be and tried with a file. Raises StudyError: before measuring, not after."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with temporary.file(folder, ".writable."):
+        with temporary.folder(folder, ".writable."):
             pass
     except OSError as error:
         raise StudyError(f"{folder}: cannot be written to: {error.strerror or error}") from None
@@ -65,12 +64,6 @@ def writable(folder: Path) -> Path:
 def write_json(path: Path, value: Any) -> None:
     """`write_text` of indented JSON; NaN and infinity become null."""
     write_text(path, json.dumps(cli.plain(value), indent=2, allow_nan=False) + "\n")
-
-
-def short_commit() -> str:
-    """Seven digits of the checked-out commit, or `nocommit` outside a repository."""
-    found = checkout.state().commit
-    return found[:7] if found else "nocommit"
 
 
 class Run:
@@ -84,7 +77,8 @@ class Run:
     def create(cls, results_root: Path, machine_slug: str) -> Run:
         """A new folder RESULTS/MACHINE/DATE-COMMIT (UTC, so that names sort by age)."""
         stamp = datetime.datetime.now(datetime.UTC).strftime("%Y%m%d-%H%M%S")
-        base = Path(results_root) / machine_slug / f"{stamp}-{short_commit()}"
+        commit = (checkout.state().commit or "")[:7] or "nocommit"
+        base = Path(results_root) / machine_slug / f"{stamp}-{commit}"
         for number in range(1, 1000):
             path = base if number == 1 else base.with_name(f"{base.name}-{number}")
             try:

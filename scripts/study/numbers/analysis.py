@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,8 @@ from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import Phase, arithmetic_flags
 from study.core.run_schema import Context, PhaseJson, Plan
-from study.numbers import stats
-from study.numbers.schema import Verify
+from study.numbers import clocks, stats
+from study.numbers.schema import Pair, Verify
 from study.numbers.stats import Interval
 
 SHARE_BESIDE = {
@@ -24,24 +24,45 @@ SHARE_BESIDE = {
     "psnr_display_db": "fraction_over_1_255_display",
     "antialiased_psnr_db": "antialiased_fraction_over_1_255",
 }
-FACTS = ("isa", "precision", "lanes", "flags", "compiler", "libc", "hit_distance", "max_steps", "kernel")
+KEYS = ["scene", "spec", "width", "height", "threads"]
+MEDIANS = ["core_hz_load", "kernel_compile_ns", "joules", "ns", "tsc_cycles", "core_cycles", "core_hz"]
+MEDIANS += ["tsc_hz", "present_ns", "presented_ns", "prepare_ns"]
 SECOND_BASE = "opt2"
 GENERATED = "generated"  # a frame's `kernel` where code generated for its scene ran
 
 
 @dataclass(frozen=True)
+class Facts:
+    """How a configuration was built and run, of its last frame. `kernel`: of all launches (kernel_said)."""
+
+    isa: str | None = None
+    precision: str | None = None
+    lanes: int | None = None
+    flags: str | None = None
+    compiler: str | None = None
+    libc: str | None = None
+    hit_distance: float | None = None
+    max_steps: int | None = None
+    kernel: str | None = None
+    algorithm: str | None = None
+    unwarmed: bool = False
+
+
+@dataclass(frozen=True)
 class Cell:
     """One configuration. `values`: a row per launch (medians of its timed frames, whose number is `frames`),
-    its index the rounds that they were of (stats.rounds_of); times in ns."""
+    its index the rounds that they were of, NaN in older files; times in ns, NaN where a clock was not read.
+    """
 
     scene: str
     spec: str
     width: int
     height: int
     threads: int
-    facts: dict[str, Any]
+    facts: Facts
     values: pd.DataFrame
     config: str = ""
+    scene_hash: str = ""
 
     @property
     def phase(self) -> str:
@@ -72,7 +93,7 @@ class Data:
     plan: Plan
     frames: pd.DataFrame
     cells: list[Cell]
-    pairs: list[dict[str, Any]]
+    pairs: list[Pair]
     notes: list[str]
     height: int | None = None  # of the ladder's pictures; None: the best measured
     kept: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)  # worked out once, by name
@@ -111,7 +132,7 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
         if strict:
             raise StudyError(f"{run.path}: no timed frame in frames.jsonl; run scripts/stepwise sweep first")
     plan = plan or Plan()
-    pairs = [_flat(msgspec.to_builtins(pair)) for pair in (verify.pairs if verify else None) or []]
+    pairs = (verify.pairs if verify else None) or []
     return Data(run.path, context or Context(), plan, frames, cells_of(frames, plan), pairs, notes)
 
 
@@ -136,110 +157,78 @@ def described(plan: Plan) -> dict[str, PhaseJson]:
     return dict(order)
 
 
-def cells_of(frames: pd.DataFrame, plan: Plan) -> list[Cell]:
+def cells_of(frames: pd.DataFrame, plan: Plan | None = None) -> list[Cell]:
     """By scene and phase in the order of the plan (phases it does not have: from slow to fast), then size."""
     if frames.empty:
         return []
+    plan = plan or Plan()
     about = described(plan)
     pace = (frames.ns / (frames.width * frames.height)).groupby(frames.phase).median()
     phases = [*about, *(c.phase for c in plan.configurations), *pace.sort_values(ascending=False).index]
     scenes = [*(c.scene for c in plan.configurations), *sorted(frames.scene.unique())]
-    frames = frames.assign(
-        core_hz=(frames.core_hz_before + frames.core_hz_after) / 2,
-        presented_ns=frames.ns + frames.present_ns,
-        round=stats.rounds_of(frames),
-    )
-    optional = tuple(name for name in ("core_hz_load", "kernel_compile_ns", "joules") if name in frames)
-    columns = (
-        *optional,
-        "ns",
-        "tsc_cycles",
-        "core_cycles",
-        "core_hz",
-        "tsc_hz",
-        "present_ns",
-        "presented_ns",
-        "prepare_ns",
-    )
-    keys = ["scene", "spec", "width", "height", "threads"]
+    frames = clocks.clocked(frames).assign(warmup=frames.warmup.astype(bool))
+    frames["presented_ns"] = frames.ns + frames.present_ns
+    by = [*KEYS, "launch"]
+    launches = frames[~frames.warmup].groupby(by)
+    values = launches[[name for name in MEDIANS if name in frames]].median()
+    first = frames.sort_values("frame").groupby(by)[["prepare_ns", "ns"]].first()  # right after set-up
+    values["setup_first_ns"] = first.prepare_ns + first.ns
+    values["frames"] = launches.size()
+    values["round"] = launches["round"].first() if "round" in frames else math.nan
+    values["kernel"] = frames.groupby(by).kernel.first() if "kernel" in frames else None
+    warmed = frames.groupby(KEYS).warmup.any()
+    last = {_key(one): one for one in frames.drop_duplicates(KEYS, keep="last").itertuples()}
     cells = []
-    for key, group in frames.groupby(keys, sort=False):
-        launch = group[~group.warmup.astype(bool)].groupby("launch")
-        if not len(launch):
-            continue
-        values = pd.DataFrame({column: launch[column].median() for column in columns})
-        first = group.sort_values("frame").groupby("launch").first()  # right after set-up, warm-up or not
-        values["setup_first_ns"] = first.prepare_ns + first.ns
-        values["frames"] = launch.size()
-        values.index = pd.Index(launch["round"].first(), name="round")
-        facts = {name: group[name].iloc[-1] if name in group else None for name in FACTS}
-        facts["kernel"] = kernel_said(group)
-        facts["algorithm"] = about.get(group.phase.iloc[-1], PhaseJson()).algorithm
-        facts["unwarmed"] = not group.warmup.any()
-        cells.append(Cell(*key, facts, values, group.config.iloc[-1]))
+    for key, mine in values.groupby(KEYS):
+        one = last[key]
+        told = {each.name: getattr(one, each.name, None) for each in fields(Facts)}
+        told |= {"kernel": kernel_said(mine.kernel), "unwarmed": not warmed[key]}
+        told["algorithm"] = about.get(one.phase, PhaseJson()).algorithm
+        mine = mine.drop(columns="kernel").set_index("round")
+        cells.append(Cell(*key, Facts(**told), mine, one.config, one.scene_hash))
     return sorted(
-        cells,
-        key=lambda c: (
-            scenes.index(c.scene),
-            c.pixels,
-            phases.index(c.phase),
-            c.spec,
-            c.threads,
-        ),
+        cells, key=lambda c: (scenes.index(c.scene), c.pixels, phases.index(c.phase), c.spec, c.threads)
     )
 
 
-def kernel_said(group: pd.DataFrame) -> str | None:
+def by_key(cells: Iterable[Cell]) -> dict[tuple[str, int, int, int, str], Cell]:
+    """Scene, width, height, threads and spec → the cell."""
+    return {(*cell.picture, cell.threads, cell.spec): cell for cell in cells}
+
+
+def _key(row: Any) -> tuple[Any, ...]:
+    return tuple(getattr(row, name) for name in KEYS)
+
+
+def kernel_said(launches: pd.Series) -> str | None:
     """Which code a program's launches ran; where some had no kernel for their scene, how many and why."""
-    if "kernel" not in group or group.kernel.isna().all():
+    if launches.isna().all():
         return None
-    said = group.groupby("launch").kernel.first()
-    others = said[said != GENERATED]
-    if others.empty or len(others) == len(said):
-        return str(said.iloc[-1])
-    return f"{others.iloc[0]}, in {len(others)} of {len(said)} launches"
+    others = launches[launches != GENERATED]
+    if others.empty or len(others) == len(launches):
+        return str(launches.iloc[-1])
+    return f"{others.iloc[0]}, in {len(others)} of {len(launches)} launches"
 
 
-def _flat(pair: dict[str, Any]) -> dict[str, Any]:
-    """A pair of verify.json with `antialiased` drawn in; a null PSNR beside a share is infinite, else NaN."""
-    inner = pair.get("antialiased") or {}
-    flat = {k: v for k, v in pair.items() if k != "antialiased"}
-    flat |= {f"antialiased_{key}": value for key, value in inner.items()}
+def flat(pair: Pair) -> dict[str, Any]:
+    """A row of a table: `antialiased` drawn in; a null PSNR beside a share is infinite, else NaN."""
+    row = msgspec.to_builtins(pair)
+    inner = row.pop("antialiased", None) or {}
+    row |= {f"antialiased_{key}": value for key, value in inner.items()}
     for psnr, share in SHARE_BESIDE.items():
-        if psnr in flat and flat[psnr] is None:
-            flat[psnr] = math.nan if flat.get(share) is None else math.inf
-    flat["failed"] = " ".join(flat.get("failed") or [])
-    flat["why"] = "; ".join(flat.get("why") or [])
-    return flat
+        if psnr in row and row[psnr] is None:
+            row[psnr] = math.nan if row.get(share) is None else math.inf
+    return row | {"failed": " ".join(pair.failed or []), "why": "; ".join(pair.why or [])}
 
 
 def flags(cell: Cell, about: Mapping[str, Phase | PhaseJson]) -> str:
     """What the compiler was told that changes arithmetic; of a phase with variants what all of them share.
     `about`: phase → its phase.json."""
     variants = about[cell.phase].variants if cell.phase in about else []
-    return arithmetic_flags(cell.facts["flags"] or "", variants)
+    return arithmetic_flags(cell.facts.flags or "", variants)
 
 
 def second_base(cell: Cell, cells: Iterable[Cell], about: Mapping[str, Phase | PhaseJson]) -> Cell | None:
     """opt2 on one thread, built with the flags of `cell`: what its code gains alone."""
     mine = [c for c in cells if (c.phase, c.threads, c.picture) == (SECOND_BASE, 1, cell.picture)]
     return next((c for c in mine if flags(c, about) == flags(cell, about)), None)
-
-
-def noise(data: Data) -> dict[str, Any]:
-    """What disturbed the timed frames: counts over all of them, and the sentences of stats."""
-    if data.frames.empty:
-        return {"frames": 0, "launches": 0, "remarks": []}
-    timed = data.frames[~data.frames.warmup.astype(bool)]
-    counts = {
-        name: int(timed[name].sum())
-        for name in ("steal_ticks", "ctx_voluntary", "ctx_involuntary", "faults_minor", "faults_major")
-        if name in timed
-    }
-    return {
-        "frames": len(timed),
-        "launches": int(timed.groupby(["config", "launch"]).ngroups),
-        "seconds": float(timed.ns.sum() / 1e9),
-        **counts,
-        "remarks": stats.noise_warnings(data.frames),
-    }

@@ -41,27 +41,22 @@ def clocked(frames: pd.DataFrame) -> pd.DataFrame:
 
 def off(frames: pd.DataFrame) -> list[Off]:
     """Timed launches whose TSC rate is off from the run's, or whose core clock from its configuration's."""
-    timed = clocked(frames[~frames["warmup"].astype(bool)])
-    launches = timed.groupby(["config", "spec", "scene", "launch"], sort=False)[
-        ["tsc_hz", "core_hz"]
-    ].median()
-    launches = launches.reset_index()
-    medians = {
-        "tsc_hz": ("TSC", launches["tsc_hz"].median(), TSC_OFF),
-        "core_hz": ("core", launches.groupby("config")["core_hz"].transform("median"), CORE_OFF),
-    }
+    timed = clocked(frames[~frames.warmup.astype(bool)])
+    by = timed.groupby(["config", "spec", "scene", "launch"], sort=False)
+    launches = by[["tsc_hz", "core_hz"]].median().reset_index()
+    cores = launches.groupby("config").core_hz.transform("median")
     found = []
-    for column, (what, median, most) in medians.items():
-        by = launches[column] / median - 1
-        for place in np.flatnonzero(by.abs() > most):
-            row = launches.iloc[place]
-            about = (row["config"], row["spec"], row["scene"], int(row["launch"]))
-            found.append(Off(*about, what, float(row[column]), float(by.iloc[place])))
+    for what, hz, median, most in (
+        ("TSC", launches.tsc_hz, launches.tsc_hz.median(), TSC_OFF),
+        ("core", launches.core_hz, cores, CORE_OFF),
+    ):
+        ratio = hz / median - 1
+        far = launches.assign(hz=hz, ratio=ratio)[ratio.abs() > most]
+        found += [Off(r.config, r.spec, r.scene, r.launch, what, r.hz, r.ratio) for r in far.itertuples()]
     return found
 
 
 def without(frames: pd.DataFrame, launches: list[Off]) -> pd.DataFrame:
     """The frames of all other launches."""
     names = {(one.config, one.launch) for one in launches}
-    kept = [key not in names for key in zip(frames["config"], frames["launch"], strict=True)]
-    return frames[kept]
+    return frames[[key not in names for key in zip(frames.config, frames.launch, strict=True)]]

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
-
 from study.core.json_files import stored
 from study.core.registry import BASE
 from study.core.store import RESULTS, Run
-from study.numbers import clocks, stats
+from study.numbers import analysis, stats
+from study.numbers.analysis import Cell
 from study.numbers.stats import Interval
 
 STEP = 0.05  # a smaller change is not told from another hour of the same machine
-WHERE = ["scene", "width", "height", "threads"]
 COLUMNS = [("made", "made (UTC)"), ("commit", "commit"), ("run", "run"), ("scene", "scene"), ("size", "size")]
-COLUMNS += [
-    ("threads", "threads"),
-    ("lanes", "lanes"),
-    ("ms", "ms [95 %]"),
-    ("over_base", "× baseline [95 %]"),
-    ("ghz", "GHz"),
-]
-COLUMNS += [("step", "step: before / after [95 %]")]
+COLUMNS += [("threads", "threads"), ("lanes", "lanes"), ("ms", "ms [95 %]")]
+COLUMNS += [("over_base", "× baseline [95 %]"), ("ghz", "GHz"), ("step", "step: before / after [95 %]")]
 
 
 @dataclass(frozen=True)
@@ -73,62 +66,37 @@ def machine(run: Run) -> str:
     return f"{', '.join(name for name in names if name)}; {cpu.logical_cpus or '?'} CPUs"
 
 
+@functools.lru_cache(maxsize=64)
+def _timed(run: Run) -> list[Cell]:
+    return analysis.cells_of(run.frames())
+
+
 def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[Point]:
     """One a configuration and run that timed the phase, those of one machine and work together and by age."""
     made, last = [], {}
     for run in found:
-        frames = clocks.clocked(run.frames())
-        times = stats.launch_values(frames, "ns")
-        hz = frames.groupby([*WHERE, "spec"])["core_hz"].median()
-        groups = {key: group.set_index("round")["value"] for key, group in times.groupby([*WHERE, "spec"])}
-        for (*where, name), ns in groups.items():
-            if name != spec or (scenes and where[0] not in scenes):
+        cells = analysis.by_key(_timed(run))
+        context = run.context
+        commit = (context.git.commit or "unknown")[:9] + ("+" if context.git.dirty else "")
+        about = (machine(run), str(context.time)[:16], commit, "/".join(run.path.parts[-2:]))
+        for key, cell in sorted(cells.items()):
+            if cell.spec != spec or (scenes and cell.scene not in scenes):
                 continue
-            base = groups.get((*where, BASE)) if name != BASE else None
-            content, limit, steps, lanes = _work(frames, where[0], name)
-            work = (machine(run), *where, content, limit, steps, lanes)
-            before = last.get(work)
-            change = None if before is None else stats.ratio_interval(before, ns, rounds=False)
+            base = cells.get((*key[:-1], BASE)) if spec != BASE else None
+            facts, ns = cell.facts, cell.values.ns
+            lanes = int(facts.lanes) if facts.lanes and facts.lanes == facts.lanes else None
+            work = (about[0], *key, cell.scene_hash, facts.hit_distance, facts.max_steps, lanes)
+            change = stats.ratio_interval(last[work], ns, rounds=False) if work in last else None
             last[work] = ns
-            git = run.context.git
-            made.append(
-                Point(
-                    machine(run),
-                    str(run.context.time)[:16],
-                    (git.commit or "unknown")[:9] + ("+" if git.dirty else ""),
-                    "/".join(run.path.parts[-2:]),
-                    *where,
-                    int(lanes) if lanes and lanes == lanes else None,
-                    stats.median_interval(ns / 1e6),
-                    None if base is None else stats.ratio_interval(base, ns),
-                    float(hz[(*where, name)]) / 1e9,
-                    change,
-                    change is not None and _steps(change),
-                )
-            )
-    return sorted(
-        made,
-        key=lambda one: (
-            one.machine,
-            one.scene,
-            one.height,
-            one.width,
-            one.threads,
-            one.lanes or 0,
-            one.made,
-        ),
-    )
+            step = change is not None and change.excludes_one and abs(change.value - 1) >= STEP
+            over = cell.over(base) if base else None
+            ms, ghz = stats.median_interval(ns / 1e6), cell.median("core_hz").value / 1e9
+            made.append(Point(*about, *key[:-1], lanes, ms, over, ghz, change, step))
 
+    def order(one: Point) -> tuple:
+        return one.machine, one.scene, one.height, one.width, one.threads, one.lanes or 0, one.made
 
-def _work(frames: pd.DataFrame, scene: str, spec: str) -> tuple:
-    """What times must have in common: the scene's content, the march's limits and the lanes."""
-    first = frames[(frames["scene"] == scene) & (frames["spec"] == spec)].iloc[0]
-    return first["scene_hash"], first["hit_distance"], first["max_steps"], first.get("lanes")
-
-
-def _steps(change: Interval) -> bool:
-    away = change.low > 1 or change.high < 1
-    return change.sufficient and away and abs(change.value - 1) >= STEP
+    return sorted(made, key=order)
 
 
 def shown(points: Sequence[Point]) -> list[dict[str, object]]:
@@ -138,16 +106,7 @@ def shown(points: Sequence[Point]) -> list[dict[str, object]]:
         step = ""
         if point.step and point.change:
             step = f"{'faster' if point.change.value > 1 else 'slower'} {point.change.text()}"
-        over = point.over_base.text(".4g") if point.over_base else ""
-        made.append(
-            vars(point)
-            | {
-                "size": point.size,
-                "ms": point.ms.text(),
-                "over_base": over,
-                "lanes": point.lanes or "",
-                "ghz": f"{point.ghz:.2f}",
-                "step": step,
-            }
-        )
+        told = {"size": point.size, "ms": point.ms.text(), "lanes": point.lanes or "", "step": step}
+        told["over_base"] = point.over_base.text(".4g") if point.over_base else ""
+        made.append(vars(point) | told | {"ghz": f"{point.ghz:.2f}"})
     return made

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,50 +13,38 @@ import pandas as pd
 from study.core.registry import BASE as BASE
 from study.core.registry import phases
 from study.numbers import accuracy, beside, paper, stats
-from study.numbers.analysis import Cell, Data, described, second_base
+from study.numbers.analysis import Cell, Data, described, flat, second_base
 from study.numbers.stats import Interval
 
-ERRORS = (
-    "identical",
-    "non_finite",
-    "psnr_db",
-    "psnr_display_db",
-    "rmse",
-    "fraction_over_1_255",
-    "fraction_over_1_255_display",
-    "mask_mismatch_ppm",
-    "id_mismatch_ppm",
-    "dt_p99",
-    "dt_max",
-    "depth_agree_fraction",
-    "flip_mean",
-    "antialiased_psnr_db",
-    "antialiased_fraction_over_1_255",
-)
+ERRORS = ("identical", "non_finite", "psnr_db", "psnr_display_db", "rmse", "fraction_over_1_255")
+ERRORS += ("fraction_over_1_255_display", "mask_mismatch_ppm", "id_mismatch_ppm", "dt_p99", "dt_max")
+ERRORS += ("depth_agree_fraction", "flip_mean", "antialiased_psnr_db", "antialiased_fraction_over_1_255")
+ERRORS += ("failed",)
 
 
 def error_of(data: Data, cell: Cell) -> dict[str, Any]:
     """The pair of verify.json that judges the cell's phase against baseline: same size, else the largest.
 
-    Columns: ERRORS, failed, error_width and error_height (pixels), within_tolerance (True, False or None),
-    left_to (the script that judges it instead), is_reference. None where nothing was verified.
+    Columns: ERRORS, error_width and error_height (pixels), within_tolerance (True, False or None), left_to
+    (the script that judges it instead), is_reference. None where nothing was verified.
     """
-    subject = (cell.spec, BASE, cell.scene)
-    pairs = [p for p in data.pairs if (p.get("phase"), p.get("reference"), p.get("scene")) == subject]
-    size = (cell.width, cell.height)
-    pair = max(pairs, key=lambda p: ((p["width"], p["height"]) == size, p["height"]), default={})
-    left = bool(pair.get("left_to")) and pair.get("within_tolerance") is None
+    subject, size = (cell.spec, BASE, cell.scene), (cell.width, cell.height)
+    pairs = [one for one in data.pairs if (one.phase, one.reference, one.scene) == subject]
+    pair = max(pairs, key=lambda one: ((one.width, one.height) == size, one.height), default=None)
+    row = flat(pair) if pair else {}
+    left = pair.left_to if pair and pair.within_tolerance is None else None
     return {
-        **{name: pair.get(name) for name in (*ERRORS, "failed")},
-        "error_width": pair.get("width"),
-        "error_height": pair.get("height"),
-        "within_tolerance": None if not pair or left else bool(pair.get("within_tolerance")),
-        "left_to": pair.get("left_to") if left else None,
+        **{name: row.get(name) for name in ERRORS},
+        "error_width": pair.width if pair else None,
+        "error_height": pair.height if pair else None,
+        "within_tolerance": None if not pair or left else bool(pair.within_tolerance),
+        "left_to": left,
         "is_reference": cell.spec == BASE,
     }
 
 
-TRUTH = ("psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99")  # of accuracy.json, to ground truth
+TRUTH = ("scene", "phase", "psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99", "wrong_ppm")
+TRUTH += ("draws_ideal", "own_db", "converged_only", "height")
 
 
 def truth_errors(data: Data) -> pd.DataFrame:
@@ -66,72 +55,39 @@ def truth_errors(data: Data) -> pd.DataFrame:
     """
     made = []
     for row in accuracy.rows(data.path):
-        known = phases().get(re.split("[@+]", row.phase)[0])
+        known, colours = phases().get(re.split("[@+]", row.phase)[0]), row.colours
         ideal = known is not None and known.draws_ideal
-        colours = row.colours
-        made.append(
-            {
-                "scene": row.scene,
-                "phase": row.phase,
-                "truth_psnr_db": colours.psnr_db,
-                "truth_psnr_ideal_db": colours.psnr_ideal_db,
-                "truth_psnr_none_db": colours.psnr_none_db,
-                "truth_dt_p99": row.dt_p99,
-                "truth_wrong_ppm": row.wrong_ppm,
-                "truth_draws_ideal": ideal,
-                "truth_own_db": colours.psnr_ideal_db if ideal else colours.psnr_db,
-                "truth_converged_only": row.converged_only,
-                "truth_height": row.height,
-            }
-        )
-    more = ("wrong_ppm", "draws_ideal", "own_db", "converged_only", "height")
-    names = [f"truth_{name}" for name in (*TRUTH, *more)]
-    return pd.DataFrame(made, columns=["scene", "phase", *names])
+        levels = colours.psnr_db, colours.psnr_ideal_db, colours.psnr_none_db
+        about = ideal, levels[1 if ideal else 0], row.converged_only, row.height
+        made.append((row.scene, row.phase, *levels, row.dt_p99, row.wrong_ppm, *about))
+    return pd.DataFrame(made, columns=[*TRUTH[:2], *(f"truth_{name}" for name in TRUTH[2:])])
 
 
 def _spread(name: str, interval: Interval | None, scale: float = 1) -> dict[str, float]:
     """Value and interval as three columns in a unit of `scale`; no interval: NaN ends."""
-    if interval is None:
-        return {name: math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
-    return {
-        name: interval.value / scale,
-        f"{name}_low": interval.low / scale,
-        f"{name}_high": interval.high / scale,
-    }
-
-
-def _compiling(cell: Cell) -> float:
-    """ms of the launch that compiled longest, 0: the kernel was found; NaN: nothing is generated."""
-    return cell.values.get("kernel_compile_ns", pd.Series([math.nan], dtype=float)).max() / 1e6
-
-
-def _papers(data: Data) -> dict[tuple[str, int], tuple[list[float], list[float]]]:
-    """Scene and height → ms of the launches of our baseline and of the paper's, one beside the other.
-
-    Empty where the paper's own program was not timed in this run.
-    """
-    return {
-        (row.scene, row.n): (row.ours_launches_ms, row.theirs_launches_ms)
-        for row in beside.originals(data.path)
-        if row.phase == BASE and row.ours_launches_ms and row.theirs_launches_ms
-    }
+    ends = (interval or stats.UNKNOWN).ends
+    return {f"{name}{end}": value / scale for end, value in zip(("", "_low", "_high"), ends, strict=True)}
 
 
 def _over_paper(data: Data, cell: Cell, base: Cell | None) -> Interval | None:
     """Speed-up over the paper's own baseline: over ours, times theirs over ours where both ran in turn."""
     if "papers" not in data.kept:
-        data.kept["papers"] = _papers(data)
+        data.kept["papers"] = {
+            (row.scene, row.n): (row.ours_launches_ms, row.theirs_launches_ms)
+            for row in beside.originals(data.path)
+            if row.phase == BASE and row.ours_launches_ms and row.theirs_launches_ms
+        }
     both = data.kept["papers"].get((cell.scene, cell.height))
     if base is None or both is None:
         return None
-    return stats.change_interval(both, (base.values["ns"], cell.values["ns"]))
+    return stats.change_interval(both, (base.values.ns, cell.values.ns))
 
 
 def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
     base = data.cell(cell.scene, BASE, cell.height, cell.width)
     same = second_base(cell, data.cells, described(data.plan))
     one = data.cell(cell.scene, cell.spec, cell.height, cell.width) if cell.threads > 1 else None
-    ns = cell.median("ns")
+    ns, values = cell.median("ns"), cell.values
     return {
         "scene": cell.scene,
         "width": cell.width,
@@ -139,19 +95,19 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         "headline": headline,
         "phase": cell.spec,
         "threads": cell.threads,
-        **cell.facts,
+        **asdict(cell.facts),
         "launches": ns.launches,
-        "frames_a_launch": int(cell.values["frames"].median()),
+        "frames_a_launch": int(values.frames.median()),
         "interval": "95 %" if ns.sufficient else "insufficient",
         **_spread("ms", ns, 1e6),
-        "ms_least": cell.values["ns"].min() / 1e6,
+        "ms_least": values.ns.min() / 1e6,
         **_spread("ns_per_pixel", ns, cell.pixels),
         "tsc_cycles": cell.median("tsc_cycles").value,
         **_spread("core_cycles_per_pixel", cell.median("core_cycles"), cell.pixels),
-        **_spread("joules", cell.median("joules") if "joules" in cell.values else None),
+        **_spread("joules", cell.median("joules") if "joules" in values else None),
         "tsc_hz": cell.median("tsc_hz").value,
         "core_hz": cell.median("core_hz").value,
-        "core_hz_load": cell.median("core_hz_load").value if "core_hz_load" in cell.values else math.nan,
+        "core_hz_load": cell.median("core_hz_load").value if "core_hz_load" in values else math.nan,
         "speedup_base": base.spec if base else None,
         **_spread("speedup", base and cell.over(base)),
         **_spread("over_paper", _over_paper(data, cell, base)),
@@ -159,7 +115,8 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         "same_flags_base": same.spec if same else None,
         **_spread("speedup_same_flags", same and cell.over(same)),
         "setup_ms": cell.median("prepare_ns").value / 1e6,
-        "compile_ms": _compiling(cell),
+        # Of the launch that compiled longest, 0: the kernel was found; NaN: nothing is generated.
+        "compile_ms": values.kernel_compile_ns.max() / 1e6 if "kernel_compile_ns" in values else math.nan,
         **_spread("setup_first_ms", cell.median("setup_first_ns"), 1e6),
         "present_ms": cell.median("present_ns").value / 1e6,
         "frames_per_s": 1e9 / cell.median("presented_ns").value,
@@ -168,22 +125,19 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
 
 
 def headline_size(data: Data, scene: str, height: int | None = None) -> tuple[int, int] | None:
-    """Width and height of a scene's ladder: of the given height, else of all, the size with the most
-
-    phases of enough launches, then with the most phases, then with the most pixels.
-    """
+    """Width and height of a scene's ladder: of the given height, else of all, the size with the most phases
+    of enough launches, then with the most phases, then with the most pixels."""
     cells = [c for c in data.cells if c.scene == scene and height in (None, c.height)]
-    sizes = {(c.width, c.height) for c in cells}
 
     def worth(size: tuple[int, int]) -> tuple[int, int, int]:
         here = [c for c in cells if (c.width, c.height) == size]
         return sum(len(c.values) >= stats.ENOUGH for c in here), len(here), size[0] * size[1]
 
-    return max(sizes, key=worth, default=None)
+    return max({(c.width, c.height) for c in cells}, key=worth, default=None)
 
 
 def rows(data: Data, height: int | None = None) -> pd.DataFrame:
-    """One row per configuration, ordered by scene, size and rung. Units are in the names of the columns.
+    """One row per configuration, ordered by scene, size and phase. Units are in the names of the columns.
 
     `headline` marks the rows of each scene's ladder. `implied`, `stated` and `rerun` are the paper's
     speed-ups over its own baseline (study.numbers.paper.ladder), for its phases on one thread.
@@ -195,21 +149,19 @@ def rows(data: Data, height: int | None = None) -> pd.DataFrame:
 
 
 def _rows(data: Data, height: int | None) -> pd.DataFrame:
-    sizes = {
-        scene: headline_size(data, scene, height) for scene in dict.fromkeys(c.scene for c in data.cells)
-    }
+    sizes = {scene: headline_size(data, scene, height) for scene in {c.scene for c in data.cells}}
     made = pd.DataFrame(_row(data, c, sizes[c.scene] == (c.width, c.height)) for c in data.cells)
     if made.empty:
         return made
     theirs = paper.ladder().rename(columns={"cycles_per_pixel": "paper_cycles_per_pixel"})
     made = made.merge(theirs, how="left", on=["scene", "phase"])
     made = made.merge(truth_errors(data), how="left", on=["scene", "phase"])
-    made.loc[made["threads"] > 1, [c for c in theirs if c not in ("scene", "phase")]] = np.nan
+    made.loc[made.threads > 1, [c for c in theirs if c not in ("scene", "phase")]] = np.nan
     return made
 
 
 def ladders(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Scene → its headline rows, in order of rungs."""
+    """Scene → its headline rows, in order."""
     if table.empty:
         return {}
-    return {scene: group for scene, group in table[table["headline"]].groupby("scene", sort=False)}
+    return {scene: group for scene, group in table[table.headline].groupby("scene", sort=False)}

@@ -8,23 +8,17 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import combinations
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
-from study.numbers import clocks
-
 COVER = 0.95  # of every interval
 RESAMPLES = 10_000
 ENOUGH = 6  # launches: of five the least and the greatest hold the true median in 93.75 % of cases only
-PREEMPTIONS = 20  # per second; a quiet machine has a few
-CONFIG = ["config", "spec", "phase", "flags_from", "scene", "scene_hash", "width", "height", "threads"]
 
 
 @dataclass(frozen=True)
@@ -40,10 +34,22 @@ class Interval:
     launches: int
     sufficient: bool
 
+    @property
+    def ends(self) -> tuple[float, float, float]:
+        return self.value, self.low, self.high
+
+    @property
+    def excludes_one(self) -> bool:
+        """Whether a ratio's launches tell the two apart; too few tell nothing."""
+        return self.sufficient and (self.low > 1 or self.high < 1)
+
     def text(self, form: str = ".3g") -> str:
         """`12.3 [12.1, 12.6]` or `12.3 (insufficient)`."""
         ends = f"[{self.low:{form}}, {self.high:{form}}]" if self.sufficient else "(insufficient)"
         return f"{self.value:{form}} {ends}"
+
+
+UNKNOWN = Interval(math.nan, math.nan, math.nan, 0, False)
 
 
 class By(Enum):
@@ -239,74 +245,3 @@ def mean_ratio_interval(many: ArrayLike, few: ArrayLike) -> Interval:
     shares = sum(p**2 / (len(some) - 1) for p, some in zip(parts, samples, strict=True))
     wide = stdtrit(variance**2 / shares, (1 + MEANS.cover) / 2) * math.sqrt(variance) if shares > 0 else 0.0
     return Interval(value, value * math.exp(-wide), value * math.exp(wide), count, True)
-
-
-def launch_values(frames: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Median of the non-warm-up frames per configuration and launch.
-
-    Columns: those of CONFIG, launch, round, value (unit of `column`); sorted by configuration and launch.
-    """
-    if frames.empty:
-        return pd.DataFrame(columns=[*CONFIG, "launch", "round", "value"])
-    timed = frames[~frames["warmup"].astype(bool)]
-    timed = timed.assign(round=rounds_of(timed))
-    values = timed.groupby([*CONFIG, "launch"], sort=True).agg(
-        round=("round", "first"), value=(column, "median")
-    )
-    return values.reset_index()
-
-
-def rounds_of(frames: pd.DataFrame) -> pd.Series:
-    """The round of each frame, NaN in older files. A launch's number is less where a round left it out."""
-    return frames["round"] if "round" in frames else pd.Series(np.nan, frames.index)
-
-
-def distinguishable(a: ArrayLike, b: ArrayLike, seed: int = 1, rounds: bool = True) -> bool:
-    """Whether the launches (arrays of times) tell a from b: the interval of their ratio excludes 1.
-
-    False when there are too few launches: then nothing can be told.
-    """
-    ratio = ratio_interval(a, b, seed, rounds)
-    return ratio.sufficient and (ratio.low > 1 or ratio.high < 1)
-
-
-def too_noisy(times: Mapping[str, Sequence[float]]) -> list[tuple[str, str]]:
-    """Pairs of names whose launches cannot be told apart. `times`: name -> launch values."""
-    return [(a, b) for a, b in combinations(times, 2) if not distinguishable(times[a], times[b])]
-
-
-def noise_warnings(frames: pd.DataFrame) -> list[str]:
-    """One sentence each for slow first launches, outliers, stolen time and other processes.
-
-    Outlier: ten robust standard deviations (1.4826 times the median absolute deviation, hyperfine's
-    rule) and 5 % away from the median: a quiet machine's smallest wobble is none.
-    """
-    warnings = []
-    for (spec, scene, height, threads), group in launch_values(frames, "ns").groupby(
-        ["spec", "scene", "height", "threads"], sort=False
-    ):
-        name = f"{spec} {scene} n={height} threads={threads}"
-        values = group.sort_values("launch")["value"].to_numpy(float)
-        if len(values) < 3:
-            continue
-        off = np.abs(values - np.median(values))
-        far = (off > 14.826 * np.median(off)) & (off > 0.05 * np.median(values))
-        if far[0] and values[0] > np.median(values):
-            warnings.append(
-                f"{name}: the first launch took {values[0] / np.median(values):.2f} times the median"
-            )
-        if far[1:].any():
-            warnings.append(f"{name}: {far[1:].sum()} of {len(values)} launches are outliers")
-    if not frames.empty and (off := {(one.config, one.launch) for one in clocks.off(frames)}):
-        ran = f"launch{'es' * (len(off) > 1)} ran at another clock than the others"
-        warnings.append(f"{len(off)} {ran} (scripts/stepwise compare says which)")
-    seconds = 0 if frames.empty else float(frames["ns"].sum()) * 1e-9
-    if seconds and "steal_ticks" in frames:
-        steal = frames["steal_ticks"].sum() * 0.01 / seconds
-        if steal > 0.01:
-            warnings.append(f"the hypervisor took {steal:.3f} s of all CPUs' time a second measured (steal)")
-    if seconds and "ctx_involuntary" in frames:
-        switches = frames["ctx_involuntary"].sum() / seconds
-        if switches > PREEMPTIONS:
-            warnings.append(f"other processes took the measured CPU {switches:.0f} times a second")
-    return warnings

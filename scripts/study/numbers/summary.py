@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from study.core import show
 from study.core.cli import StudyError
 from study.core.registry import BASE, arithmetic_flags, phases
-from study.core.run_schema import Plan
 from study.numbers import analysis, stats
-from study.numbers.analysis import Cell
+from study.numbers.stats import Interval
 
 SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
 SPEED += [("launches", "launches"), ("ms", "median ms [95 %]"), ("ns_per_pixel", "ns/pixel [95 %]")]
@@ -22,70 +23,72 @@ SPEED += [("speedup", f"× {BASE} [95 %]"), ("parent", "parent"), ("parent_speed
 SPEED += [("second_base", "second base"), ("second_speedup", "× second base [95 %]")]
 
 
+@dataclass(frozen=True)
+class Row:
+    """A configuration; ratios are base / this, None where the base was not timed."""
+
+    config: str
+    spec: str
+    phase: str
+    scene: str
+    width: int
+    height: int
+    threads: int
+    size: str
+    launches: int
+    ms: Interval
+    ns_per_pixel: Interval
+    tsc_cycles: float
+    core_cycles_per_pixel: float
+    joules: Interval | None
+    speedup: Interval | None
+    parent: str | None
+    parent_speedup: Interval | None
+    second_base: str | None
+    second_speedup: Interval | None
+
+
 def cflags(phase: str) -> str:
     """Flags of a phase that change its arithmetic, its name where it is no longer there (an old run)."""
     return arithmetic_flags(phases()[phase].cflags) if phase in phases() else phase
 
 
-def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
-    """Rows with Interval values: ms, ns_per_pixel, and the ratios base / this: speedup (baseline's time),
-    parent_speedup and second_speedup. None where the base was not timed.
-
-    A base has the same scene and size, and the same threads or else one thread.
-    """
-    cells, known = analysis.cells_of(frames, Plan()), phases()
+def rows(frames: pd.DataFrame) -> list[Row]:
+    """A base has the same scene and size, and the same threads or else one thread."""
+    cells, known = analysis.cells_of(frames), phases()
     order = {name: number for number, name in enumerate(known)}
-
-    def over(cell: Cell, base: str | None) -> stats.Interval | None:
-        found = {c.threads: c for c in cells if (c.spec, c.picture) == (base, cell.picture)}
-        timed = found.get(cell.threads) or found.get(1)
-        return cell.over(timed) if timed and base != cell.spec else None
-
+    found = analysis.by_key(cells)
     made = []
     cells.sort(key=lambda c: (c.scene, c.height, c.width, c.threads, order.get(c.phase, 99), c.spec))
     for cell in cells:
-        ns, parent = cell.values["ns"], known[cell.spec].parent if cell.spec in known else None
+
+        def over(base: str | None, cell: analysis.Cell = cell) -> Interval | None:
+            some = (found.get((*cell.picture, threads, base)) for threads in (cell.threads, 1))
+            timed = next(filter(None, some), None)
+            return cell.over(timed) if timed and base != cell.spec else None
+
+        parent = known[cell.spec].parent if cell.spec in known else None
         second = analysis.second_base(cell, cells, known)
         other = second.spec if second and second.spec != cell.spec else None
-        over_parent = over(cell, parent)
-        names = ("config", "spec", "phase", "scene", "width", "height", "threads")
+        over_parent = over(parent)
         made.append(
-            {
-                **{name: getattr(cell, name) for name in names},
-                "size": f"{cell.width}x{cell.height}",
-                "launches": len(ns),
-                "ms": stats.median_interval(ns / 1e6),
-                "ns_per_pixel": stats.median_interval(ns / cell.pixels),
-                "tsc_cycles": cell.median("tsc_cycles").value,
-                "core_cycles_per_pixel": cell.median("core_cycles").value / cell.pixels,
-                "joules": cell.median("joules") if "joules" in cell.values else None,
-                "speedup": over(cell, BASE),
-                "parent": parent if over_parent else None,
-                "parent_speedup": over_parent,
-                "second_base": other,
-                "second_speedup": over(cell, other),
-            }
+            Row(
+                *(cell.config, cell.spec, cell.phase, *cell.picture, cell.threads),
+                size=f"{cell.width}x{cell.height}",
+                launches=len(cell.values),
+                ms=stats.median_interval(cell.values.ns / 1e6),
+                ns_per_pixel=stats.median_interval(cell.values.ns / cell.pixels),
+                tsc_cycles=cell.median("tsc_cycles").value,
+                core_cycles_per_pixel=cell.median("core_cycles").value / cell.pixels,
+                joules=cell.median("joules") if "joules" in cell.values else None,
+                speedup=over(BASE),
+                parent=parent if over_parent else None,
+                parent_speedup=over_parent,
+                second_base=other,
+                second_speedup=over(other),
+            )
         )
     return made
-
-
-def indistinguishable(frames: pd.DataFrame) -> list[str]:
-    """A sentence for each pair of specs of one comparison that the launches cannot tell apart."""
-    sentences = []
-    for (scene, width, height, threads), group in stats.launch_values(frames, "ns").groupby(
-        ["scene", "width", "height", "threads"]
-    ):
-        where = f"{scene} {width}x{height}, threads {threads}"
-        times = {spec: rows.set_index("round")["value"] for spec, rows in group.groupby("spec")}
-        if min(map(len, times.values())) < stats.ENOUGH:
-            sentences.append(f"{where}: under {stats.ENOUGH} launches, so no two phases can be told apart")
-            continue
-        for a, b in stats.too_noisy(times):
-            ratio = stats.ratio_interval(times[a], times[b]).text()
-            sentences.append(
-                f"{where}: noise hides the difference of {a} and {b} (time of {a} over {b}: {ratio})"
-            )
-    return sentences
 
 
 def number(value: float) -> str:
@@ -99,17 +102,17 @@ def cell(value: Any) -> str:
     """A table cell: intervals with their ends, numbers with four digits, nothing for None."""
     if value is None:
         return ""
-    if isinstance(value, stats.Interval):
+    if isinstance(value, Interval):
         ends = f"[{number(value.low)}, {number(value.high)}]" if value.sufficient else "insufficient"
         return f"{number(value.value)} {ends}"
     return number(value) if isinstance(value, (float, np.floating)) else str(value)
 
 
-def table(rows: Sequence[dict[str, Any]], columns: Sequence[tuple[str, str]]) -> str:
+def table(rows: Sequence[Any], columns: Sequence[tuple[str, str]]) -> str:
     """Aligned text. `columns`: pairs of key and heading; a column that is empty everywhere is left out."""
     if not rows:
         raise StudyError("nothing was measured; see the notes above")
-    lists = [[heading, *(cell(row[key]) for row in rows)] for key, heading in columns]
+    lists = [[heading, *(cell(show.cell(row, key)) for row in rows)] for key, heading in columns]
     lists = [cells for cells in lists if any(cells[1:])]
     widths = [max(map(len, cells)) for cells in lists]
     lines = (zip(line, widths, strict=True) for line in zip(*lists, strict=True))

@@ -126,7 +126,7 @@ def described(data: Data) -> list[dict[str, Any]]:
         phase = msgspec.structs.asdict(one)
         if one.variants and name in ran:
             own = ran[name]
-            phase |= {"lanes": int(own["lanes"]), "isa": own["isa"].split("+"), "cflags": own["flags"]}
+            phase |= {"lanes": int(own.lanes or 1), "isa": (own.isa or "").split("+"), "cflags": own.flags}
         file = patches.folders().get(name, registry.ROOT) / "NOTES.md"
         notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
         figure = file.with_name(lessons.NAME)

@@ -48,12 +48,12 @@ def _evaluations(path: Path) -> tuple[np.ndarray, int] | None:
 def _files(data: Data) -> list[tuple[str, str, int, Path]]:
     """Scene, phase, pixels across as verified, and PNG: of each scene the reference, then its phases."""
     found: dict[tuple[str, str], tuple[int, Path]] = {}
-    scenes = {pair["scene"] for pair in data.pairs}
+    scenes = {pair.scene for pair in data.pairs}
     for scene in [*(one for one in FIRST if one in scenes), *sorted(scenes - {*FIRST})]:
         for pair in data.pairs:
-            for who, name in ((pair["reference"], "reference_png"), (pair["phase"], "png")):
-                if pair["scene"] == scene and pair.get(name):
-                    found.setdefault((scene, who), (pair["width"], data.path / pair[name]))
+            for who, png in ((pair.reference, pair.reference_png), (pair.phase, pair.png)):
+                if pair.scene == scene and png:
+                    found.setdefault((scene, who or ""), (pair.width, data.path / png))
     return [(*key, *value) for key, value in found.items()]
 
 
@@ -99,20 +99,16 @@ def fragment(data: Data) -> str:
         shown.setdefault(scene, []).append({"scene": scene, "phase": phase, "uri": uri})
     pictures = [one for some in shown.values() if len(some) > 1 for one in some]
     for pair in data.pairs:
-        scene = pair["scene"]
-        if (
-            len(shown.get(scene, ())) < 2
-            or not pair.get("reference_image")
-            or scene in {h["scene"] for h in heats}
-        ):
+        scene = pair.scene
+        if len(shown.get(scene, ())) < 2 or not pair.reference_image or scene in {h["scene"] for h in heats}:
             continue
-        if found := _evaluations(data.path / pair["reference_image"]):
+        if found := _evaluations(data.path / pair.reference_image):
             levels, most = found
             every = _step(levels.shape[1])
             uri = _uri(levels[::every, ::every])
             used += len(uri)
             if used <= MOST:
-                heats.append({"scene": scene, "phase": pair["reference"], "most": most, "uri": uri})
+                heats.append({"scene": scene, "phase": pair.reference, "most": most, "uri": uri})
     if not pictures:
         return ""
     told = {"pictures": pictures, "evaluations": heats, "step": step, "left_out": left_out}

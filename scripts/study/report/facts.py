@@ -9,7 +9,7 @@ from study.core import machine as machines
 from study.core import registry
 from study.core.host import checkout, quotas
 from study.core.run_schema import Context, Git, Left, Plan
-from study.numbers import analysis
+from study.numbers import noise
 from study.numbers.analysis import Data
 
 WIDE = 16  # lanes of the newest CPUs
@@ -70,18 +70,17 @@ def _measured(data: Data) -> dict[str, str | None]:
     if frames.empty:
         return {"compiler": data.context.compiler, "libc": data.context.libc}
     core = (frames["core_hz_before"] + frames["core_hz_after"]) / 2e9
-    noise = analysis.noise(data)
-    stolen = noise.get("steal_ticks", 0) / 100
+    found = noise.counted(data)
     return {
         "compiler": _join(*frames["compiler"].unique()),
         "libc": _join(*frames["libc"].unique()),
         "clocks, measured": f"TSC {frames['tsc_hz'].median() / 1e9:.4f} GHz; core {core.median():.3f} GHz, "
         f"{core.min():.3f} to {core.max():.3f} GHz over all frames",
-        "measured frames": f"{noise['frames']} in {noise['launches']} process launches, "
-        f"{noise['seconds']:.0f} s in all",
-        "disturbances in them": f"{stolen:.2f} s stolen by the hypervisor; context switches: "
-        f"{noise.get('ctx_involuntary', 0)} involuntary, {noise.get('ctx_voluntary', 0)} voluntary; "
-        f"{noise.get('faults_major', 0)} major page faults",
+        "measured frames": f"{found.frames} in {found.launches} process launches, "
+        f"{found.seconds:.0f} s in all",
+        "disturbances in them": f"{found.steal_ticks / 100:.2f} s stolen by the hypervisor; context "
+        f"switches: {found.ctx_involuntary} involuntary, {found.ctx_voluntary} voluntary; "
+        f"{found.faults_major} major page faults",
     }
 
 
@@ -104,7 +103,7 @@ def _subject(item: Left) -> str:
 
 def commands(data: Data) -> list[str]:
     """What makes the same again, from what the run recorded. RUN stands for the new run's folder."""
-    heights = {pair.get("height") for pair in data.pairs}
+    heights = {pair.height for pair in data.pairs}
     size = f" -n {heights.pop()}" if len(heights) == 1 else ""
     sweep, rest = (
         command(data.plan) or "scripts/stepwise sweep",

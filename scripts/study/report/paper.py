@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from study.experiments.section import Part, Section
-from study.numbers import analysis, stats
+from study.numbers import noise, stats
 from study.numbers.analysis import Data
 from study.report import facts
 
@@ -118,7 +118,7 @@ def content(
         "abstract": [_headline(one) for one in headlines],
         "machine": [list(pair) for pair in facts.machine(data)],
         "commands": list(facts.commands(data)),
-        "remarks": list(analysis.noise(data)["remarks"]),
+        "remarks": noise.remarks(data.frames, data.cells),
         "questions": [
             {"title": text, "chapters": [one for one in some if one]}
             for text, some in chapters.items()

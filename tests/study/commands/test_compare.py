@@ -9,7 +9,7 @@ import pytest
 from compared import make_run, rows, run, sides
 
 from study.commands import compare
-from study.numbers import stats
+from study.numbers import noise
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
 
@@ -165,7 +165,7 @@ def test_a_launch_with_another_clock_is_flagged_and_can_be_left_out(tmp_path):
         said = run(made.path, made.path, *option).stdout
         assert "opt1 s launch 3: core 3.2 GHz, +6.7 %" in said
         assert "opt1 s launch 5: TSC 2.501 GHz, +0.04 %" in said
-    assert any(line.startswith("2 launches") for line in stats.noise_warnings(made.frames()))
+    assert any(line.startswith("2 launches") for line in noise.remarks(made.frames(), []))
 
 
 def test_many_runs_beside_one_base(two, tmp_path):

@@ -263,8 +263,8 @@ def test_launches_stand_side_by_side_by_the_round_that_they_were_of(run: Path) -
     times = [cell.values["ns"].to_numpy() for cell in (base, made)]
     by_round, by_order = made.over(base), stats.ratio_interval(*times)
     assert by_round.value == by_order.value and by_round.low != by_order.low
-    said = {(r["spec"], r["scene"], r["height"]): r for r in summary.rows(data.frames)}
-    assert said["opt4", "scene0", 180]["speedup"] == by_round
+    said = {(r.spec, r.scene, r.height): r for r in summary.rows(data.frames)}
+    assert said["opt4", "scene0", 180].speedup == by_round
 
 
 def test_overridden_frames_and_old_scenes_are_left_out(run: Path) -> None:

@@ -110,7 +110,7 @@ def test_a_sweep_has_joules_a_frame_with_their_interval(swept) -> None:
     assert [frame["joules"] for frame in told] == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
     assert [frame["frame"] for frame in told] == [2] * 6
     (row,) = summary.rows(pd.DataFrame(frames).assign(spec="opt2"))
-    assert (row["joules"].value, row["joules"].low, row["joules"].high) == (1.75, 0.5, 3.0)
+    assert row.joules.ends == (1.75, 0.5, 3.0)
 
 
 def test_the_report_has_a_column_or_a_line(tree: Tree) -> None:

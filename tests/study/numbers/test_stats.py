@@ -1,4 +1,4 @@
-"""Intervals against closed forms and simulated coverage; noise warnings."""
+"""Intervals against closed forms and simulated coverage."""
 
 from dataclasses import replace
 
@@ -14,18 +14,6 @@ from study.numbers import stats
 
 TIMES = st.lists(st.floats(0.1, 1e6), min_size=6, max_size=15)
 SCALE = st.floats(1e-3, 1e3)
-
-
-def frames(values, warmup=1, **more) -> pd.DataFrame:
-    """Frames of one configuration. `values`: launch -> ns of its timed frames."""
-    config = {"config": "c", "spec": "opt1", "phase": "opt1", "flags_from": "opt1", "scene": "s"}
-    config |= {"scene_hash": "h", "width": 16, "height": 9, "threads": 1, "steal_ticks": 0} | more
-    rows = [
-        config | {"launch": launch, "frame": number, "warmup": number < 0, "ns": ns}
-        for launch, times in enumerate(values)
-        for number, ns in enumerate([1e9] * warmup + list(times), -warmup)
-    ]
-    return pd.DataFrame(rows)
 
 
 @pytest.mark.parametrize("n", [*range(2, 60), 2000])
@@ -177,67 +165,18 @@ def test_under_six_launches_there_is_no_interval(count):
     assert stats.median_interval(enough[:6]).sufficient
 
 
-def test_a_launch_counts_by_the_median_of_its_timed_frames():
-    table = stats.launch_values(frames([[5, 1, 30], [10, 20]]), "ns")
-    assert table["launch"].tolist() == [0, 1]
-    assert table["value"].tolist() == [5, 15]
-    assert set(stats.CONFIG) < set(table.columns)
-
-
-def test_a_launchs_round_is_that_of_its_first_timed_frame():
-    some = frames([[5, 1], [10, 20], [7, 7]])
-    some["round"] = [0, 0, 0, 4, 5, 6, 7, 7, 7]
-    assert stats.launch_values(some, "ns")["round"].tolist() == [0, 5, 7]
-    assert stats.launch_values(some.drop(columns="round"), "ns")["round"].isna().all()
-
-
-def test_what_is_far_apart_is_told_apart():
-    random = np.random.default_rng(7)
-    a = random.normal(100, 1, 10)
-    assert stats.distinguishable(a, a * 1.05)
-    assert not stats.distinguishable(a, a)
-    assert not stats.distinguishable(a[:5], a[:5] * 9)  # too few launches tell nothing
-    assert stats.too_noisy({"a": a, "same": a[::-1], "far": 2 * a}) == [("a", "same")]
-
-
 @pytest.mark.slow
 def test_equal_phases_are_seldom_told_apart():
     random = np.random.default_rng(8)
-    alarms = [stats.distinguishable(*random.normal(100, 3, (2, 10))) for _ in range(400)]
+    alarms = [stats.ratio_interval(*random.normal(100, 3, (2, 10))).excludes_one for _ in range(400)]
     assert np.mean(alarms) <= 0.08
-
-
-@pytest.mark.parametrize(
-    "times",
-    [
-        [100, 101, 99, 100, 102, 100],
-        [100, 100, 100, 100, 100, 104],  # far by the spread of the others, but under 5 %
-        [100, 100, 100, 100, 100, 105],  # and no more than that
-        [120, 110, 90, 105, 95, 112],  # over 5 % off, but so are all
-    ],
-)
-def test_a_wobble_is_no_outlier(times):
-    assert stats.noise_warnings(frames([[time] for time in times])) == []
-
-
-@pytest.mark.parametrize(
-    ("times", "words"),
-    [
-        ([150, 100, 101, 99, 100, 101], "first launch took 1.49 times the median"),
-        ([150, 100, 101], "first launch took 1.49 times the median"),
-        ([100, 101, 150, 99, 100, 101], "1 of 6 launches are outliers"),
-    ],
-)
-def test_slow_launches_are_named(times, words):
-    (warning,) = stats.noise_warnings(frames([[time] for time in times]))
-    assert warning.startswith("opt1 s n=9 ")
-    assert words in warning
 
 
 def test_nan_tells_nothing_apart():
     whole, torn = [1.0, 1.1, 1.2, 1.0, 1.1, 1.2], [2.0, 2.1, np.nan, 2.0, 2.1, 2.2]
-    assert stats.distinguishable(whole, [2 * time for time in whole])
-    assert not stats.distinguishable(whole, torn) and not stats.distinguishable([0.0] * 6, [0.0] * 6)
+    assert stats.ratio_interval(whole, [2 * time for time in whole]).excludes_one
+    assert not stats.ratio_interval(whole, torn).excludes_one
+    assert not stats.ratio_interval([0.0] * 6, [0.0] * 6).excludes_one
     assert not stats.median_interval(torn).sufficient and not stats.ratio_interval(whole, torn).sufficient
 
 

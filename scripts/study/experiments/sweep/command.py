@@ -23,7 +23,7 @@ from study.core.registry import Spec, find_scene, ladder
 from study.core.run import DriverError
 from study.core.run_schema import Configuration, End, Left, Plan, Short
 from study.experiments.sweep.plan import fail, make_plan, now, overrides, sha256
-from study.numbers import stats, summary
+from study.numbers import analysis, noise, summary
 
 DESCRIPTION = """\
 Times phases on scenes and sizes. A round launches every configuration once, in random order, pinned to one
@@ -355,8 +355,8 @@ def dry_run(sweep: Sweep) -> Outcome:
 def report(sweep: Sweep, target: store.Run) -> Outcome:
     """Table and warnings of the run as it is now. Status 1 if a driver crashed."""
     frames, plan = target.frames(), sweep.plan
-    rows = summary.rows(frames)
-    warnings = summary.indistinguishable(frames) + stats.noise_warnings(frames)
+    rows, cells = summary.rows(frames), analysis.cells_of(frames)
+    warnings = noise.indistinguishable(cells) + noise.remarks(frames, cells)
     warnings += quotas.notices(target.context)
     if crowded := sorted({c.threads for c in plan.configurations if c.threads > len(run.USABLE)}):
         counts = ", ".join(map(str, crowded))

@@ -5,21 +5,22 @@ from __future__ import annotations
 from study.experiments.section import Section, part, reading
 from study.experiments.verify import columns
 from study.numbers import ladder
-from study.numbers.analysis import Data
+from study.numbers.analysis import Data, flat
 from study.pictures import ladder as figures
 
 
 def verification(data: Data) -> Section:
     """Which pairs are within their tolerance."""
-    pairs = [{k: v for k, v in pair.items() if k != "tolerance"} for pair in data.pairs]
-    failing = [pair for pair in pairs if pair.get("within_tolerance") is False]
+    pairs = data.pairs
+    failing = [pair for pair in pairs if pair.within_tolerance is False]
     parts, drawn, answer = [], {}, ""
     with reading(data.path / "verify.json", f"scripts/stepwise verify --run {data.path}"):
         caption = "Each phase against baseline (or the reference named), by its own tolerance"
-        parts = part("verification", caption, pairs, columns.VERIFICATION)
+        rows_of = [{k: v for k, v in flat(pair).items() if k != "tolerance"} for pair in pairs]
+        parts = part("verification", caption, rows_of, columns.VERIFICATION)
         rows = ladder.rows(data)
         if pairs:
-            within = [pair for pair in pairs if pair.get("within_tolerance")]
+            within = [pair for pair in pairs if pair.within_tolerance]
             alone = len(pairs) - len(within) - len(failing)
             answer = f"{len(within)} of {len(pairs)} pictures are within their tolerance to baseline's"
             answer += f"; {len(failing)} are outside" if failing else ""
@@ -31,15 +32,15 @@ def verification(data: Data) -> Section:
         *("verification", "Verification against baseline", "scripts/stepwise verify --run RUN", parts),
         answer=answer,
         failing=[
-            f"{p['phase']} on {p['scene']}: {p.get('why') or p.get('failed') or 'no reason recorded'}"
+            f"{p.phase} on {p.scene}: {'; '.join(p.why or p.failed or ['no reason recorded'])}"
             for p in failing
         ],
         file=data.path / "verify.json",
         script="scripts/stepwise verify",
         drawn=drawn,
         images={
-            data.path / pair["heatmap"]: f"{pair['scene']}: {pair['phase']} is outside its tolerance"
+            data.path / pair.heatmap: f"{pair.scene}: {pair.phase} is outside its tolerance"
             for pair in failing
-            if pair.get("heatmap")
+            if pair.heatmap
         },
     )
