@@ -16,10 +16,10 @@ from study.numbers import accuracy, beside, paper, stats
 from study.numbers.analysis import Cell, Data, described, flat, second_base
 from study.numbers.stats import Interval
 
-ERRORS = ("identical", "non_finite", "psnr_db", "psnr_display_db", "rmse", "fraction_over_1_255")
-ERRORS += ("fraction_over_1_255_display", "mask_mismatch_ppm", "id_mismatch_ppm", "dt_p99", "dt_max")
-ERRORS += ("depth_agree_fraction", "flip_mean", "antialiased_psnr_db", "antialiased_fraction_over_1_255")
-ERRORS += ("failed",)
+ERRORS = ["identical", "non_finite", "psnr_db", "psnr_display_db", "rmse", "fraction_over_1_255"]
+ERRORS += ["fraction_over_1_255_display", "mask_mismatch_ppm", "id_mismatch_ppm", "dt_p99", "dt_max"]
+ERRORS += ["depth_agree_fraction", "flip_mean", "antialiased_psnr_db", "antialiased_fraction_over_1_255"]
+ERRORS += ["failed"]
 
 
 def error_of(data: Data, cell: Cell) -> dict[str, Any]:
@@ -43,8 +43,8 @@ def error_of(data: Data, cell: Cell) -> dict[str, Any]:
     }
 
 
-TRUTH = ("scene", "phase", "psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99", "wrong_ppm")
-TRUTH += ("draws_ideal", "own_db", "converged_only", "height")
+TRUTH = ["scene", "phase", "psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99", "wrong_ppm"]
+TRUTH += ["draws_ideal", "own_db", "converged_only", "height"]
 
 
 def truth_errors(data: Data) -> pd.DataFrame:
