@@ -52,7 +52,7 @@ def test_the_base_is_built_whatever_is_asked_for() -> None:
 
 def test_flags_reach_the_program_behind_the_phases_own() -> None:
     program = Program("gcc", "and contraction", "opt1")
-    assert toolchains.build(program) is None
+    assert toolchains.built([program]) == ([program], [])
     scene = registry.find_scene("two_spheres")
     done = subprocess.run([program.path, scene.path, "-n", "8", "--json"], capture_output=True, check=True)
     flags = json.loads(done.stdout)["flags"]
@@ -61,10 +61,11 @@ def test_flags_reach_the_program_behind_the_phases_own() -> None:
 
 def test_what_does_not_build_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(toolchains.SETS, "as shipped", "-mno-such-flag")
-    why = toolchains.build(Program("gcc", "as shipped", "opt1"))
-    assert why and "no-such-flag" in why
+    shipped = Program("gcc", "as shipped", "opt1")
+    able, (failed,) = toolchains.built([shipped])
+    assert not able and "no-such-flag" in failed.reason
     monkeypatch.setitem(toolchains.SETS, "as shipped", "")
-    assert toolchains.build(Program("gcc", "as shipped", "opt1")) is None
+    assert toolchains.built([shipped])[0] == [shipped]
 
 
 def test_a_missing_compiler_is_named_and_gcc_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.section import Section, part, reading
-from study.experiments.toolchains.schema import Row, Toolchains
+from study.experiments.section import Found, Section, chapter, part
+from study.experiments.toolchains.schema import FILE, Row, Toolchains
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
@@ -53,18 +53,16 @@ def left_out(found: Toolchains) -> list[str]:
 
 def compilers(path: Path) -> Section:
     """Compilers and flags: time, pixels that change, error to ground truth."""
-    file = path / "toolchains.json"
-    parts, answer, drawn = [], "", {}
-    with reading(file, f"scripts/stepwise toolchains --run {path}"):
-        if (found := Toolchains.load_if_there(file)) and found.rows:
-            note = CHAINS_ABOUT.format(n=found.n, launches=found.launches, native=natives(found))
-            caption = f"Each phase by each compiler and set of flags, n = {found.n}"
-            parts = part("toolchains", caption, found.rows, CHAINS, "\n".join([note, *left_out(found)]))
-            answer = _answer(found.rows)
-            caption = "Speed of each build over gcc's with the phase's own flags"
-            drawn = {"toolchains": Drawing(caption, note, partial(_draw, found.rows))}
-    about = {"file": file, "script": "scripts/stepwise toolchains", "drawn": drawn}
-    return Section("toolchains", "Compilers and flags", "make toolchains", parts, answer=answer, **about)
+    return chapter("toolchains", "Compilers and flags", path / FILE, Toolchains.load_if_there, _found)
+
+
+def _found(found: Toolchains) -> Found:
+    note = CHAINS_ABOUT.format(n=found.n, launches=found.launches, native=natives(found))
+    caption = f"Each phase by each compiler and set of flags, n = {found.n}"
+    parts = part("toolchains", caption, found.rows, CHAINS, "\n".join([note, *left_out(found)]))
+    caption = "Speed of each build over gcc's with the phase's own flags"
+    drawn = {"toolchains": Drawing(caption, note, partial(_draw, found.rows))}
+    return Found(parts, _answer(found.rows), drawn)
 
 
 def _draw(rows: list[Row]) -> Figure:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 
 from study.core import cli, registry, run, show, store
 from study.core.cli import Outcome, StudyError
@@ -12,7 +11,7 @@ from study.experiments import running
 from study.experiments.toolchains import chapter
 from study.experiments.toolchains import measure as toolchains
 from study.experiments.toolchains.measure import BASE, SETS, Program
-from study.experiments.toolchains.schema import Failure, Missing, Row, Toolchains
+from study.experiments.toolchains.schema import FILE, Failure, Missing, Row, Toolchains
 
 DESCRIPTION = """\
 Each phase is built by each compiler under each set of flags, behind the phase's own:
@@ -35,7 +34,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     running.height(parser, 90, least=1)
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     add("--no-truth", action="store_true", help="do not compare with truth (saves rendering it)")
-    running.options(parser, "toolchains.json", "toolchains")
+    running.options(parser, FILE, "toolchains")
 
 
 def study(args: argparse.Namespace) -> Toolchains:
@@ -55,9 +54,7 @@ def study(args: argparse.Namespace) -> Toolchains:
     wanted = toolchains.programs(compilers, args.flags, [spec for spec in specs if not lacking[spec]])
     if not wanted:
         raise StudyError("nothing to measure: no phase can run on this CPU", cli.CANNOT_RUN)
-    problems = toolchains.build_all(wanted, len(os.sched_getaffinity(0)))
-    failures = [Failure(program=_named(program), reason=why) for program, why in problems.items()]
-    wanted = [program for program in wanted if program not in problems]
+    wanted, failures = toolchains.built(wanted)
     rows: list[Row] = []
     folder = store.writable(registry.ROOT / "build" / "toolchains" / "images")
     for scene in scenes:
@@ -65,7 +62,7 @@ def study(args: argparse.Namespace) -> Toolchains:
         for program in wanted:
             made = toolchains.picture(program, scene, args.n, folder)
             if isinstance(made, StudyError):
-                failures.append(Failure(program=f"{_named(program)} on {scene.name}", reason=str(made)))
+                failures.append(Failure(program=f"{program} on {scene.name}", reason=str(made)))
             else:
                 whole[program] = made
         able = [program for program in whole if Program(*BASE, program.phase) in whole]
@@ -77,14 +74,10 @@ def study(args: argparse.Namespace) -> Toolchains:
     return Toolchains(**running.about(args), **found, skipped=[*skipped, *missing])
 
 
-def _named(program: Program) -> str:
-    return f"{program.phase}, {program.compiler} {program.flags}"
-
-
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     found = study(args)
-    store.write_json(folder / "toolchains.json", found)
+    store.write_json(folder / FILE, found)
     lines = []
     if found.rows:
         lines = [show.markdown(show.table(found.rows, chapter.CHAINS))]

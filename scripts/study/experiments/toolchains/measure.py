@@ -12,17 +12,16 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from study.core import cli, progress, run
+from study.core.build import build
 from study.core.cli import StudyError
-from study.core.host import child
 from study.core.registry import ROOT, Scene, Spec
-from study.experiments.toolchains.schema import Missing, Row
+from study.experiments.toolchains.schema import Failure, Missing, Row
 from study.numbers import stats
 from study.numbers.schema import Interval
 from study.pictures import images
@@ -49,6 +48,9 @@ class Program:
     compiler: str
     flags: str  # key of SETS
     phase: str
+
+    def __str__(self) -> str:
+        return f"{self.phase}, {self.compiler} {self.flags}"
 
     @property
     def folder(self) -> Path:
@@ -81,31 +83,18 @@ def present(names: Iterable[str]) -> tuple[list[str], list[Missing]]:
     return [name for name in names if shutil.which(name)], lacking
 
 
-def build(program: Program) -> str | None:
-    """Builds it; None, or the last lines of what the compiler said."""
-    command = ["make", "-s", "-C", str(ROOT), f"CC={program.compiler}", f"BUILD={program.folder}"]
-    environment = os.environ | {"CFLAGS_MORE": SETS[program.flags]}
-    done = child.run(
-        [*command, str(program.folder / program.phase / "render")],
-        capture_output=True,
-        text=True,
-        env=environment,
-    )
-    if done.returncode == 0:
-        return None
-    lines = [line for line in (done.stderr + done.stdout).splitlines() if line.strip()]
-    return " / ".join(lines[-3:]) or f"make ended with status {done.returncode}"
-
-
-def build_all(programs: Iterable[Program], jobs: int) -> dict[Program, str]:
-    """Builds all, one folder at a time in each job (they share common/). What cannot be built, with why."""
-    folders: dict[Path, list[Program]] = {}
-    for program in programs:
-        folders.setdefault(program.folder, []).append(program)
-    with ThreadPoolExecutor(jobs) as pool:
-        made = pool.map(lambda group: [(p, build(p)) for p in group], folders.values())
-        done = list(progress.each(made, "build", len(folders)))
-    return {program: why for group in done for program, why in group if why}
+def built(programs: Iterable[Program]) -> tuple[list[Program], list[Failure]]:
+    """Those that can be built, with as many jobs as there are CPUs, and why the others cannot."""
+    able, failed = [], []
+    for program in progress.each(list(programs), "build"):
+        settings = (f"-j{os.cpu_count()}", f"CC={program.compiler}", f"CFLAGS_MORE={SETS[program.flags]}")
+        try:
+            build(program.phase, "render", str(program.folder), settings)
+            able.append(program)
+        except StudyError as error:
+            reason = " / ".join(line.strip() for line in str(error).splitlines()[-3:])
+            failed.append(Failure(program=str(program), reason=reason))
+    return able, failed
 
 
 def picture(program: Program, scene: Scene, height: int, folder: Path) -> Picture | StudyError:

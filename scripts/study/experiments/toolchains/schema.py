@@ -7,6 +7,8 @@ from typing import Annotated, ClassVar
 from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured, Skipped
 
+FILE = "toolchains.json"
+
 
 class Row(Record, kw_only=True):
     """One phase and scene by one compiler and set of flags, on one thread."""
@@ -58,4 +60,4 @@ class Toolchains(Measured, kw_only=True):
     failures: Annotated[list[Failure], key("", "what did not build or run")]
 
 
-SCHEMAS = {"toolchains.json": Toolchains}
+SCHEMAS = {FILE: Toolchains}
