@@ -24,8 +24,7 @@ from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.counting import elf, perf
-from study.counting.elf import Program
-from study.counting.symbols import canonical, inlined, wrappers
+from study.counting.elf import Program, canonical, inlined, wrappers
 
 TARGETS = {"calls": "render-calls", "shipped": "render-lines"}  # lines: the shipped code, told by line
 OBJECTS = {"calls": "calls/phase.o", "shipped": "lines/phase.o"}

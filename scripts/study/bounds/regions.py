@@ -10,8 +10,7 @@ import networkx as nx
 from iced_x86 import Decoder, FlowControl, Formatter, FormatterSyntax, OpKind
 
 from study.bounds.profiles import Sampled
-from study.counting.elf import Function, Program
-from study.counting.symbols import canonical
+from study.counting.elf import Function, Program, canonical
 
 _SYNTAX = Formatter(FormatterSyntax.GAS)
 _JUMPS = (FlowControl.CONDITIONAL_BRANCH, FlowControl.UNCONDITIONAL_BRANCH, FlowControl.INDIRECT_BRANCH)

@@ -1,7 +1,7 @@
 """Samples of where a program's time goes, by Linux perf: PMU cycles where there are any, else its clock.
 
 Formats: perf-record(1), perf-script(1). perf is used for samples, their addresses and the names of library
-functions; the program's own functions are found from its ELF symbols by study.counting.symbols.
+functions; the program's own functions are found from its ELF symbols by study.counting.elf.
 """
 
 from __future__ import annotations

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import functools
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from study.bounds import profiles, topdown
 from study.bounds.profiles import Sampled
@@ -13,10 +15,10 @@ from study.bounds.schema import Beside, Bound, Hotspots
 from study.core import cli, machine, progress, registry, run, show, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT, Scene, Spec
-from study.counting import blocks, elf, flops, perf, symbols
+from study.counting import blocks, elf, flops, perf
 from study.experiments.hotspots import bounds_tables, tables
 
-VARIANTS = ("shipped", "calls")
+VARIANTS: tuple[Literal["calls", "shipped"], ...] = ("calls", "shipped")
 ENOUGH = 1000  # samples: under them intervals are wider than what they are to tell apart
 FILE = "hotspots.json"
 
@@ -33,70 +35,61 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--no-bounds", action="store_true", help="without Table 3")
 
 
-class Sampling:
-    """Everything of one call; what is lacking is said once."""
+say = functools.cache(cli.say)  # what is lacking is said once
 
-    def __init__(self, args: argparse.Namespace) -> None:
-        self.args = args
-        self.record, self._said = Hotspots(), set()
 
-    def _say(self, line: str) -> None:
-        if line not in self._said:
-            cli.say(line)
-            self._said.add(line)
+def instructions(spec: Spec, scene: Scene, height: int, variant: str) -> Counter[str]:
+    """Of a frame by function, by the block counters; none where they cannot be had."""
+    found: Counter[str] = Counter()
+    try:
+        for name, one in blocks.measure(spec, scene, height, variant).functions.items():
+            found[elf.canonical(name)] += one.instructions
+    except StudyError as error:
+        say(f"no instruction counts: {error}")
+    return found
 
-    def _instructions(self, spec: Spec, scene: Scene, variant: str) -> Counter[str]:
-        """Of a frame by function, by the block counters; none where they cannot be had."""
-        found: Counter[str] = Counter()
+
+def lanes(spec: Spec, scene: Scene, height: int) -> dict[str, float | None]:
+    """Lanes at useful work by function, of SIMD phases, by the counting build."""
+    if registry.find_phase(spec.phase).lanes == 1:
+        return {}
+    try:
+        made = flops.declared(spec, scene, height)
+        return tables.lanes_active(made.by_function, flops.lanes_of(made))
+    except StudyError as error:
+        say(f"{spec}: no lane counts: {error}")
+        return {}
+
+
+def bound(spec: Spec, scene: Scene, height: int, sampled: Sampled) -> Bound:
+    """One row of Table 3 and its regions: by the PMU where it can, else by the model."""
+    folder = ROOT / "build" / str(spec)
+    built = elf.read(folder / profiles.TARGETS["shipped"], folder / profiles.OBJECTS["shipped"])
+    made = topdown.model(sampled, built, instructions(spec, scene, height, "shipped"), say)
+    try:
+        if by_pmu := topdown.topdown(spec, scene, height):
+            made.by, made.modelled_split = "pmu", made.split
+            made.split, made.remark = by_pmu
+    except StudyError as error:
+        say(f"no top-down split by the PMU: {error}")
+    return made
+
+
+def add(record: Hotspots, spec: Spec, scene: Scene, args: argparse.Namespace) -> None:
+    """Samples both builds, and what stands beside them."""
+    calls, shipped = (
+        profiles.measure(spec, scene, args.n, None, variant, args.samples, args.cpu) for variant in VARIANTS
+    )
+    record.profiles += [shipped.profile, calls.profile]
+    record.beside["|".join(map(str, shipped.profile.picture))] = Beside(
+        per_cycle=tables.per_cycle(calls.profile, instructions(spec, scene, args.n, "calls")),
+        lanes_active=lanes(spec, scene, args.n),
+    )
+    if not args.no_bounds:
         try:
-            for name, one in blocks.measure(spec, scene, self.args.n, variant).functions.items():
-                found[symbols.canonical(name)] += one.instructions
+            record.bounds.append(bound(spec, scene, args.n, shipped))
         except StudyError as error:
-            self._say(f"no instruction counts: {error}")
-        return found
-
-    def _lanes(self, spec: Spec, scene: Scene) -> dict[str, float | None]:
-        """Lanes at useful work by function, of SIMD phases, by the counting build."""
-        if registry.find_phase(spec.phase).lanes == 1:
-            return {}
-        try:
-            made = flops.declared(spec, scene, self.args.n)
-            return tables.lanes_active(made.by_function, flops.lanes_of(made))
-        except StudyError as error:
-            self._say(f"{spec}: no lane counts: {error}")
-            return {}
-
-    def _bound(self, spec: Spec, scene: Scene, sampled: Sampled) -> Bound:
-        """One row of Table 3 and its regions: by the PMU where it can, else by the model."""
-        folder = ROOT / "build" / str(spec)
-        built = elf.read(folder / profiles.TARGETS["shipped"], folder / profiles.OBJECTS["shipped"])
-        counted = self._instructions(spec, scene, "shipped")
-        made = topdown.model(sampled, built, counted, self._say)
-        try:
-            if by_pmu := topdown.topdown(spec, scene, self.args.n):
-                made.by, made.modelled_split = "pmu", made.split
-                made.split, made.remark = by_pmu
-        except StudyError as error:
-            self._say(f"no top-down split by the PMU: {error}")
-        return made
-
-    def add(self, spec: Spec, scene: Scene) -> None:
-        args = self.args
-        by = {
-            variant: profiles.measure(spec, scene, args.n, None, variant, args.samples, args.cpu)
-            for variant in VARIANTS
-        }
-        self.record.profiles += [one.profile for one in by.values()]
-        calls, shipped = by["calls"].profile, by["shipped"].profile
-        self.record.beside["|".join(map(str, shipped.picture))] = Beside(
-            per_cycle=tables.per_cycle(calls, self._instructions(spec, scene, "calls")),
-            lanes_active=self._lanes(spec, scene),
-        )
-        if not args.no_bounds:
-            try:
-                self.record.bounds.append(self._bound(spec, scene, by["shipped"]))
-            except StudyError as error:
-                self._say(f"no bounds: {error}")
+            say(f"no bounds: {error}")
 
 
 def text(record: Hotspots, rows: Sequence[tables.Row]) -> list[str]:
@@ -121,28 +114,24 @@ def measure(args: argparse.Namespace) -> Outcome:
     pairs = [(Spec.parse(name), scene) for scene in scenes for name in args.phase or ladder]
     if lacking := perf.missing():
         raise StudyError(lacking, cli.CANNOT_RUN)
-    sampling = Sampling(args)
+    record = Hotspots()
     for spec, scene in progress.each([pair for pair in pairs if not skipped(pair[0])], "sample"):
         try:
-            sampling.add(spec, scene)
+            add(record, spec, scene, args)
         except run.DriverError as error:
             if error.status not in (run.NO_ISA, run.UNSUPPORTED):
                 raise
             cli.say(f"{spec} {scene.name} left out: {error}")
-    record = sampling.record
     if not record.profiles:
         raise StudyError("no phase can be sampled here", cli.CANNOT_RUN)
     if target:
         store.write_json(target.path / FILE, tables.merge(old or Hotspots(), record))
-    few = [
-        f"{one.phase} {one.scene} {one.variant}: {one.samples} samples only"
-        for one in record.profiles
-        if one.samples < min(ENOUGH, args.samples // 2)
-    ]
-    width = tables.core_width(machine.cpu()["microarchitecture"])
-    rows = tables.table_rows(record, widest=width)
-    result = {"hotspots": rows, "bounds": bounds_tables.rows(record), "record": record}
-    result |= {"regions": bounds_tables.region_rows(record)}
+    enough = min(ENOUGH, args.samples // 2)
+    thin = [one for one in record.profiles if one.samples < enough]
+    few = [f"{one.phase} {one.scene} {one.variant}: {one.samples} samples only" for one in thin]
+    rows = tables.table_rows(record, widest=tables.core_width(machine.cpu()["microarchitecture"]))
+    bounds, regions = bounds_tables.rows(record), bounds_tables.region_rows(record)
+    result = {"hotspots": rows, "bounds": bounds, "record": record, "regions": regions}
     return Outcome(result, text(record, rows), args.run, few)
 
 

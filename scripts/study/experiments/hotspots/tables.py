@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import msgspec
 
@@ -67,34 +68,18 @@ def lanes_active(by_function: Mapping[str, Function], lanes: int) -> dict[str, f
     return found
 
 
-@dataclass(frozen=True)
-class _Stated:
-    """The paper's row of a function."""
-
-    seconds: float
-    share: float
-    usage: float
-    source: str
-
-    def beside(self, row: Row) -> Row:
-        return replace(
-            row,
-            paper_seconds=self.seconds,
-            paper_share=self.share,
-            paper_usage=self.usage,
-            paper_source=self.source,
-        )
-
-
-def theirs(phase: str) -> dict[str, _Stated]:
-    """The paper's rows of a phase by function, as it is called here."""
+def theirs(phase: str) -> dict[str, dict[str, Any]]:
+    """The paper's cells of a phase's rows, by function, as it is called here."""
     table = paper.read("hotspots")
     rows = list(table[table.phase == phase].itertuples())
     total = sum(row.cpu_time_s for row in rows)
     return {
-        row.function.lstrip("_"): _Stated(
-            row.cpu_time_s, row.cpu_time_s / total, row.usage_percent / 100, row.source
-        )
+        row.function.lstrip("_"): {
+            "paper_seconds": row.cpu_time_s,
+            "paper_share": row.cpu_time_s / total,
+            "paper_usage": row.usage_percent / 100,
+            "paper_source": row.source,
+        }
         for row in rows
     }
 
@@ -102,8 +87,16 @@ def theirs(phase: str) -> dict[str, _Stated]:
 # Golden Cove and its kin take in six operations a cycle: Intel, 64 and IA-32 Architectures Optimization
 # Reference Manual; so do Zen 2 to Zen 4: AMD, Software Optimization Guides for families 17h and 19h. A fused
 # pair is one operation: what is a little above six is left out with the rest.
-_SIX_WIDE = {"Alder Lake", "Raptor Lake", "Meteor Lake", *machine.AMX, machine.SOME_AMX}
-_SIX_WIDE |= {"Zen 2", "Zen 3", "Zen 4"}
+_SIX_WIDE = {
+    "Alder Lake",
+    "Raptor Lake",
+    "Meteor Lake",
+    *machine.AMX,
+    machine.SOME_AMX,
+    "Zen 2",
+    "Zen 3",
+    "Zen 4",
+}
 WIDEST = 8  # AMD, Software Optimization Guide for the Zen5 Microarchitecture; no x86 core here is wider
 
 
@@ -133,17 +126,14 @@ def table_rows(record: Hotspots, shown: int = SHOWN, widest: int = WIDEST) -> li
         beside = record.beside.get("|".join(map(str, which)), Beside(per_cycle={}, lanes_active={}))
         for name in names:
             quotient = beside.per_cycle.get(name)
-            row = replace(
-                _cells(which, name, by, [name]),
-                per_cycle=quotient if quotient is not None and quotient <= widest else None,
-                lanes_active=beside.lanes_active.get(name),
-            )
-            known = stated.get(_plain(name))
-            rows.append(known.beside(row) if known else row)
+            more = stated.get(_plain(name), {}) | {"lanes_active": beside.lanes_active.get(name)}
+            if quotient is not None and quotient <= widest:
+                more |= {"per_cycle": quotient}
+            rows.append(replace(_cells(which, name, by, [name]), **more))
         rest = {one.function for profile in by.values() for one in profile.functions} - set(names)
         rows.append(_cells(which, f"{REST} ({len(rest)})", by, rest))
         shown_names = set(map(_plain, names))
-        rows += [one.beside(Row(*which, name)) for name, one in stated.items() if name not in shown_names]
+        rows += [Row(*which, name, **one) for name, one in stated.items() if name not in shown_names]
     return rows
 
 
@@ -174,27 +164,29 @@ def _share(variant: str) -> Callable[[Row], str]:
     return text
 
 
-def _seconds(variant: str) -> Callable[[Row], str]:
-    return lambda row: show.number(cell(row, f"{variant}_seconds") or None, 3)
+def _build(group: str, variant: str) -> list[Column]:
+    return [
+        Column(group, "s a frame", lambda r: show.number(cell(r, f"{variant}_seconds") or None, 3)),
+        Column(group, "% of the frame [95\u00a0%]", _share(variant)),
+    ]
 
 
-def _hundred(share: float | None) -> float | None:
-    return None if share is None else 100 * share
+def _paper_percent(row: Row) -> str:
+    return show.number(None if row.paper_share is None else 100 * row.paper_share)
 
 
+PER_CYCLE = "instructions/core cycle, counted/sampled"
 COLUMNS = [
     Column("", "scene", show.word("scene")),
     Column("", "phase", show.word("phase")),
     Column("", "size", lambda r: f"{r.width}×{r.height}"),
     Column("", "function", show.word("function")),
-    Column("shipped build", "s a frame", _seconds("shipped")),
-    Column("shipped build", "% of the frame [95\u00a0%]", _share("shipped")),
-    Column("without inlining", "s a frame", _seconds("calls")),
-    Column("without inlining", "% of the frame [95\u00a0%]", _share("calls")),
-    Column("without inlining", "instructions/core cycle, counted/sampled", show.plain("per_cycle", 2)),
+    *_build("shipped build", "shipped"),
+    *_build("without inlining", "calls"),
+    Column("without inlining", PER_CYCLE, show.plain("per_cycle", 2)),
     Column("", "lanes at useful work", lambda r: show.percent(r.lanes_active)),
     Column("the paper", "s", show.plain("paper_seconds")),
-    Column("the paper", "% of its ten rows", lambda r: show.number(_hundred(r.paper_share))),
+    Column("the paper", "% of its ten rows", _paper_percent),
     Column("the paper", "microarchitecture usage", lambda r: show.percent(r.paper_usage)),
 ]
 
