@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 
 from study.bounds import roof
 from study.core import cli, table_files
 from study.core.cli import Outcome, StudyError
-from study.experiments.roofline.figures import draw
+from study.experiments import running
+from study.experiments.roofline import figures
 from study.experiments.roofline.tables import tables
 from study.numbers import analysis
 
@@ -27,8 +27,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     out = args.out or data.path
     remarks = [*roof.remarks(roof.headline(points)), *(limits.remarks() if limits else [])]
     made = tables(points, limits)
-    figures = draw(data, points, limits, out / "figures")
-    files = [*itertools.chain(*figures.values()), *table_files.write(made, out / "tables")]
+    files = running.draw(out, figures.drawings(data, points, limits))
+    files += table_files.write(made, out / "tables")
     ceilings = limits.ceilings if limits else []
     result = {"ceilings": ceilings, "points": points, "remarks": roof.remarks(points), "files": files}
     return Outcome(result, [made["roofline"][1], *files], data.path, remarks)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,7 +15,7 @@ from matplotlib.lines import Line2D
 from study.bounds import roof, roof_shares
 from study.bounds.ceilings import LEVELS, Ceilings
 from study.bounds.roof import Point
-from study.core import cli, machine, show
+from study.core import machine, show
 from study.experiments.roofline.tables import FOREIGN, counted_by
 from study.numbers.analysis import Data
 from study.pictures import labels, ladder
@@ -27,16 +26,9 @@ CAPTIONS = {
     "above a point is the lower of its own operations' roof and of L1's by accesses of its own width",
     "performance": "Flop per core cycle against picture height n (the paper's Fig. 6 in form)",
 }
-
-
 ROOF = "#444444"
-
-
-LABEL = 1.17  # the height of a roof's label, as a factor
-
-
 OFF = 0.75  # natural logarithm: how far a slope's name keeps from points and other names
-
+LABEL = 1.17  # the height of a roof's label, as a factor
 
 # Solid, dashed, dotted …: levels are told apart without colour.
 LEVEL_LINES = dict(zip(LEVELS, ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5))), strict=True))
@@ -221,35 +213,14 @@ def caption(data: Data, points: Sequence[Point], limits: Ceilings | None) -> str
     return "\n".join([text, *roof.remarks(points), *(limits.remarks() if limits else [])])
 
 
-def lacking(name: str, points: Sequence[Point], limits: Ceilings | None) -> str | None:
-    """What the plot would need and the run has not."""
-    if not points:
-        return "nothing that was timed was counted"
-    if name == "roofline" and limits is None:
-        return "ceilings.json is missing: run scripts/stepwise ceilings"
-    if name == "roofline" and not any(one.intensity > 0 for one in points):
-        return "no back end counted bytes: run scripts/stepwise flops --measure"
-    return None
-
-
 def drawings(data: Data, points: Sequence[Point], limits: Ceilings | None) -> dict[str, Drawing]:
-    """Of each figure that the run has data for."""
+    """Of each figure that the run has data for: a roofline needs ceilings and counted bytes."""
     made = {}
-    for name, about in CAPTIONS.items():
-        if lacking(name, points, limits):
-            continue
-        if name == "roofline" and limits:
-            shown = roof.headline(one for one in points if one.intensity > 0)
-            made[name] = Drawing(about, caption(data, shown, limits), partial(roofline, shown, limits))
-        else:
-            made[name] = Drawing(about, caption(data, points, None), partial(performance, points))
+    shown = roof.headline(one for one in points if one.intensity > 0)
+    if limits and shown:
+        about = caption(data, shown, limits)
+        made["roofline"] = Drawing(CAPTIONS["roofline"], about, partial(roofline, shown, limits))
+    if points:
+        about = caption(data, points, None)
+        made["performance"] = Drawing(CAPTIONS["performance"], about, partial(performance, points))
     return made
-
-
-def draw(data: Data, points: Sequence[Point], limits: Ceilings | None, folder: Path) -> dict[str, list[Path]]:
-    """Name → SVG and PNG of each figure that the run has data for; the others are named on stderr."""
-    able = drawings(data, points, limits)
-    for name in CAPTIONS:
-        if name not in able:
-            cli.say(f"{name}: left out, {lacking(name, points, limits)}")
-    return {name: drawing.write(folder / name) for name, drawing in able.items()}
