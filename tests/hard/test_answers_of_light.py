@@ -11,25 +11,9 @@ import pytest
 from mpmath import mpf
 
 from conformance import geometry
-from hard.first_hits import on_ray
-from study.experiments.stability.cases import Case, exact, find_cases
-from study.experiments.stability.cases.light import c16_penumbra as c16
-from study.experiments.stability.cases.light import c18_mirrors_and_inside as c18
-from study.experiments.stability.cases.light import c26_light_inside as c26
-from study.experiments.stability.cases.light import c30_deep_fog as c30
-from study.experiments.stability.cases.rays import c23_camera_near_surface as c23
+from hard.known import of, on_ray, strengths
+from study.experiments.stability.cases import light, marches
 from study.experiments.stability.cases.scenes import camera_frame, rays
-from study.experiments.stability.cases.shapes import c31_bounds_cut as c31
-
-mpmath.mp.dps = 60
-
-
-def of(number: int) -> Case:
-    return find_cases([str(number)])[0]
-
-
-def strengths(name: str, number: int) -> pytest.MarkDecorator:
-    return pytest.mark.parametrize(name, of(number).strengths)
 
 
 @pytest.mark.parametrize("strength", [0.5, 8, 128])
@@ -37,41 +21,41 @@ def test_penumbra_by_sampling(strength: float) -> None:
     """The closed-form minimum against the least of 20,000 samples on the way to the light."""
     random = np.random.default_rng(1)
     points = np.column_stack([random.uniform(-2, 2, 300), np.zeros(300), random.uniform(-2, 2, 300)])
-    known = c16.ideal(points, strength)
-    to_light = np.array(c16.LIGHT) - points
+    known = light.ideal(points, strength)
+    to_light = np.array(light.LIGHT) - points
     reach = np.linalg.norm(to_light, axis=1)
     least = np.full(300, np.inf)
-    whole = c16.room(strength, "soft")
+    whole = light.room(strength, "soft")
     for shares in np.array_split(np.geomspace(1e-3 / reach.min(), 1, 20000), 200):
         t = np.maximum(shares[:, None] * reach, 1e-3)
         p = points + (t / reach)[..., None] * to_light
-        ball = np.linalg.norm(p - c16.CENTRE, axis=-1) - c16.RADIUS
+        ball = np.linalg.norm(p - light.CENTRE, axis=-1) - light.RADIUS
         least = np.minimum(least, (strength * np.minimum(ball, p[..., 1]) / t).min(axis=0))
     assert np.abs(np.clip(least, 0, 1) - known).max() < 2e-3
     assert known.min() < 0.01 and np.ptp(known) > 0.2
-    assert whole["light"]["position"] == c16.LIGHT
+    assert whole["light"]["position"] == light.LIGHT
 
 
 @strengths("strength", 16)
 def test_a_picture_without_its_penumbra_fails(strength: float) -> None:
     """The shadow's own steps from pixel to pixel, in closed form, are above the limit at every strength: what
     is lit evenly leaves all of them out."""
-    seen, known = c16.truth(strength)
+    seen, known = light.shadowed(strength)
     pairs = seen[:, 1:] & seen[:, :-1]
     assert of(16).failed(float(np.abs(np.diff(known, axis=1))[pairs].max()))
     even = SimpleNamespace(render=lambda scene, size: {"R": np.full(size[::-1], 0.3, np.float32)})
-    assert of(16).failed(c16.run(even, strength).error)
+    assert of(16).failed(light.c16_penumbra(even, strength).error)
 
 
 def test_mirrors_by_recursion() -> None:
     """The colour between the mirrors for the middle ray, which goes to and fro on one line: by hand."""
-    whole = c18.between(3)
-    known = c18.series(whole)[c18.SIZE[1] // 2, c18.SIZE[0] // 2]
-    color, total = np.array(c18.MATERIALS["mirror"]["color"]), np.zeros(3)
-    light = np.array(whole["light"]["position"])
+    whole = light.between(3)
+    known = light.series(whole)[light.FACING[1] // 2, light.FACING[0] // 2]
+    color, total = np.array(light.SILVER), np.zeros(3)
+    lamp = np.array(whole["light"]["position"])
     for bounce in range(4):
         wall = 2.0 if bounce % 2 == 0 else -2.0
-        to_light = light - [0, 0, wall]
+        to_light = lamp - [0, 0, wall]
         distance = np.linalg.norm(to_light)
         facing = abs(to_light[2]) / distance  # mirrored at the wall and seen along z: the same cosine
         total += 0.1**bounce * (
@@ -82,7 +66,7 @@ def test_mirrors_by_recursion() -> None:
 
 def test_how_deep_inside() -> None:
     """The depth at the camera by geometry; where the nearest surface is behind, the line meets it there."""
-    for whole, depth in c18.enclosed(3):
+    for whole, depth in light.enclosed(3):
         origin, directions = rays(whole, (1, 1))
         assert geometry.scene_distance(origin[None], whole) == -depth
         if whole["shapes"][0]["type"] == "sphere":
@@ -92,14 +76,13 @@ def test_how_deep_inside() -> None:
 
 def test_small_scenes() -> None:
     """Of the cases whose answer is by construction: that they are constructed so."""
-    assert camera_frame(c23.over_floor(1e-7))[3][1] == 0
+    assert camera_frame(marches.over_floor(1e-7))[3][1] == 0
     for depth in of(26).strengths:  # the light is inside the ball, in doubles too
-        light, ball = c26.lamp(depth)["light"]["position"], c26.lamp(depth)["shapes"][1]
-        assert math.dist(light, ball["position"]) < ball["radius"]
-    thick = c30.foggy(8, 0.7e-24)
+        whole = light.lamp(depth)
+        ball = whole["shapes"][1]
+        assert math.dist(whole["light"]["position"], ball["position"]) < ball["radius"]
+    thick = light.foggy(8, 0.7e-24)
     assert thick["fog"] * 1e24 == pytest.approx(0.7) and mpmath.exp(mpf(-0.7)) > 0.49
     for k in of(31).strengths:
-        whole = c31.cut(k)
-        t = exact.plane(*rays(whole, c31.SIZE), [0, 0, 1], c31.FAR)
-        share = (t <= whole["march"]["bounds_radius"]).mean()
+        share = (marches.beyond_bounds(marches.cut(k)) <= 0).mean()
         assert 0.005 < share < 0.9, "the disc's rim is in the picture"

@@ -12,29 +12,10 @@ import pytest
 from mpmath import mpf
 
 from conformance import geometry
-from hard.first_hits import first_hit_holds
+from hard.known import first_hit_holds, of, strengths
 from study.core import registry
-from study.experiments.stability.cases import Case, Phase, builds, find_cases
-from study.experiments.stability.cases.rays import c01_grazing_plane as c01
-from study.experiments.stability.cases.rays import c03_halo as c03
-from study.experiments.stability.cases.rays import c04_step_cap as c04
-from study.experiments.stability.cases.rays import c05_far_wall as c05
-from study.experiments.stability.cases.rays import c07_camera_shift as c07
-from study.experiments.stability.cases.rays import c08_scale as c08
-from study.experiments.stability.cases.rays import c20_reciprocal_roots as c20
-from study.experiments.stability.cases.rays import c22_sizes as c22
+from study.experiments.stability.cases import Phase, arithmetic, builds, fields, marches
 from study.experiments.stability.cases.scenes import rays
-from study.experiments.stability.cases.shapes import c13_no_lipschitz_bound as c13
-
-mpmath.mp.dps = 60
-
-
-def of(number: int) -> Case:
-    return find_cases([str(number)])[0]
-
-
-def strengths(name: str, number: int) -> pytest.MarkDecorator:
-    return pytest.mark.parametrize(name, of(number).strengths)
 
 
 def to_plane(scene: dict, plane: dict) -> mpf:
@@ -57,34 +38,34 @@ def numbers(value: object) -> list[float]:
 
 @strengths("degrees", 1)
 def test_grazing_plane(degrees: float) -> None:
-    scene = c01.grazing(degrees)
-    t, steps = c01.answer(degrees)
+    scene = marches.grazing(degrees)
+    t, steps = marches.grazing_answer(degrees)
     assert abs(to_plane(scene, scene["shapes"][0]) / mpf(t) - 1) < 1e-14
     height, evals = Decimal(1), 1  # of 28 digits, and twenty times as fast as mpf
     step = Decimal(str(mpmath.sin(mpf(degrees) * mpmath.pi / 180)))
-    while not height < Decimal(c01.HIT_DISTANCE):
+    while not height < Decimal(marches.HIT_DISTANCE):
         height, evals = height * (1 - step), evals + 1
     assert evals == steps < scene["march"]["max_steps"]
 
 
 @strengths("clearance", 3)
-@pytest.mark.parametrize("distance", c03.DISTANCES)
+@pytest.mark.parametrize("distance", marches.DISTANCES)
 def test_halo(clearance: float, distance: float) -> None:
-    scene = c03.passing(clearance, distance)
+    scene = marches.passing(clearance, distance)
     sphere, wall = scene["shapes"]
     nearest = Fraction(sphere["position"][0]) - Fraction(sphere["radius"])  # the ray is the z axis
     assert nearest > 0 and math.isclose(nearest, clearance, rel_tol=1e-8)
-    assert to_plane(scene, wall) == c03.BACKGROUND
+    assert to_plane(scene, wall) == marches.BACKGROUND
 
 
-@pytest.mark.parametrize("share", c04.HEIGHTS)
+@pytest.mark.parametrize("share", marches.HEIGHTS)
 @pytest.mark.parametrize(
     "width",
     [pytest.param(w, marks=[pytest.mark.slow] * (w < 0.04)) for w in of(4).strengths if w >= 0.02],
 )
 def test_step_cap(width: float, share: float) -> None:
     """A march with the geometry's distances: at the wall, after that number of evaluations."""
-    scene = c04.gap(width, share)
+    scene = marches.gap(width, share)
     origin = np.array(scene["camera"]["position"], float)
     forward = np.array([0, 0, 1.0])
     t, evals = 0.0, 0
@@ -93,16 +74,16 @@ def test_step_cap(width: float, share: float) -> None:
         if distance < 1e-6:
             break
         t += distance
-    assert abs(t - c04.LENGTH) < 1e-5
+    assert abs(t - marches.LENGTH) < 1e-5
     # Close to the wall the last step is the way to the wall, so one or two fewer or more.
-    assert abs(evals - c04.steps_needed(width, share)) <= 2
+    assert abs(evals - marches.steps_needed(width, share)) <= 2
 
 
 @strengths("distance", 5)
 def test_far_wall(distance: float) -> None:
-    scene = c05.wall(distance)
-    plane, t = scene["shapes"][0], c05.exact(distance)
-    origin, directions = geometry.rays(scene, *c05.SIZE)
+    scene = marches.far_wall(distance)
+    plane, t = scene["shapes"][0], marches.to_far_wall(distance)
+    origin, directions = geometry.rays(scene, *marches.FAR_SIZE)
     normal = [mpf(x) for x in plane["normal"]]
     for row, column in ((0, 0), (0, 15), (7, 8), (15, 0), (15, 15)):
         across = sum(n * mpf(x) for n, x in zip(normal, directions[row, column], strict=True))
@@ -113,7 +94,7 @@ def test_far_wall(distance: float) -> None:
 @strengths("k", 7)
 def test_camera_shift(k: int) -> None:
     """Every place is moved by 2ᵏ without rounding, nothing else is, and all shapes stay inside the bounds."""
-    home, away = c07.shifted(None), c07.shifted(k)
+    home, away = arithmetic.shifted(None), arithmetic.shifted(k)
 
     def places(scene: dict) -> list[list[float]]:
         camera = [scene["camera"]["position"], scene["camera"]["look_at"], scene["light"]["position"]]
@@ -135,7 +116,7 @@ def test_camera_shift(k: int) -> None:
 def test_scale(k: int, sign: int) -> None:
     """Distances, and what fog and light are worked out from, scale exactly; the file keeps its limits."""
     s = 2.0 ** (sign * k)
-    home, away = c08.scaled(0), c08.scaled(sign * k)
+    home, away = arithmetic.scaled(0), arithmetic.scaled(sign * k)
     points = np.random.default_rng(8).uniform(-40, 100, (300, 3))
     assert np.array_equal(
         geometry.scene_distance(points * s, away), s * geometry.scene_distance(points, home)
@@ -145,7 +126,7 @@ def test_scale(k: int, sign: int) -> None:
         assert Fraction(b) / Fraction(s) == a
     for key in ("hit_distance", "bounds_radius", "normal_step", "surface_offset"):
         assert Fraction(away["march"][key]) == Fraction(home["march"][key]) * Fraction(s)
-    directions = [geometry.rays(scene, *c08.SIZE)[1] for scene in (home, away)]
+    directions = [geometry.rays(scene, *arithmetic.SIZE)[1] for scene in (home, away)]
     assert np.array_equal(*directions)
     lengths = [abs(x) for x in numbers(away) if isinstance(x, float) and x]
     assert max(lengths) <= 1e9 and min(numbers(away["march"])) >= 1e-9
@@ -153,16 +134,18 @@ def test_scale(k: int, sign: int) -> None:
 
 def test_first_hits_of_the_cases() -> None:
     """The closed forms of exact.py against distances from geometry, along the very rays of the cases."""
-    first_hit_holds(c13.truth()[0], c13.SIZE, c13.truth()[3])
+    first_hit_holds(fields.first_hits()[0], fields.LIPSCHITZ_SIZE, fields.first_hits()[3])
     for k in (0, 1):
-        first_hit_holds(c22.side_by_side(k), c22.SIZE, c22.truth(k)[0], 10.0**-k)
+        first_hit_holds(
+            arithmetic.side_by_side(k), arithmetic.GRAIN_SIZE, arithmetic.sizes_truth(k)[0], 10.0**-k
+        )
 
 
 def test_sphere_against_rationals() -> None:
     """t of a giant sphere close by (case 22 at its hardest) in 60 digits."""
-    whole = c22.side_by_side(6)
-    directions = rays(whole, c22.SIZE)[1]
-    t, shapes = c22.truth(6)
+    whole = arithmetic.side_by_side(6)
+    directions = rays(whole, arithmetic.GRAIN_SIZE)[1]
+    t, shapes = arithmetic.sizes_truth(6)
     for row, column in [(0, 0), (7, 20), (16, 16), (31, 3)]:
         d = [mpf(float(x)) for x in directions[row, column]]
         found = []
@@ -176,11 +159,11 @@ def test_sphere_against_rationals() -> None:
 
 
 def test_centres_by_geometry() -> None:
-    for kind, sizes in c20.SHAPES.items():
+    for kind, sizes in arithmetic.ROOTS.items():
         for k in (20, 40) if kind == "mandelbulb" else (2, 10, 40):
-            points, known = c20.at_centre(kind, 2.0**-k)
+            points, known = arithmetic.at_centre(kind, 2.0**-k)
             assert np.abs(geometry.shape_distance(points, {"type": kind, **sizes}) - known).max() < 1e-15
-    points, known = c20.at_centre("sphere", 2.0**-1100)
+    points, known = arithmetic.at_centre("sphere", 2.0**-1100)
     assert (points == 0).all() and (known == -1).all()
 
 

@@ -13,53 +13,34 @@ import pytest
 from mpmath import mpf
 
 from conformance import geometry
-from hard.first_hits import on_ray
-from study.experiments.stability.cases import Case, exact, find_cases
+from hard.known import first_hit_holds, on_ray, strengths
+from study.experiments.stability.cases import exact, fields, many, surfaces
 from study.experiments.stability.cases.scenes import angle_degrees, rays
-from study.experiments.stability.cases.shapes import c02_silhouette as c02
-from study.experiments.stability.cases.shapes import c09_repetition as c09
-from study.experiments.stability.cases.shapes import c10_thin_plate as c10
-from study.experiments.stability.cases.shapes import c11_edges as c11
-from study.experiments.stability.cases.shapes import c12_medial_axis as c12
-from study.experiments.stability.cases.shapes import c14_mandelbulb_poles as c14
-from study.experiments.stability.cases.shapes import c17_torus_rim as c17
-from study.experiments.stability.cases.shapes import c25_coplanar as c25
-from study.experiments.stability.cases.shapes import c33_lopsided_cells as c33
-
-mpmath.mp.dps = 60
-
-
-def of(number: int) -> Case:
-    return find_cases([str(number)])[0]
-
-
-def strengths(name: str, number: int) -> pytest.MarkDecorator:
-    return pytest.mark.parametrize(name, of(number).strengths)
 
 
 @strengths("delta", 2)
 def test_silhouette(delta: float) -> None:
-    placed = c02.starts(delta)
+    placed = surfaces.starts(delta)
     assert len(placed) == 8
     for i, (x, y, meets) in enumerate(placed):
         impact = mpmath.hypot(mpf(x), mpf(y))
         assert meets == (impact < 1) == (i % 2 == 0)
         assert abs(abs(impact - 1) / mpf(delta) - 1) < 2**-52 / delta  # δ, but for the doubles' rounding
-        camera = c02.beside(x, y)["camera"]
+        camera = surfaces.beside(x, y)["camera"]
         assert camera["position"][:2] == camera["look_at"][:2] == [x, y]
 
 
 @strengths("cell", 9)
 def test_repetition(cell: float) -> None:
     """The geometry's distances in that cell are those of the centre cell, bit for bit."""
-    p, far = c09.points(), np.array([cell * 4, cell * 4, 0])
+    p, far = many.points(), np.array([cell * 4, cell * 4, 0])
     assert all(
         Fraction(x) == Fraction(a) + Fraction(b) for x, a, b in zip((p + far)[7], p[7], far, strict=True)
     )
-    scene = c09.lattice(0)
+    scene = many.lattice(0)
     for one in scene["shapes"]:
         assert np.array_equal(geometry.shape_distance(p + far, one), geometry.shape_distance(p, one))
-    home, away = c09.lattice(0), c09.lattice(cell)
+    home, away = many.lattice(0), many.lattice(cell)
     for a, b in pairwise((home["camera"]["position"], away["camera"]["position"])):
         assert [Fraction(y) - Fraction(x) for x, y in zip(a, b, strict=True)] == [4 * cell, 4 * cell, 0]
     reach = np.linalg.norm(np.add(away["camera"]["position"], [16, 16, 16]))
@@ -68,20 +49,20 @@ def test_repetition(cell: float) -> None:
 
 def test_overstep() -> None:
     """Against the distances of 49 single cones: the wrapped one is too large by more than 1 somewhere."""
-    cone = {k: v for k, v in c09.SHAPES[2].items() if k != "repeat"}
-    p = c09.points()
+    cone = {k: v for k, v in many.LAYERS[2].items() if k != "repeat"}
+    p = many.points()
     copies = [[4 * i, 4 * j, 10] for i in range(-3, 4) for j in range(-3, 4)]
     true = np.min([geometry.shape_distance(p, cone | {"position": at}) for at in copies], axis=0)
-    wrapped = geometry.shape_distance(p, c09.SHAPES[2])
+    wrapped = geometry.shape_distance(p, many.LAYERS[2])
     over = float(np.max(np.where(wrapped > 0, wrapped - np.abs(true), 0)))
-    assert math.isclose(over, c09.overstep(p, wrapped), abs_tol=1e-12) and over > 1
+    assert math.isclose(over, many.overstep(p, wrapped), abs_tol=1e-12) and over > 1
 
 
 @strengths("thickness", 10)
 def test_thin_plate(thickness: float) -> None:
     """At t the geometry's distance is 0, on the way before it is not, and behind it there is the plate."""
-    scene, t = c10.plate(thickness), c10.exact(thickness)
-    origin, directions = geometry.rays(scene, *c10.SIZE)
+    scene, t = surfaces.plate(thickness), surfaces.to_plate(thickness)[0]
+    origin, directions = geometry.rays(scene, *surfaces.PLATE_SIZE)
     assert (
         np.abs(geometry.scene_distance((origin + t[..., None] * directions).reshape(-1, 3), scene)).max()
         < 1e-14
@@ -92,7 +73,7 @@ def test_thin_plate(thickness: float) -> None:
         ).all()
     behind = (t + thickness / 2)[..., None]
     assert (geometry.scene_distance((origin + behind * directions).reshape(-1, 3), scene) < 1e-15).all()
-    ring = c10.wire(thickness)
+    ring = surfaces.wire(thickness)
     top = np.array([[1, 5 - (5 - thickness / 2), 0]])
     assert abs(geometry.scene_distance(top, ring)[0]) < 1e-15
     assert geometry.scene_distance(top + np.array([0, 1e-3, 0]), ring)[0] == pytest.approx(1e-3, rel=1e-9)
@@ -102,7 +83,7 @@ def test_thin_plate(thickness: float) -> None:
 def test_edges(delta: float) -> None:
     """The spot is on the surface, flat for half of δ around with that normal, and no longer for three δ."""
     random = np.random.default_rng(11)
-    for name, one, point, normal in c11.spots(delta):
+    for name, one, point, normal in surfaces.spots(delta):
         assert abs(geometry.shape_distance(point[None], one)[0]) < 1e-15, name
         assert math.isclose(np.linalg.norm(normal), 1, rel_tol=1e-15), name
         around = random.normal(size=(400, 3))
@@ -118,11 +99,11 @@ def test_edges(delta: float) -> None:
 
 def test_medial_axis_is_symmetric() -> None:
     """The scene is its own mirror image, and analytic normals have the symmetry that is asked for."""
-    whole = c12.overlapping(1e-3)
-    origin, directions = rays(whole, (c12.SIZE, c12.SIZE))
+    whole = surfaces.overlapping(1e-3)
+    origin, directions = rays(whole, (surfaces.CREASE,) * 2)
     assert np.allclose(directions[:, ::-1] * [-1, 1, 1], directions, atol=1e-16)
-    t, shapes = exact.nearest(*(exact.sphere(origin, directions, s["position"], 1) for s in whole["shapes"]))
-    assert (shapes[:, : c12.SIZE // 2] == 0).all() and (shapes[:, c12.SIZE // 2 :] == 1).all()
+    t, shapes = exact.balls(whole, origin, directions)
+    assert (shapes[:, : surfaces.CREASE // 2] == 0).all() and (shapes[:, surfaces.CREASE // 2 :] == 1).all()
     centres = np.array([s["position"] for s in whole["shapes"]])[shapes]
     n = (origin + t[..., None] * directions - centres).astype(float)
     assert angle_degrees(n, n[:, ::-1] * [-1, 1, 1]).max() < 1e-9
@@ -131,10 +112,10 @@ def test_medial_axis_is_symmetric() -> None:
 def test_mandelbulb_against_geometry() -> None:
     """60 digits by angles against 80-bit floats by angles, where those have digits enough."""
     for k in (2, 6, 10):
-        points, known = c14.truth(k)
-        other = geometry.mandelbulb(points, c14.BULB)[0]
+        points, known = fields.estimates(k)
+        other = geometry.mandelbulb(points, fields.BULB)[0]
         assert np.abs(other - known).max() < 1e-11
-    points, known = c14.truth(1000)
+    points, known = fields.estimates(1000)
     assert (points[6:10] ** 2 == 0).all() and (np.abs(known[6:10]) < 1e-290).all()
     assert known[10:].max() < 1e-14, "the last points lie on the surface"
 
@@ -142,20 +123,20 @@ def test_mandelbulb_against_geometry() -> None:
 def test_torus_rim_by_distance() -> None:
     """Whether a ray meets the torus: the least of its distance along the ray, refined, in 60 digits."""
     for k, side in itertools.product((4, 19, 28), (-1, 1)):
-        x = c17.MAJOR - c17.MINOR + side * 2.0**-k
-        origin, directions = rays(c17.above(x), c17.SIZE)
-        for row in range(c17.SIZE[1]):
+        x = surfaces.MAJOR - surfaces.MINOR + side * 2.0**-k
+        origin, directions = rays(surfaces.above(x), surfaces.RIM_SIZE)
+        for row in range(surfaces.RIM_SIZE[1]):
             o, d = ([mpf(float(c)) for c in v] for v in (origin, directions[row, 0]))
 
             def distance(t: mpf, o=o, d=d) -> mpf:
                 p = [a + t * b for a, b in zip(o, d, strict=True)]
-                return mpmath.hypot(mpmath.hypot(p[0], p[2]) - c17.MAJOR, p[1]) - c17.MINOR
+                return mpmath.hypot(mpmath.hypot(p[0], p[2]) - surfaces.MAJOR, p[1]) - surfaces.MINOR
 
             low, high = mpf(2), mpf(4)  # one minimum, at the rim
             for _ in range(110):
                 a, b = low + (high - low) / 3, high - (high - low) / 3
                 low, high = (low, b) if distance(a) < distance(b) else (a, high)
-            known = c17.truth(x)[row, 0]
+            known = surfaces.to_rim(x)[row, 0]
             assert np.isfinite(known) == bool(distance(low) < 0), (k, side, row)
             if np.isfinite(known):
                 assert abs(distance(mpf(float(known)))) < 1e-13
@@ -164,31 +145,21 @@ def test_torus_rim_by_distance() -> None:
 @pytest.mark.parametrize("ratio", [1, 2, 30])
 def test_cones_of_the_column(ratio: float) -> None:
     """Ray against cone: on the surface of the nearest copy, and outside all copies before."""
-    whole = c33.stack(ratio)
-    origin, directions = rays(whole, (12, 12))
-    top = c33.BOTTOM / ratio
-    t, _ = exact.nearest(
-        *(exact.cone(origin, directions, [0, c33.CELL * i, 0], c33.BOTTOM, top, c33.HALF) for i in c33.COPIES)
-    )
-    copies = {k: v for k, v in whole["shapes"][0].items() if k != "repeat"}
-    union = whole | {"shapes": [copies | {"position": [0, c33.CELL * i, 0]} for i in c33.COPIES]}
-    near = np.where(t < 12, t, np.inf)
-    hit = np.isfinite(near)
-    assert 0.2 < hit.mean() < 1
-    on = geometry.scene_distance(on_ray(origin, directions[hit], near[hit]), union)
-    assert np.abs(on).max() < 1e-12
-    for share in np.linspace(0, 0.999, 100):
-        before = geometry.scene_distance(on_ray(origin, directions, share * np.where(hit, near, 12)), union)
-        assert before.min() > -1e-12
+    whole = many.stack(ratio)
+    t = many.to_stack(ratio, (12, 12))
+    assert 0.2 < np.isfinite(t).mean() < 1
+    copy = {k: v for k, v in whole["shapes"][0].items() if k != "repeat"}
+    union = whole | {"shapes": [copy | {"position": [0, many.STACKED * i, 0]} for i in many.COPIES]}
+    first_hit_holds(union, (12, 12), t, reach=12)
 
 
 def test_nearer_surface_is_nearer() -> None:
     """Both faces are square to (0, 0.6, 0.8), the box's by the gap before the wall's."""
     for gap in (1e-1, 1e-5):
-        whole = c25.layers(gap)
+        whole = surfaces.layers(gap)
         origin, directions = rays(whole, (8, 5))
         wall = exact.plane(origin, directions, [0, 0.6, 0.8], 4)
         p = on_ray(origin, directions, wall)
-        assert np.abs(geometry.shape_distance(p, whole["shapes"][c25.FAR])).max() < 1e-12
-        assert np.abs(geometry.shape_distance(p, whole["shapes"][c25.NEAR]) + gap).max() < 1e-12
-        assert (geometry.shape_distance(p * 0.9, whole["shapes"][c25.NEAR]) > 0).all()
+        assert np.abs(geometry.shape_distance(p, whole["shapes"][surfaces.FAR])).max() < 1e-12
+        assert np.abs(geometry.shape_distance(p, whole["shapes"][surfaces.NEAR]) + gap).max() < 1e-12
+        assert (geometry.shape_distance(p * 0.9, whole["shapes"][surfaces.NEAR]) > 0).all()

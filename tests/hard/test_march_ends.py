@@ -8,10 +8,19 @@ import numpy as np
 import pytest
 
 from study.core import registry
-from study.experiments.stability.cases import Phase, exact, measure
-from study.experiments.stability.cases.rays import c03_halo as c03
-from study.experiments.stability.cases.scenes import angle_degrees, found, normals, rays, scene, shape
-from study.experiments.stability.cases.shapes import c31_bounds_cut as c31
+from study.experiments.stability.cases import Phase, exact, marches, measure
+from study.experiments.stability.cases.scenes import (
+    angle_degrees,
+    ball,
+    eye,
+    floor,
+    found,
+    normals,
+    rays,
+    scene,
+    shape,
+    wall,
+)
 
 PHASES, _ = measure.able(None)
 pytestmark = pytest.mark.parametrize("phase", PHASES)
@@ -24,21 +33,21 @@ def test_a_near_miss_is_passed(phase: str, distance: float) -> None:
     """Three hit distances beside the ray there is no hit, be the sphere near or far. A float march may take
     it for one, for t has 1.2e-4 between its neighbours at 1900, but has to look again."""
     for clearance in (1e-4, 1e-5, 3e-6):
-        picture = Phase(phase).render(c03.passing(clearance, distance), (1, 1))
+        picture = Phase(phase).render(marches.passing(clearance, distance), (1, 1))
         assert picture["id"][0, 0] == 1, f"{clearance:g} beside the sphere"
-        assert picture["Z"][0, 0] == c03.BACKGROUND
+        assert picture["Z"][0, 0] == marches.BACKGROUND
 
 
 @pytest.mark.parametrize("distance", [10, 1000])
 def test_after_a_near_miss_there_may_be_nothing(phase: str, distance: float) -> None:
-    whole = c03.passing(1e-5, distance)
+    whole = marches.passing(1e-5, distance)
     picture = Phase(phase).render(whole | {"shapes": whole["shapes"][:1]}, (1, 1))
     assert picture["id"][0, 0] == -1 and picture["Z"][0, 0] == np.inf
 
 
 def test_the_steps_may_end_behind_a_near_miss(phase: str) -> None:
     """At any cap the ray ends, with the wall or with nothing."""
-    whole = c03.passing(1e-5, 1000)
+    whole = marches.passing(1e-5, 1000)
     if registry.phases()[phase].exact_hits:  # no steps: no cap is too low
         assert all(Phase(phase).render(whole, (1, 1), max_steps=cap)["id"][0, 0] == 1 for cap in (1, 2, 40))
         return
@@ -51,14 +60,10 @@ def test_the_steps_may_end_behind_a_near_miss(phase: str) -> None:
 @pytest.mark.parametrize("angle", [0, 3, 40])
 def test_a_far_plate_thinner_than_an_ulp(phase: str, angle: float) -> None:
     """A float t of 1500 has neighbours at 1.2e-4: one that ends behind the plate may not go on."""
-    plate = shape(
-        "box", half_size=[400, 400, 4e-6], position=[0, 0, 1500], rotation_degrees=[angle, angle, 0]
-    )
-    wall = shape("plane", normal=[0, 0, -1], offset=-c03.BACKGROUND, material="other")
-    camera = {"position": [0, 0, 0], "look_at": [0, 0, 1], "vertical_fov_degrees": 5}
-    picture = Phase(phase).render(
-        scene([plate, wall], camera=camera, march={"bounds_radius": 4096}), (33, 33)
-    )
+    size = {"half_size": [400, 400, 4e-6], "rotation_degrees": [angle, angle, 0]}
+    shapes = [shape("box", position=[0, 0, 1500], **size), wall(marches.BACKGROUND, material="other")]
+    whole = scene(shapes, camera=eye([0, 0, 0], [0, 0, 1], 5), march={"bounds_radius": 4096})
+    picture = Phase(phase).render(whole, (33, 33))
     assert (picture["id"] == 0).all(), f"{(picture['id'] != 0).sum()} of 1089 rays pass"
 
 
@@ -67,20 +72,12 @@ def test_near_misses_of_some_rays(phase: str) -> None:
     others hit: every ray ends on its own surface, wherever its neighbours do."""
     places = [(600.0, 5e-6), (900.0, 2e-5), (1300.0, 3e-6), (1700.0, 1e-4)]
     at = [3.0 * i for i in range(len(places))]  # columns: one ray beside a sphere, one through its middle
-    balls = [
-        shape("sphere", radius=1, position=[x + 1 + gap, 0, z])
-        for x, (z, gap) in zip(at, places, strict=True)
-    ]
-    wall = shape("plane", normal=[0, 0, -1], offset=-c03.BACKGROUND, material="other")
-    whole = scene(
-        [*balls, wall], camera={"position": [0, 0, 0], "look_at": [0, 0, 1]}, march={"bounds_radius": 4096}
-    )
-    whole["camera"]["vertical_fov_degrees"] = 1
+    balls = [ball(1, x + 1 + gap, 0, z) for x, (z, gap) in zip(at, places, strict=True)]
+    shapes = [*balls, wall(marches.BACKGROUND, material="other")]
+    whole = scene(shapes, camera=eye([0, 0, 0], [0, 0, 1], 1), march={"bounds_radius": 4096})
     origin, directions = rays(whole, (33, 33))
-    t, ids = exact.nearest(
-        *(exact.sphere(origin, directions, ball["position"], 1) for ball in balls),
-        exact.plane(origin, directions, [0, 0, 1], c03.BACKGROUND),
-    )
+    spheres = (exact.sphere(origin, directions, one["position"], 1) for one in balls)
+    t, ids = exact.nearest(*spheres, exact.plane(origin, directions, [0, 0, 1], marches.BACKGROUND))
     picture = Phase(phase).render(whole, (33, 33))
     assert len(set(ids.ravel().tolist())) > 3
     assert (picture["id"] == ids).all() and np.abs(picture["Z"] - t).max() < 1e-3
@@ -89,11 +86,10 @@ def test_near_misses_of_some_rays(phase: str) -> None:
 @pytest.mark.parametrize("k", [1, 8, 14, 17])
 def test_a_hit_beyond_the_bounds_is_none(phase: str, k: float) -> None:
     """The bounds cut a disc out of a wall. A march may stop a hit distance short of it, still within."""
-    whole = c31.cut(k)
-    t = exact.plane(*rays(whole, c31.SIZE), [0, 0, 1], c31.FAR)
-    beyond = (t - whole["march"]["bounds_radius"]).astype(float)
+    whole = marches.cut(k)
+    beyond = marches.beyond_bounds(whole)
     rim = (beyond > -1e-7) & (beyond < 1.2 * HIT)
-    hit = found(Phase(phase).render(whole, c31.SIZE))
+    hit = found(Phase(phase).render(whole, marches.CUT_SIZE))
     assert rim.sum() < 40 and 100 < (beyond < 0).sum() < 900
     assert (hit == (beyond < 0))[~rim].all()
 
@@ -104,9 +100,8 @@ def test_a_sphere_wider_than_the_bounds(phase: str, radius: float, turn: list[fl
     """Standing on a planet: at 1e7 a float of |p| − radius would know the height to 0.5. A march stops
     a hit distance above it, which is 1/sin of the angle as much along the ray."""
     centre = np.array([3.0, -radius, -2.0])
-    planet = shape("sphere", radius=radius, position=centre.tolist(), rotation_degrees=turn)
-    camera = {"position": [0, 2, 0], "look_at": [0, 0, 6], "vertical_fov_degrees": 10}
-    whole = scene([planet], camera=camera)
+    planet = ball(radius, *centre.tolist(), rotation_degrees=turn)
+    whole = scene([planet], camera=eye([0, 2, 0], [0, 0, 6], 10))
     origin, directions = rays(whole, SIZE)
     t = exact.sphere(origin, directions, centre, radius).astype(float)
     assert np.isfinite(t).all()
@@ -119,11 +114,11 @@ def test_a_sphere_wider_than_the_bounds(phase: str, radius: float, turn: list[fl
 
 def test_a_shadow_of_a_sphere_wider_than_the_bounds(phase: str) -> None:
     """The planet is between a ball beside it and the light beyond its edge; and lit from above it is not."""
-    planet = shape("sphere", radius=1e4, position=[0, -1e4, 0])
+    planet = ball(1e4, 0, -1e4, 0)
     brightness = []
     for height in (-40.0, 40.0):
         light = {"position": [0, height, 30], "shadows": "hard"}
-        whole = scene([planet], camera={"position": [0, 2, -5], "look_at": [0, 0, 0]}, light=light)
+        whole = scene([planet], camera=eye([0, 2, -5], [0, 0, 0]), light=light)
         brightness.append(Phase(phase).render(whole, (9, 9))["R"][5, 4])
     assert brightness[0] == pytest.approx(0.006, rel=1e-5) and brightness[1] > 0.03  # ambient alone; lit
 
@@ -131,18 +126,13 @@ def test_a_shadow_of_a_sphere_wider_than_the_bounds(phase: str) -> None:
 @pytest.mark.parametrize("distance", [50.0, 150.0])
 def test_from_inside_a_shape_also_beyond_the_bounds(phase: str, distance: float) -> None:
     """The surface is asked for before the bounds of 100 are: who starts 0.75 deep is hit 0.75 behind."""
-    floor = shape("plane", normal=[0, 1, 0], offset=0.75)
-    whole = scene([floor], camera={"position": [distance, 0, 0], "look_at": [distance, 0, 1]})
+    whole = scene([floor(0.75)], camera=eye([distance, 0, 0], [distance, 0, 1]))
     picture = Phase(phase).render(whole, (5, 5))
     assert (picture["id"] == 0).all() and np.abs(picture["Z"] + 0.75).max() <= HIT
 
 
 def test_from_inside_the_shape_is_that_of_the_start(phase: str) -> None:
     """The step back, up through the floor's surface, ends inside a ball that was not the nearest."""
-    floor, ball = (
-        shape("plane", normal=[0, 1, 0], offset=0.75),
-        shape("sphere", radius=5, position=[0, 5.5, 0]),
-    )
-    camera = {"position": [0, 0, 0], "look_at": [0, -1, 0], "up": [0, 0, 1], "vertical_fov_degrees": 5}
-    picture = Phase(phase).render(scene([floor, ball], camera=camera), (5, 5))
+    camera = eye([0, 0, 0], [0, -1, 0], 5, up=[0, 0, 1])
+    picture = Phase(phase).render(scene([floor(0.75), ball(5, 0, 5.5, 0)], camera=camera), (5, 5))
     assert (picture["id"] == 0).all() and np.abs(picture["Z"] + 0.75).max() <= HIT

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from study.experiments.stability.cases.light import c18_mirrors_and_inside
+from study.experiments.stability.cases import light, many, surfaces
 from study.experiments.stability.cases.scenes import angle_degrees
-from study.experiments.stability.cases.shapes import c09_repetition, c11_edges
 
 
 @pytest.mark.parametrize(
@@ -38,7 +37,7 @@ class Fake:
         self.plane, self.number, self.made = plane, number, 0
 
     def render(self, whole: dict, size: tuple[int, int]) -> dict[str, np.ndarray]:
-        planes = {name: np.ones(size[::-1]) for name in ("R", "G", "B", "Z", "N.z")}
+        planes = {name: np.ones(size[::-1]) for name in ("R", "G", "B", "Z", "N.z", "evals")}
         planes |= {name: np.zeros(size[::-1]) for name in ("id", "N.x", "N.y")}
         if self.made == self.number:
             planes[self.plane][-1, -1] = math.nan
@@ -55,19 +54,19 @@ class Fake:
 
 @pytest.mark.parametrize("number", range(6))
 def test_repetition_keeps_a_distance_that_is_nan(number: int) -> None:
-    assert math.isnan(c09_repetition.run(Fake("f", number), 10.0).error)
+    assert math.isnan(many.c09_repetition(Fake("f", number), 10.0).error)
 
 
 @pytest.mark.parametrize("number", range(2))
 def test_mirrors_keep_a_colour_that_is_nan(number: int) -> None:
-    assert math.isnan(c18_mirrors_and_inside.run(Fake("R", number), 1.0).error)
+    assert math.isnan(light.c18_mirrors_and_inside(Fake("R", number), 1.0).error)
 
 
 def test_edges_keep_a_normal_and_a_depth_that_are_nan(monkeypatch: pytest.MonkeyPatch) -> None:
-    last = len(list(c11_edges.spots(1e-3))) - 1
+    last = len(list(surfaces.spots(1e-3))) - 1
     for number in (0, last):
-        assert "nan" in c11_edges.run(Fake("Z", number), 1e-3).note
-        assert c11_edges.run(Fake("N.x", number), 1e-3).error == 180
+        assert "nan" in surfaces.c11_edges(Fake("Z", number), 1e-3).note
+        assert surfaces.c11_edges(Fake("N.x", number), 1e-3).error == 180
     angles = iter([math.nan] + [1.0] * last)
-    monkeypatch.setattr(c11_edges, "angle_degrees", lambda a, b: next(angles))
-    assert math.isnan(c11_edges.run(Fake("", -1), 1e-3).error)
+    monkeypatch.setattr(surfaces, "angle_degrees", lambda a, b: next(angles))
+    assert math.isnan(surfaces.c11_edges(Fake("", -1), 1e-3).error)

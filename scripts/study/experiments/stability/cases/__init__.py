@@ -1,12 +1,11 @@
 """Hard cases: generated scenes whose answer is known, each with one parameter that makes it harder.
 
-A case is a module cNN_name.py of shapes/, rays/ or light/, and the table of that name in cases.toml: texts,
+A case is a function cNN_name of a module of this folder, and the table of that name in cases.toml: texts,
 strengths and limit. Numbers 1 to 22 are those of the study's specification; from 23 on they are this
-project's own. The module has `run(phase, strength)`, which says how wrong the phase is, as a number:
+project's own. The function says how wrong the phase is, as a number:
 
-    def run(phase: Phase, strength: float) -> Outcome:
-        picture = phase.render(scene([shape("sphere", radius=1)]), (1, 1))
-        return Outcome(abs(float(picture["Z"][0, 0]) - 4.0))
+    def c99_ball(phase: Phase, strength: float) -> Outcome:
+        return Outcome(abs(one_ray(phase, scene([ball(strength)])).t - (5 - strength)))
 
 NaN, a crash and a hang are seen without its help (phase.py).
 """
@@ -15,6 +14,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import re
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -76,21 +76,22 @@ class Case:
 
 @functools.cache
 def cases() -> tuple[Case, ...]:
-    """All cases, by number. Raises StudyError for a module whose table in cases.toml lacks something."""
+    """All cases, by number. Raises StudyError for a case whose table in cases.toml lacks something."""
     texts = tomllib.loads((FOLDER / "cases.toml").read_text(encoding="utf-8"))
+    functions = {}
+    for path in sorted(FOLDER.glob("[!_]*.py")):
+        module = vars(importlib.import_module(f"{__name__}.{path.stem}"))
+        functions |= {name: one for name, one in module.items() if re.fullmatch(r"c\d\d_\w+", name)}
     found = []
-    for path in sorted(FOLDER.glob("*/c[0-9][0-9]_*.py")):
-        number = int(path.stem[1:3])
-        table = texts[path.stem].items()
-        table = {name: " ".join(v.split()) if isinstance(v, str) else v for name, v in table}
-        known = {"number": number, "name": path.stem[4:], "own": number >= OWN}
+    for name, run in sorted(functions.items()):
+        table = {key: " ".join(v.split()) if isinstance(v, str) else v for key, v in texts[name].items()}
+        number = int(name[1:3])
+        known = {"number": number, "name": name[4:], "own": number >= OWN}
         try:
-            about = msgspec.convert(table | known, schema.Case)
+            found.append(Case(msgspec.convert(table | known, schema.Case), run))
         except msgspec.ValidationError as error:
-            raise StudyError(f"cases.toml: {path.stem}: {error}") from None
-        module = importlib.import_module(f"{__name__}.{path.parent.name}.{path.stem}")
-        found.append(Case(about, module.run))
-    return tuple(sorted(found, key=lambda case: case.number))
+            raise StudyError(f"cases.toml: {name}: {error}") from None
+    return tuple(found)
 
 
 def find_cases(names: list[str] | None) -> list[Case]:

@@ -5,9 +5,12 @@ Nothing here marches. Origins are (3,), directions (..., 3) of unit length, resu
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+
+from study.experiments.stability.cases.scenes import section
 
 Array = np.ndarray
 L = np.longdouble
@@ -78,14 +81,19 @@ def nearest(*hits: Array) -> tuple[Array, Array]:
     return first, np.where(np.isfinite(first), stacked.argmin(0), -1)
 
 
+def balls(whole: dict, origin: Array, direction: Array) -> tuple[Array, Array]:
+    """`nearest` of a scene of spheres."""
+    return nearest(*(sphere(origin, direction, s["position"], s["radius"]) for s in whole["shapes"]))
+
+
 def light(points: Array, normals: Array, directions: Array, whole: dict, material: str) -> Array:
     """Linear colour (..., 3) of lit points: ambient 1 %, diffuse and 20 % specular, falling with 1/distance.
 
     As common/scenes/README.md has it with Phong's model (1975); no shadow, no mirror, no fog.
     """
-    p, n, d, at = _wide(points, normals, directions, whole["light"]["position"])
-    own = whole["materials"][material]
-    color, emission = _wide(own["color"], whole["light"]["emission"])
+    lamp, own = section(whole, "light"), SimpleNamespace(**whole["materials"][material])
+    p, n, d, at = _wide(points, normals, directions, lamp.position)
+    color, emission = _wide(own.color, lamp.emission)
     to_light = at - p
     distance = np.sqrt((to_light**2).sum(-1, keepdims=True))
     to_light = to_light / distance
@@ -93,7 +101,7 @@ def light(points: Array, normals: Array, directions: Array, whole: dict, materia
     mirrored = 2 * facing * n - to_light
     shine = np.maximum(-(mirrored * d).sum(-1, keepdims=True), 0)
     lit = emission * color * np.maximum(facing, 0) / distance
-    gloss = np.where(facing > 0, 0.2 * emission * shine ** L(own["shininess"]) / distance, 0)
+    gloss = np.where(facing > 0, 0.2 * emission * shine ** L(own.shininess) / distance, 0)
     return 0.01 * color + lit + gloss
 
 

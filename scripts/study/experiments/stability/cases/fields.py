@@ -1,4 +1,4 @@
-"""The Mandelbulb on its axis, at its origin and close up."""
+"""Hard cases of fields: one that is no distance, and the Mandelbulb's estimate where its angles are lost."""
 
 from __future__ import annotations
 
@@ -8,13 +8,56 @@ import threading
 import mpmath
 import numpy as np
 
-from study.experiments.stability.cases import Outcome, Phase
-from study.experiments.stability.cases.scenes import scene, shape
+from study.experiments.stability.cases import Outcome, Phase, exact
+from study.experiments.stability.cases.scenes import ball, eye, rays, scene, shape
 
-BULB = {"power": 8, "iterations": 4, "bailout": 256}
-FLOOR = 1e-9  # the smallest hit distance that a scene may ask for
 DIGITS = 60
 ALONE = threading.Lock()  # cases run in threads, and mpmath's digits are the process's
+
+# 13: a field that grows faster than the distance
+LIPSCHITZ_SIZE, MOST_STEPS, HIT, DEEP = (12, 12), 120, 1e-6, 1e-3
+HALF, PLACE = [1.5, 1.5, 0.01], [0, 0, 2]  # of a plate behind a ball
+
+
+@functools.cache
+def first_hits() -> tuple[dict, np.ndarray, np.ndarray, np.ndarray]:
+    """Scene, origin, directions (rays, 3) and first hits (rays)."""
+    plate = shape("box", half_size=HALF, position=PLACE)
+    whole = scene([ball(1), plate], camera=eye([0, 0, -5], [0, 0, 0], 20))
+    origin, directions = rays(whole, LIPSCHITZ_SIZE)
+    directions = directions.reshape(-1, 3)
+    hits = exact.sphere(origin, directions, [0, 0, 0], 1), exact.box(origin, directions, PLACE, HALF)
+    return whole, origin, directions, exact.nearest(*hits)[0].astype(float)
+
+
+def march(phase: Phase, scale: float) -> np.ndarray:
+    """t at which sphere tracing of scale·f ends, +inf for a miss: what a renderer would do with it."""
+    whole, origin, directions, _ = first_hits()
+    t, end = np.zeros(len(directions)), np.full(len(directions), np.inf)
+    active = np.arange(len(directions))
+    for _ in range(MOST_STEPS):
+        step = scale * phase.distances(whole, origin + t[active, None] * directions[active])
+        t[active] += step
+        there = step < HIT
+        end[active[there]] = t[active[there]]
+        active = active[~there & (t[active] < 20)]
+        if not len(active):
+            break
+    return end
+
+
+def c13_no_lipschitz_bound(phase: Phase, strength: float) -> Outcome:
+    known, end = first_hits()[3], march(phase, strength)
+    hits = np.isfinite(known)
+    through = int((hits & ~np.isfinite(end)).sum())
+    late = ~(end[hits] - known[hits] <= DEEP)
+    return Outcome(exact.share(late), note=f"{through} rays pass through a shape" * bool(through))
+
+
+# 14: the Mandelbulb on its axis, at its origin and close up
+ITERATIONS, BAILOUT = 4, 256
+BULB = shape("mandelbulb", power=8, iterations=ITERATIONS, bailout=BAILOUT)
+FLOOR = 1e-9  # the smallest hit distance that a scene may ask for
 HEIGHTS = (-1.3, -1.05, -0.6, 0.25, 0.8, 1.2)
 TOWARDS = ((1.0, 0.3, -0.4), (-0.2, 0.9, 0.6), (0.5, -0.7, 0.5))
 
@@ -29,7 +72,7 @@ def estimate(point: tuple[float, float, float]) -> tuple[mpmath.mpf, mpmath.mpf]
         c = [mpmath.mpf(x) for x in point]
         w, dz = c, mpmath.mpf(1.5)
         m = mpmath.fsum(x * x for x in w)
-        for _ in range(BULB["iterations"]):
+        for _ in range(ITERATIONS):
             r, ring = mpmath.sqrt(m), mpmath.hypot(w[0], w[2])
             polar = 8 * mpmath.atan2(ring, w[1])
             around = 8 * mpmath.atan2(w[0], w[2]) if ring else mpmath.mpf(0)
@@ -38,7 +81,7 @@ def estimate(point: tuple[float, float, float]) -> tuple[mpmath.mpf, mpmath.mpf]
             turned = (s * mpmath.sin(around), mpmath.cos(polar), s * mpmath.cos(around))
             w = [c[i] + r**8 * turned[i] for i in range(3)]
             m = mpmath.fsum(x * x for x in w)
-            if m > BULB["bailout"]:
+            if m > BAILOUT:
                 break
         if not m:
             return mpmath.mpf(0), -mpmath.inf
@@ -65,7 +108,7 @@ def on_surface(towards: tuple[float, float, float]) -> tuple[mpmath.mpf, ...]:
 
 
 @functools.cache
-def _truth(k: float) -> tuple[np.ndarray, np.ndarray]:
+def _estimates(k: float) -> tuple[np.ndarray, np.ndarray]:
     """Points beside the axis, about the origin, and over the surface, each 2^−k off; and their estimates."""
     off = 2.0**-k
     points = [(off, y, 0.7 * off) for y in HEIGHTS]
@@ -78,17 +121,16 @@ def _truth(k: float) -> tuple[np.ndarray, np.ndarray]:
     return np.array(points), np.array([float(estimate(p)[0]) for p in points])
 
 
-def truth(k: float) -> tuple[np.ndarray, np.ndarray]:
+def estimates(k: float) -> tuple[np.ndarray, np.ndarray]:
     with ALONE:
-        return _truth(k)
+        return _estimates(k)
 
 
-def run(phase: Phase, strength: float) -> Outcome:
-    points, known = truth(strength)
-    got = phase.distances(scene([shape("mandelbulb", **BULB)]), points)
+def c14_mandelbulb_poles(phase: Phase, strength: float) -> Outcome:
+    points, known = estimates(strength)
+    got = phase.distances(scene([BULB]), points)
     off = np.abs(got - known) / np.maximum(np.abs(known), FLOOR)
     off[~np.isfinite(got)] = np.nan
     groups = {"axis": off[:6], "origin": off[6:10], "surface": off[10:]}
-    return Outcome(
-        float(np.max(off)), note=", ".join(f"{k} {np.max(v):.1e}" for k, v in groups.items()) + " relative"
-    )
+    note = ", ".join(f"{k} {np.max(v):.1e}" for k, v in groups.items())
+    return Outcome(float(np.max(off)), note=f"{note} relative")

@@ -1,1 +1,0 @@
-"""Hard cases of light: shadows, mirrors, fog."""

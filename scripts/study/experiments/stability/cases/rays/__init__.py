@@ -1,1 +1,0 @@
-"""Hard cases of rays, cameras and numbers."""

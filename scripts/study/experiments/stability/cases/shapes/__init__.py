@@ -1,1 +1,0 @@
-"""Hard cases of shapes and their distances."""
