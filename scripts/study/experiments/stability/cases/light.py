@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def lit_plane(whole: dict, size: Size) -> tuple[np.ndarray, np.ndarray]:
 
 # 15: shadow and reflection of a convex shape on itself
 GREY = [0.6, 0.5, 0.4]
-CONVEX = {
+CONVEX: dict[str, dict[str, Any]] = {
     "sphere": {"radius": 1},
     "box": {"half_size": [0.8, 0.6, 0.7], "rotation_degrees": [20, 30, 10]},
 }
