@@ -16,6 +16,7 @@ import needs
 import pytest
 from elftools.elf.elffile import ELFFile
 
+from builds import BY_CLANG, COUNTED
 from study.core import patches, registry, run, store
 from study.core.build import build
 from study.core.cli import StudyError
@@ -28,9 +29,8 @@ from study.counting.schema import Measurement
 pytestmark = pytest.mark.slow
 
 COMPILERS = {"gcc": "build", "clang": "build/clang"}
-PHASES = list(registry.ladder())
-# clang counts one phase of each kind (tests/builds.py).
-BY_CLANG = ("baseline", "opt4", "opt9_convex")
+# One phase of each kind; clang counts fewer (tests/builds.py).
+PHASES = COUNTED
 PROGRAMS = [("gcc", phase) for phase in PHASES] + [("clang", phase) for phase in BY_CLANG]
 VARIANTS = list(blocks.TARGETS)
 REPEATS = 3
