@@ -86,6 +86,75 @@ class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             raise StudyError(str(error)) from None
 
 
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class Camera(msgspec.Struct):
+    position: Vector
+    look_at: Vector
+    up: Vector
+    vertical_fov_degrees: float
+
+
+class Light(msgspec.Struct):
+    position: Vector
+    emission: Vector
+    shadows: str
+
+
+class March(msgspec.Struct):
+    max_steps: int
+    hit_distance: float
+    bounds_radius: float
+    normal_step: float
+
+
+class Material(msgspec.Struct):
+    color: Vector
+    shininess: float
+    reflectivity: float = 0.0
+
+
+class Shape(msgspec.Struct):
+    """Sizes that its type does not have are zero."""
+
+    type: str
+    material: str
+    position: Vector = ZERO
+    rotation_degrees: Vector = ZERO
+    repeat: Vector = ZERO
+    radius: float = 0.0
+    half_size: Vector = ZERO
+    rounding: float = 0.0
+    major_radius: float = 0.0
+    minor_radius: float = 0.0
+    bottom_radius: float = 0.0
+    top_radius: float = 0.0
+    half_height: float = 0.0
+    normal: Vector = ZERO
+    offset: float = 0.0
+    iterations: int = 0
+    bailout: float = 0.0
+
+
+class Content(msgspec.Struct):
+    """What stands in a scene's file (common/scenes/README.md), as far as scripts ask for it."""
+
+    camera: Camera
+    light: Light
+    background: Vector
+    fog: float
+    march: March
+    materials: dict[str, Material]
+    shapes: list[Shape]
+
+    @property
+    def of_shapes(self) -> list[Material]:
+        """The material of each shape."""
+        return [self.materials[shape.material] for shape in self.shapes]
+
+
 @dataclass(frozen=True)
 class Scene:
     """One common/scenes/NAME.json. `fractal`: it has one of FRACTALS, so single samples are chaotic."""
@@ -94,6 +163,10 @@ class Scene:
     path: Path
     data: dict[str, Any]
     fractal: bool
+
+    @property
+    def content(self) -> Content:
+        return msgspec.convert(self.data, Content)
 
     def size(self, height: int, width: int | None = None) -> tuple[int, int]:
         """(width, height) in pixels; without a width 16:9 as the driver has it, or square."""

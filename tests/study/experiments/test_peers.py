@@ -3,7 +3,7 @@ arithmetic. A peer that is not installed leaves out its own picture alone."""
 
 from __future__ import annotations
 
-import copy
+import functools
 import importlib
 import json
 import math
@@ -17,7 +17,7 @@ import pytest
 
 from study.core import cli, commands, registry, run, store
 from study.core.cli import Outcome, StudyError
-from study.core.registry import Scene, Spec
+from study.core.registry import Camera, Scene, Shape, Spec
 from study.experiments.peers import measure, peer, shader, tables
 from study.experiments.peers.measure import Measuring, Point
 from study.experiments.peers.peer import Drawn, Job, Peer
@@ -26,6 +26,7 @@ from study.numbers.beside import PEERS, PLAIN, Peers, Program
 from study.numbers.schema import Skipped
 from study.truth import truth
 
+solid = functools.partial(Shape, material="white")
 OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")
 ALL = peer.find_all()
 
@@ -66,11 +67,11 @@ def test_turning_is_as_the_format_has_it() -> None:
 
 
 def test_the_camera_is_as_the_format_has_it() -> None:
-    data = registry.find_scene("scene0").data
-    turned = {"position": [1, 2, 3], "look_at": [3, 2, 3], "up": [0, 5, 0], "vertical_fov_degrees": 90}
-    found = shader.camera(data | {"camera": turned}, 320, 160)
-    assert [found[name] for name in ("position", "ahead", "right", "up")] == [
-        [1, 2, 3],
+    scene = registry.find_scene("scene0").content
+    scene.camera = Camera((1, 2, 3), (3, 2, 3), (0, 5, 0), 90)
+    found = shader.camera(scene, 320, 160)
+    assert [found.position, found.ahead, found.right, found.up] == [
+        (1, 2, 3),
         pytest.approx([1, 0, 0]),
         pytest.approx([0, 0, -2]),
         pytest.approx([0, 1, 0]),
@@ -78,23 +79,18 @@ def test_the_camera_is_as_the_format_has_it() -> None:
 
 
 def test_povray_gets_the_scene_and_says_what_it_lacks() -> None:
-    data = registry.find_scene("scene0_plain").data
-    text = povray.translated(data, 320, 180)
+    text = povray.translated(registry.find_scene("scene0_plain").content, 320, 180)
     for solid in ("plane {", "box {", "sphere {", "cone {", "torus {", "mesh {"):
         assert text.count(f"\n{solid}") == 1
-    for other, said in (
-        ("scene0", "other soft shadows and mirrors"),
-        ("mandelbulb", "other soft shadows and mirrors"),
+    with pytest.raises(StudyError, match="soft shadows"):
+        povray.translated(registry.find_scene("scene0").content, 320, 180)
+    for name, value, said in (
+        ("type", "mandelbulb", "no mandelbulb"),
+        ("rounding", 0.1, "rounded"),
+        ("repeat", (0, 1, 0), "repeats"),
     ):
-        with pytest.raises(StudyError, match=said):
-            povray.translated(registry.find_scene(other).data, 320, 180)
-    for change, said in (
-        ({"type": "mandelbulb"}, "no mandelbulb"),
-        ({"rounding": 0.1}, "no box with rounded edges"),
-        ({"repeat": [0, 1, 0]}, "repeats no shape"),
-    ):
-        changed = copy.deepcopy(data)
-        changed["shapes"][1] |= change
+        changed = registry.find_scene("scene0_plain").content
+        setattr(changed.shapes[1], name, value)
         with pytest.raises(StudyError, match=said):
             povray.translated(changed, 320, 180)
 
@@ -111,11 +107,10 @@ def test_povrays_picture_is_read_as_it_is(tmp_path: Path) -> None:
 
 def test_embrees_hits_are_shaded_as_the_format_has_it(tmp_path: Path) -> None:
     """A plane z = 2 seen head on, the light at the camera: c (0.01 + 6/2) + 0.2·6/2, times exp(−0.1·8)."""
-    data = {
-        "light": {"position": [0, 0, 0], "emission": [6, 6, 6]},
+    data = registry.find_scene("scene0").data | {
+        "light": {"position": [0, 0, 0], "emission": [6, 6, 6], "shadows": "none"},
         "background": [0.25, 0, 0],
         "fog": 0.1,
-        "march": {"bounds_radius": 100},
         "materials": {"m": {"color": [0.5, 0, 1], "shininess": 9}},
         "shapes": [{"type": "plane", "normal": [0, 0, -1], "offset": -2, "material": "m"}],
     }
@@ -125,60 +120,57 @@ def test_embrees_hits_are_shaded_as_the_format_has_it(tmp_path: Path) -> None:
     assert seen[0] == pytest.approx([2.105 * fog, 0.6 * fog, 3.61 * fog]) and list(seen[1]) == [0.25, 0, 0]
 
 
-def test_fidgets_solids_are_below_zero_inside() -> None:
+@pytest.mark.parametrize(
+    ("shape", "inside", "outside"),
+    [
+        (solid("sphere", radius=2), [0, 1.99, 0], [0, 2.01, 0]),
+        (solid("plane", normal=(0, 2, 0), offset=3), [9, 1.49, 9], [9, 1.51, 9]),
+        (solid("box", half_size=(1, 2, 3)), [0.99, -1.99, 2.99], [0.99, -2.01, 2.99]),
+        (solid("torus", major_radius=3, minor_radius=1), [0, 0, 2.01], [0, 0, 1.99]),
+        (solid("octahedron", radius=3), [0.99, -1, 1], [1.01, -1, 1]),
+        (solid("cone", bottom_radius=2, top_radius=1, half_height=1), [0, -0.99, 1.98], [0, -0.99, 2.01]),
+        (solid("sphere", radius=1, position=(5, 0, 0)), [5.99, 0, 0], [6.01, 0, 0]),
+        (solid("box", half_size=(1, 2, 3), rotation_degrees=(90, 0, 0)), [0, 2.99, 0], [0, 0, 2.01]),
+    ],
+)
+def test_fidgets_solids_are_below_zero_inside(shape: Shape, inside: list, outside: list) -> None:
     """Points just inside and just outside of each solid, on an axis and off it."""
-    for shape, inside, outside in (
-        ({"type": "sphere", "radius": 2}, [0, 1.99, 0], [0, 2.01, 0]),
-        ({"type": "plane", "normal": [0, 2, 0], "offset": 3}, [9, 1.49, 9], [9, 1.51, 9]),
-        ({"type": "box", "half_size": [1, 2, 3]}, [0.99, -1.99, 2.99], [0.99, -2.01, 2.99]),
-        ({"type": "torus", "major_radius": 3, "minor_radius": 1}, [0, 0, 2.01], [0, 0, 1.99]),
-        ({"type": "octahedron", "radius": 3}, [0.99, -1, 1], [1.01, -1, 1]),
-        (
-            {"type": "cone", "bottom_radius": 2, "top_radius": 1, "half_height": 1},
-            [0, -0.99, 1.98],
-            [0, -0.99, 2.01],
-        ),
-        ({"type": "sphere", "radius": 1, "position": [5, 0, 0]}, [5.99, 0, 0], [6.01, 0, 0]),
-        ({"type": "box", "half_size": [1, 2, 3], "rotation_degrees": [90, 0, 0]}, [0, 2.99, 0], [0, 0, 2.01]),
-    ):
-        found = fidget.solid(shape, np.array([inside, outside], float).T)
-        assert found[0] < 0 < found[1], shape
-    for lacking in (
-        {"type": "mandelbulb"},
-        {"type": "box", "rounding": 0.1},
-        {"type": "box", "repeat": [1, 0, 0]},
-    ):
+    found = fidget.solid(shape, np.array([inside, outside], float).T)
+    assert found[0] < 0 < found[1]
+
+
+def test_fidget_says_what_it_lacks() -> None:
+    for lacking in (solid("mandelbulb"), solid("box", rounding=0.1), solid("box", repeat=(1, 0, 0))):
         with pytest.raises(StudyError, match="fidget"):
             fidget.solid(lacking, np.zeros(3))
 
 
 def test_fidgets_text_says_the_same() -> None:
-    data, known = registry.find_scene("scene0_plain").data, {}
+    scene, known = registry.find_scene("scene0_plain").content, {}
     p = (1.7, -1.2, 11.5)
     operations = {
         **{"add": float.__add__, "sub": float.__sub__, "mul": float.__mul__, "min": min, "max": max},
         **{"abs": abs, "sqrt": math.sqrt, "const": float},
     }
-    for name, operation, *operands in map(str.split, fidget.expression(data).splitlines()):
+    for name, operation, *operands in map(str.split, fidget.expression(scene).splitlines()):
         values = [known.get(one, one) for one in operands]
         axis = "xyz".find(operation[-1]) if operation.startswith("var-") else -1
         known[name] = p[axis] if axis >= 0 else operations[operation](*values)
-    least = min(fidget.solid(shape, np.array(p)) for shape in data["shapes"])
+    least = min(fidget.solid(shape, np.array(p)) for shape in scene.shapes)
     assert known[name] == pytest.approx(least) and least < 0  # inside the cone
 
 
 def test_fidgets_voxels_lie_along_a_pixels_ray() -> None:
     """The middle of 90 rows, 160 columns; nearest and farthest voxel; and fidget's own map of them undone."""
-    data = registry.find_scene("scene0_plain").data
-    both = [fidget.from_voxels(data, 160, 90) @ [79.5, 44.5, k, 1] for k in (0, fidget.DEPTH)]
+    scene = registry.find_scene("scene0_plain").content
+    voxels = fidget.from_voxels(scene, 160, 90)
+    both = [voxels @ [79.5, 44.5, k, 1] for k in (0, fidget.DEPTH)]
     assert [p[:3] / p[3] for p in both] == [pytest.approx([0, 0, 100]), pytest.approx([0, 0, 10])]
-    corner = fidget.from_voxels(data, 160, 90) @ [-0.5, -0.5, fidget.DEPTH, 1]
+    corner = voxels @ [-0.5, -0.5, fidget.DEPTH, 1]
     up = 10 * math.tan(math.radians(15))
     assert corner[:3] / corner[3] == pytest.approx([-up * 16 / 9, up, 10])
     world = [(3 - 80) / 45, (7 - 44) / -45, (9 - 512) / 45, 1]
-    assert fidget.from_world(data, 160, 90) @ world == pytest.approx(
-        fidget.from_voxels(data, 160, 90) @ [3, 7, 9, 1]
-    )
+    assert fidget.from_world(scene, 160, 90) @ world == pytest.approx(voxels @ [3, 7, 9, 1])
 
 
 class Vec(np.ndarray):

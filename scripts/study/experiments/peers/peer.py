@@ -6,8 +6,8 @@ build/peers; a Debian package is only named.
 
 from __future__ import annotations
 
+import abc
 import importlib
-import json
 import os
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
@@ -15,9 +15,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
-from study.core import store
+from study.core import cli, store
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import ROOT, Scene
@@ -27,8 +28,8 @@ from study.experiments.peers import shader
 HOME = ROOT / "build" / "peers"
 WORKERS = Path(__file__).with_name("workers")
 # Of float programs: a place 20 units away is known to 2e-6, and a march to less than that does not end.
-FLOAT = {"hit_distance": 1e-5}
-IN_FLOAT = f"float, hit distance {FLOAT['hit_distance']:g}"
+HIT_DISTANCE = 1e-5
+IN_FLOAT = f"float, hit distance {HIT_DISTANCE:g}"
 FLOAT_DB = {"scene0_plain": 55.0, "mandelbulb_plain": 35.0}
 
 
@@ -59,8 +60,15 @@ class Drawn:
     rgb: np.ndarray | None = None
 
 
+class Said(msgspec.Struct):
+    """What a worker prints: ns of each timed frame, and the version."""
+
+    ns: list[float]
+    version: str = ""
+
+
 @dataclass(frozen=True)
-class Peer:
+class Peer(abc.ABC):
     """`timed`: what is in the time of a frame; `differs`: why its picture is not ours. `least_db`: by scene,
     the PSNR to ground truth that its picture has at least, which a test holds it to. `cores`: whether it
     draws with several threads."""
@@ -72,16 +80,16 @@ class Peer:
     least_db: dict[str, float]
     cores: bool = True
 
+    @abc.abstractmethod
     def lacking(self) -> str | None:
         """What it needs and how to get it; None where it can run."""
-        raise NotImplementedError
 
-    def install(self) -> None:
+    def install(self) -> None:  # noqa: B027
         """Puts it into build/peers; nothing where that is not how it is had. Raises StudyError."""
 
+    @abc.abstractmethod
     def draw(self, job: Job) -> Drawn:
         """Raises StudyError with the program's last line."""
-        raise NotImplementedError
 
 
 def run(command: Sequence[str | Path], job: Job, title: str, **more: str) -> tuple[str, str]:
@@ -124,28 +132,28 @@ class Python(Peer):
     def task(self, job: Job) -> dict[str, Any]:
         """What its worker is told: the scene as it is, its camera, and as a kernel's text, with the distance
         to each shape by itself."""
-        data, (width, height) = job.scene.data, job.size
-        data = {**data, "march": data["march"] | FLOAT}
+        scene, (width, height) = job.scene.content, job.size
+        scene.march.hit_distance = HIT_DISTANCE
         return {
             **{"width": width, "height": height, "threads": job.threads, "frames": job.frames},
-            **{"scene": data, "source": shader.source(data, width, height)},
-            "distances": [shader.distance(shape) for shape in data["shapes"]],
-            **shader.camera(data, width, height),
-            "out": str(job.folder / "picture.npy") if job.picture else None,
+            **{"scene": scene, "source": shader.source(scene, width, height)},
+            "distances": [shader.distance(shape) for shape in scene.shapes],
+            "materials": scene.of_shapes,
+            **vars(shader.camera(scene, width, height)),
+            "out": job.folder / "picture.npy" if job.picture else None,
         }
 
     def draw(self, job: Job) -> Drawn:
         path, python = job.folder / "task.json", venvs.python_of(self.home)
-        store.write_json(path, self.task(job))
+        store.write_json(path, cli.plain(self.task(job)))
         more = {name: value.format(threads=job.threads) for name, value in self.environment.items()}
         command: list[str | Path] = [python, "-I", WORKERS / "draw.py", self.name, path]
         said, _ = run(command, job, self.title, **more)
         try:
-            found = json.loads(said.strip().splitlines()[-1])
-        except (IndexError, json.JSONDecodeError):
+            found = msgspec.json.decode(said.strip().rpartition("\n")[2], type=Said)
+        except msgspec.DecodeError:
             raise StudyError(f"{self.title}: printed no JSON object", CANNOT_RUN) from None
-        made = np.load(job.folder / "picture.npy") if job.picture else None
-        return Drawn(found["ns"], found["version"], made)
+        return Drawn(found.ns, found.version, np.load(job.folder / "picture.npy") if job.picture else None)
 
 
 @cache

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+
+from study.core.registry import Content
 
 
 def colours(
-    data: dict[str, Any], d: np.ndarray, met: np.ndarray, p: np.ndarray, n: np.ndarray, which: np.ndarray
+    scene: Content, d: np.ndarray, met: np.ndarray, p: np.ndarray, n: np.ndarray, which: np.ndarray
 ) -> np.ndarray:
     """Linear colours of rays in the unit directions `d` (rays × 3), of which those of the mask `met` hit the
     shapes `which` at `p` with the unit normals `n`. As common/scenes/README.md has them."""
     d = d[met]
     n = np.where((n * d).sum(1, keepdims=True) > 0, -n, n)
-    materials = [data["materials"][s["material"]] for s in data["shapes"]]
-    colour = np.array([m["color"] for m in materials], float)[which]
-    shininess = np.array([m["shininess"] for m in materials], float)[which]
-    to = np.subtract(data["light"]["position"], p)
+    colour = np.array([m.color for m in scene.of_shapes])[which]
+    shininess = np.array([m.shininess for m in scene.of_shapes])[which]
+    to = np.subtract(scene.light.position, p)
     away = np.linalg.norm(to, axis=1, keepdims=True)
     to /= away
     facing = (n * to).sum(1, keepdims=True)
-    emission = np.array(data["light"]["emission"]) / away
+    emission = np.array(scene.light.emission) / away
     shine = np.maximum(-((2 * facing * n - to) * d).sum(1), 0) ** shininess
     made = colour * (0.01 + np.maximum(facing, 0) * emission)
     made += np.where(facing > 0, 0.2 * shine[:, None] * emission, 0)
     far = np.linalg.norm(p, axis=1, keepdims=True)
-    made *= np.exp(-data["fog"] * far**3)
-    out = np.broadcast_to(np.array(data["background"], float), (len(met), 3)).copy()
-    out[met] = np.where(far <= data["march"]["bounds_radius"], made, out[met])
+    made *= np.exp(-scene.fog * far**3)
+    out = np.broadcast_to(np.array(scene.background), (len(met), 3)).copy()
+    out[met] = np.where(far <= scene.march.bounds_radius, made, out[met])
     return out

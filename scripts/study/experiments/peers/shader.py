@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+
+from study.core.registry import Content, Shape
 
 TEXT = Path(__file__).with_name("workers") / "march.h"
 
@@ -32,70 +34,78 @@ def turn(degrees: Sequence[float]) -> np.ndarray:
     return made
 
 
-def distance(shape: dict[str, Any]) -> str:
+SIZES = {  # of a shape's type, as march.h's functions take them
+    "sphere": ["radius"],
+    "octahedron": ["radius"],
+    "torus": ["major_radius", "minor_radius"],
+    "cone": ["bottom_radius", "top_radius", "half_height"],
+    "box": ["half_size", "rounding"],
+    "mandelbulb": ["iterations", "bailout"],
+}
+
+
+def literal(x: float | Sequence[float]) -> str:
+    return vec3(x) if isinstance(x, Sequence) else str(x) if isinstance(x, int) else number(x)
+
+
+def distance(shape: Shape) -> str:
     """An expression, of Python as well: the signed distance of the point p to the shape."""
-    at = f"(p - {vec3(shape['position'])})" if any(shape.get("position", ())) else "p"
-    if any(shape.get("rotation_degrees", ())):
-        rows = turn(shape["rotation_degrees"])
+    at = f"(p - {vec3(shape.position)})" if any(shape.position) else "p"
+    if any(shape.rotation_degrees):
+        rows = turn(shape.rotation_degrees)
         at = f"vec3({', '.join(f'dot({at}, {vec3(row)})' for row in rows)})"
-    kind = shape["type"]
-    if kind == "plane":
-        length = float(np.linalg.norm(shape["normal"]))
-        sizes = [vec3(np.divide(shape["normal"], length)), number(shape["offset"] / length)]
-    elif kind == "box":
-        sizes = [vec3(shape["half_size"]), number(shape.get("rounding", 0))]
-    elif kind == "mandelbulb":
-        sizes = [str(shape["iterations"]), number(shape["bailout"])]
-    else:
-        names = {
-            "sphere": ["radius"],
-            "octahedron": ["radius"],
-            "torus": ["major_radius", "minor_radius"],
-            "cone": ["bottom_radius", "top_radius", "half_height"],
-        }[kind]
-        sizes = [number(shape[name]) for name in names]
-    return f"{kind}({', '.join([at, *sizes])})"
+    if shape.type == "plane":
+        length = float(np.linalg.norm(shape.normal))
+        return f"plane({at}, {vec3(np.divide(shape.normal, length))}, {number(shape.offset / length)})"
+    sizes = [literal(getattr(shape, name)) for name in SIZES[shape.type]]
+    return f"{shape.type}({', '.join([at, *sizes])})"
 
 
-def camera(data: dict[str, Any], width: int, height: int) -> dict[str, list[float]]:
-    """Position, and the axes by which a ray is ahead + x·right + y·up, with x and y from −1 to 1."""
-    c = data["camera"]
-    ahead = np.subtract(c["look_at"], c["position"], dtype=float)
+@dataclass(frozen=True)
+class View:
+    """A ray through a picture is ahead + x·right + y·up, with x and y from −1 to 1."""
+
+    position: Sequence[float]
+    ahead: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+
+
+def camera(scene: Content, width: int, height: int) -> View:
+    c = scene.camera
+    ahead = np.subtract(c.look_at, c.position, dtype=float)
     ahead /= np.linalg.norm(ahead)
-    right = np.cross(c["up"], ahead)
+    right = np.cross(c.up, ahead)
     right /= np.linalg.norm(right)
-    half = math.tan(math.radians(c["vertical_fov_degrees"]) / 2)
-    axes = {"ahead": ahead, "right": right * half * width / height, "up": np.cross(ahead, right) * half}
-    return {"position": c["position"]} | {name: axis.tolist() for name, axis in axes.items()}
+    half = math.tan(math.radians(c.vertical_fov_degrees) / 2)
+    return View(c.position, ahead, right * half * width / height, np.cross(ahead, right) * half)
 
 
-def source(data: dict[str, Any], width: int, height: int) -> str:
+def source(scene: Content, width: int, height: int) -> str:
     """`seen(origin, direction)` of the scene, with AHEAD, RIGHT and UP of its camera."""
-    seen, march, light = camera(data, width, height), data["march"], data["light"]
+    seen, march = camera(scene, width, height), scene.march
     values = {
-        "HIT": number(march["hit_distance"]),
-        "BOUNDS": number(march["bounds_radius"]),
-        "NORMAL_STEP": number(march["normal_step"]),
-        "STEPS": str(march["max_steps"]),
-        "FOG": number(data["fog"]),
-        "LIGHT": vec3(light["position"]),
-        "EMISSION": vec3(light["emission"]),
-        "BACKGROUND": vec3(data["background"]),
-        **{name.upper(): vec3(seen[name]) for name in ("ahead", "right", "up")},
-        "WIDTH": number(width),
-        "HEIGHT": number(height),
+        "HIT": march.hit_distance,
+        "BOUNDS": march.bounds_radius,
+        "NORMAL_STEP": march.normal_step,
+        "STEPS": march.max_steps,
+        "FOG": scene.fog,
+        "LIGHT": scene.light.position,
+        "EMISSION": scene.light.emission,
+        "BACKGROUND": scene.background,
+        **{"AHEAD": seen.ahead.tolist(), "RIGHT": seen.right.tolist(), "UP": seen.up.tolist()},
+        **{"WIDTH": float(width), "HEIGHT": float(height)},
     }
-    each = [distance(shape) for shape in data["shapes"]]
-    of = [data["materials"][shape["material"]] for shape in data["shapes"]]
-    lines = [f"#define {name} {value}" for name, value in values.items()]
+    each, of = [distance(shape) for shape in scene.shapes], scene.of_shapes
+    lines = [f"#define {name} {literal(value)}" for name, value in values.items()]
     lines += ["float to_scene(vec3 p) {", "float least = 1e30;"]
     lines += [f"least = min(least, {one});" for one in each]
     lines += ["return least;", "}", "int nearest_to(vec3 p) {", "float least = 1e30, d;", "int i = 0;"]
     for i, one in enumerate(each):
         lines += [f"d = {one};", f"if (d < least) {{ least = d; i = {i}; }}"]
     lines += ["return i;", "}", "vec3 colour_of(int i) {"]
-    lines += [f"if (i == {i}) return {vec3(one['color'])};" for i, one in enumerate(of)]
+    lines += [f"if (i == {i}) return {vec3(one.color)};" for i, one in enumerate(of)]
     lines += [f"return {vec3([0, 0, 0])};", "}", "float shininess_of(int i) {"]
-    lines += [f"if (i == {i}) return {number(one['shininess'])};" for i, one in enumerate(of)]
+    lines += [f"if (i == {i}) return {number(one.shininess)};" for i, one in enumerate(of)]
     lines += ["return 1.0;", "}"]
     return TEXT.read_text(encoding="utf-8").replace("@SCENE", "\n".join(lines))

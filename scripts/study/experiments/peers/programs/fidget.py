@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import functools
-import json
+import re
 import shutil
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
+from study.core.registry import Content, Shape
 from study.experiments.peers import peer as common
 from study.experiments.peers import shade, shader
-from study.experiments.peers.peer import Drawn, Job, Peer, run
+from study.experiments.peers.peer import Drawn, Job, Peer, Said, run
 
 WORKER = common.WORKERS / "fidget"
 DEPTH = 1024  # voxels behind a pixel
@@ -38,79 +39,78 @@ class Text(np.lib.mixins.NDArrayOperatorsMixin):
         return Text(self.lines, OPERATIONS[ufunc], *(x.name for x in texts))
 
 
-def solid(s: dict[str, Any], p: np.ndarray) -> Any:
+def solid(s: Shape, p: np.ndarray) -> Any:
     """Below 0 inside the shape; not its distance. `p`: 3 Texts, or 3 × n coordinates. Raises StudyError."""
-    if any(s.get("repeat", ())) or s.get("rounding"):
+    if any(s.repeat) or s.rounding:
         raise StudyError("fidget gets no repeated shape and no rounded edges here")
-    p = (p.T - s.get("position", (0, 0, 0))).T
-    if any(s.get("rotation_degrees", ())):
-        p = shader.turn(s["rotation_degrees"]) @ p
-    (x, y, z), kind = p, s["type"]
+    p = (p.T - s.position).T
+    if any(s.rotation_degrees):
+        p = shader.turn(s.rotation_degrees) @ p
+    (x, y, z), kind = p, s.type
     if kind == "sphere":
-        return np.sqrt(x * x + y * y + z * z) - s["radius"]
+        return np.sqrt(x * x + y * y + z * z) - s.radius
     if kind == "plane":
-        a, b, c = s["normal"]
-        return x * a + y * b + z * c - s["offset"]
+        a, b, c = s.normal
+        return x * a + y * b + z * c - s.offset
     if kind == "box":
-        return functools.reduce(np.maximum, [abs(q) - h for q, h in zip(p, s["half_size"], strict=True)])
+        return functools.reduce(np.maximum, [abs(q) - h for q, h in zip(p, s.half_size, strict=True)])
     if kind == "octahedron":
-        return abs(x) + abs(y) + abs(z) - s["radius"]
+        return abs(x) + abs(y) + abs(z) - s.radius
     round_y = np.sqrt(x * x + z * z)
     if kind == "torus":
-        off = round_y - s["major_radius"]
-        return np.sqrt(off * off + y * y) - s["minor_radius"]
+        off = round_y - s.major_radius
+        return np.sqrt(off * off + y * y) - s.minor_radius
     if kind == "cone":
-        r1, r2, h = s["bottom_radius"], s["top_radius"], s["half_height"]
+        r1, r2, h = s.bottom_radius, s.top_radius, s.half_height
         return np.maximum(round_y - (y * ((r2 - r1) / (2 * h)) + (r1 + r2) / 2), abs(y) - h)
     raise StudyError(f"fidget gets no {kind} here")
 
 
-def expression(data: dict[str, Any]) -> str:
+def expression(scene: Content) -> str:
     """The union of the scene's solids. Raises StudyError."""
     lines: list[str] = []
     p = np.array([Text(lines, f"var-{axis}") for axis in "xyz"], object)
-    functools.reduce(np.minimum, [solid(shape, p) for shape in data["shapes"]])
+    functools.reduce(np.minimum, [solid(shape, p) for shape in scene.shapes])
     return "\n".join(lines) + "\n"
 
 
-def from_voxels(data: dict[str, Any], width: int, height: int) -> np.ndarray:
+def from_voxels(scene: Content, width: int, height: int) -> np.ndarray:
     """4 × 4: from column, row and voxel to the scene. Along a pixel 1/distance ahead is even in voxels."""
-    seen, far = shader.camera(data, width, height), data["march"]["bounds_radius"]
-    ahead, right, up = (np.array(seen[name]) for name in ("ahead", "right", "up"))
+    seen, far = shader.camera(scene, width, height), scene.march.bounds_radius
     made = np.zeros((4, 4))
     made[3, 2:] = (1 / NEAR - 1 / far) / DEPTH, 1 / far
-    made[:3, 0], made[:3, 1] = right * 2 / width, up * -2 / height
-    made[:3, 3] = ahead + right * (1 / width - 1) + up * (1 - 1 / height)
-    made[:3] += np.outer(seen["position"], made[3])
+    made[:3, 0], made[:3, 1] = seen.right * 2 / width, seen.up * -2 / height
+    made[:3, 3] = seen.ahead + seen.right * (1 / width - 1) + seen.up * (1 - 1 / height)
+    made[:3] += np.outer(seen.position, made[3])
     return made
 
 
-def from_world(data: dict[str, Any], width: int, height: int) -> np.ndarray:
+def from_world(scene: Content, width: int, height: int) -> np.ndarray:
     """4 × 4: from fidget's world, which is its own map of the voxels, to the scene."""
     scale = min(width, height, DEPTH) / 2
     back = np.diag([scale, -scale, scale, 1.0])
     back[:3, 3] = width / 2, height / 2 - 1, DEPTH / 2
-    return from_voxels(data, width, height) @ back
+    return from_voxels(scene, width, height) @ back
 
 
-def shaded(data: dict[str, Any], depth: np.ndarray) -> np.ndarray:
+def shaded(scene: Content, depth: np.ndarray) -> np.ndarray:
     """The picture of voxels, height × width: its hits lie in the middle of theirs, or nowhere at 0."""
     row, column = np.mgrid[: depth.shape[0], : depth.shape[1]]
     voxels = np.stack([column, row, depth - 0.5, np.ones_like(row)]).reshape(4, -1)
-    made = from_voxels(data, depth.shape[1], depth.shape[0]) @ voxels
+    made = from_voxels(scene, depth.shape[1], depth.shape[0]) @ voxels
     points = (made[:3] / made[3]).T
-    d = points - data["camera"]["position"]
+    d = points - scene.camera.position
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     met = depth.ravel() > 0
     p = points[met]
 
     def at(where: np.ndarray) -> np.ndarray:
-        return np.stack([solid(shape, where.T) for shape in data["shapes"]])
+        return np.stack([solid(shape, where.T) for shape in scene.shapes])
 
     which = np.abs(at(p)).argmin(axis=0)
     n = np.stack([(at(p + e) - at(p - e))[which, np.arange(len(p))] for e in STEP * np.eye(3)], -1)
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    return shade.colours(data, d, met, p, n, which).reshape(*depth.shape, 3)
+    return shade.colours(scene, d, met, p, n, which).reshape(*depth.shape, 3)
 
 
 @dataclass(frozen=True)
@@ -136,15 +136,16 @@ class Fidget(Peer):
             raise StudyError(f"fidget cannot be built ({(said or ['no message'])[0]})", CANNOT_RUN)
 
     def draw(self, job: Job) -> Drawn:
-        data, (width, height) = job.scene.data, job.size
-        (job.folder / "scene.vm").write_text(expression(data), encoding="utf-8")
-        matrix = [repr(float(x)) for x in from_world(data, width, height).ravel()]
+        scene, (width, height) = job.scene.content, job.size
+        (job.folder / "scene.vm").write_text(expression(scene), encoding="utf-8")
+        matrix = [repr(float(x)) for x in from_world(scene, width, height).ravel()]
         words = [*map(str, (width, height, DEPTH, job.threads, job.frames)), "depths", *matrix]
         said, _ = run([self.program, "scene.vm", *words], job, self.title)
         depth = np.fromfile(job.folder / "depths", "<u4").reshape(height, width)
-        needed = tomllib.loads((WORKER / "Cargo.toml").read_text(encoding="utf-8"))["dependencies"]
-        version = needed["fidget"]["version"].removeprefix("=")
-        return Drawn(json.loads(said)["ns"], version, shaded(data, depth) if job.picture else None)
+        cargo = (WORKER / "Cargo.toml").read_text(encoding="utf-8")
+        (version,) = re.findall(r'fidget = .*"=([\d.]+)"', cargo)
+        rgb = shaded(scene, depth) if job.picture else None
+        return Drawn(msgspec.json.decode(said, type=Said).ns, version, rgb)
 
 
 PEER = Fidget(

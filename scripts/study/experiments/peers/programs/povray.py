@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
+from study.core.registry import Content, Material, Shape
 from study.experiments.peers import shader
 from study.experiments.peers.peer import Drawn, Job, Peer, run
 
@@ -25,76 +26,65 @@ def vector(v: Sequence[float]) -> str:
     return f"<{', '.join(repr(float(x)) for x in v)}>"
 
 
-def solid(shape: dict[str, Any]) -> str:
+def solid(s: Shape) -> str:
     """The shape where its own coordinates have it. Raises StudyError for one that POV-Ray lacks."""
-    kind, s = shape["type"], shape
-    if kind == "sphere":
-        return f"sphere {{ 0, {s['radius']!r}"
-    if kind == "plane":
-        length = float(np.linalg.norm(s["normal"]))
-        return f"plane {{ {vector(s['normal'])}, {s['offset'] / length!r}"
-    if kind == "box" and not s.get("rounding"):
-        return f"box {{ {vector(np.negative(s['half_size']))}, {vector(s['half_size'])}"
-    if kind == "torus":
-        return f"torus {{ {s['major_radius']!r}, {s['minor_radius']!r}"
-    if kind == "cone":
-        h = s["half_height"]
-        ends = f"{vector([0, -h, 0])}, {s['bottom_radius']!r}, {vector([0, h, 0])}, {s['top_radius']!r}"
-        return f"cone {{ {ends}"
-    if kind == "octahedron":
-        corners = s["radius"] * np.eye(3)
-        faces = [
-            " ".join(
-                ["triangle {", ", ".join(vector(c * k) for c, k in zip(corners, (x, y, z), strict=True)), "}"]
-            )
-            for x in (-1, 1)
-            for y in (-1, 1)
-            for z in (-1, 1)
-        ]
-        return "\n".join(["mesh {", *faces])
-    raise StudyError(f"POV-Ray has no {kind}{' with rounded edges' if kind == 'box' else ''}")
+    if s.type == "sphere":
+        return f"sphere {{ 0, {s.radius!r}"
+    if s.type == "plane":
+        return f"plane {{ {vector(s.normal)}, {s.offset / float(np.linalg.norm(s.normal))!r}"
+    if s.type == "box" and not s.rounding:
+        return f"box {{ {vector(np.negative(s.half_size))}, {vector(s.half_size)}"
+    if s.type == "torus":
+        return f"torus {{ {s.major_radius!r}, {s.minor_radius!r}"
+    if s.type == "cone":
+        h = s.half_height
+        return f"cone {{ {vector([0, -h, 0])}, {s.bottom_radius!r}, {vector([0, h, 0])}, {s.top_radius!r}"
+    if s.type == "octahedron":
+        faces = itertools.product(*([-s.radius * axis, s.radius * axis] for axis in np.eye(3)))
+        triangles = [f"triangle {{ {', '.join(map(vector, corners))} }}" for corners in faces]
+        return "\n".join(["mesh {", *triangles])
+    raise StudyError(f"POV-Ray has no {s.type}{' with rounded edges' if s.type == 'box' else ''}")
 
 
-def finish(data: dict[str, Any], shape: dict[str, Any]) -> str:
-    """Its material, which fog blends into black: a map of textures by the distance from the origin."""
-    m = data["materials"][shape["material"]]
+def finish(m: Material, fog: float) -> str:
+    """A material, which fog blends into black: a map of textures by the distance from the origin."""
     lit = (
-        f"pigment {{ rgb {vector(m['color'])} }} finish {{ ambient 0.01 diffuse 1 phong 0.2 "
-        f"phong_size {m['shininess']!r} }}"
+        f"pigment {{ rgb {vector(m.color)} }} finish {{ ambient 0.01 diffuse 1 phong 0.2 "
+        f"phong_size {m.shininess!r} }}"
     )
-    if not data["fog"]:
+    if not fog:
         return f"texture {{ {lit} }}"
     dark = "pigment { rgb 0 } finish { ambient 0 diffuse 0 }"
-    share = f"function {{ exp(-{data['fog']!r} * pow(x*x + y*y + z*z, 1.5)) }}"
+    share = f"function {{ exp(-{fog!r} * pow(x*x + y*y + z*z, 1.5)) }}"
     return f"texture {{ {share} texture_map {{ [0 {dark}] [1 {lit}] }} }}"
 
 
-def translated(data: dict[str, Any], width: int, height: int) -> str:
+def translated(scene: Content, width: int, height: int) -> str:
     """The scene for POV-Ray, whose coordinates are ours. Raises StudyError for what it lacks."""
-    seen, light, bounds = shader.camera(data, width, height), data["light"], data["march"]["bounds_radius"]
-    if light["shadows"] in ("soft", "ideal") or any(m["reflectivity"] for m in data["materials"].values()):
+    seen, light = shader.camera(scene, width, height), scene.light
+    if light.shadows in ("soft", "ideal") or any(m.reflectivity for m in scene.materials.values()):
         raise StudyError("POV-Ray has other soft shadows and mirrors")
     lines = [
         "#version 3.7;",
         "global_settings { assumed_gamma 1.0 ambient_light rgb 1 }",
-        f"background {{ rgb {vector(data['background'])} }}",
-        f"camera {{ perspective location {vector(seen['position'])} direction {vector(seen['ahead'])} "
-        f"right 2 * {vector(seen['right'])} up 2 * {vector(seen['up'])} }}",
-        f"light_source {{ {vector(light['position'])}, rgb {vector(np.divide(light['emission'], 2 * FADE))} "
+        f"background {{ rgb {vector(scene.background)} }}",
+        f"camera {{ perspective location {vector(seen.position)} direction {vector(seen.ahead)} "
+        f"right 2 * {vector(seen.right)} up 2 * {vector(seen.up)} }}",
+        f"light_source {{ {vector(light.position)}, rgb {vector(np.divide(light.emission, 2 * FADE))} "
         f"fade_distance {FADE} fade_power 1 }}",
     ]
-    for shape in data["shapes"]:
-        if any(shape.get("repeat", ())):
+    for shape, material in zip(scene.shapes, scene.of_shapes, strict=True):
+        if any(shape.repeat):
             raise StudyError("POV-Ray repeats no shape")
-        rows = shader.turn(shape.get("rotation_degrees", (0, 0, 0)))
-        matrix = [*rows.flatten(), *shape.get("position", (0, 0, 0))]
+        matrix = [*shader.turn(shape.rotation_degrees).flatten(), *shape.position]
+        bounds = f"clipped_by {{ sphere {{ 0, {scene.march.bounds_radius!r} }} }}"
         lines += [
             solid(shape),
             f"matrix {vector(matrix)}",
-            f"clipped_by {{ sphere {{ 0, {bounds!r} }} }}" if shape["type"] == "plane" else "",
-            finish(data, shape),
+            bounds if shape.type == "plane" else "",
+            finish(material, scene.fog),
             # A light that is `shadowless` has no highlights, so here no shape throws a shadow.
-            "no_shadow" if light["shadows"] == "none" else "",
+            "no_shadow" if light.shadows == "none" else "",
             "}",
         ]
     return "\n".join(lines) + "\n"
@@ -116,7 +106,7 @@ class POVRay(Peer):
         return None if shutil.which("povray") else "needs Debian's package povray"
 
     def draw(self, job: Job) -> Drawn:
-        (job.folder / "scene.pov").write_text(translated(job.scene.data, *job.size), encoding="utf-8")
+        (job.folder / "scene.pov").write_text(translated(job.scene.content, *job.size), encoding="utf-8")
         program = shutil.which("povray") or "povray"
         words = ["+Iscene.pov", f"+W{job.size[0]}", f"+H{job.size[1]}", f"+WT{job.threads}", "-D", "-A", "-V"]
         words += ["+FN16", "File_Gamma=1.0", "+Opicture.png"] if job.picture else ["-F"]

@@ -36,12 +36,12 @@ def mandelbulb(p, iterations, bailout):
 
 
 def renderer(task):
-    limits, width, height = task["scene"]["march"], task["width"], task["height"]
+    limits, width, height = task.scene.march, task.width, task.height
     to_scene, shaded = formulas.shading(M, task, mandelbulb)
-    ahead, right, up = (Array3f(*task[name]) for name in ("ahead", "right", "up"))
-    background = Array3f(*task["scene"]["background"])
+    ahead, right, up = (Array3f(*one) for one in (task.ahead, task.right, task.up))
+    background = Array3f(*task.scene.background)
     pixel = dr.arange(UInt32, width * height)
-    dr.set_thread_count(task["threads"])
+    dr.set_thread_count(task.threads)
     dr.eval(pixel)
     last = None
 
@@ -55,11 +55,11 @@ def renderer(task):
         def one(t, on, hit, step):
             d = to_scene(dr.fma(direction, t, origin))
             t = t + d
-            near = d < limits["hit_distance"]
+            near = d < limits.hit_distance
             hit |= near
             step += 1
-            inside = dr.squared_norm(dr.fma(direction, t, origin)) <= limits["bounds_radius"] ** 2
-            on &= ~near & inside & (step < limits["max_steps"])
+            inside = dr.squared_norm(dr.fma(direction, t, origin)) <= limits.bounds_radius**2
+            on &= ~near & inside & (step < limits.max_steps)
             return t, on, hit, step
 
         size = dr.width(direction)

@@ -23,8 +23,8 @@ def renderer(task):
     name = context.info["GL_RENDERER"]
     if "llvmpipe" not in name:
         sys.exit(f"OpenGL is not by llvmpipe but by {name}")
-    program = context.program(vertex_shader=VERTEX, fragment_shader=HEAD + task["source"] + FRAGMENT)
-    width, height = task["width"], task["height"]
+    program = context.program(vertex_shader=VERTEX, fragment_shader=HEAD + task.source + FRAGMENT)
+    width, height = task.width, task.height
     target = context.framebuffer([context.texture((width, height), 4, dtype="f4")])
     triangle = context.vertex_array(program, [])
     target.use()

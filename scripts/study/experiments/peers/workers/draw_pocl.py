@@ -27,9 +27,9 @@ def renderer(task):
         sys.exit("there is no PoCL among OpenCL's platforms")
     context = cl.Context(platforms[0].get_devices()[:1])
     queue = cl.CommandQueue(context)
-    program = cl.Program(context, HEAD + task["source"] + KERNEL)
+    program = cl.Program(context, HEAD + task.source + KERNEL)
     kernel = program.build(["-cl-single-precision-constant"]).draw
-    pixels = np.empty((task["height"], task["width"], 4), np.float32)
+    pixels = np.empty((task.height, task.width, 4), np.float32)
     buffer = cl.Buffer(context, cl.mem_flags.WRITE_ONLY, pixels.nbytes)
 
     def render(origin):

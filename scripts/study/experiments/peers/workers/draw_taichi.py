@@ -42,12 +42,12 @@ def mandelbulb(p, iterations, bailout):
 
 def renderer(task):
     warnings.simplefilter("ignore")  # that a shape's expression is no function of Taichi's
-    ti.init(arch=ti.cpu, cpu_max_num_threads=task["threads"], offline_cache=False, log_level=ti.ERROR)
-    width, height, march = task["width"], task["height"], task["scene"]["march"]
-    steps, near, bounds = march["max_steps"], march["hit_distance"], march["bounds_radius"] ** 2
+    ti.init(arch=ti.cpu, cpu_max_num_threads=task.threads, offline_cache=False, log_level=ti.ERROR)
+    width, height, march = task.width, task.height, task.scene.march
+    steps, near, bounds = march.max_steps, march.hit_distance, march.bounds_radius**2
     to_scene, shaded = formulas.shading(M, task, mandelbulb)
-    ahead, right, up = (vec3(task[name]) for name in ("ahead", "right", "up"))
-    background = vec3(task["scene"]["background"])
+    ahead, right, up = (vec3(one) for one in (task.ahead, task.right, task.up))
+    background = vec3(task.scene.background)
     picture = ti.Vector.field(3, float, (height, width))
 
     @ti.func

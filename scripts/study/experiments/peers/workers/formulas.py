@@ -68,13 +68,13 @@ def eighth(m):
 
 def shading(m, task, mandelbulb):
     """(distance to the scene, colour of what a ray hits at p)."""
-    scene, vec3 = task["scene"], m.vec3
+    scene, vec3 = task.scene, m.vec3
     names = {**shapes(m), "mandelbulb": mandelbulb, "vec3": vec3, "dot": m.dot}
-    codes = [compile(text, "shape", "eval") for text in task["distances"]]
-    count, step, fog = len(codes), scene["march"]["normal_step"], scene["fog"]
-    materials = [scene["materials"][shape["material"]] for shape in scene["shapes"]]
-    colours, shine_of = [vec3(*one["color"]) for one in materials], [one["shininess"] for one in materials]
-    light, emission = (vec3(*scene["light"][name]) for name in ("position", "emission"))
+    codes = [compile(text, "shape", "eval") for text in task.distances]
+    count, step, fog = len(codes), scene.march.normal_step, scene.fog
+    colours = [vec3(*one.color) for one in task.materials]
+    shine_of = [one.shininess for one in task.materials]
+    light, emission = vec3(*scene.light.position), vec3(*scene.light.emission)
 
     def shape(i, p):
         return eval(codes[i], names, {"p": p})
