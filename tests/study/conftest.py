@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import subprocess
 import sys
 from collections.abc import Callable
@@ -34,4 +33,4 @@ def stepwise(
 @pytest.fixture
 def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
     """A twentieth of the bootstrap: for tests of what is made of intervals."""
-    monkeypatch.setattr(stats, "RATIO", dataclasses.replace(stats.RATIO, resamples=500))
+    monkeypatch.setattr(stats, "RESAMPLES", 500)

@@ -100,7 +100,7 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         "commands": facts.commands(data),
         "skipped": facts.skipped(data),
         "phases": chapters.described(data),
-        "methods": {"median": stats.MEDIAN.text(), "ratio": stats.RATIO.text()},
+        "methods": stats.methods(),
         "left_out": "",
         "vega": charts.scripts() if any(one.chart for one in found) else "",
     }

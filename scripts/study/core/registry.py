@@ -177,8 +177,7 @@ class Scene:
 class Spec:
     """The sources of `phase` built with the cflags of `flags_from`; written opt2 or opt2@opt4.
 
-    A phase may be an ablation, opt2+title (study.core.patches).
-    """
+    A phase may be an ablation, opt2+title (study.core.patches)."""
 
     phase: str
     flags_from: str
@@ -196,13 +195,6 @@ class Spec:
         return self.phase if self.phase == self.flags_from else f"{self.phase}@{self.flags_from}"
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    data = read_json(path)
-    if not isinstance(data, dict):
-        raise StudyError(f"{path}: must be a JSON object")
-    return data
-
-
 def _unknown(kind: str, name: str, known: Iterable[str]) -> StudyError:
     known = list(known)
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
@@ -216,11 +208,12 @@ def phases(root: Path = ROOT) -> dict[str, Phase]:
     found = []
     for folder in patches.folders(root).values():
         path = folder / "phase.json"
-        _read_json(path)
         try:
             phase = msgspec.convert(patches.about(folder.name, root) | {"path": folder}, Phase)
-        except (patches.PatchError, msgspec.ValidationError) as error:
-            raise StudyError(str(error) if "phase.json" in str(error) else f"{path}: {error}") from None
+        except patches.PatchError as error:
+            raise StudyError(str(error)) from None
+        except msgspec.ValidationError as error:
+            raise StudyError(f"{path}: {error}") from None
         if phase.name != folder.name:
             raise StudyError(f"{path}: name is '{phase.name}', must be the folder's '{folder.name}'")
         found.append(phase)
@@ -257,11 +250,12 @@ def _scenes_in(folder: Path) -> dict[str, Scene]:
 
 def scene_at(path: Path) -> Scene:
     """The scene of a file. Raises StudyError for one that is not a JSON object."""
-    data = _read_json(path)
+    if not isinstance(data := read_json(path), dict):
+        raise StudyError(f"{path}: must be a JSON object")
     shapes = data.get("shapes")
     shapes = shapes if isinstance(shapes, list) else []  # what is wrong, the driver says
-    types = [shape.get("type") for shape in shapes if isinstance(shape, dict)]
-    return Scene(path.stem, path, data, any(kind in FRACTALS for kind in types if isinstance(kind, str)))
+    fractal = any(shape.get("type") in [*FRACTALS] for shape in shapes if isinstance(shape, dict))
+    return Scene(path.stem, path, data, fractal)
 
 
 def is_exact(spec: str) -> bool:
@@ -320,7 +314,8 @@ def cpu_flags() -> frozenset[str]:
     return frozenset(match[1].split() if match else ())
 
 
-def _limited(limit: str | None) -> frozenset[str]:
+def _limited() -> frozenset[str]:
+    limit = os.environ.get("STEPWISE_ISA_LIMIT")
     if limit not in (None, "", "avx2", "none"):
         raise StudyError(f"STEPWISE_ISA_LIMIT is {limit}: avx2 or none is required")
     if limit == "none":
@@ -333,18 +328,14 @@ def missing_isa(what: Phase | Spec) -> list[str]:
 
     STEPWISE_ISA_LIMIT stands for a smaller CPU, as it does for the driver (common/driver/variant.h).
     """
-    need = (
-        what.isa
-        if isinstance(what, Phase)
-        else [flag for name in dict.fromkeys([what.phase, what.flags_from]) for flag in find_phase(name).isa]
-    )
-    have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
-    return [flag for flag in dict.fromkeys(need) if flag not in have]
+    needy = [what] if isinstance(what, Phase) else [*map(find_phase, (what.phase, what.flags_from))]
+    have = _limited()
+    return [flag for flag in dict.fromkeys(flag for one in needy for flag in one.isa) if flag not in have]
 
 
 def variant_here(phase: Phase) -> Variant:
     """The phase's variant that this CPU runs: the widest it has (driver/variant.h)."""
-    have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
+    have = _limited()
     alone = Variant(lanes=phase.lanes, flags="")
     return next((one for one in phase.variants if have.issuperset(one.isa)), alone)
 
@@ -355,22 +346,20 @@ def arithmetic_flags(flags: str, variants: Iterable[Variant] = ()) -> str:
     Two builds of one source by equal ones are one program as far as its speed and its picture go, but for how
     a variant copies its lanes, which clang is not told (common/build/phase_info.py).
     """
-    flags = _of_arithmetic(flags)
-    for own in (_of_arithmetic(one.flags) for one in variants):
-        if own and flags.endswith(own):
-            return flags.removesuffix(own).rstrip()
-    return flags
+
+    def kept(words: str) -> str:
+        return " ".join(
+            word for word in words.split() if word not in NO_ARITHMETIC and not word.startswith(COPIES)
+        )
+
+    flags = kept(flags)
+    own = next((own for one in variants if (own := kept(one.flags)) and flags.endswith(own)), "")
+    return flags.removesuffix(own).rstrip()
 
 
 def short(flags: str) -> str:
     """For small print: of the words for copies the first alone."""
     return re.sub(rf"({COPIES[0]}\S+)( ({'|'.join(COPIES[1:])})\S+)+", r"\1 …", flags)
-
-
-def _of_arithmetic(flags: str) -> str:
-    return " ".join(
-        word for word in flags.split() if word not in NO_ARITHMETIC and not word.startswith(COPIES)
-    )
 
 
 def cpu_supports(what: Phase | Spec) -> bool:

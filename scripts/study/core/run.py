@@ -54,22 +54,12 @@ def cpu_set(cpu: int | None, threads: int) -> set[int] | None:
 
 
 def _arguments(
-    spec: Spec | str,
+    spec: Spec | str | Path,
     scene_path: Path,
     height: int,
     width: int | None,
     *,
     target: str = "render",
-    **options: Any,
-) -> list[str]:
-    return [str(build(spec, target)), *_options(scene_path, height, width, **options)]
-
-
-def _options(
-    scene_path: Path,
-    height: int,
-    width: int | None,
-    *,
     aov: bool = False,
     display: bool = False,
     out: Path | None = None,
@@ -81,21 +71,30 @@ def _options(
     hit_distance: float | None = None,
     max_steps: int | None = None,
 ) -> list[str]:
-    arguments = [str(scene_path), "-n", str(height)]
-    for option, value in [
-        ("--reps", reps if animation is None else None),
-        ("--frames", animation),
-        ("--first-frame", first_frame),
-        ("-w", width),
-        ("-o", out),
-        ("--threads", threads if threads != 1 else None),
-        ("--warmup", warmup or None),
-        ("--hit-distance", hit_distance),
-        ("--max-steps", max_steps),
-    ]:
-        if value is not None:
-            arguments += [option, str(value)]
+    program = spec if isinstance(spec, Path) else build(spec, target)
+    arguments = [str(program), str(scene_path), "-n", str(height)]
+    for option, value in {
+        "--reps": reps if animation is None else None,
+        "--frames": animation,
+        "--first-frame": first_frame,
+        "-w": width,
+        "-o": out,
+        "--threads": threads if threads != 1 else None,
+        "--warmup": warmup or None,
+        "--hit-distance": hit_distance,
+        "--max-steps": max_steps,
+    }.items():
+        arguments += [] if value is None else [option, str(value)]
     return arguments + ["--aov"] * aov + ["--display"] * display
+
+
+def environment(
+    env_bytes: int = 0, timed: bool = True, more: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Of a driver: as this process's, but whether clocks are measured is `timed`'s to say alone."""
+    found = {key: value for key, value in os.environ.items() if key != UNTIMED} | (more or {})
+    found |= {} if timed else {UNTIMED: "1"}
+    return found | ({"STEPWISE_PADDING": "x" * env_bytes} if env_bytes else {})
 
 
 def _lines(
@@ -107,67 +106,17 @@ def _lines(
 ) -> Iterator[str]:
     """Whole lines of a child's standard output as they come. DriverError at its end if it failed.
 
-    The child dies with its reader: killed when the generator is closed, and by the kernel's
-    parent-death signal when this process is killed outright.
+    The child dies with its reader: killed when the generator is closed or it says nothing for too long, and
+    by the kernel's parent-death signal when this process is killed outright.
     """
-    with _child(arguments, cpus, environment(env_bytes, timed, more), subprocess.PIPE) as (process, watch):
-        assert process.stdout
-        for line in process.stdout:
-            watch.again()
-            if line.endswith("\n"):
-                yield line
-
-
-def environment(
-    env_bytes: int = 0, timed: bool = True, more: Mapping[str, str] | None = None
-) -> dict[str, str]:
-    """Of a driver: as this process's, but whether clocks are measured is `timed`'s to say alone."""
-    found = {key: value for key, value in os.environ.items() if key != UNTIMED}
-    if not timed:
-        found[UNTIMED] = "1"
-    found |= more or {}
-    if env_bytes:
-        found["STEPWISE_PADDING"] = "x" * env_bytes
-    return found
-
-
-class _Watch:
-    """Kills a process that says nothing for child.seconds(). One thread that sleeps: a line costs no more."""
-
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        self.process, self.seconds, self.ran_out = process, child.seconds(), False
-        self.heard = time.monotonic()
-        self.ended = threading.Event()
-        threading.Thread(target=self._watch, daemon=True).start()
-
-    def _watch(self) -> None:
-        while not self.ended.wait(max(self.heard + self.seconds - time.monotonic(), 0)):
-            if time.monotonic() >= self.heard + self.seconds:
-                self.ran_out = True
-                self.process.kill()
-                return
-
-    def again(self) -> None:
-        self.heard = time.monotonic()
-
-    def end(self) -> None:
-        self.ended.set()
-
-
-@contextlib.contextmanager
-def _child(
-    arguments: list[str], cpus: set[int] | None, environment: dict[str, str], out: Any
-) -> Iterator[tuple[subprocess.Popen[str], _Watch]]:
-    """A child that ends with this: killed if the body is left early or the watch not set again in time; else
-    DriverError if it failed."""
     with contextlib.ExitStack() as stack:
         errors = stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
         begun = child.started(
             arguments,
-            stdout=out,
+            stdout=subprocess.PIPE,
             stderr=errors,
             stdin=subprocess.DEVNULL,
-            env=environment,
+            env=environment(env_bytes, timed, more),
             text=True,
             preexec_fn=functools.partial(_in_child, cpus),
         )
@@ -177,17 +126,14 @@ def _child(
             raise DriverError(127, f"{arguments[0]}: {error.strerror}") from None
         except child.NotPinned as error:
             raise DriverError(126, str(error), CANNOT_RUN) from None
-        watch = _Watch(process)
-        try:
-            yield process, watch
-            status = process.wait()
-        finally:
-            watch.end()
-            if process.poll() is None:
-                process.kill()
-                process.wait()
-            if process.stdout:
-                process.stdout.close()
+        watch = stack.enter_context(_Watch(process))
+        stack.callback(process.kill)  # does nothing to one that has ended
+        assert process.stdout
+        for line in process.stdout:
+            watch.heard = time.monotonic()
+            if line.endswith("\n"):
+                yield line
+        status = process.wait()
         if watch.ran_out:
             raise DriverError(status, str(child.overdue(arguments[0], watch.seconds)))
         if status:
@@ -197,6 +143,29 @@ def _child(
             raise DriverError(status, said[-1] if said else f"{arguments[0]}: {how}")
 
 
+class _Watch:
+    """Kills a process that says nothing for child.seconds(). One thread that sleeps: a line costs no more."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.process, self.seconds, self.ran_out = process, child.seconds(), False
+        self.heard = time.monotonic()
+        self.ended = threading.Event()
+
+    def __enter__(self) -> _Watch:
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.ended.set()
+
+    def _watch(self) -> None:
+        while not self.ended.wait(left := self.heard + self.seconds - time.monotonic()):
+            if left <= 0:
+                self.ran_out = True
+                self.process.kill()
+                return
+
+
 def _in_child(cpus: set[int] | None) -> None:
     # Not what this process has: `interleaved` keeps it off the measured CPU; threads would share the others.
     os.sched_setaffinity(0, cpus or USABLE)
@@ -204,7 +173,7 @@ def _in_child(cpus: set[int] | None) -> None:
 
 
 def render(
-    spec: Spec | str,
+    spec: Spec | str | Path,
     scene_path: Path,
     height: int,
     width: int | None = None,
@@ -215,22 +184,22 @@ def render(
     timed: bool = True,
     general: bool | None = None,
     told: Mapping[str, str] | None = None,
+    target: str = "render",
     **options: Any,
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
 
-    Options: aov, display, out, reps, animation (its frames), first_frame, warmup, hit_distance, max_steps,
-    target (render-count …). Not `timed`: for a picture or counts alone; the clocks' rates are 0.
-    `general`: no kernel is generated for the scene; so run all other targets than render. `env_bytes`: as
-    in frames. `told`: variables of its environment.
+    `spec`: or the path of a driver that was built elsewhere. Options: aov, display, out, reps, animation (its
+    frames), first_frame, warmup, hit_distance, max_steps; `target`: render-count … Not `timed`: for a picture
+    or counts alone; the clocks' rates are 0. `general`: no kernel is generated for the scene; so run all
+    other targets than render. `env_bytes`: as in frames. `told`: variables of its environment.
     Raises DriverError(status, message).
     """
-    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
-    if general is None:
-        general = options.get("target", "render") != "render"
-    more = dict(told or {}) | (GENERAL if general else {})
-    text = "".join(_lines(arguments, cpu_set(cpu, threads), env_bytes, timed, more))
-    return _parse(text, arguments[0])
+    options |= {"threads": threads, "target": target}
+    arguments = [*_arguments(spec, scene_path, height, width, **options), "--json"]
+    more = dict(told or {}) | (GENERAL if (target != "render" if general is None else general) else {})
+    said = _lines(arguments, cpu_set(cpu, threads), env_bytes, timed, more)
+    return _parse("".join(said), arguments[0])
 
 
 def frames(
@@ -254,22 +223,9 @@ def frames(
         yield _parse(line, arguments[0])
 
 
-def execute(
-    program: Path,
-    scene_path: Path,
-    height: int,
-    width: int | None = None,
-    *,
-    cpu: int | None = None,
-    env_bytes: int = 0,
-    compiler: str | None = None,
-    **options: Any,
-) -> dict[str, Any]:
-    """As `render`, of a driver that was built elsewhere, by another `compiler` or other flags. What it
-    compiles for a scene is by that compiler, too."""
-    more = {"STEPWISE_CC": compiler} if compiler and os.environ.get("STEPWISE_CC") != "none" else None
-    arguments = [str(program), *_options(scene_path, height, width, **options), "--json"]
-    return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes, more=more)), arguments[0])
+def compiled_by(compiler: str) -> dict[str, str]:
+    """What tells a driver to compile by that compiler what it generates for a scene."""
+    return {} if os.environ.get("STEPWISE_CC") == "none" else {"STEPWISE_CC": compiler}
 
 
 @contextlib.contextmanager

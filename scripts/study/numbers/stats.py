@@ -9,14 +9,14 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
+from scipy.special import bdtr, stdtrit
 
 COVER = 0.95  # of every interval
+PERCENTILES = [2.5, 97.5]
 RESAMPLES = 10_000
 ENOUGH = 6  # launches: of five the least and the greatest hold the true median in 93.75 % of cases only
 
@@ -52,91 +52,51 @@ class Interval:
 UNKNOWN = Interval(math.nan, math.nan, math.nan, 0, False)
 
 
-class By(Enum):
-    """How the ends of an interval are found."""
-
-    ORDER = "between two of the launches (order statistics)"
-    BOOTSTRAP = "by percentile bootstrap"
-    WELCH = "by Welch's method, of the logarithms of the means"
-
-
-@dataclass(frozen=True)
-class Method:
-    """How an interval is made. The functions below compute by it, and the report describes them by it.
-
-    `least`: launches, below which there is no interval. `resamples`: of a bootstrap. `paired`: the launches
-    of one round are drawn together.
-    """
-
-    by: By
-    cover: float = COVER
-    least: int = ENOUGH
-    resamples: int = 0
-    paired: bool = False
-
-    def percentiles(self) -> list[float]:
-        """Of a distribution, around its middle: 2.5 and 97.5 for 95 %."""
-        return [50 * (1 - self.cover), 50 * (1 + self.cover)]
-
-    def text(self) -> str:
-        """The method in a few sentences for the report."""
-        said = f"{100 * self.cover:.3g} % interval {self.by.value}"
-        if self.by is By.BOOTSTRAP:
-            together = "the launches of both programs in one round are drawn together"
-            apart = "the launches of each program are drawn by themselves"
-            said += f"; {self.resamples:,} resamples, in which {together if self.paired else apart}"
-        elif self.by is By.ORDER:
-            few, more = (100 * held_by(rank(n, self.cover), n) for n in (self.least, 10))
-            said += f". It holds the true median in {few:.1f} % of cases at {self.least} launches"
-            said += f" and in {more:.1f} % at 10, whatever the distribution"
-        return f"{said}. Fewer than {self.least} launches: “insufficient”."
+def rank(count: int) -> int:
+    """The greatest k for which the k-th least and the k-th greatest of `count` values hold the true median in
+    95 % of cases or more, whatever their distribution; 0: there is none. At 6 launches they do in 96.9 %."""
+    k = 0
+    while 2 * k < count and held_by(k + 1, count) >= COVER:
+        k += 1
+    return k
 
 
 def held_by(k: int, count: int) -> float:
     """Probability that the k-th least and the k-th greatest of `count` values hold the true median."""
-    return 1 - 2 * sum(math.comb(count, i) for i in range(k)) / 2**count
+    return 1 - 2 * float(bdtr(k - 1, count, 0.5))
 
 
-MEDIAN = Method(By.ORDER)
-RATIO = Method(By.BOOTSTRAP, resamples=RESAMPLES, paired=True)
-MEANS = Method(By.WELCH)
-
-
-def rank(count: int, cover: float = COVER) -> int:
-    """The greatest k for which the k-th least and the k-th greatest of `count` values hold the true median
-
-    with probability `cover` or more, whatever their distribution; 0: there is none. At 6 launches that is
-    96.9 %, at 7 98.4, at 8 99.2 (least and greatest of all), at 9 96.1, at 10 97.9, at 25 95.7.
-    """
-    outside, k = 1, 0  # 2^count times P(Binomial(count, 1/2) <= k), whole: its parts are beyond a float
-    parts = round((1 - cover) * 1_000_000)
-    while 2_000_000 * outside <= parts * 2**count and 2 * k < count:
-        k += 1
-        outside += math.comb(count, k)
-    return k
+def methods() -> dict[str, str]:
+    """How the intervals of medians and of their ratios are made, in sentences for the report."""
+    few, more = (f"{100 * held_by(rank(n), n):.1f} % of cases at {n}" for n in (ENOUGH, 10))
+    order = f"between two of the launches (order statistics). It holds the true median in {few} launches and"
+    order += f" in {more.replace('of cases ', '')}, whatever the distribution."
+    drawn = f"by percentile bootstrap; {RESAMPLES:,} resamples, in which the launches of both programs in one"
+    said = {"median": order, "ratio": f"{drawn} round are drawn together."}
+    least = f"Fewer than {ENOUGH} launches: “insufficient”."
+    return {name: f"{100 * COVER:.3g} % interval {text} {least}" for name, text in said.items()}
 
 
 def median_interval(values: ArrayLike) -> Interval:
     """Median over launches, between two of them. `values`: shape (launches,), any unit. NaN: no launch."""
     values = np.sort(np.asarray(values, float).ravel())
     value = float(np.median(values)) if len(values) else np.nan
-    if len(values) < MEDIAN.least or not np.isfinite(values).all():
+    if len(values) < ENOUGH or not np.isfinite(values).all():
         return Interval(value, np.nan, np.nan, len(values), False)
-    k = rank(len(values), MEDIAN.cover)
+    k = rank(len(values))
     return Interval(value, float(values[k - 1]), float(values[-k]), len(values), True)
 
 
-def of_one_round(base: ArrayLike, other: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(base: ArrayLike, other: ArrayLike, rounds: bool) -> tuple[np.ndarray, np.ndarray]:
     """Places in `base` and in `other` of the launches that were of one round, in its order.
 
     Of two Series their index tells the round (NaN: unknown). Of others launch k of both is of round k, if
-    they are as many.
+    they are as many. None without `rounds`.
     """
-    rounds = [some.index for some in (base, other) if isinstance(some, pd.Series) and not some.index.hasnans]
-    if len(rounds) == 2:
-        mine, others = (np.asarray(index) for index in rounds)
-        return np.intersect1d(mine, others, return_indices=True)[1:]
-    together = np.arange(np.size(base) if np.size(base) == np.size(other) else 0)
+    known = [some.index for some in (base, other) if isinstance(some, pd.Series) and not some.index.hasnans]
+    if rounds and len(known) == 2:
+        return np.intersect1d(*map(np.asarray, known), return_indices=True)[1:]
+    together = np.arange(np.size(base) if rounds and np.size(base) == np.size(other) else 0)
     return together, together
 
 
@@ -149,10 +109,6 @@ def resampled_ratios(
     other has none beside.
     """
     return _resampled(base, other, _pairs(base, other, rounds), random, count)
-
-
-def _pairs(base: ArrayLike, other: ArrayLike, rounds: bool) -> tuple[np.ndarray, np.ndarray]:
-    return of_one_round(base, other) if rounds else (np.arange(0), np.arange(0))
 
 
 def _resampled(
@@ -178,13 +134,12 @@ def _resampled(
 
 @functools.lru_cache(maxsize=1 << 14)
 def _ratio_ends(
-    base: bytes, other: bytes, pairs: tuple[bytes, bytes], seed: int, method: Method
+    base: bytes, other: bytes, pairs: tuple[bytes, bytes], seed: int, count: int
 ) -> tuple[float, float]:
     """Of arrays as their bytes: the chapters of a report ask for the same ratios several times, 5 ms each."""
     times = [np.frombuffer(one) for one in (base, other)]
     places = tuple(np.frombuffer(one, int) for one in pairs)
-    drawn = _resampled(*times, places, np.random.default_rng(seed), method.resamples)
-    low, high = np.percentile(drawn, method.percentiles())
+    low, high = np.percentile(_resampled(*times, places, np.random.default_rng(seed), count), PERCENTILES)
     return float(low), float(high)
 
 
@@ -192,18 +147,15 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
     """median(base) / median(other): the speed-up of `other` when both are times.
 
     `rounds`: they are of one interleaved run, and what slows a round of it slows both: launches of one round
-    (of_one_round) are drawn together if RATIO.paired. Of other runs, and beside a launch that was lost, each
-    by itself.
+    are drawn together. Of other runs, and beside a launch that was lost, each by itself.
     """
     launches = min(np.size(base), np.size(other))
     value = float(np.median(base) / np.median(other)) if launches else np.nan
-    if launches < RATIO.least or not (np.isfinite(base).all() and np.isfinite(other).all()):
+    if launches < ENOUGH or not (np.isfinite(base).all() and np.isfinite(other).all()):
         return Interval(value, np.nan, np.nan, launches, False)
-    first, second = (
-        np.asarray(places, int).tobytes() for places in _pairs(base, other, rounds and RATIO.paired)
-    )
+    first, second = (np.asarray(places, int).tobytes() for places in _pairs(base, other, rounds))
     times = (np.asarray(one, float).tobytes() for one in (base, other))
-    return Interval(value, *_ratio_ends(*times, (first, second), seed, RATIO), launches, True)
+    return Interval(value, *_ratio_ends(*times, (first, second), seed, RESAMPLES), launches, True)
 
 
 def change_interval(
@@ -211,18 +163,18 @@ def change_interval(
 ) -> Interval:
     """The ratio median / median of `after` over that of `before`, two runs, each (of the one, of the other).
 
-    Launches of one round are drawn together (of_one_round), the two runs each by itself: what slows a whole
-    run slows both of its medians.
+    Launches of one round are drawn together, the two runs each by itself: what slows a whole run slows both
+    of its medians.
     """
     both = before, after
     launches = min(np.size(one) for pair in both for one in pair)
     ratios = [float(np.median(one) / np.median(other)) if launches else np.nan for one, other in both]
     value = ratios[1] / ratios[0]
-    if launches < RATIO.least or not all(np.isfinite(one).all() for pair in both for one in pair):
+    if launches < ENOUGH or not all(np.isfinite(one).all() for pair in both for one in pair):
         return Interval(value, np.nan, np.nan, launches, False)
     random = np.random.default_rng(seed)
-    first, second = (resampled_ratios(*pair, random, RATIO.resamples) for pair in both)
-    low, high = np.percentile(second / first, RATIO.percentiles())
+    first, second = (resampled_ratios(*pair, random, RESAMPLES) for pair in both)
+    low, high = np.percentile(second / first, PERCENTILES)
     return Interval(value, float(low), float(high), launches, True)
 
 
@@ -238,10 +190,10 @@ def mean_ratio_interval(many: ArrayLike, few: ArrayLike) -> Interval:
     count = min(map(len, samples))
     means = [some.mean() if count else np.nan for some in samples]
     value = float(means[0] / means[1])
-    if count < MEANS.least or not all(np.isfinite(some).all() for some in samples):
+    if count < ENOUGH or not all(np.isfinite(some).all() for some in samples):
         return Interval(value, np.nan, np.nan, count, False)
     parts = [some.var(ddof=1) / (len(some) * mean**2) for some, mean in zip(samples, means, strict=True)]
     variance = sum(parts)
     shares = sum(p**2 / (len(some) - 1) for p, some in zip(parts, samples, strict=True))
-    wide = stdtrit(variance**2 / shares, (1 + MEANS.cover) / 2) * math.sqrt(variance) if shares > 0 else 0.0
+    wide = stdtrit(variance**2 / shares, (1 + COVER) / 2) * math.sqrt(variance) if shares > 0 else 0.0
     return Interval(value, value * math.exp(-wide), value * math.exp(wide), count, True)

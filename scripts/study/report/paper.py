@@ -124,7 +124,6 @@ def content(
             for text, some in chapters.items()
             if any(some)
         ],
-        "median": stats.MEDIAN.text(),
-        "ratio": stats.RATIO.text(),
+        **stats.methods(),
         "time": (data.context.time or "")[:10],
     }

@@ -69,7 +69,7 @@ def test_a_compiler_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv(child.LIMIT, "0.5")
     with pytest.raises(StudyError, match=r"make: no end after 0.5 s; killed"):
-        build._build.__wrapped__("opt1", "render")
+        build._build.__wrapped__("opt1", "render", "build", ())
     with pytest.raises(StudyError, match=r"build: no end after 0.5 s; killed"):
         build.build_together([(Spec("opt1", "opt1"), "render")], 1)
     assert ends(int((tmp_path / "pid").read_text()))

@@ -102,8 +102,8 @@ def picture(program: Program, scene: Scene, height: int, folder: Path) -> Pictur
     out = folder / f"{program.folder.name}-{program.phase}-{scene.name}-{height}.exr"
     width, _ = scene.size(height)
     try:
-        by = program.compiler
-        run.execute(program.path, scene.path, height, width, aov=True, out=out, compiler=by)
+        by = run.compiled_by(program.compiler)
+        run.render(program.path, scene.path, height, width, aov=True, out=out, told=by)
         return images.read(out)
     except StudyError as error:
         return error
@@ -116,8 +116,8 @@ def measure(
     width, _ = scene.size(height)
 
     def once(program: Program, padding: int) -> float:
-        how = {"cpu": cpu, "env_bytes": padding, "compiler": program.compiler}
-        made = run.execute(program.path, scene.path, height, width, **how)
+        how = {"cpu": cpu, "env_bytes": padding, "told": run.compiled_by(program.compiler)}
+        made = run.render(program.path, scene.path, height, width, **how)
         return float(made["frames"][0]["ns"])
 
     return run.interleaved(programs, launches, seed, cpu, once, f"time {scene.name}")
