@@ -95,7 +95,8 @@ def _pairs(base: ArrayLike, other: ArrayLike, rounds: bool) -> tuple[np.ndarray,
     """
     known = [some.index for some in (base, other) if isinstance(some, pd.Series) and not some.index.hasnans]
     if rounds and len(known) == 2:
-        return np.intersect1d(*map(np.asarray, known), return_indices=True)[1:]
+        mine, others = map(np.asarray, known)
+        return np.intersect1d(mine, others, return_indices=True)[1:]
     together = np.arange(np.size(base) if rounds and np.size(base) == np.size(other) else 0)
     return together, together
 
