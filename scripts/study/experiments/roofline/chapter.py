@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from study.bounds import ceilings_tables, roof
+from collections.abc import Iterable
+
+from study.bounds import roof
+from study.bounds.ceilings import Ceilings
+from study.bounds.ceilings_tables import BANDWIDTH, COMPUTE, grid
+from study.bounds.roof_shares import clocks
 from study.core import show
 from study.experiments.roofline import figures, tables
 from study.experiments.section import Part, Section, part, reading
@@ -11,49 +16,37 @@ from study.numbers.analysis import Data
 
 def roofline(data: Data) -> Section:
     """Ceilings, Tables 5 and 6, the share of each roof."""
-    parts: list[Part] = []
-    drawn, answer = {}, ""
-    both = f"{data.path / 'counts.json'} or ceilings.json"
+    counts, again = data.path / roof.COUNTS, f"--run {data.path}"
     with reading(
-        both, f"scripts/stepwise flops --run {data.path} or scripts/stepwise ceilings --run {data.path}"
+        f"{counts} or ceilings.json", f"scripts/stepwise flops {again} or scripts/stepwise ceilings {again}"
     ):
-        found, limits, notes = roof.read(data.path, strict=False)
-        points = roof.points(data, found, limits)
-        notes = [*roof.remarks(points), *notes]
-        if points:
-            for name, title in (
-                ("table5", "Table 5: performance of baseline"),
-                ("table6", "Table 6: of the optimised phases"),
-            ):
-                rows = [one for one in points if one.section == name]
-                parts += part(name, title, rows, tables.PERFORMANCE)
-            drawn = figures.drawings(data, points, limits)
-            if limits:
-                caption = "Share of each roof, at the largest size that was timed and counted"
-                rows = roof.headline(points)
-                foot = "\n".join(tables.of_roofs(rows, limits))
-                parts += part("roofline", caption, rows, tables.POINTS, foot)
-                answer = _answer(rows)
-        if limits:
-            caption = "What one core does at best: flop per core cycle, best sample and median"
-            parts += part(
-                "ceilings", caption, ceilings_tables.grid(limits, "precision"), ceilings_tables.COMPUTE
-            )
-            caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
-            parts += part(
-                "bandwidth", caption, ceilings_tables.grid(limits, "level"), ceilings_tables.BANDWIDTH
-            )
-    return Section(
-        "roofline",
-        "Roofline",
-        "make roofline",
-        parts,
-        notes if parts else [],
-        answer=answer,
-        file=data.path / "counts.json",
-        script="scripts/stepwise roofline",
-        drawn=drawn,
-    )
+        counted, limits, notes = roof.read(data.path, strict=False)
+        points = roof.points(data, counted, limits)
+        return made(data, points, limits, notes)
+
+
+def made(data: Data, points: list[roof.Point], limits: Ceilings | None, notes: Iterable[str] = ()) -> Section:
+    """Of these points and ceilings."""
+    parts: list[Part] = []
+    answer = ""
+    for name, title in (("table5", "performance of baseline"), ("table6", "of the optimised phases")):
+        rows = [one for one in points if one.section == name]
+        parts += part(name, f"Table {name[-1]}: {title}", rows, tables.PERFORMANCE)
+    if points and limits:
+        caption = "Share of each roof, at the largest size that was timed and counted"
+        rows = roof.headline(points)
+        foot = "\n".join([*clocks(rows), *limits.remarks()])
+        parts += part("roofline", caption, rows, tables.POINTS, foot)
+        answer = _answer(rows)
+    if limits:
+        caption = "What one core does at best: flop per core cycle, best sample and median"
+        parts += part("ceilings", caption, grid(limits, "precision"), COMPUTE)
+        caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
+        parts += part("bandwidth", caption, grid(limits, "level"), BANDWIDTH)
+    told = {"file": data.path / roof.COUNTS, "script": "scripts/stepwise roofline"}
+    told |= {"answer": answer, "drawn": figures.drawings(data, points, limits)}
+    remarks = [*roof.remarks(points), *notes] if parts else []
+    return Section("roofline", "Roofline", "make roofline", parts, remarks, **told)
 
 
 def _answer(points: list[roof.Point]) -> str:

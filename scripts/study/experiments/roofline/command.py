@@ -8,8 +8,7 @@ from study.bounds import roof
 from study.core import cli, table_files
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
-from study.experiments.roofline import figures
-from study.experiments.roofline.tables import tables
+from study.experiments.roofline import chapter
 from study.numbers import analysis
 
 
@@ -24,11 +23,10 @@ def measure(args: argparse.Namespace) -> Outcome:
     if not points:
         again = f"run scripts/stepwise flops --measure --run {data.path}"
         raise StudyError(f"{data.path / roof.COUNTS}: no counts of what was timed; {again}")
-    out = args.out or data.path
+    found, out = chapter.made(data, points, limits), args.out or data.path
+    made = {part.name: (part.frame, part.markdown) for part in found.parts}
+    files = [*running.draw(out, found.drawn), *table_files.write(made, out / "tables")]
     remarks = [*roof.remarks(roof.headline(points)), *(limits.remarks() if limits else [])]
-    made = tables(points, limits)
-    files = running.draw(out, figures.drawings(data, points, limits))
-    files += table_files.write(made, out / "tables")
     ceilings = limits.ceilings if limits else []
-    result = {"ceilings": ceilings, "points": points, "remarks": roof.remarks(points), "files": files}
+    result = {"ceilings": ceilings, "points": points, "remarks": found.remarks, "files": files}
     return Outcome(result, [made["roofline"][1], *files], data.path, remarks)

@@ -1,16 +1,11 @@
-"""The roofline as tables: shares of roofs (Tables 5 and 6), points, ceilings."""
+"""Columns of the roofline: shares of roofs (Tables 5 and 6), points."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
 
-import pandas as pd
-
-from study.bounds.ceilings import Ceiling, Ceilings
-from study.bounds.ceilings_tables import BANDWIDTH, COMPUTE, grid
-from study.bounds.roof import Point, headline, remarks
-from study.bounds.roof_shares import NEAREST, clocks
+from study.bounds.roof import Point
+from study.bounds.roof_shares import NEAREST
 from study.core import show
 from study.core.show import Column, interval, number, percent, plain, whole, word
 
@@ -102,41 +97,3 @@ POINTS = [
     Column("the lower of its operations' and L1's", "set by", word("least_bound")),
     Column("", "counted by", counted_by),
 ]
-
-
-def _with_peak(limits: Ceilings, one: Ceiling) -> dict[str, object]:
-    """A ceiling's figures and, of arithmetic, the most that the ports allow; null where that is not known."""
-    found = {name: value for name, value in show.cells(one).items() if value is not None or name == "value"}
-    peak = limits.peak(one)
-    return found if one.precision is None else {**found, "peak": None if math.isnan(peak) else peak}
-
-
-def _without_section(points: Iterable[Point]) -> pd.DataFrame:
-    return pd.DataFrame(points).drop(columns="section")
-
-
-def of_roofs(points: Sequence[Point], limits: Ceilings | None) -> list[str]:
-    """What must be known of the roofs themselves: the clock, and ceilings that were disturbed."""
-    return [*clocks(points), *limits.remarks()] if limits else []
-
-
-def _text(rows: Sequence[object], columns: Sequence[Column], said: Iterable[str]) -> str:
-    return show.markdown(show.table(rows, columns)) + "".join(f"\n{line}\n" for line in said)
-
-
-def tables(points: Sequence[Point], limits: Ceilings | None) -> dict[str, tuple[pd.DataFrame, str]]:
-    """Name of a file → its data and its Markdown, as tables.make has them."""
-    made = {}
-    for name in ("table5", "table6"):
-        if part := [one for one in points if one.section == name]:
-            made[name] = _without_section(part), _text(part, PERFORMANCE, remarks(part))
-    if limits and points:
-        shown = headline(points)
-        said = [*remarks(shown), *of_roofs(shown, limits)]
-        made["roofline"] = _without_section(points), _text(shown, POINTS, said)
-    if limits:
-        for name, by, columns in (("ceilings", "precision", COMPUTE), ("bandwidth", "level", BANDWIDTH)):
-            rows = [_with_peak(limits, one) for one in limits.ceilings if getattr(one, by)]
-            said = limits.remarks() if by == "precision" else []
-            made[name] = pd.DataFrame(rows), _text(grid(limits, by), columns, said)
-    return made
