@@ -70,16 +70,13 @@ class Beside(Record, kw_only=True, omit_defaults=True):
 
 
 class Split(Record, kw_only=True, omit_defaults=True):
-    """Shares of the cycles, or of the slots; of a model without front end and speculation."""
+    """Shares of the cycles, by a model without front end and speculation."""
 
     retiring: Annotated[float | None, key("share", "at work")] = None
     memory: Annotated[float | None, key("share", "waiting for memory")] = None
     core: Annotated[float | None, key("share", "waiting for ports and results")] = None
     ports: Annotated[float | None, key("share", "of core: for ports")] = None
     dependencies: Annotated[float | None, key("share", "of core: for results")] = None
-    front_end: Annotated[float | None, key("share", "waiting for instructions, by the PMU")] = None
-    bad_speculation: Annotated[float | None, key("share", "lost, by the PMU")] = None
-    back_end: Annotated[float | None, key("share", "memory and core, by the PMU")] = None
 
 
 class Mca(Record, kw_only=True):
@@ -119,20 +116,19 @@ class Region(Record, kw_only=True, omit_defaults=True):
 
 
 class Bound(Record, kw_only=True, omit_defaults=True):
-    """What bounds a phase on a scene: a model of its hot regions, or the PMU's top-down split."""
+    """What bounds a phase on a scene: a model of its hot regions."""
 
     phase: Annotated[str, key("", "its name")]
     flags_from: Annotated[str, key("", "the phase whose compiler flags built it")]
     scene: Annotated[str, key("", "its name")]
     width: Annotated[int, key("pixels", "of the picture")]
     height: Annotated[int, key("pixels", "of the picture")]
-    by: Annotated[str, key("", "`model`, or `pmu`")]
+    by: Annotated[str, key("", "`model`")]
     processor: Annotated[str | None, key("", "that it is of")] = None
     model: Annotated[str | None, key("", "program, version and processor modelled")] = None
     remark: Annotated[str | None, key("", "what limits it")] = None
     covered: Annotated[float | None, key("share", "of the samples in regions that are modelled")] = None
     split: Annotated[Split | None, key("share", "of the cycles, by what they went to")] = None
-    modelled_split: Annotated[Split | None, key("share", "by the model, beside the PMU's")] = None
     cpu_ns: Annotated[float, key("ns", "of a frame in which the process ran")]
     samples: Annotated[int | None, key("samples", "of frames")] = None
     compared: Annotated[Compared | None, key("core cycles", "modelled beside measured")] = None

@@ -1,4 +1,4 @@
-"""What bounds the hot code: Table 3 of the paper, a top-down split by the PMU where there is one, or a model.
+"""What bounds the hot code: Table 3 of the paper, a top-down split by a model.
 
 The model takes the regions of the shipped code that samples fall into (innermost loops, and what is in no
 loop, per function: bounds.regions), and asks llvm-mca (bounds.mca) what their instructions need.
@@ -18,20 +18,7 @@ from study.bounds.regions import LEAST, assembly, regions
 from study.bounds.schema import Bound, Compared, Profiled, Region, Split
 from study.core import machine
 from study.core.cli import StudyError
-from study.core.registry import Scene, Spec
-from study.counting import pmu
 from study.counting.elf import Program
-
-
-def topdown(spec: Spec, scene: Scene, height: int) -> tuple[Split, str] | None:
-    """The split by the PMU where there is one: shares of the pipeline's slots, and a remark."""
-    if pmu.missing():
-        return None
-    reading = pmu.read_frame(spec, scene, height)
-    if not reading.topdown:
-        return None
-    shares = {name: share for name, share in reading.topdown.items() if name in Split.__struct_fields__}
-    return Split(**shares), f"PMU: {reading.remark}"
 
 
 def _modelled_regions(

@@ -1,6 +1,6 @@
 """Counts by the processor's own counters, as perf stat reads them, where the kernel offers them.
 
-Events and formulas of each microarchitecture are in events/NAME.json, with where they are from.
+Events of each microarchitecture are in events/NAME.json, with where they are from.
 
 What is counted is a process, not the timed region. So the same picture is rendered with 1 and with 3
 frames, and half the difference is a frame: start, scene and set-up fall out. What the driver does around
@@ -16,10 +16,7 @@ from __future__ import annotations
 
 import csv
 import functools
-import math
-import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -28,14 +25,13 @@ from study.core import machine, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import Scene, Spec, cpu_flags
-from study.core.run import GENERAL, _arguments, cpu_set, environment, render
+from study.core.run import GENERAL, _arguments, environment, render
 from study.counting import backend, perf
 from study.counting.counts import Counts
 from study.counting.schema import Measurement
 
 FOLDER = Path(__file__).with_name("events")
 FEW, MANY = 1, 3  # frames, whose difference is measured
-ADDS = "FLOPs, cycles and a top-down split by hardware"
 
 
 class Event(msgspec.Struct):
@@ -47,34 +43,14 @@ class Event(msgspec.Struct):
 
 
 class Flop(msgspec.Struct):
-    """`lanes`: a formula of events."""
+    """`lanes`: operations for each count of the event."""
 
     kind: str
     precision: str
     bits: int
-    lanes: str
+    event: str
+    lanes: float
     needs: str = ""
-
-
-_SHARES = {
-    "bad_speculation": "bad speculation",
-    "front_end": "front-end bound",
-    "back_end": "back-end bound",
-    "other": "the other thread",
-}
-
-
-class Topdown(msgspec.Struct, rename=_SHARES):
-    """Formulas of the shares of the slots. `together`: its events are read in one group or not at all."""
-
-    source: str
-    together: bool
-    slots: str
-    retiring: str
-    bad_speculation: str
-    front_end: str
-    back_end: str
-    other: str | None = None
 
 
 class Events(msgspec.Struct, forbid_unknown_fields=True):
@@ -86,39 +62,6 @@ class Events(msgspec.Struct, forbid_unknown_fields=True):
     events: dict[str, Event]
     groups: list[list[str]]
     flops: list[Flop]
-    topdown: Topdown | None
-
-
-@dataclass(frozen=True)
-class Line:
-    """One event of perf's output. `value` is perf's, scaled to the whole run; `enabled`: share of it, %."""
-
-    event: str
-    value: float
-    enabled: float
-
-
-@dataclass(frozen=True)
-class Reading:
-    """A frame by the counters. `topdown`: shares of the slots; `scaled`: events that shared a counter."""
-
-    measured: Measurement
-    topdown: dict[str, float] | None
-    events: dict[str, float]
-    scaled: list[str]
-
-    @property
-    def remark(self) -> str:
-        flagged = f"; scaled, counters were shared: {', '.join(self.scaled)}" if self.scaled else ""
-        return f"not yet validated on a machine with counters{flagged}"
-
-
-def evaluate(formula: str, values: Mapping[str, float]) -> float:
-    """Of events and numbers; NaN for a quotient over nothing."""
-    try:
-        return float(eval(formula, {"__builtins__": {}}, dict(values)))  # of this package's own files
-    except ZeroDivisionError:
-        return math.nan
 
 
 @functools.cache
@@ -142,14 +85,15 @@ def events_for(microarchitecture: str | None) -> Events:
 def missing() -> str | None:
     """None, or why hardware counters cannot be read here, in one line."""
     try:
-        _stat(["true"], ["instructions", "cycles"], events_for(machine.cpu()["microarchitecture"]), None)
+        _stat(["true"], ["instructions", "cycles"], events_for(machine.cpu()["microarchitecture"]))
     except StudyError as error:
-        return f"no hardware counters here; they would add {ADDS} ({error})"
+        return f"no hardware counters here; they would add FLOPs and instructions by hardware ({error})"
     return None
 
 
-def parse(text: str, names: Sequence[str]) -> dict[str, Line]:
-    """Output of `perf stat -x ';'` of the events `names`, in that order (perf-stat(1), CSV FORMAT).
+def parse(text: str, names: Sequence[str]) -> dict[str, float]:
+    """Output of `perf stat -x ';'` of the events `names`, in that order (perf-stat(1), CSV FORMAT): values,
+    scaled to the whole run where events shared a counter.
 
     StudyError for an event that is not supported or was not counted, and for other text.
     """
@@ -157,97 +101,63 @@ def parse(text: str, names: Sequence[str]) -> dict[str, Line]:
     if len(fields) != len(names):
         raise StudyError(f"perf stat: {len(fields)} events, {len(names)} were asked for")
     found = {}
-    for name, (value, _, event, _, share, *_) in zip(names, fields, strict=True):
+    for name, (value, _, event, *_) in zip(names, fields, strict=True):
         if value.startswith("<not"):
             cannot = CANNOT_RUN if "supported" in value else 2
             raise StudyError(f"perf stat: {event} was {value.strip('<>')}", cannot)
         try:
-            found[name] = Line(event, float(value), float(share))
+            found[name] = float(value)
         except ValueError:
-            raise StudyError(f"perf stat: {event}: no number: {value[:40]!r}, {share[:40]!r}") from None
+            raise StudyError(f"perf stat: {event}: no number: {value[:40]!r}") from None
     return found
 
 
-def _stat(command: list[str], names: Sequence[str], events: Events, cpus: set[int] | None) -> dict[str, Line]:
-    asked = ",".join(events.events[name].perf for name in names)
-    if events.topdown and events.topdown.together and events.topdown.slots in names:
-        asked = f"{{{asked}}}:u"
+def _stat(command: list[str], names: Sequence[str], events: Events) -> dict[str, float]:
     program = perf.program()
     if not program:
-        raise StudyError(
-            "perf is missing (apt install linux-perf, on Ubuntu linux-tools-generic)", CANNOT_RUN
-        )
+        raise StudyError("perf is missing (apt install linux-perf, Ubuntu: linux-tools-generic)", CANNOT_RUN)
     with temporary.folder(prefix="stepwise-perf-") as folder:
-        out = folder / "perf.csv"
+        out, asked = folder / "perf.csv", ",".join(events.events[name].perf for name in names)
         done = child.run(
             [program, "stat", "-x", ";", "-o", str(out), "-e", asked, "--", *command],
             capture_output=True,
             text=True,
             errors="replace",
             env=environment(more=GENERAL | {"LC_ALL": "C"}),
-            preexec_fn=(lambda: os.sched_setaffinity(0, cpus)) if cpus else None,
         )
         if done.returncode:
             said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-            if lacking := perf.forbidden():
-                raise StudyError(lacking, CANNOT_RUN)
-            raise StudyError(f"perf stat: {(said or [f'exit status {done.returncode}'])[-1]}", CANNOT_RUN)
+            last = (said or [f"exit status {done.returncode}"])[-1]
+            raise StudyError(perf.forbidden() or f"perf stat: {last}", CANNOT_RUN)
         return parse(out.read_text(encoding="utf-8"), names)
 
 
-def difference(few: Mapping[str, Line], many: Mapping[str, Line]) -> dict[str, float]:
-    """Per frame: what MANY frames count more than FEW, over the frames between."""
-    return {name: (many[name].value - line.value) / (MANY - FEW) for name, line in few.items()}
-
-
-def read_frame(
-    spec: Spec, scene: Scene, height: int, variant: str = "shipped", cpu: int | None = None
-) -> Reading:
-    """One frame by the counters of this machine; `cpu`: pinned to it. StudyError if it has none."""
-    events, pinned = events_for(machine.cpu()["microarchitecture"]), cpu_set(cpu, 1)
+def measure(spec: Spec, scene: Scene, height: int, variant: str = "shipped") -> Measurement:
+    """One frame by the counters of this machine; StudyError if it has none. `total` holds libm and libc too,
+    and no bytes; `functions` is empty."""
+    events, flags = events_for(machine.cpu()["microarchitecture"]), {"", *cpu_flags()}
     target, (wide, high) = backend.TARGETS[variant], scene.size(height)
-    values: dict[str, float] = {}
-    scaled: dict[str, None] = {}
-    for group in events.groups:
-        names = [name for name in group if events.events[name].needs in {"", *cpu_flags()}]
-        frame, driver = (
-            [
-                _stat(
-                    _arguments(spec, scene.path.resolve(), *size, reps=reps, target=target),
-                    names,
-                    events,
-                    pinned,
-                )
-                for reps in (FEW, MANY)
-            ]
-            for size in ((high, wide), (1, 1))
+
+    def a_frame(names: list[str], *size: int) -> dict[str, float]:
+        """Per frame: what MANY frames count more than FEW, over the frames between."""
+        few, many = (
+            _stat(_arguments(spec, scene.path.resolve(), *size, reps=reps, target=target), names, events)
+            for reps in (FEW, MANY)
         )
-        scaled |= {name: None for run in frame + driver for name, line in run.items() if line.enabled < 100}
-        whole, empty = difference(*frame), difference(*driver)
-        for name in names:
-            values.setdefault(name, max(whole[name] - empty[name], 0))
+        return {name: (many[name] - few[name]) / (MANY - FEW) for name in names}
+
+    values: dict[str, float] = {}
+    for group in events.groups:
+        names = [name for name in group if events.events[name].needs in flags]
+        whole, empty = a_frame(names, high, wide), a_frame(names, 1, 1)
+        values = {name: max(whole[name] - empty[name], 0) for name in names} | values
     total = Counts(instructions=round(values["instructions"]))
     for one in events.flops:
-        if one.needs in {"", *cpu_flags()}:
-            total.lanes[one.kind, one.precision, one.bits] += round(evaluate(one.lanes, values))
+        if one.needs in flags:
+            total.lanes[one.kind, one.precision, one.bits] += round(one.lanes * values[one.event])
     total.lanes = +total.lanes
     if not total.machine or not total.instructions:
         text = "the counters read 0 FLOPs or instructions: this (virtual) machine only pretends to have them"
         raise StudyError(text, CANNOT_RUN)
     printed = render(spec, scene.path, high, wide, target=target, general=True)
-    made = backend.measurement("pmu", variant, printed, total)
-    return Reading(made, shares(events.topdown, values), values, list(scaled))
-
-
-def shares(topdown: Topdown | None, values: Mapping[str, float]) -> dict[str, float] | None:
-    """The top-down split, by its fields."""
-    if topdown is None:
-        return None
-    names = ("retiring", "bad_speculation", "front_end", "back_end", "other")
-    formulas = {name: getattr(topdown, name) for name in names}
-    return {name: evaluate(formula, values) for name, formula in formulas.items() if formula}
-
-
-def measure(spec: Spec, scene: Scene, height: int, variant: str = "shipped") -> Measurement:
-    """`read_frame`'s counts. `total` holds libm and libc too, and no bytes; `functions` is empty."""
-    return read_frame(spec, scene, height, variant).measured
+    return backend.measurement("pmu", variant, printed, total)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from study.core import machine
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, find_scene
 from study.counting import pmu
-from study.counting.pmu import Topdown
 
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "perf"
 OPT3, SCENE = Spec("opt3", "opt3"), find_scene("scene0")
@@ -20,15 +18,12 @@ OPT3, SCENE = Spec("opt3", "opt3"), find_scene("scene0")
 
 def test_recorded_software_events() -> None:
     found = pmu.parse((FIXTURES / "software.csv").read_text(), ["clock", "faults", "switches"])
-    assert found["clock"].value == 26.15 and found["faults"].value == 109
-    assert all(line.enabled == 100 for line in found.values())
+    assert found["clock"] == 26.15 and found["faults"] == 109
 
 
 def test_documented_hardware_events() -> None:
     names = ["instructions", "cycles", "fp_scalar_double", "fp_scalar_single"]
-    found = pmu.parse((FIXTURES / "hardware.csv").read_text(), names)
-    assert found["instructions"].value == 1.2e9
-    assert [name for name, line in found.items() if line.enabled < 100] == ["fp_scalar_double"]
+    assert pmu.parse((FIXTURES / "hardware.csv").read_text(), names)["instructions"] == 1.2e9
 
 
 @pytest.mark.parametrize(
@@ -48,21 +43,17 @@ def test_output_that_cannot_be_used(text: str, said: str, status: int) -> None:
 
 
 def test_every_events_file() -> None:
-    """Groups and formulas name its events, groups fit the counters, no microarchitecture has two files."""
+    """Groups and FLOPs name its events, groups fit the counters, no microarchitecture has two files."""
     families = {*machine.INTEL, *machine.AMD, "Cascade Lake", "Cooper Lake"}
     names = [name for one in pmu.every() for name in one.microarchitectures]
     assert len(names) == len(set(names)) >= 15 and set(names) <= families
     for one in pmu.every():
-        assert (
-            {name for group in one.groups for name in group}
-            == one.events.keys()
-            >= {"instructions", "cycles"}
-        )
+        counted = {"instructions", "cycles"}
+        assert {name for group in one.groups for name in group} == one.events.keys()
+        assert {flop.event for flop in one.flops} | counted == one.events.keys()
         for group in one.groups:  # with two hardware threads an Intel core has four that are free
-            assert len([name for name in group if name not in ("instructions", "cycles", "slots")]) <= 4
+            assert len(set(group) - counted) <= 4
         assert len({event.perf for event in one.events.values()}) == len(one.events)
-        ones = dict.fromkeys(one.events, 1.0)
-        assert all(pmu.evaluate(flop.lanes, ones) > 0 for flop in one.flops)
 
 
 def test_a_processor_without_events_is_named() -> None:
@@ -77,34 +68,8 @@ def test_intel_flops(name: str) -> None:
     """Each event is weighted by the lanes of its width, and an FMA, counted twice by it, by nothing more."""
     for one in pmu.events_for(name).flops:
         element = {"single": 32, "double": 64}[one.precision]
-        event = f"fp_{'scalar' if one.bits == element else f'{one.bits}b'}_{one.precision}"
-        assert pmu.evaluate(one.lanes, {event: 7.0}) == 7 * one.bits // element and one.kind == "any"
-
-
-MADE = {"retiring": 0.4, "bad_speculation": 0.1, "front_end": 0.2, "back_end": 0.3}
-
-
-@pytest.mark.parametrize(("name", "width"), [("Skylake", 4), ("Ice Lake", 4), ("Zen 4", 6), ("Zen 5", 8)])
-def test_topdown_adds_up(name: str, width: int) -> None:
-    """Level one of a made-up run is what its slots were made of, and leaves nothing out."""
-    slots, other = width * 1000.0, 0.05
-    made = {
-        **{"cycles": 1000.0, "slots": slots, "recovery_cycles": 10.0},
-        **{"topdown_retiring": 0.4 * slots, "topdown_bad_spec": 0.1 * slots},
-        **{"topdown_fe_bound": 0.2 * slots, "topdown_be_bound": 0.3 * slots},
-        **{"retire_slots": 0.4 * slots, "uops_issued": 0.5 * slots - width * 10},
-        **{"uops_not_delivered": 0.2 * slots, "retired": 0.4 * slots, "dispatched": 0.5 * slots},
-        **{"no_ops": 0.2 * slots, "backend_stalls": 0.25 * slots, "smt_contention": other * slots},
-    }
-    topdown = pmu.events_for(name).topdown
-    assert isinstance(topdown, Topdown) and pmu.evaluate(topdown.slots, made) == slots
-    expected = MADE if topdown.other is None else MADE | {"back_end": 0.25, "other": other}
-    assert pmu.shares(topdown, made) == pytest.approx(expected, abs=1e-12)
-
-
-def test_formulas() -> None:
-    assert pmu.evaluate("(a - 2 * b) / 4", {"a": 10, "b": 1}) == 2
-    assert math.isnan(pmu.evaluate("a / b", {"a": 1, "b": 0}))
+        assert one.event == f"fp_{'scalar' if one.bits == element else f'{one.bits}b'}_{one.precision}"
+        assert one.lanes == one.bits // element and one.kind == "any"
 
 
 def stand_in(folder: Path, body: str) -> None:
@@ -138,8 +103,7 @@ pixels = 1 if one else 21 * 12
 for number, event in enumerate(events, 1):
     per_pixel = 1000 * (sum(map(ord, event)) % 97 + 1)
     value = 777 + reps * (50000 + per_pixel * pixels)
-    share = 60 if '0x10' in event and not one else 100
-    print(f'{value};;{event};{10**9};{share:.2f};;', file=out)
+    print(f'{value};;{event};{10**9};100.00;;', file=out)
 """
 
 
@@ -147,16 +111,14 @@ for number, event in enumerate(events, 1):
 def test_a_frame(ice_lake: Path) -> None:
     """Start and the driver's work per frame fall out: what is left is 251 of 252 pixels of each event."""
     stand_in(ice_lake, COUNTER)
-    found = pmu.read_frame(OPT3, SCENE, 12)
+    found = pmu.measure(OPT3, SCENE, 12)
     events = pmu.events_for("Ice Lake").events
     wanted = {name: 1000 * (sum(map(ord, one.perf)) % 97 + 1) * (21 * 12 - 1) for name, one in events.items()}
-    assert found.events == wanted and found.scaled == ["fp_256b_double"]
-    lanes = {(one.precision, one.bits): one.lanes for one in found.measured.total.operations}
+    lanes = {(one.precision, one.bits): one.lanes for one in found.total.operations}
     assert lanes["double", 256] == 4 * wanted["fp_256b_double"]
     assert lanes["single", 512] == 16 * wanted["fp_512b_single"]
-    assert found.measured.total.instructions == wanted["instructions"]
-    assert found.measured.calibrated is None and found.measured.size == (21, 12)
-    assert found.topdown and found.topdown["retiring"] == wanted["topdown_retiring"] / wanted["slots"]
+    assert found.total.instructions == wanted["instructions"]
+    assert found.calibrated is None and found.size == (21, 12)
 
 
 def test_what_is_counted_has_its_clocks_and_the_general_code(
@@ -181,8 +143,8 @@ def test_a_perf_that_refuses(ice_lake: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_counters_that_stand_still(ice_lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def nothing(_: object, names: list[str], *__: object) -> dict[str, pmu.Line]:
-        return {name: pmu.Line(name, 0, 100) for name in names}
+    def nothing(_: object, names: list[str], *__: object) -> dict[str, float]:
+        return dict.fromkeys(names, 0.0)
 
     monkeypatch.setattr(pmu, "_arguments", lambda *_, **__: [])
     monkeypatch.setattr(pmu, "_stat", nothing)

@@ -27,7 +27,7 @@ def rows(record: Hotspots) -> list[Row]:
         made.append(
             {
                 "what": f"{one.spec}, {show.picture(one)}",
-                "by": "PMU" if one.by == "pmu" else f"model: {one.model or 'none'}",
+                "by": f"model: {one.model or 'none'}",
                 "milliseconds": one.cpu_ns / 1e6,
                 "covered": one.covered,
                 **_shares(one.split),

@@ -62,17 +62,10 @@ def lanes(spec: Spec, scene: Scene, height: int) -> dict[str, float | None]:
 
 
 def bound(spec: Spec, scene: Scene, height: int, sampled: Sampled) -> Bound:
-    """One row of Table 3 and its regions: by the PMU where it can, else by the model."""
+    """One row of Table 3 and its regions, by the model."""
     folder = ROOT / "build" / str(spec)
     built = elf.read(folder / profiles.TARGETS["shipped"], folder / profiles.OBJECTS["shipped"])
-    made = topdown.model(sampled, built, instructions(spec, scene, height, "shipped"), say)
-    try:
-        if by_pmu := topdown.topdown(spec, scene, height):
-            made.by, made.modelled_split = "pmu", made.split
-            made.split, made.remark = by_pmu
-    except StudyError as error:
-        say(f"no top-down split by the PMU: {error}")
-    return made
+    return topdown.model(sampled, built, instructions(spec, scene, height, "shipped"), say)
 
 
 def add(record: Hotspots, spec: Spec, scene: Scene, args: argparse.Namespace) -> None:
