@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import pytest
 
 from study.core import cli, commands, show, store
 from study.core.run_schema import Context, Cpu
-from study.experiments.functions import chapter, edge_tables, figures, tables
+from study.experiments.functions import edge_tables, experiment, figures, tables
 from study.experiments.functions import measure as functions
 from study.experiments.functions.schema import FILE, Edge, Entry, Functions, Table
 from study.measuring import function_bench
@@ -75,7 +76,7 @@ def test_what_is_missing_is_said_once() -> None:
 
 def test_edges_show_only_who_differs_and_where(tmp_path: Path) -> None:
     store.write_json(tmp_path / FILE, cli.plain(result(LIBM, NEAR, NARROW, TRICK)))
-    parts = {part.name: part for part in chapter.approximations(tmp_path).parts}
+    parts = {part.name: part for part in experiment.section(SimpleNamespace(path=tmp_path)).parts}
     table = parts["functions-edges"].table
     assert [column.name for column in table.columns[2:]] == ["0", "−1"]  # ∞: all agree
     assert [[text for text, _ in row[1:]] for row in table.cells] == [
@@ -85,7 +86,7 @@ def test_edges_show_only_who_differs_and_where(tmp_path: Path) -> None:
     ]
     marks = [["bad" in mark.split() for _, mark in row[2:]] for row in table.cells]
     assert marks == [[False, False], [True, False], [True, True]]
-    assert "1 of 4" in parts["functions-edges"].foot
+    assert "1 of 4" in parts["functions-edges"].caption
     assert parts["rsqrt"].table.cells[0][1][0] == "Example CPU; Example Inc, family 6, model 7, stepping 2"
     alone = result(LIBM)
     assert all(edge_tables.rows(alone, of) == [] for of in edge_tables.TABLES.values())
@@ -113,7 +114,7 @@ def test_the_command_and_its_chapter(tmp_path: Path) -> None:
     drawn = {f.name for f in (tmp_path / "figures").iterdir()}
     assert drawn == {f"{name}.{kind}" for name in names for kind in ("svg", "png")}
     assert all(r.ns("stream_ns") > 0 and r.edges for r in found.entries if not r.missing)
-    parts = {part.name: part.markdown for part in chapter.approximations(tmp_path).parts}
+    parts = {part.name: part.markdown for part in experiment.section(SimpleNamespace(path=tmp_path)).parts}
     assert all(tables.TITLES[function] in parts["functions"] for function in functions.FUNCTIONS)
     assert "[1.175e-38, 3.403e+38]" in parts["functions-targets"]
     assert parts["normalise"].count("SSE") >= 3 and "18.35×" in parts["normalise"]

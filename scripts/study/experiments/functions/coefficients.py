@@ -15,87 +15,47 @@ functions" (1980): with a fused multiply-add each part may fill its format.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable
 
-from mpmath import asin, atan, chebyfit, cos, factorial, mp, mpf, nstr, pi, sin, sqrt, tan
+from mpmath import asin, atan, chebyfit, cos, mp, mpf, nstr, pi, sin, sqrt, tan
 
 from study.core.registry import ROOT
 
 FILE = ROOT / "common" / "functions" / "coefficients.h"
-TERMS = {"SIN": (3, 6), "COS": (3, 6), "ATAN": (5, 12), "ASIN": (5, 12)}  # float, double
-DIGITS = (11, 20)
-BITS = (24, 53)
 SMALL = mpf(10) ** -16  # below it the quotients lose their digits: the limit and its slope are exact enough
+KINDS = {  # P by its quotient of r = √u and u; its limit at 0 and slope; the range's end in u; terms
+    "SIN": (lambda r, u: (sin(r) - r) / (r * u), (-6, 120), lambda: (pi / 4) ** 2, (3, 6)),
+    "COS": (lambda r, u: (cos(r) - 1 + u / 2) / (u * u), (24, -720), lambda: (pi / 4) ** 2, (3, 6)),
+    "ATAN": (lambda r, u: (atan(r) - r) / (r * u), (-3, 5), lambda: tan(pi / 8) ** 2, (5, 12)),
+    "ASIN": (lambda r, u: (asin(r) - r) / (r * u), (6, mpf(40) / 3), lambda: mpf(1) / 4, (5, 12)),
+}
+FORMATS = (("#if !DOUBLE", "f", 11, 24), ("#else", "", 20, 53))  # guard, suffix, digits, bits
 
 
-def _tail(near: Callable[[mpf], mpf], quotient: Callable[[mpf, mpf], mpf]) -> Callable[[mpf], mpf]:
-    """P(u) by its quotient of r = √u and u, and by `near`(u) at 0."""
-    return lambda u: quotient(sqrt(u), u) if u > SMALL else near(u)
-
-
-def _kinds() -> dict[str, tuple[Callable[[mpf], mpf], mpf]]:
-    """Name → P and the end of its range, in u."""
-    return {
-        "SIN": (_tail(lambda u: -mpf(1) / 6 + u / 120, lambda r, u: (sin(r) - r) / (r * u)), (pi / 4) ** 2),
-        "COS": (
-            _tail(lambda u: 1 / factorial(4) - u / 720, lambda r, u: (cos(r) - 1 + u / 2) / (u * u)),
-            (pi / 4) ** 2,
-        ),
-        "ATAN": (
-            _tail(lambda u: -mpf(1) / 3 + u / 5, lambda r, u: (atan(r) - r) / (r * u)),
-            tan(pi / 8) ** 2,
-        ),
-        "ASIN": (
-            _tail(lambda u: mpf(1) / 6 + 3 * u / 40, lambda r, u: (asin(r) - r) / (r * u)),
-            mpf(1) / 4,
-        ),
-    }
-
-
-def derive(precision: int) -> dict[str, tuple[list[str], str]]:
-    """Name → coefficients as text, and the polynomial's largest error. `precision`: 0 float, 1 double."""
-    with mp.workdps(70):
-        found = {}
-        for name, (tail, end) in _kinds().items():
-            values, error = chebyfit(tail, [0, end], TERMS[name][precision], error=True)
-            found[name] = ([nstr(c, DIGITS[precision]) for c in reversed(values)], nstr(error, 3))
-        return found
-
-
-def split_half_pi(precision: int) -> list[str]:
-    """π/2 as three numbers of the format, largest first, in hexadecimal."""
-    with mp.workdps(70):
-        rest, parts = pi / 2, []
-        for _ in range(3):
-            with mp.workprec(BITS[precision]):
-                part = +rest
-            parts.append(float(part).hex())
-            rest -= part
-        return parts
-
-
-def _wrapped(numbers: list[str]) -> list[str]:
-    return textwrap.wrap(", ".join(numbers) + ",", 96, initial_indent=" " * 4, subsequent_indent=" " * 4)
+def _array(name: str, numbers: list[str]) -> list[str]:
+    text = ", ".join(numbers) + ","
+    return [f"static const elem {name}[] = {{", *textwrap.wrap(text, 96, initial_indent=" " * 4,
+            subsequent_indent=" " * 4), "};"]  # fmt: skip
 
 
 def header() -> str:
     """The text of coefficients.h."""
-    lines = [
-        "// Made by `scripts/stepwise functions --derive` (experiments/functions/coefficients.py says how).",
-        "// Lowest power first.",
-        "// clang-format off",
-        '#include "simd.h"',
-        "",
-    ]
-    for precision, guard in ((0, "#if !DOUBLE"), (1, "#else")):
-        lines.append(guard)
-        suffix = "" if precision else "f"
-        for name, (values, error) in derive(precision).items():
-            texts = [v + suffix for v in values]
-            lines.append(f"// polynomial's own error {error}")
-            lines.append(f"static const elem {name}[] = {{")
-            lines += [*_wrapped(texts), "};"]
-        parts = [v + suffix for v in split_half_pi(precision)]
-        lines.append("static const elem HALF_PI[] = {")
-        lines += [*_wrapped(parts), "};"]
+    about = (
+        "// Made by `scripts/stepwise functions --derive` (experiments/functions/coefficients.py says how)."
+    )
+    lines = [about, "// Lowest power first.", "// clang-format off", '#include "simd.h"', ""]
+    with mp.workdps(70):
+        for i, (guard, suffix, digits, bits) in enumerate(FORMATS):
+            lines.append(guard)
+            for name, (quotient, (limit, slope), end, terms) in KINDS.items():
+                tail = lambda u: quotient(sqrt(u), u) if u > SMALL else mpf(1) / limit + u / slope  # noqa: B023, E731
+                values, error = chebyfit(tail, [0, end()], terms[i], error=True)
+                lines.append(f"// polynomial's own error {nstr(error, 3)}")
+                lines += _array(name, [nstr(c, digits) + suffix for c in reversed(values)])
+            rest, parts = pi / 2, []
+            for _ in range(3):
+                with mp.workprec(bits):
+                    part = +rest
+                parts.append(float(part).hex() + suffix)
+                rest -= part
+            lines += _array("HALF_PI", parts)
     return "\n".join([*lines, "#endif", ""])

@@ -7,15 +7,12 @@ import os
 import secrets
 from pathlib import Path
 
-import msgspec
-
-from study.core import cli, machine, registry, run, show, store
+from study.core import cli, run, show, store
 from study.core.cli import Outcome
-from study.core.run_schema import Context
 from study.experiments import running
 from study.experiments.functions import coefficients, figures, tables
 from study.experiments.functions import measure as functions
-from study.experiments.functions.schema import FILE, Functions
+from study.experiments.functions.schema import FILE
 from study.measuring.function_bench import VECTORS
 
 DESCRIPTION = """\
@@ -29,10 +26,12 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--quick", action="store_true", help="one float in thousands, few rounds, small arrays")
     add("--rounds", type=one, help=f"of timing; default: {functions.ROUNDS}")
     add("--vectors", type=cli.at_least(1024), help=f"to normalise at most; default: {VECTORS}")
-    add("--jobs", type=one, help="threads of the error search; default: all CPUs")
+    jobs = len(os.sched_getaffinity(0))
+    add("--jobs", type=one, default=jobs, help="threads of the error search; default: all CPUs")
     add("--seed", type=int, default=secrets.randbelow(2**32), help="of samples and order; default: random")
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin timing to; default: of a fast core")
     add("--run", type=Path, metavar="DIR", help="for functions.json and figures/; default: build/functions")
+    parser.set_defaults(home="functions")
     add("--derive", action="store_true", help="only write common/functions/coefficients.h again")
 
 
@@ -41,21 +40,13 @@ def measure(args: argparse.Namespace) -> Outcome:
         store.write_text(coefficients.FILE, coefficients.header())
         return Outcome({"file": coefficients.FILE}, [coefficients.FILE])
     run.cpu_set(args.cpu, 1)  # says so if there is none such
-    folder = store.writable(args.run or registry.ROOT / "build" / "functions")
+    folder = running.folder(args)
     rounds, vectors = functions.ROUNDS, VECTORS
     if args.quick:
         rounds, vectors = functions.QUICK_ROUNDS, functions.QUICK_VECTORS
-    found = functions.study(
-        args.quick,
-        args.rounds or rounds,
-        args.vectors or vectors,
-        args.jobs or len(os.sched_getaffinity(0)),
-        args.seed,
-        args.cpu,
-        cli.say,
-    )
-    result = Functions(schema=1, context=msgspec.convert(machine.context(), Context), **found)
-    store.write_json(folder / FILE, cli.plain(result))
-    drawn = running.draw(folder, figures.drawings(result))
+    how = (args.rounds or rounds, args.vectors or vectors, args.jobs, args.seed, args.cpu)
+    result = functions.study(args.quick, *how)
+    store.write_json(folder / FILE, result)
     table = show.markdown(show.table(tables.fronts(result), tables.ON_FRONTS))
+    drawn = running.draw(folder, figures.drawings(result))
     return Outcome(result, [table, *drawn], folder, failed=functions.wrong(result.entries))

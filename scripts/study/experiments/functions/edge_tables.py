@@ -12,6 +12,7 @@ from study.core.show import Column
 from study.experiments.functions import measure as functions
 from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES
+from study.experiments.section import Part, part
 
 AGREES, ASKED = "·", "asked for"
 # Functions of one table: those that are asked for the same inputs.
@@ -33,11 +34,6 @@ class Line:
     wrong: Sequence[str] = ()
 
 
-def judged(result: Functions) -> list[Entry]:
-    """Entries that were tried at the edges."""
-    return [row for row in result.entries if row.edges]
-
-
 def short(text: str) -> str:
     """A value with three digits: how wrong it is, they tell."""
     value = float(text.replace("−", "-").replace("∞", "inf"))
@@ -48,7 +44,7 @@ def rows(result: Functions, names: list[str]) -> list[Line]:
     """Per function and precision what is asked, then a row for all whose values differ from it alike."""
     made = []
     for kind in ((function, precision) for function in names for precision in ("float", "double")):
-        mine = [row for row in judged(result) if row.kind == kind]
+        mine = [row for row in result.entries if row.edges and row.kind == kind]
         alike: dict[tuple, list[Entry]] = {}
         for row in mine:
             if not row.agrees:
@@ -83,30 +79,20 @@ def columns(rows: list[Line]) -> list[Column]:
     ]
 
 
-def caption(result: Functions, names: list[str]) -> str:
-    """What the table of these functions is, and how many are not in it."""
-    tried = [row for row in judged(result) if row.function in names]
-    return (
-        f"At the edges, {', '.join(TITLES[name] for name in names)}: what is given where it is not what C "
-        f"and IEEE 754 ask for; {AGREES} where it is. The other {sum(row.agrees for row in tried)} of "
-        f"{len(tried)} entries agree throughout"
-    )
-
-
-def remark(result: Functions) -> str:
-    """How many agree everywhere, and what is judged."""
-    tried = judged(result)
-    if not tried:
-        return ""
-    families: dict[str, bool] = {}
-    for row in tried:
-        families[row.family] = families.get(row.family, True) and row.agrees
-    sound = [family for family, agrees in families.items() if agrees]
-    named = f", every one of {' and '.join(sound)} among them" if sound else ""
-    return (
-        f"Edges: {AGREES} is the value that C's Annex F (of 1/√x: IEEE 754's rSqrt) asks for, a finite one "
-        f"to within 5 % or one ulp; nearer is the matter of the errors above. "
-        f"{sum(row.agrees for row in tried)} of {len(tried)} "
-        f"entries agree with it at every input tried{named}, and are not in the table; inputs at which all "
-        "agree are not either."
-    )
+def parts(result: Functions) -> list[Part]:
+    """The tables, each with how many are not in it."""
+    made = []
+    for table, names in TABLES.items():
+        tried = [row for row in result.entries if row.edges and row.function in names]
+        caption = (
+            f"At the edges, {', '.join(TITLES[name] for name in names)}: what is given where it is not what "
+            f"C and IEEE 754 ask for; {AGREES} where it is. The other {sum(row.agrees for row in tried)} of "
+            f"{len(tried)} entries agree throughout"
+        )
+        foot = (
+            f"{AGREES} is the value that C's Annex F (of 1/√x: IEEE 754's rSqrt) asks for, a finite one to "
+            "within 5 % or one ulp; nearer is the matter of the errors above."
+        )
+        lines = rows(result, names)
+        made += part(table, caption, lines, columns(lines), foot)
+    return made

@@ -1,14 +1,35 @@
-"""Approximations of functions: speed against ulp."""
+"""Approximations of functions: speed against ulp, vectors normalised, tables of roots."""
 
 from __future__ import annotations
 
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.functions import chapter, command
-from study.experiments.functions.schema import SCHEMAS
+from study.experiments.functions import command, edge_tables, figures, tables
+from study.experiments.functions.schema import FILE, SCHEMAS, Functions
+from study.experiments.section import Found, Section, chapter, part
+from study.numbers.analysis import Data
 
 
 def calls(study: Study) -> list[Call]:
     return [Call("functions", [*([] if study.whole else ["--quick"]), "--run", str(study.run)])]
+
+
+def found(result: Functions) -> Found:
+    caption = "The fronts of each function: nothing is nearer and faster, by throughput or by latency"
+    parts = part("functions", caption, tables.fronts(result), tables.ON_FRONTS, figures.note(result))
+    parts += edge_tables.parts(result)
+    foot = figures.normalise_note(result) if result.normalise else ""
+    parts += part("normalise", "Vectors normalised", result.normalise, tables.NORMALISE, foot)
+    caption = "Approximate reciprocal roots, by CPU: IEEE does not say what they are"
+    parts += part("rsqrt", caption, result.rsqrt_tables, tables.rsqrt_tables(result))
+    caption = "What each function is tried and timed on"
+    parts += part("functions-targets", caption, result.targets, tables.TARGETS)
+    parts += part("functions-all", "Every implementation", result.entries, tables.ENTRIES)
+    return Found(parts, tables.answer(result), figures.drawings(result))
+
+
+def section(data: Data) -> Section:
+    title, file = "Functions: speed against ulp", data.path / FILE
+    return chapter("functions", title, file, Functions.load_if_there, found, "entries")
 
 
 EXPERIMENT = Experiment(
@@ -19,5 +40,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     command=command,
-    sections=[(620, lambda data: chapter.approximations(data.path))],
+    sections=[(620, section)],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from study.core import cli, machine, show
+from study.core import show
 from study.experiments.functions import measure as functions
 from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES, judged
@@ -31,30 +32,27 @@ def _label(axes: Axes, rows: Sequence[Entry], marks: Sequence[Entry], time: str)
     (left, right), (low, high) = (np.log(axes.get_xlim()), np.log(axes.get_ylim()))
     wide, tall = 280, 230  # points, of a panel
 
-    def place_of(row: Entry) -> tuple[float, float]:
+    def at(row: Entry) -> tuple[float, float]:
         x = (math.log(row.ulp) - left) / (right - left) * wide
         return x, (math.log(row.ns(time)) - low) / (high - low) * tall
 
-    taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in map(place_of, marks)]
+    taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in map(at, marks)]
     for row in sorted(rows, key=lambda r: -r.ns(time)):
-        x, y = place_of(row)
-        name = f"{row.name}, {row.isa}"
-        length = 3.6 * len(name)
-        best, least = None, math.inf
-        for dy in (-9, 7, -18, 16, -27, 25, -36, 34):
-            for dx, ha in ((7, "left"), (-7, "right")):
-                start = x + dx - (length if ha == "right" else 0)
-                box = (start, y + dy - 2, start + length, y + dy + 7)
-                cost = abs(dy) / 50 + 3 * sum(_overlap(box, other) for other in taken) / 20
-                cost += 5 * max(0, -start, start + length - wide)
-                if cost < least:
-                    best, least = (dx, dy, ha, box), cost
-        dx, dy, ha, box = best
-        taken.append(box)
-        place = {"xytext": (dx, dy), "textcoords": "offset points", "ha": ha}
-        line = {"arrowstyle": "-", "color": "#999999", "linewidth": 0.5}
-        point = (row.ulp, row.ns(time))
-        axes.annotate(name, point, **place, fontsize=6.5, arrowprops=line if abs(dy) > 9 else None)
+        (x, y), name = at(row), f"{row.name}, {row.isa}"
+        places = {}  # box (left, bottom, right, top) → dy and dx of the text from the point
+        for dy, dx in itertools.product((-9, 7, -18, 16, -27, 25, -36, 34), (7, -7)):
+            start = x + dx - (3.6 * len(name) if dx < 0 else 0)
+            places[start, y + dy - 2, start + 3.6 * len(name), y + dy + 7] = dy, dx
+
+        def cost(box: tuple[float, ...], places: dict = places) -> float:
+            outside = max(0, -box[0], box[2] - wide)
+            return abs(places[box][0]) / 50 + 3 * sum(_overlap(box, one) for one in taken) / 20 + 5 * outside
+
+        taken.append(best := min(places, key=cost))
+        dy, dx = places[best]
+        place = {"xytext": (dx, dy), "textcoords": "offset points", "ha": "left" if dx > 0 else "right"}
+        line = {"arrowstyle": "-", "color": "#999999", "linewidth": 0.5} if abs(dy) > 9 else None
+        axes.annotate(name, (row.ulp, row.ns(time)), **place, fontsize=6.5, arrowprops=line)
 
 
 def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
@@ -66,24 +64,11 @@ def _panel(axes: Axes, rows: Sequence[Entry], title: str, time: str) -> None:
     front = sorted((r for r in rows if functions.on_front(r, rows, time)), key=lambda r: r.ulp)
     for row in rows:
         colour, marker = LOOKS[row.family]
-        axes.scatter(
-            row.ulp,
-            row.ns(time),
-            s=SIZES[row.isa],
-            marker=marker,
-            facecolor=colour if row in front else "white",
-            edgecolor=colour,
-            linewidth=1.1,
-            zorder=4 if row in front else 3,
-        )
-    axes.plot(
-        [r.ulp for r in front],
-        [r.ns(time) for r in front],
-        color="#555555",
-        linewidth=1,
-        drawstyle="steps-post",
-        zorder=2,
-    )
+        filled = row in front
+        style = {"facecolor": colour if filled else "white", "zorder": 4 if filled else 3, "linewidth": 1.1}
+        axes.scatter(row.ulp, row.ns(time), s=SIZES[row.isa], marker=marker, edgecolor=colour, **style)
+    style = {"color": "#555555", "linewidth": 1, "drawstyle": "steps-post", "zorder": 2}
+    axes.plot([r.ulp for r in front], [r.ns(time) for r in front], **style)
     axes.set(title=title, xscale="log", yscale="log")
     axes.margins(0.12, 0.14)
     scalar = [r for r in rows if r.family == "libm" and r not in front]
@@ -100,12 +85,8 @@ def figure(result: Functions, precision: str, time: str = "stream_ns") -> Figure
     """A panel per function: largest error in ulp against time, the front filled and named."""
     made = Figure(figsize=(13.5, 11.5), layout="constrained")
     grid = made.subplots(3, 3)
-    made.suptitle(
-        f"Functions in {precision}, {TIMES[time].partition(', ')[2]}: left is more exact, down is faster",
-        x=0.01,
-        ha="left",
-        fontsize=12,
-    )
+    about = f"Functions in {precision}, {TIMES[time].partition(', ')[2]}: left is more exact, down is faster"
+    made.suptitle(about, x=0.01, ha="left", fontsize=12)
     for axes, function in zip(grid.flat, functions.FUNCTIONS, strict=True):
         rows = judged(result.entries, (function, precision), time)
         if not rows:
@@ -137,25 +118,24 @@ def normalise_figure(result: Functions) -> Figure:
     """ns per vector against the bytes of the arrays: where the lines meet, memory is measured."""
     made = Figure(figsize=(9.5, 5.2), layout="constrained")
     axes = made.subplots()
-    made.suptitle(
-        "Normalising vectors: time of each against the size of the arrays", x=0.01, ha="left", fontsize=12
-    )
+    about = "Normalising vectors: time of each against the size of the arrays"
+    made.suptitle(about, x=0.01, ha="left", fontsize=12)
     widths = {isa: i for i, isa in enumerate(SIZES)}
     lines: dict[tuple[str, str, str], list[Normalise]] = {}
     for row in result.normalise:
         lines.setdefault((row.isa, row.name, row.layout), []).append(row)
     for (isa, name, layout), rows in lines.items():
-        bare = name == "no arithmetic"
-        axes.plot(
-            [r.bytes / 1e6 for r in rows],
-            [r.ns.value for r in rows],
-            color=COLOURS[widths[isa]],
-            marker="" if bare else MARKERS[widths[isa]],
-            markerfacecolor="white" if name == "1/sqrt" and isa != "scalar" else None,
-            linestyle=":" if bare else "--" if layout == "AoS" else "-",
-            linewidth=1.4,
-            label=f"{isa}, {name}" + (f", {layout}" if isa == "scalar" else ""),
-        )
+        bare, scalar = name == "no arithmetic", isa == "scalar"
+        style = {
+            "color": COLOURS[widths[isa]],
+            "marker": "" if bare else MARKERS[widths[isa]],
+            "linewidth": 1.4,
+        }
+        style["markerfacecolor"] = "white" if name == "1/sqrt" and not scalar else None
+        line = ":" if bare else "--" if layout == "AoS" else "-"
+        label = f"{isa}, {name}" + (f", {layout}" if scalar else "")
+        points = [r.bytes / 1e6 for r in rows], [r.ns.value for r in rows]
+        axes.plot(*points, linestyle=line, label=label, **style)
     axes.set(xscale="log", yscale="log", xlabel="MB of vectors (12 bytes each)", ylabel="ns per vector")
     plain_log(axes.xaxis)
     plain_log(axes.yaxis)
@@ -171,15 +151,14 @@ ABOUT = {
 
 
 def note(result: Functions, time: str = "stream_ns") -> str:
-    cpu = machine.name(cli.plain(result.context))
     how = (
         "a quick run, one float in thousands: the largest errors are lower bounds"
         if result.quick
         else "floats of one argument exhaustively; others by stratified samples (lower bounds)"
     )
     return (
-        f"{cpu}; median of {result.rounds} interleaved rounds on one thread, arrays in the L1 cache. "
-        f"Errors: {how}. Doubles against MPFR. {ABOUT[time]}"
+        f"{result.machine}; median of {result.rounds} interleaved rounds on one thread, arrays in the L1 "
+        f"cache. Errors: {how}. Doubles against MPFR. {ABOUT[time]}"
     )
 
 

@@ -11,14 +11,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
+from study.core import cli, machine
 from study.experiments.functions import edges
-from study.experiments.functions.schema import Entry, Table, Target
+from study.experiments.functions.schema import Entry, Functions, Table, Target
 from study.measuring.function_bench import ARTICLE, bench, median, normalise
 from study.numbers.schema import Range
 
@@ -138,40 +138,24 @@ def without(rows: Sequence[Entry], mpfr: bool) -> list[str]:
     return said + ([] if mpfr else [WITHOUT_MPFR])
 
 
-def study(
-    quick: bool,
-    rounds: int,
-    vectors: int,
-    threads: int,
-    seed: int,
-    cpu: int | None,
-    say: Callable[[str], None],
-) -> dict[str, Any]:
-    """What functions.json has, by its keys, but for the context."""
+def study(quick: bool, rounds: int, vectors: int, threads: int, seed: int, cpu: int | None) -> Functions:
+    """functions.json."""
     rows, targets, mpfr = entries()
     lacking = without(rows, mpfr)
-    for sentence in lacking:
-        say(sentence)
-    say("errors …")
+    cli.say("\n".join([*lacking, "errors …"]))
     add_errors(rows, quick, threads, seed)
-    say("edge cases and tables of rsqrt …")
+    cli.say("edge cases and tables of rsqrt …")
     add_edges(rows)
     tables = rsqrt_tables(rows)
-    say("times …")
+    cli.say("times …")
     clocks = add_times(rows, rounds, seed, cpu)
     normalised = normalise(vectors, min(rounds, NORMALISE_ROUNDS), seed, cpu)
     mark_front(rows)
     settings = {"quick": quick, "rounds": rounds, "vectors": vectors, "threads": threads, "seed": seed}
-    return {
-        **settings,
-        "clocks": clocks,
-        "targets": targets,
-        "entries": [row for row in rows if row.function != "link"],
-        "normalise": normalised,
-        "article": ARTICLE,
-        "rsqrt_tables": tables,
-        "without": lacking,
-    }
+    kept = [row for row in rows if row.function != "link"]
+    found = {"clocks": clocks, "targets": targets, "entries": kept, "normalise": normalised}
+    about = {"context": machine.context(), "article": ARTICLE}
+    return Functions(schema=1, **settings, **about, **found, rsqrt_tables=tables, without=lacking)
 
 
 def wrong(rows: Sequence[Entry]) -> list[str]:

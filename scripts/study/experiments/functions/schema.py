@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar
 
-import msgspec
-
 from study.core.schema import Record, key
 from study.measuring.function_bench import Article, Normalise
 from study.numbers.schema import Measured, Range
@@ -41,7 +39,7 @@ class Entry(Record, kw_only=True):
     rms_ulp: Annotated[float | None, key("ulp of the exact value", "root mean square error")] = None
     worst_a: Annotated[float | None, key("", "argument of the largest error")] = None
     worst_b: Annotated[float | None, key("", "the second argument there")] = None
-    edges: Annotated[list[Edge], key("", "values at the edges")] = msgspec.field(default_factory=list)
+    edges: Annotated[list[Edge], key("", "values at the edges")] = []
     stream_ns: Annotated[Range | None, key("ns", "per element, independent ones; median over rounds")] = None
     stream_cycles: Annotated[Range | None, key("core cycles", "the same")] = None
     latency_ns: Annotated[Range | None, key("ns", "per call in a chain, less the chain's own")] = None
@@ -89,9 +87,7 @@ class Target(Record, kw_only=True):
     """A function, and where its errors are measured."""
 
     function: Annotated[str, key("", "its name")]
-    float_segments: Annotated[list[Segment], key("", "all floats that are tried")] = msgspec.field(
-        default_factory=list
-    )
+    float_segments: Annotated[list[Segment], key("", "all floats that are tried")] = []
     float_a: Annotated[Arguments | None, key("", "first argument, floats by samples")] = None
     float_b: Annotated[Arguments | None, key("", "second argument")] = None
     double_a: Annotated[Arguments | None, key("", "first argument, doubles")] = None
@@ -123,21 +119,13 @@ class Functions(Measured, kw_only=True):
     rounds: Annotated[int | None, key("rounds", "timed")] = None
     vectors: Annotated[int | None, key("vectors", "of the timed arrays")] = None
     threads: Annotated[int | None, key("threads", "that tried arguments")] = None
-    clocks: Annotated[dict[str, Range], key("Hz", "core clock by bits of the register")] = msgspec.field(
-        default_factory=dict
-    )
-    targets: Annotated[list[Target], key("", "functions and where errors are measured")] = msgspec.field(
-        default_factory=list
-    )
+    clocks: Annotated[dict[str, Range], key("Hz", "core clock by bits of the register")] = {}
+    targets: Annotated[list[Target], key("", "functions and where errors are measured")] = []
     entries: Annotated[list[Entry], key("", "implementations", min_length=1)]
-    normalise: Annotated[list[Normalise], key("", "vectors normalised")] = msgspec.field(default_factory=list)
+    normalise: Annotated[list[Normalise], key("", "vectors normalised")] = []
     article: Annotated[Article | None, key("", "figures beside it")] = None
-    rsqrt_tables: Annotated[list[Table], key("", "what this CPU's approximate roots give")] = msgspec.field(
-        default_factory=list
-    )
-    without: Annotated[list[str], key("", "libraries that are not here")] = msgspec.field(
-        default_factory=list
-    )
+    rsqrt_tables: Annotated[list[Table], key("", "what this CPU's approximate roots give")] = []
+    without: Annotated[list[str], key("", "libraries that are not here")] = []
 
 
 FILE = "functions.json"
