@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from study.core import cli, commands, machine, registry, store
+from study.core.cli import Outcome
+from study.experiments.section import Part
 from study.pictures.draw import Drawing
 
 
@@ -59,6 +61,22 @@ def about(args: argparse.Namespace) -> dict[str, Any]:
     context = machine.context()
     made = {"schema": 1, "launches": args.launches, "seed": args.seed, "cpu": getattr(args, "cpu", None)}
     return {**made, "took_s": took(), "context": context}
+
+
+def end(
+    file: Path,
+    result: Any,
+    parts: Sequence[Part],
+    drawings: Mapping[str, Drawing] | None = None,
+    images: Sequence[Path] = (),
+    remarks: Sequence[str] = (),
+    failed: Sequence[str] = (),
+) -> Outcome:
+    """Writes the result and its figures: how the command ends. For people: the first table, and the files."""
+    store.write_json(file, cli.plain(result))
+    drawn = draw(file.parent, drawings or {})
+    lines = [*(one.markdown for one in parts[:1]), *images, *drawn, file]
+    return Outcome(result, lines, file.parent, remarks, failed)
 
 
 def draw(path: Path, drawings: Mapping[str, Drawing]) -> list[Path]:

@@ -49,12 +49,3 @@ FRAMES = [
     Column("", "core·ns a pixel", lambda r: show.number(r.core_ns_per_pixel)),
     Column("", "error to truth", lambda r: error_said(r.error)),
 ]
-
-
-def sentence(row: Animation) -> str:
-    """For a terminal."""
-    ms = row.ms
-    return (
-        f"animation, {row.phase}, {row.threads} threads, {frames_said(row)}: {ms.p50:.3g} ms a "
-        f"frame ({ms.p5:.3g} to {ms.p95:.3g}, at most {ms.most:.3g})"
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from study.core import cli
+from study.core.schema import Record
 from study.pictures import images
 from study.pictures.images import Picture
 from study.truth import judging
@@ -38,3 +39,8 @@ def to_picture(reference: Picture, image: Picture, fractal: bool = False) -> Err
             "non_finite": images.non_finite(image),
         }
     )
+
+
+def fitting(kind: type[Record], found: Errors) -> Errors:
+    """What of the errors a row of that kind has a key for."""
+    return {name: value for name, value in found.items() if name in kind.__struct_fields__}

@@ -11,6 +11,7 @@ from study.core import run
 from study.core.registry import Scene, Spec
 from study.measuring.schema import Gain, Timed
 from study.numbers import stats
+from study.numbers.schema import Interval
 
 Size = tuple[int, int]  # width, height
 Told = Mapping[str, str]  # variables of a driver's environment, which say how a phase is to work
@@ -39,11 +40,11 @@ def interleaved(
 
 
 def timed(times: Sequence[float]) -> Timed:
-    found = stats.median_interval(times)
+    found = Interval.of(stats.median_interval(times))
     return Timed(ms=found.value, ms_low=found.low, ms_high=found.high, launches=list(times))
 
 
 def gain(base: Sequence[float], mine: Sequence[float]) -> Gain:
     """How many times as fast `mine` is."""
-    found = stats.ratio_interval(base, mine)
+    found = Interval.of(stats.ratio_interval(base, mine))
     return Gain(gain=found.value, gain_low=found.low, gain_high=found.high)

@@ -23,8 +23,6 @@ import started
 from study.commands import publish as publishing
 from study.core import store
 from study.core.registry import ROOT
-from study.experiments.fixed import pictures as fixed_pictures
-from study.experiments.packets import pictures as packets_pictures
 from study.experiments.rods import pictures as rods_pictures
 from study.experiments.systems import pictures as systems_pictures
 from study.pictures import images
@@ -63,13 +61,8 @@ def publish(run: Path, folder: Path, *more: str):
 
 
 def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
-    """With the pictures of the systems that the run has: the four-corner test's fault, rays and rods, but not
-    the sheet of all."""
+    """With the picture of the systems that the run has, rays and rods, but not the sheet of all."""
     complete.write(made / "packets.json", made_up.published("packets.json"))
-    noise = np.random.default_rng(2).integers(0, 256, (300, 400, 3), dtype=np.uint8)
-    modules = (fixed_pictures, packets_pictures, rods_pictures)
-    for module in modules[:2]:  # that of rods is there
-        images.write_png(made / "images" / f"{module.PICTURES}.png", noise)
     folder = tmp_path / "published"
     content = json.loads((made / "rods.json").read_text())
     content["context"] = {"git": {"commit": "f" * 40, "dirty": False}, "time": "2026-01-01T00:00:00+00:00"}
@@ -89,7 +82,7 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     picture = folder / "images" / f"{rods_pictures.PICTURES}.png"
     small = images.oiio.ImageBuf(str(picture)).spec()
     found = {file.name: file.stat().st_size for file in (folder / "images").iterdir()}
-    assert found.keys() == {f"{module.PICTURES}.png" for module in modules}
+    assert found.keys() == {picture.name}
     assert all(100_000 < size <= 300_000 for size in found.values()), "as large as fits"
     assert small.width / small.height == pytest.approx(1.6, rel=0.01) and small.nchannels == 3
     assert not (folder / "tables").exists()
@@ -102,7 +95,7 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     text = html.unescape(page.read_text())
-    assert "the throttle's choice" in text and all(module.CAPTION in text for module in modules)
+    assert "the throttle's choice" in text and rods_pictures.CAPTION in text
     assert systems_pictures.CAPTION not in text
     assert (page.parent / "tables" / "throttle.md").is_file()
 

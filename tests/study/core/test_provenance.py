@@ -11,7 +11,7 @@ import pytest
 
 from study.core import provenance
 from study.core.run_schema import Context
-from study.experiments.lattice import measure as lattice
+from study.experiments.lattice import schema as lattice
 
 FILES = ["rods.json", "fixed.json", lattice.FILE]
 OLD, NEW = "694a2379e4" + "0" * 30, "da3dd80826" + "1" * 30

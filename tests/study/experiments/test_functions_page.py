@@ -110,7 +110,7 @@ def test_the_command_and_its_chapter(tmp_path: Path) -> None:
     assert commands.called("functions", words)[0].ended == 0
     found = Functions.load(tmp_path / FILE)
     assert {r.function for r in found.entries} == set(functions.FUNCTIONS)
-    names = [f"functions-{p}{time}" for p in ("float", "double") for time in ("", "-latency")] + ["normalise"]
+    names = [f"functions-{p}{time}" for p in ("float", "double") for time in ("", "-latency")]
     drawn = {f.name for f in (tmp_path / "figures").iterdir()}
     assert drawn == {f"{name}.{kind}" for name in names for kind in ("svg", "png")}
     assert all(r.ns("stream_ns") > 0 and r.edges for r in found.entries if not r.missing)

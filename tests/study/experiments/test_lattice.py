@@ -8,7 +8,7 @@ import pytest
 
 from study.core import cli, commands, registry, store
 from study.core.cli import StudyError
-from study.experiments.lattice import measure as lattice
+from study.experiments.lattice import command as lattice
 from study.experiments.lattice import tables
 from study.experiments.lattice.schema import Lattice
 from study.measuring.schema import HitErrors

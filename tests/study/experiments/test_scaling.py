@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
@@ -21,7 +22,7 @@ from study.experiments.scaling import command, experiment, figures, laws, tables
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling.measure import First
 from study.experiments.scaling.schema import Row, Scaling
-from study.experiments.scaling.series import Picture, Point, Series, foreseen, series, thread_counts
+from study.experiments.scaling.series import Point, Series, foreseen, series, thread_counts
 from study.numbers.schema import Interval
 from study.pictures.draw import STYLE
 
@@ -153,19 +154,6 @@ def test_without_truth_the_first_double_program_stands_for_it() -> None:
     assert scaling.finest(points[:1]).spec.phase == "opt4"
 
 
-def test_peak_memory_is_the_renders_own_and_the_frame_is_taken_off() -> None:
-    scene = registry.find_scene("two_spheres")
-    small, large = (
-        run.render("baseline", scene.path, height, height, max_steps=1)["frames"][0]["max_rss_kib"]
-        for height in (16, 1024)
-    )
-    assert 20_000 > small > 0
-    assert large - small == pytest.approx(12 * 1024, rel=0.1)  # KiB: 12 bytes a pixel of 1024 × 1024
-    picture = Picture(scene, 1024, 1024)
-    assert scaling.above_frame(large, picture) == pytest.approx(small / 1024, abs=1.5)
-    assert scaling.above_frame(12 * 1024, picture) == 0 and scaling.above_frame(0, picture) is None
-
-
 def of(value: float) -> Interval:
     return Interval(value=value, low=value, high=value, launches=6, sufficient=True)
 
@@ -174,7 +162,7 @@ def row(phase: str, x: float, each: float, name: str = "shapes-scattered", **mor
     found = {
         **{"series": name, "phase": phase, "x": x, "n": 90, "width": 160, "threads": 1, "scene": "s"},
         **{"ns": [each] * 6, "ms": of(each / 1e6), "ns_per_pixel": of(each), "coverage": 0.4},
-        **{"above_frame_mib": 2.0, "evals_per_ray": 10.0 * x, "non_finite": 0, "reference": "truth"},
+        **{"evals_per_ray": 10.0 * x, "non_finite": 0, "reference": "truth"},
         **{"psnr_db": 60.0, "rmse": 0.001, "wrong_ppm": 0.0},
     }
     return Row(**found | more)
@@ -243,7 +231,7 @@ def test_closed_forms_have_no_exponent_of_evaluations(evals: float | None) -> No
 
 def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> None:
     made = result([row("opt4", x, 1e6 * x**0.5) for x in (1, 16, 64)] + [row("opt3", 1, 5e5)])
-    data = a_run(tmp_path)
+    data = SimpleNamespace(path=tmp_path)
     assert experiment.section(data).parts == []
     store.write_json(tmp_path / command.FILE, made)
     chapter = experiment.section(data)
@@ -253,11 +241,6 @@ def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> Non
     with matplotlib.rc_context(STYLE):
         axes = chapter.drawn["scaling-time"].make().axes[0]
     assert "x^0.50" in [text.get_text() for text in axes.texts]
-
-
-def a_run(path: Path):
-    """All that the chapter asks of a run."""
-    return type("Data", (), {"path": path})()
 
 
 def test_labels_keep_apart_and_inside() -> None:

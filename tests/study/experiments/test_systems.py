@@ -14,7 +14,6 @@ from study.core.registry import ROOT
 from study.experiments import experiment
 from study.experiments.systems import pictures
 from study.experiments.systems import tables as systems
-from study.measuring import sheets
 
 
 def test_a_run_without_systems_says_what_makes_them(tmp_path: Path) -> None:
@@ -65,9 +64,9 @@ def test_a_sheet_shows_the_difference_to_truth_or_where_rays_begin(
     starts = np.where(np.arange(128).reshape(8, 16) < 7, np.float32(-1), np.float32(3))
     drawn = {"fixed": off, "rods_simd": planes | {"start": starts}}
     figures = []
-    monkeypatch.setattr(sheets.hits, "picture", lambda phase, *_: drawn[phase])
-    monkeypatch.setattr(sheets.truth, "picture", lambda *_: exact)
-    monkeypatch.setattr(sheets.panels, "save", lambda figure, path: figures.append(figure) or path)
+    monkeypatch.setattr(pictures.hits, "picture", lambda phase, *_: drawn[phase])
+    monkeypatch.setattr(pictures.truth, "picture", lambda *_: exact)
+    monkeypatch.setattr(pictures.panels, "save", lambda figure, path: figures.append(figure) or path)
     monkeypatch.setattr(pictures.registry, "cpu_supports", lambda phase: phase.name in drawn)
     assert pictures.write_pictures(tmp_path, 16) == [tmp_path / "images" / "systems-pictures.png"]
     _, _, rods, _, fixed = figures[0].axes[:5]  # its colour bar is the first

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
@@ -180,21 +181,16 @@ def test_the_largest_error_is_shown_beside_the_parents_and_nan_is_the_largest() 
     assert low.no_value and low.view == "near"
 
 
-def a_run(path: Path):
-    """All that the chapter asks of a run."""
-    return type("Data", (), {"path": path})()
-
-
 def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None:
     views = (("own", 2), ("left", 0.9), ("right", 1), ("near", 0.9))
     every = with_parents([row("scene0", view, gain) for view, gain in views])
-    assert experiment.section(a_run(tmp_path)).parts == []
+    assert experiment.section(SimpleNamespace(path=tmp_path)).parts == []
     made = Views(
         **{"schema": 1, "n": 90, "error_n": 45, "launches": 6, "rows": every, "left_out": []},
         **{"failures": [], "rungs": gains.over_views(every)},
     )
     store.write_json(tmp_path / command.FILE, made)
-    chapter = experiment.section(a_run(tmp_path))
+    chapter = experiment.section(SimpleNamespace(path=tmp_path))
     assert [part.name for part in chapter.parts] == ["views", "views-scenes", "views-points"]
     text = chapter.parts[0].markdown
     assert gains.ALONE in text and "2 of 3" in text and "60.0 (parent 70.0)" in text

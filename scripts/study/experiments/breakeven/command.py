@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from study.core import cli, registry, store
+from study.core import cli, registry
 from study.core.build import build
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
@@ -53,8 +53,11 @@ def measure(args: argparse.Namespace) -> Outcome:
         rows=rows,
         left_out=left_out,
     )
-    store.write_json(folder / FILE, result)
-    lines = [*(part.markdown for part in tables.found(result).parts), folder / FILE]
-    bad = [row for row in rows if row.error and row.error.non_finite]
-    failed = [f"{row.scene}: {row.error.non_finite} samples not finite" for row in bad if row.error]
-    return Outcome(result, lines, folder, [f"left out {r.scene}: {r.reason}" for r in left_out], failed)
+    failed = [
+        f"{row.scene}: {row.error.non_finite} samples not finite"
+        for row in rows
+        if row.error and row.error.non_finite
+    ]
+    remarks = [f"left out {row.scene}: {row.reason}" for row in left_out]
+    parts = tables.found(result).parts
+    return running.end(folder / FILE, result, parts, remarks=remarks, failed=failed)

@@ -8,9 +8,9 @@ from study.core import cli
 from study.core.cli import Outcome
 from study.experiments import running
 from study.experiments.fixed import measure as fixed
-from study.experiments.fixed import pictures, tables
+from study.experiments.fixed import tables
 from study.experiments.fixed.schema import FILE, Fixed
-from study.measuring import animation_tables, hit_tables
+from study.measuring import hit_tables
 
 DESCRIPTION = """\
 spheres40 by the integer ray tracer: the article's way, one lane, 8 and 16, and the same in floats, timed in
@@ -30,22 +30,14 @@ def options(parser: argparse.ArgumentParser) -> None:
         help="of the animation in lanes on every core; on one thread and by the article's program "
         "fewer, as the table says; default: 900, the article's")  # fmt: skip
     running.height(parser, 1080, "its height", "--frame-n")
-    running.options(parser, f"{FILE}, images/, figures/", "systems", 2, "the order")
+    running.options(parser, f"{FILE}, figures/", "systems", 2, "the order")
 
 
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     found = fixed.study(args.n, args.sizes, args.frames, args.frame_n, args.launches, args.seed)
-    running.write(folder / FILE, {"launches": args.launches, "seed": args.seed}, found)
-    result = Fixed.load(folder / FILE)
-    paths = pictures.write_pictures(folder)
-    paths += running.draw(folder, tables.drawings(result))
-    lines = [*map(tables.sentence, result.rows), *map(animation_tables.sentence, result.animation)]
-    failed = hit_tables.not_finite(
-        [
-            *((row.case, row) for row in result.rows),
-            *((row.settings, row) for row in result.sweep),
-            *((f"clear={row.clear}, height {row.n}", row) for row in result.clearing),
-        ]
-    )
-    return Outcome(result, [*lines, *paths], folder, failed=failed)
+    result = Fixed(**running.about(args), **found)
+    named = [*((row.case, row) for row in result.rows), *((row.settings, row) for row in result.sweep)]
+    named += [(f"clear={row.clear}, height {row.n}", row) for row in result.clearing]
+    drawn, failed = tables.drawings(result), hit_tables.not_finite(named)
+    return running.end(folder / FILE, result, tables.parts(result), drawn, failed=failed)

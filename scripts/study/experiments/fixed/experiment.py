@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
-from study.experiments.fixed import command, pictures, tables
+from study.experiments.fixed import command, tables
 from study.experiments.fixed.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -15,5 +15,4 @@ EXPERIMENT = Experiment(
     cut="A quick study has no systems: an animation of 900 frames takes minutes.",
     command=command,
     system=tables.system,
-    sheets={pictures.PICTURES: pictures.write_pictures},
 )

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
 from study.core import show
 from study.core.show import Column
 from study.experiments.fixed import measure as fixed
-from study.experiments.fixed.pictures import CAPTION, PICTURES
 from study.experiments.fixed.schema import FILE, Fixed, Moving, Row
 from study.experiments.section import Claim, Part, System, part
 from study.measuring import animation_tables, animations
 from study.measuring.animation_tables import per_article
 from study.measuring.hit_tables import error, ms, to_truth
 from study.measuring.schema import Spread
-from study.pictures.draw import COLOURS, Drawing, plain_log
+from study.pictures.draw import COLOURS, Drawing
 
-BITS, FRAMES = "fixed-bits", "fixed-frames"
+BITS = "fixed-bits"
 MS = Column("", "ms [95 %]", ms)
 
 
@@ -112,11 +109,6 @@ def articles(result: Fixed) -> Moving:
     )
 
 
-def sentence(row: Row) -> str:
-    """For a terminal."""
-    return f"{row.case}, {row.width}×{row.n}: {ms(row)} ms, {error(row)}"
-
-
 def claims(result: Fixed) -> list[Claim]:
     """The article's one figure beside ours of as many frames on every core."""
     stills = {row.phase: row for row in reversed(result.rows)}
@@ -128,16 +120,8 @@ def claims(result: Fixed) -> list[Claim]:
         what = f"{animations.MOVING}, {PROGRAMS[row.program]}, {row.threads} cores, ms a frame"
         shown = row.error or (stills.get(row.phase) if row.shadows else None)
         said = error(shown) if shown else show.NOTHING
-        found.append(
-            Claim(
-                "integer rays (P3)",
-                what,
-                f"{result.article.ms}",
-                show.number(row.ms.mean),
-                _times(times),
-                said,
-            )
-        )
+        ours, theirs = show.number(row.ms.mean), f"{result.article.ms}"
+        found.append(Claim("integer rays (P3)", what, theirs, ours, _times(times), said))
     return found
 
 
@@ -162,8 +146,7 @@ def system(run: Path) -> System | None:
         f"P3: {said.cpu}; the mean of {said.frames} frames of {said.width}×"
         f"{said.height} without shadows. The ratio is of pixels per core and second."
     )
-    images = {run / "images" / f"{PICTURES}.png": CAPTION}
-    return System(claims(result), parts(result), note, drawings(result), images)
+    return System(claims(result), parts(result), note, drawings(result))
 
 
 def draw_bits(result: Fixed) -> Figure:
@@ -188,43 +171,8 @@ def draw_bits(result: Fixed) -> Figure:
     return figure
 
 
-def draw_frames(result: Fixed, rows: Sequence[Moving]) -> Figure:
-    """Frame times: along the animation, and what share of the frames took at most so long."""
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    along, share = figure.subplots(1, 2, width_ratios=(3, 2))
-    said = result.article
-    colours = dict(zip(PROGRAMS, (COLOURS[5], COLOURS[4], COLOURS[3]), strict=False))
-    for row in rows:
-        times = row.all_ms or []
-        name = PROGRAMS[row.program] + ("" if row.shadows else ", no shadows")
-        style = {"color": colours[row.program], "linestyle": "-" if row.shadows else "--"}
-        along.plot(times, linewidth=0.9, label=f"{name}: mean {show.number(row.ms.mean)}", **style)
-        share.plot(sorted(times), [100 * (i + 1) / len(times) for i in range(len(times))], **style)
-    if all((row.width, row.n) == (said.width, said.height) for row in rows):
-        label = f"the article's mean, {said.cores} cores, no shadows: {said.ms}"
-        along.axhline(said.ms, color="0.55", linewidth=1.5, zorder=1, label=label)
-        share.axvline(said.ms, color="0.55", linewidth=1.5, zorder=1)
-    along.set(xlabel="frame of the animation", ylabel="ms a frame", yscale="log")
-    share.set(xlabel="ms a frame", ylabel="frames that took at most so long, %", xscale="log", ylim=(0, 100))
-    for axis in (along.yaxis, share.xaxis):
-        plain_log(axis)
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=9)
-    return figure
-
-
 def drawings(result: Fixed) -> dict[str, Drawing]:
     first = result.rows[0]
     caption = "Bits of fraction against error (higher is better) and time (lower is better)"
     note = f"{fixed.SCENE}, {first.width}×{first.n}; lengths in the smallest unit that fits."
-    found = {BITS: Drawing(caption, note, lambda: draw_bits(result))}
-    most = max((row.threads for row in result.animation), default=0)
-    if rows := [row for row in result.animation if row.all_ms and row.threads == most]:
-        caption = "Frame times of the animation (lower is better): in order, and their distribution"
-        note = (
-            f"{animations.MOVING}, {rows[0].width}×{rows[0].n}, on {most} cores, moving the spheres in "
-            "each frame's time. A line that rises steeply on the right is a program whose frames take "
-            "equally long. Lines that end early: fewer frames were timed, as the table says."
-        )
-        found[FRAMES] = Drawing(caption, note, lambda: draw_frames(result, rows))
-    return found
+    return {BITS: Drawing(caption, note, lambda: draw_bits(result))}

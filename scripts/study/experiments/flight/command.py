@@ -58,20 +58,18 @@ def fly(args: argparse.Namespace) -> Outcome:
     how = (args.n or 180, args.places, args.launches, args.seed, args.psnr, args.wrong, args.phase)
     with temporary.folder() as scratch:
         rows = [flight.fly(scene, flight.Settings(*how), scratch) for scene in scenes]
-    about = {"launches": args.launches, "seed": args.seed, "psnr_db": args.psnr, "wrong_ppm": args.wrong}
-    running.write(folder / FILE, about, {"article": flight.ARTICLE, "rows": rows})
-    result = Flight.load(folder / FILE)
-    paths = running.draw(folder, tables.drawings(result))
+    allowed = {"psnr_db": args.psnr, "wrong_ppm": args.wrong}
+    result = Flight(**running.about(args), **allowed, article=flight.ARTICLE, rows=rows)
     failed = hit_tables.not_finite(
         [
             (f"{row.scene} at {place.seconds:g} s by {way.phase}", way)
-            for row in result.rows
+            for row in rows
             for place in row.places
             for way in place.ways
         ]
     )
-    lines = [*map(tables.sentence, result.rows), *paths, folder / FILE]
-    return Outcome(result, lines, folder, failed=failed)
+    made = tables.found(result)
+    return running.end(folder / FILE, result, made.parts, made.drawn, failed=failed)
 
 
 def rest(args: argparse.Namespace) -> Outcome:
@@ -84,9 +82,7 @@ def rest(args: argparse.Namespace) -> Outcome:
         cli.say(f"{scene.name}: {len(wanted)} settings")
         how = (args.psnr, args.wrong, args.launches, args.seed)
         rows.append(throttle.choose(scene, args.n or 90, *how, wanted, args.large))
-    about = {"cpus": len(run.USABLE), "launches": args.launches, "seed": args.seed}
-    running.write(folder / THROTTLE, about, {"rows": rows})
-    result = Throttle.load(folder / THROTTLE)
-    none = [row.scene for row in result.rows if row.chosen is None]
+    result = Throttle(**running.about(args), cpus=len(run.USABLE), rows=rows)
+    none = [row.scene for row in rows if row.chosen is None]
     failed = [f"{name}: no setting is within {args.psnr:g} dB and {args.wrong:g} ppm" for name in none]
-    return Outcome(result, [throttle_tables.sentence(row) for row in result.rows], folder, failed=failed)
+    return running.end(folder / THROTTLE, result, throttle_tables.parts(result), failed=failed)

@@ -8,10 +8,10 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from study.core import cli, machine, show
+from study.core import show
 from study.core.show import Column
 from study.experiments.flight.schema import FILE, Flight, Place, Row, Way
-from study.experiments.section import Section, part
+from study.experiments.section import Found, Section, chapter, part
 from study.measuring.hit_tables import ms
 from study.pictures.draw import COLOURS, Drawing, plain_log
 
@@ -84,21 +84,17 @@ PLACES = [
 
 
 def sentence(row: Row) -> str:
-    """For a terminal, and the chapter's answer."""
+    """The chapter's answer."""
     fast = ways(row, "fastest")
     phase = next(iter(fast.values())).phase
-    over = {
-        name: sorted((way.ms or 0) / (fast[at].ms or 1) for at, way in ways(row, name).items())
-        for name in ("rods", "packets")
-    }
-    times = " and ".join(
-        f"{show.number(found[0])} to {show.number(found[-1])} times as fast as {name}"
-        for name, found in over.items()
-    )
+    over = []
+    for name in ("rods", "packets"):
+        found = sorted((way.ms or 0) / (fast[at].ms or 1) for at, way in ways(row, name).items())
+        over.append(f"{show.number(found[0])} to {show.number(found[-1])} times as fast as {name}")
     rate, worst = sorted(rates(row, "fastest")), [way.psnr_db for way in fast.values() if way.psnr_db]
     near = f"{show.number(min(worst))} dB or more" if worst else "equal"
     return (
-        f"Along {show.picture(row)}, one thread, {phase} is {times}: {show.number(rate[0])} to "
+        f"Along {show.picture(row)}, one thread, {phase} is {' and '.join(over)}: {show.number(rate[0])} to "
         f"{show.number(rate[-1])} frames a second, {near} to ground truth."
     )
 
@@ -130,8 +126,7 @@ def _draw(row: Row, article: float) -> Figure:
 
 
 def drawings(result: Flight) -> dict[str, Drawing]:
-    context = cli.plain(result.context) if result.context else None
-    note = f"{machine.name(context)}; {result.launches} interleaved launches a place."
+    note = f"{result.machine}; {result.launches} interleaved launches a place."
     article = result.article.frames_a_second
     return {
         f"flight-{row.scene}": Drawing(
@@ -141,12 +136,8 @@ def drawings(result: Flight) -> dict[str, Drawing]:
     }
 
 
-def section(run: Path) -> Section:
-    """The chapter: how fast a flight is drawn, and how near to ground truth."""
-    title, make, file = "A flight through a scene", "make flight", run / FILE
-    result = Flight.load_if_there(file)
-    if result is None:
-        return Section("flight", title, make, [], file=file, script="scripts/stepwise flight")
+def found(result: Flight) -> Found:
+    """How fast a flight is drawn, and how near to ground truth."""
     summary = [_summary(row, name) for row in result.rows for name in NAMES if ways(row, name)]
     foot = (
         f"The article says {result.article.frames_a_second} frames a second of {result.article.of}, without "
@@ -157,8 +148,8 @@ def section(run: Path) -> Section:
     parts = part("flight", "Frames a second along a camera's path", summary, SUMMARY, foot)
     places = [_place(row, place) for row in result.rows for place in row.places]
     parts += part("flight-places", "Each place, and what the throttle chose there", places, PLACES)
-    answer = " ".join(map(sentence, result.rows))
-    drawn = drawings(result)
-    return Section(
-        "flight", title, make, parts, answer=answer, file=file, script="scripts/stepwise flight", drawn=drawn
-    )
+    return Found(parts, " ".join(map(sentence, result.rows)), drawings(result))
+
+
+def section(run: Path) -> Section:
+    return chapter("flight", "A flight through a scene", run / FILE, Flight.load_if_there, found)

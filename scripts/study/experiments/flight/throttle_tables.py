@@ -6,9 +6,9 @@ from pathlib import Path
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.flight.schema import THROTTLE, Choice, Large, Setting, Throttle
-from study.experiments.section import System, part
-from study.measuring.hit_tables import gain, ms, ppm, to_truth, verdict, within
+from study.experiments.flight.schema import THROTTLE, Large, Setting, Throttle
+from study.experiments.section import Part, System, part
+from study.measuring.hit_tables import gain, ms, to_truth, verdict, within
 
 
 def words_of(row: Setting | None) -> str:
@@ -59,22 +59,12 @@ FOOT = (
 )
 
 
-def sentence(row: Choice) -> str:
-    """For a terminal."""
-    best, others = row.chosen, row.tried - 1
-    if best is None:
-        return f"{row.scene}: none of {others} settings is within the error"
-    return (
-        f"{show.picture(row)}: {words_of(best)}: {ms(best)} ms against {ms(row.plain)} ms of packets alone, "
-        f"{gain(row)}: {verdict(row)}; {show.number(best.psnr_db)} dB, "
-        f"{ppm(best, form='{:.4g} ppm wrong'.format)} ({row.within} of {others} settings within)"
-    )
+def parts(result: Throttle) -> list[Part]:
+    caption = "Rods, then packets: the throttle's choice of each scene"
+    return part("throttle", caption, result.rows, COLUMNS, FOOT)
 
 
 def system(run: Path) -> System | None:
     """What a run has of it. The article proposes it and has no figure of it."""
     result = Throttle.load_if_there(run / THROTTLE)
-    if result is None:
-        return None
-    caption = "Rods, then packets: the throttle's choice of each scene"
-    return System([], part("throttle", caption, result.rows, COLUMNS, FOOT))
+    return System([], parts(result)) if result else None

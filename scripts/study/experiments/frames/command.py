@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from study.core import cli, registry, run, store, temporary
+from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome
 from study.experiments import running
 from study.experiments.frames import measure as frames
@@ -40,8 +40,6 @@ def measure(args: argparse.Namespace) -> Outcome:
         settings = frames.Settings(args.launches, args.threads, args.seed, args.budget, scratch)
         found = frames.study(specs, wanted, settings)
     result = Frames(**running.about(args), threads=args.threads, seconds=args.budget, **found)
-    store.write_json(folder / FILE, result)
-    paths = running.draw(folder, tables.drawings(result))
     bad = [
         f"{row.phase} on {row.scene}: {row.non_finite} samples not finite, "
         f"{row.displayed_otherwise} bytes displayed otherwise than the picture's"
@@ -49,4 +47,5 @@ def measure(args: argparse.Namespace) -> Outcome:
         if row.non_finite or row.displayed_otherwise
     ]
     left = [f"left out {one.phase} {one.scene or ''}: {one.reason}" for one in result.left_out]
-    return Outcome(result, [*map(tables.sentence, result.rows), *paths], folder, left, bad)
+    made = tables.found(result)
+    return running.end(folder / FILE, result, made.parts, made.drawn, remarks=left, failed=bad)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.frames import chapter, command
-from study.experiments.frames.schema import SCHEMAS
+from study.experiments.frames import command, tables
+from study.experiments.frames.schema import FILE, SCHEMAS, Frames
+from study.experiments.section import Section, chapter
+from study.numbers.analysis import Data
 
 SECONDS, WHOLE_SECONDS, QUICK_SECONDS = "45", "600", "8"
 
@@ -17,6 +19,10 @@ def calls(study: Study) -> list[Call]:
     return [Call("frames", [*few, "--budget", seconds, "--run", str(study.run)])]
 
 
+def section(data: Data) -> Section:
+    return chapter("frames", "Frame rates", data.path / FILE, Frames.load_if_there, tables.found)
+
+
 EXPERIMENT = Experiment(
     name="frames",
     command=command,
@@ -26,5 +32,5 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     cut="The last phase on scene0 alone, in eight seconds.",
-    sections=[(140, lambda data: chapter.rates(data.path))],
+    sections=[(140, section)],
 )

@@ -22,13 +22,12 @@ from study.core import registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
-from study.experiments.frames.schema import LeftOut, Marched, Row
+from study.experiments.frames.schema import LeftOut, Row
 from study.measuring import errors, views
 from study.numbers import schema, stats
 from study.numbers.schema import PictureErrors
 from study.numbers.stats import Interval
 from study.pictures import images
-from study.truth import judging
 
 HEIGHTS = {"scene0": 1080, "mandelbulb": 720}
 OWN, HALF = "the scene's own", "half a pixel"  # hit distances
@@ -39,7 +38,6 @@ AWAY = 10
 MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 20, 3, 1.0  # timed ones of a launch; s that they may take
 OVERHEAD, A_FRAME = 0.05, 0.02  # s beside a launch's frames and beside each: clocks are calibrated
 ENOUGH = 100  # frames for a 99th percentile
-FACTOR = judging.FACTOR
 PHASE = "phase"  # whose work presenting is; else the driver's
 
 
@@ -200,55 +198,17 @@ class Pictures:
 
     def errors(self, spec: Spec, case: Case) -> dict[str, Any]:
         """Of a Row: errors by the same parameters, and `to_own`, by the scene's, where they are others."""
-        made, scene = images.read(self._path(spec, case)), registry.find_scene(case.scene)
-        own = self.own[case.scene]
+        made, own = images.read(self._path(spec, case)), self.own[case.scene]
         return {
             "reference": str(self.reference),
             **self.displayed(spec, case),
-            **errors.to_picture(self._reference(case), made, scene.fractal),
-            "to_own": None if own == case else self._to(own, made),
-            "bulb_psnr_db": bulb_psnr(self._reference(case), made, scene),
-            "marched": self._marched(spec, case),
+            **self._to(case, made),
+            "to_own": None if own == case else PictureErrors(**self._to(own, made)),
         }
 
-    def _to(self, case: Case, made: images.Picture) -> PictureErrors:
+    def _to(self, case: Case, made: images.Picture) -> dict[str, Any]:
         fractal = registry.find_scene(case.scene).fractal
-        return PictureErrors(**errors.to_picture(self._reference(case), made, fractal))
-
-    def _marched(self, spec: Spec, case: Case) -> Marched | None:
-        """Errors of the nearest parent that marches to its hits, by the same coarse hit distance; None of a
-        phase that does so itself, and by the scene's own."""
-        phase = registry.find_phase(spec.phase)
-        if case.hit == OWN or not phase.exact_hits:
-            return None
-        while phase.exact_hits and phase.parent:
-            phase = registry.find_phase(phase.parent)
-        parent = Spec.parse(phase.name)
-        if phase.exact_hits or registry.missing_isa(parent):
-            return None
-        self.first(parent, case)
-        made, scene = images.read(self._path(parent, case)), registry.find_scene(case.scene)
-        found = self._to(case, made)
-        return Marched(
-            phase=str(parent),
-            psnr_db=found.psnr_db,
-            rmse=found.rmse,
-            depth_agree_fraction=found.depth_agree_fraction,
-            bulb_psnr_db=bulb_psnr(self._reference(case), made, scene),
-        )
-
-
-def bulb_psnr(reference: images.Picture, image: images.Picture, scene: Scene) -> float | None:
-    """PSNR in dB of the 4×4 means all of whose samples hit a fractal in both pictures; None of none."""
-    fractals = [i for i, shape in enumerate(scene.data["shapes"]) if shape["type"] in registry.FRACTALS]
-    hit = np.isin(reference["id"], fractals) & np.isin(image["id"], fractals)
-    high, wide = (size // FACTOR for size in hit.shape)
-    blocks = hit[: high * FACTOR, : wide * FACTOR].reshape(high, FACTOR, wide, FACTOR).all(axis=(1, 3))
-    if not blocks.any():
-        return None
-    means = [images.box_average(images.rgb(one), FACTOR)[blocks].astype(float) for one in (reference, image)]
-    error = float(np.sqrt(np.mean((means[0] - means[1]) ** 2)))
-    return math.inf if error == 0 else -20 * math.log10(error)
+        return errors.to_picture(self._reference(case), made, fractal)
 
 
 def measure(

@@ -4,20 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from study.core.schema import Record, key
+from study.core.schema import key
 from study.numbers.schema import Interval, Measured, PictureErrors, Skipped
 
 AWAY_ONCE = 3  # hit distances, where a file does not say
-
-
-class Marched(Record, kw_only=True):
-    """The nearest parent that marches to its hits, by the same coarse hit distance."""
-
-    phase: Annotated[str, key("", "that parent")]
-    psnr_db: Annotated[float | None, key("dB", "as above")]
-    rmse: Annotated[float | None, key("linear RGB", "as above")]
-    depth_agree_fraction: Annotated[float | None, key("share of pixels", "as above")] = None
-    bulb_psnr_db: Annotated[float | None, key("dB", "as above")] = None
 
 
 class Row(PictureErrors, kw_only=True):
@@ -48,11 +38,6 @@ class Row(PictureErrors, kw_only=True):
         PictureErrors | None,
         key("", "the same errors to its picture by the scene's own parameters; null: as these"),
     ]
-    bulb_psnr_db: Annotated[
-        float | None,
-        key("dB", "of 4×4 means whose samples all hit a fractal; null: none, or identical"),
-    ] = None
-    marched: Annotated[Marched | None, key("", "for comparison; null by the scene's own")] = None
 
 
 class LeftOut(Skipped, kw_only=True):

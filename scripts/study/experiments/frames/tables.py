@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +11,8 @@ from matplotlib.lines import Line2D
 from study.core import show
 from study.core.show import Column
 from study.experiments.frames.measure import HALF, PHASE
-from study.experiments.frames.schema import Frames, LeftOut, Row
+from study.experiments.frames.schema import Frames, Row
+from study.experiments.section import Found, part
 from study.pictures.draw import Drawing, plain_log
 
 FIGURE = "frames"
@@ -31,30 +31,10 @@ def _presenting(row: Row) -> str:
     return "in the phase's tiles" if row.presented_by == PHASE else show.number(row.present_ms, 2)
 
 
-def _marched(row: Row) -> str:
-    """Its parent's errors, whose floor is marched as the reference's: PSNR, on the bulb, depths."""
-    found = row.marched
-    if not found:
-        return show.NOTHING
-    bulb = "" if found.bulb_psnr_db is None else f", on the bulb {show.number(found.bulb_psnr_db)}"
-    whole = "not finite" if found.rmse is None else show.number(found.psnr_db)
-    return f"{found.phase}: {whole}{bulb}; {show.share(found.depth_agree_fraction)}"
-
-
-def sentence(row: Row) -> str:
-    """For a terminal."""
-    where = f"{row.scene}, {row.width}×{row.n}, {_hit(row)}: {row.phase}"
-    error = f"{show.error_psnr(row)} dB to {row.reference}"
-    if row.to_own:
-        error += f", {show.error_psnr(row.to_own)} dB to the scene's own parameters"
-    return f"{where} {_rate(row)} frames/s, {error}"
-
-
 COARSE = (
     "The reference marches planes and solids and stops short of them by up to the hit distance; closed forms "
     "put them where they are. A low PSNR with a coarse hit distance is the reference's."
 )
-FEET = {"frames": COARSE}
 
 
 def _hit(row: Row) -> str:
@@ -62,7 +42,7 @@ def _hit(row: Row) -> str:
 
 
 RATES = [
-    Column("", "scene", lambda r: f"{r.scene}, {r.width}×{r.n}"),
+    Column("", "scene", show.picture),
     Column("", "hit distance", _hit),
     Column("", "phase", lambda r: r.phase),
     Column("", "threads", lambda r: str(r.threads)),
@@ -77,8 +57,6 @@ RATES = [
     ),
     Column("error by the same parameters", "wrong hit, ppm", show.plain("wrong_ppm")),
     Column("error by the same parameters", "depth agrees", lambda r: show.share(r.depth_agree_fraction)),
-    Column("error by the same parameters", "PSNR on the bulb alone, dB", show.plain("bulb_psnr_db")),
-    Column("error by the same parameters", "beside it, marched: PSNR, dB; depth agrees", _marched),
     Column("to the scene's own parameters", "PSNR, dB ", lambda r: show.error_psnr(r.to_own)),
     Column(
         "to the scene's own parameters",
@@ -91,15 +69,6 @@ LEFT_OUT = [
     Column("", "scene", lambda r: f"{r.scene}, {r.hit}" if r.scene else "all"),
     Column("", "why", lambda r: r.reason),
 ]
-
-
-def tables(result: Frames) -> list[tuple[str, str, Sequence[Row | LeftOut], list[Column]]]:
-    """Name, caption, rows and columns."""
-    caption = "Finished frames a second on every core, gamma and 8 bits included"
-    return [
-        ("frames", caption, result.rows, RATES),
-        ("frames-left-out", "Not measured", result.left_out, LEFT_OUT),
-    ]
 
 
 def draw(result: Frames) -> Figure:
@@ -172,3 +141,11 @@ def answer(result: Frames) -> str:
 def drawings(result: Frames) -> dict[str, Drawing]:
     caption = "Time of every frame, by phase"
     return {FIGURE: Drawing(caption, note(result), lambda: draw(result))} if result.rows else {}
+
+
+def found(result: Frames) -> Found:
+    """Finished frames a second on every core, presenting included."""
+    caption = "Finished frames a second on every core, gamma and 8 bits included"
+    parts = part("frames", caption, result.rows, RATES, COARSE)
+    parts += part("frames-left-out", "Not measured", result.left_out, LEFT_OUT)
+    return Found(parts, answer(result), drawings(result))

@@ -10,12 +10,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from study.experiments.functions.schema import Edge
 
-TYPES = {"float": np.float32, "double": np.float64}
+TYPES: dict[str, Any] = {"float": np.float32, "double": np.float64}
 NEAR = 0.05
 EXACT: dict[str, Callable[..., np.longdouble]] = {
     "sqrt": np.sqrt,
@@ -44,7 +45,8 @@ def arguments(function: str, precision: str) -> list[tuple[float, ...]]:
         ends = (0.0, least, normal - least, normal, 1.0, huge, math.inf)
         signed = [sign * v for v, sign in itertools.product(ends, (1.0, -1.0))]
         left_out = (least - normal, -normal, 1.0)
-        return [(v,) for v in signed if v not in left_out] + [(math.nan,)]
+        kept: list[tuple[float, ...]] = [(v,) for v in signed if v not in left_out]
+        return [*kept, (math.nan,)]
     pairs = (ATAN2 if function == "atan2" else POW).split(", ")
     more = [(huge, huge), (math.nan, 1.0), (1.0, math.nan)]
     if function == "pow":

@@ -17,7 +17,6 @@ from study.core import show
 from study.experiments.functions import measure as functions
 from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES, judged
-from study.measuring.function_bench import Normalise
 from study.pictures.draw import COLOURS, MARKERS, Drawing, plain_log
 
 FAMILIES = ("libm", "instruction", "bit trick", "own", "libmvec", "SLEEF")
@@ -114,35 +113,6 @@ def figure(result: Functions, precision: str, time: str = "stream_ns") -> Figure
     return made
 
 
-def normalise_figure(result: Functions) -> Figure:
-    """ns per vector against the bytes of the arrays: where the lines meet, memory is measured."""
-    made = Figure(figsize=(9.5, 5.2), layout="constrained")
-    axes = made.subplots()
-    about = "Normalising vectors: time of each against the size of the arrays"
-    made.suptitle(about, x=0.01, ha="left", fontsize=12)
-    widths = {isa: i for i, isa in enumerate(SIZES)}
-    lines: dict[tuple[str, str, str], list[Normalise]] = {}
-    for row in result.normalise:
-        lines.setdefault((row.isa, row.name, row.layout), []).append(row)
-    for (isa, name, layout), rows in lines.items():
-        bare, scalar = name == "no arithmetic", isa == "scalar"
-        style = {
-            "color": COLOURS[widths[isa]],
-            "marker": "" if bare else MARKERS[widths[isa]],
-            "linewidth": 1.4,
-        }
-        style["markerfacecolor"] = "white" if name == "1/sqrt" and not scalar else None
-        line = ":" if bare else "--" if layout == "AoS" else "-"
-        label = f"{isa}, {name}" + (f", {layout}" if scalar else "")
-        points = [r.bytes / 1e6 for r in rows], [r.ns.value for r in rows]
-        axes.plot(*points, linestyle=line, label=label, **style)
-    axes.set(xscale="log", yscale="log", xlabel="MB of vectors (12 bytes each)", ylabel="ns per vector")
-    plain_log(axes.xaxis)
-    plain_log(axes.yaxis)
-    made.legend(loc="outside right upper", frameon=False, fontsize=9)
-    return made
-
-
 ABOUT = {
     "stream_ns": "Throughput: independent elements, however many at once.",
     "latency_ns": "Latency: a chain in which each call waits for the last, less the chain's own cost; a call "
@@ -174,21 +144,16 @@ def normalise_note(result: Functions) -> str:
     return (
         f"The article: {article.scalar_ms:g} ms against {article.sse_ms:g} ms, {article.speedup}×, for "
         f"{article.vectors:,} equal vectors on a {article.cpu}. Here, {largest:,} random ones, "
-        f"scalar AoS over reciprocal root + 1 Newton step: {named}. Dotted: the same loads and stores "
-        "without arithmetic; where a line lies on it, memory is what was measured."
+        f"scalar AoS over reciprocal root + 1 Newton step: {named}."
     )
 
 
 def drawings(result: Functions) -> dict[str, Drawing]:
-    """Name → figure, of throughput and of latency in each precision, and of normalisation."""
+    """Name → figure, of throughput and of latency in each precision."""
     made = {}
     for time, word in (("stream_ns", ""), ("latency_ns", "-latency")):
         for precision in ("float", "double"):
             about = f"{precision.capitalize()}s: {TIMES[time]}, against the largest error"
             draw = partial(figure, result, precision, time)
             made[f"functions-{precision}{word}"] = Drawing(about, note(result, time), draw)
-    if result.normalise:
-        about = "Normalising vectors, from the first cache to memory"
-        draw = partial(normalise_figure, result)
-        made["normalise"] = Drawing(about, normalise_note(result), draw)
     return made

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from study.core import cli, registry, run, store
+from msgspec.structs import asdict
+
+from study.core import cli, registry, run
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.lattice import measure as lattice
 from study.experiments.lattice import tables
-from study.experiments.lattice.schema import Lattice
-from study.measuring import hits
+from study.experiments.lattice.schema import FILE, SCENE, Lattice, Program, Row
+from study.measuring import hits, launches
+from study.measuring.launches import Size
+from study.measuring.schema import HitErrors
 from study.truth import truth
 
 DESCRIPTION = """\
@@ -19,6 +25,9 @@ Every phase of the ladder on the scene `lattice` at 1000×562 and 1280×720, on 
 interleaved launches; the error of each to truth; beside the figures of CPU-RTRM's own program, which were
 measured on another machine."""
 STATUSES = {cli.FAILED: "a picture has samples that are not finite"}
+SIZES = ((1000, 562), (1280, 720))
+PROGRAM = Program(size=[1280, 720], ms={"1": 57.7, "2": 33.1}, machine="a 2-core Zen 5 VM at 4.27 GHz")
+PAPER = 14.0  # times as fast as CPU-RTRM with threads, as the paper has its own last step
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +38,42 @@ def options(parser: argparse.ArgumentParser) -> None:
     running.height(parser, 180, "height for errors", "--error-n", 9)
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1, 2 and all CPUs")
     add("--cpu", type=int, default=run.FASTEST, help="first CPU to pin to; default: of a fast core")
-    running.options(parser, lattice.FILE, "systems")
+    running.options(parser, FILE, "systems")
+
+
+@dataclass(frozen=True)
+class Point:
+    """A phase at a size on a number of threads."""
+
+    phase: str
+    size: Size
+    threads: int
+
+
+def points(names: Sequence[str], sizes: Sequence[Size], threads: Sequence[int]) -> list[Point]:
+    """Every phase at every size, with more threads where it has them."""
+    return [
+        Point(name, size, count)
+        for size in sizes
+        for name in names
+        for count in dict.fromkeys(threads)
+        if count == 1 or registry.find_phase(name).threads
+    ]
+
+
+def row(point: Point, times: Sequence[float], errors: Mapping[str, HitErrors]) -> Row:
+    """Ms, and times as fast as CPU-RTRM's figure. `times`: in ms."""
+    theirs = PROGRAM.ms.get(str(point.threads)) if [*point.size] == PROGRAM.size else None
+    found = launches.timed(times)
+    ends: dict[str, Any] = {"": found.ms, "_low": found.ms_high, "_high": found.ms_low}
+    over = {f"program{end}": theirs / ms if theirs and ms else None for end, ms in ends.items()}
+    return Row(
+        **{"phase": point.phase, "width": point.size[0], "n": point.size[1], "threads": point.threads},
+        **{"ms": found.ms, "ms_low": found.ms_low, "ms_high": found.ms_high},
+        **{"ns": [one * 1e6 for one in times], "program_ms": theirs},
+        **over,
+        **asdict(errors[point.phase]),
+    )
 
 
 def measure(args: argparse.Namespace) -> Outcome:
@@ -42,27 +86,29 @@ def measure(args: argparse.Namespace) -> Outcome:
     names = [name for name in wanted if registry.cpu_supports(Spec.parse(name))]
     if not names:
         raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
-    scene = registry.find_scene(lattice.SCENE)
-    sizes = [scene.size(n) for n in args.n] if args.n else lattice.SIZES
+    scene = registry.find_scene(SCENE)
+    sizes = [scene.size(n) for n in args.n] if args.n else SIZES
     error_size = scene.size(args.error_n)
     exact = truth.picture(scene, error_size)
     errors = {name: hits.errors(exact, hits.picture(name, scene, error_size)) for name in names}
 
-    def once(point: lattice.Point, padding: int) -> float:
-        return lattice.once(point, scene, padding, args.cpu)
+    def once(point: Point, padding: int) -> float:
+        """Median ms of a launch's frames: one frame of the phases in doubles, which take seconds."""
+        slow = registry.find_phase(point.phase).precision == "double"
+        warmup, reps = (0, 1) if slow else (1, 5)
+        how = {"cpu": args.cpu, "threads": point.threads, "warmup": warmup}
+        return launches.milliseconds(point.phase, scene, point.size, reps, padding, **how)
 
-    points = lattice.points(names, sizes, threads)
-    times = run.interleaved(points, args.launches, args.seed, args.cpu, once, "lattice")
+    every = points(names, sizes, threads)
+    times = run.interleaved(every, args.launches, args.seed, args.cpu, once, "lattice")
     result = Lattice(
         **running.about(args),
         threads=threads,
-        program=lattice.PROGRAM,
-        paper=lattice.PAPER,
+        program=PROGRAM,
+        paper=PAPER,
         error_size=[*error_size],
-        rows=[lattice.row(point, ms, errors) for point, ms in times.items()],
+        rows=[row(point, ms, errors) for point, ms in times.items()],
     )
-    store.write_json(folder / lattice.FILE, result)
-    lines = [part.markdown for part in tables.parts(result)]
     bad = [name for name, found in errors.items() if found.non_finite]
-    failed = [f"{name} on {lattice.SCENE}: samples that are not finite" for name in bad]
-    return Outcome(result, lines, folder, failed=failed)
+    failed = [f"{name} on {SCENE}: samples that are not finite" for name in bad]
+    return running.end(folder / FILE, result, tables.parts(result), failed=failed)

@@ -50,4 +50,5 @@ class Lattice(Measured, kw_only=True):
         return min(mine, key=lambda row: row.ms or 0, default=None)
 
 
-SCHEMAS = {"lattice.json": Lattice}
+FILE, SCENE = "lattice.json", "lattice"
+SCHEMAS = {FILE: Lattice}

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.lattice.measure import FILE, SCENE
-from study.experiments.lattice.schema import Lattice
+from study.experiments.lattice.schema import FILE, SCENE, Lattice
 from study.experiments.section import Claim, Part, System, part
 
 COLUMNS = [

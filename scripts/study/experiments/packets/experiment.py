@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
-from study.experiments.packets import command, pictures, tables
+from study.experiments.packets import command, tables
 from study.experiments.packets.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -15,5 +15,4 @@ EXPERIMENT = Experiment(
     cut="It needs Embree, which not every machine has.",
     command=command,
     system=tables.system,
-    sheets={pictures.PICTURES: pictures.write_pictures},
 )

@@ -41,15 +41,10 @@ def draw_rays(result: Packets) -> Figure:
         rows = [i for i, row in enumerate(result.rays) if row.scene == name]
         for i, bar in enumerate(bars):
             there = [(at, one.mrays) for at, row in enumerate(rows) if (one := made[bar][row])]
-            panel.bar(
-                [at + (i - (len(bars) - 1) / 2) * wide for at, _ in there],
-                [mrays for _, mrays in there],
-                wide,
-                color=COLOURS[(i + 1) % len(COLOURS)],
-                hatch=HATCHES[i],
-                edgecolor="white",
-                label=BARS[bar].format(widest),
-            )
+            places = [at + (i - (len(bars) - 1) / 2) * wide for at, _ in there]
+            style = {"color": COLOURS[(i + 1) % len(COLOURS)], "hatch": HATCHES[i], "edgecolor": "white"}
+            label = BARS[bar].format(widest)
+            panel.bar(places, [mrays for _, mrays in there], wide, label=label, **style)
         panel.set(yscale="log", title=name)
         panel.set_xticks(range(len(rows)), [result.rays[row].kind for row in rows], fontsize=9)
         plain_log(panel.yaxis)
@@ -69,15 +64,13 @@ def draw_equal(result: Packets) -> Figure:
             if row.non_finite:  # no PSNR for another reason than 160 dB's
                 continue
             i, traced = names.index(row.phase), row.phase == "packets"
-            panel.plot(
-                [row.threads[0].ms],
-                [160 if row.psnr_db is None else row.psnr_db],
-                marker="*" if traced else MARKERS[i % len(MARKERS)],
-                color=COLOURS[4] if traced else COLOURS[(0, 1, 2, 3, 5, 6)[i % 6]],
-                markersize=14 if traced else 7,
-                linestyle="none",
-                label=row.phase,
-            )
+            style = {
+                "marker": "*" if traced else MARKERS[i % len(MARKERS)],
+                "markersize": 14 if traced else 7,
+            }
+            style["color"] = COLOURS[4] if traced else COLOURS[(0, 1, 2, 3, 5, 6)[i % 6]]
+            point = [row.threads[0].ms], [160 if row.psnr_db is None else row.psnr_db]
+            panel.plot(*point, linestyle="none", label=row.phase, **style)
         panel.axhline(ENOUGH_DB, color="#888888", linestyle=":", linewidth=1)
         panel.set(xscale="log", title=drawn.scene, xlabel="ms a frame, one thread", ylim=(20, 165))
         panel.margins(x=0.25)

@@ -9,17 +9,25 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from msgspec.structs import asdict
 
 from study.core import registry, run
 from study.core.registry import Scene, find_phase
 from study.experiments.packets import scenes
-from study.experiments.packets.schema import Agreement, Drawn, Limits, Rate, Threads, Tree, Variant
+from study.experiments.packets.schema import (
+    Agreement,
+    Article,
+    Drawn,
+    Limits,
+    Normalise,
+    Rate,
+    Threads,
+    Variant,
+)
 from study.experiments.packets.schema import Rays as Row
 from study.experiments.packets.schema import Scene as SceneRow
-from study.measuring import animations, hits, launches, rays
+from study.measuring import function_bench, hits, launches, rays
 from study.measuring.rays import KINDS, Rays, Record
 from study.numbers import stats
 from study.truth import truth
@@ -35,12 +43,13 @@ VARIANTS = {
     "each alone": ("rays=alone", ""),
     "root by Newton": ("root=newton", ""),
 }
-TREES = {"BVH": "tree=bvh", "kd-tree": "tree=kd"}
 MARCHED = ("opt4", "opt5_threads", "opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene")
 HIT_DISTANCES = (None, 1e-7, 1e-5, 1e-4, 1e-3)  # None: the scene's own
 UNBOUND_STEPS = 3000  # no ray of these scenes needs as many; most of them have it as their own cap
 GRANTED_DB = 0.1  # a tenth of the third digit of a PSNR
 ENOUGH_DB = 80.0  # an RMS error of 1/39 of a display level, which nobody sees: as in phase.json
+ARTICLE = Article(scalar_ms=3156, sse_ms=172, speed_up=18.35, cpu="Core 2 Duo, 1.6 GHz")
+ROUNDS = 6  # of normalising: the fewest that have an interval
 MOST_OTHERS = 1e-4  # of the rays may have another hit than Embree's: those that graze
 
 
@@ -197,28 +206,23 @@ def equal_error(scene: Scene, n: int, threads: Sequence[int], count: int, seed: 
     return SceneRow(scene=scene.name, width=size[0], n=n, rows=rows)
 
 
-def share(frames: int, tree: str, threads: int) -> int:
-    """How many of the animation's `frames` are timed, from the first on: all by the phase's own tree on
-    every core, else a quarter, which keeps the whole under two minutes or so."""
-    headline = tree == next(iter(TREES)) and threads == animations.thread_counts()[-1]
-    return frames if headline else max(2, frames // animations.QUARTER)
-
-
-def animated(frames: int, n: int) -> list[Tree]:
-    """A row for each tree, built anew for each frame, and number of threads. Raises StudyError."""
-    rows = []
-    for name, words in TREES.items():
-        told = {rays.SETTINGS: words}
-        error = animations.still_error("packets", registry.animated()[animations.MOVING], n, told)
-        for threads in animations.thread_counts():
-            many = share(frames, name, threads)
-            row = animations.animation("packets", many, n, threads, told=told)
-            rows.append(Tree(tree=name, **asdict(msgspec.structs.replace(row, error=error))))
-    return animations.with_common(rows)
+def normalised(vectors: int, seed: int) -> list[Normalise]:
+    """The article's own benchmark, by the program of stepwise functions: ms to normalise so many vectors of
+    three floats, error in ulp, and how many times as fast as scalar code that is. Raises StudyError."""
+    rows = function_bench.normalise(vectors, ROUNDS, seed, run.FASTEST)
+    made = []
+    for row in (one for one in rows if one.vectors == max(row.vectors for row in rows)):
+        about: dict[str, Any] = {key: getattr(row, key) for key in ("vectors", "isa", "layout", "name")}
+        for end, key in (("", "value"), ("_low", "low"), ("_high", "high")):
+            ns = getattr(row.ns, key)
+            about[f"ms{end}"] = ns and ns * row.vectors * 1e-6
+            about[f"gain{end}"] = getattr(row.speedup, key)
+        made.append(Normalise(max_ulp=row.max_ulp, **about))
+    return made
 
 
 def study(folder: Path, ray_n: int, n: int, count: int, reps: int, seed: int) -> dict[str, Any]:
-    """All of packets.json but the context and the animation. `folder` gets the scenes that are made here."""
+    """The rays and drawn scenes of packets.json. `folder` gets the scenes that are made here."""
     found = []
     for scene in scenes.traced(folder):
         wanted = rays.all_kinds(scene, ray_n, seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 from study.core.schema import Record, key
-from study.measuring.schema import Animation, Gain, Timed, Times, TimesHigh, TimesLow
+from study.measuring.schema import Gain, Timed, Times, TimesHigh, TimesLow
 from study.numbers.schema import Measured
 
 Ratio = Annotated[float | None, key("×", "ours over Embree's rays a second, asked this way")]
@@ -122,12 +122,6 @@ class Article(Record, kw_only=True):
     cpu: Annotated[str, key("", "its CPU")]
 
 
-class Tree(Animation, kw_only=True):
-    """The animation by a tree that is built anew in each frame's update."""
-
-    tree: Annotated[str, key("", "BVH or kd-tree")]
-
-
 class Packets(Measured, kw_only=True):
     """Rays a second beside Embree; ray tracing against sphere tracing at equal error."""
 
@@ -137,7 +131,6 @@ class Packets(Measured, kw_only=True):
     ray_n: Annotated[int, key("pixels", "height of the camera's rays")]
     rays: Annotated[list[Rays], key("", "scenes and kinds of rays", min_length=1)]
     drawn: Annotated[list[Scene], key("", "ray tracing against sphere tracing at equal error")]
-    animation: Annotated[list[Tree], key("", "by either tree")]
     normalise: Annotated[list[Normalise], key("", "vectors normalised")]
 
 

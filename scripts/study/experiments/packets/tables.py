@@ -8,12 +8,12 @@ from msgspec.structs import asdict
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.packets import figures, normalise
+from study.experiments.packets import figures
 from study.experiments.packets.measure import EMBREE, MOST_OTHERS, reached, target_of
-from study.experiments.packets.pictures import CAPTION, PICTURES
 from study.experiments.packets.schema import FILE, Drawn, Packets, Rate, Rays, Scene
 from study.experiments.section import Claim, Part, System, part
-from study.measuring import animation_tables, hit_tables
+from study.measuring import hit_tables
+from study.measuring.function_bench import VECTORS
 
 OF_KIND = {
     "primary": "camera",
@@ -78,14 +78,8 @@ VARIANTS = [
     Column("", "scene", show.word("scene")),
     Column("", "rays", lambda r: OF_KIND[r.kind]),
     *_variants(
-        {
-            "own": "BVH, widest",
-            "kd-tree": "kd-tree",
-            "8 lanes": "8 lanes (AVX2)",
-            "4 lanes": "4 lanes (SSE2)",
-            "each alone": "each ray alone",
-            "root by Newton": "approximate root, one Newton step",
-        }
+        {"own": "BVH, widest", "kd-tree": "kd-tree", "8 lanes": "8 lanes (AVX2)", "4 lanes": "4 lanes (SSE2)"}
+        | {"each alone": "each ray alone", "root by Newton": "approximate root, one Newton step"}
     ),
     Column("", "|Δt| of that root", show.plain("newton_dt_max", 2)),
 ]
@@ -140,12 +134,6 @@ DRAWN = [
     Column(hit_tables.TRUTH, "PSNR, dB", show.plain("psnr_db")),
     Column(hit_tables.TRUTH, "wrong hits, ppm", show.plain("wrong_ppm")),
 ]
-MOVING = [
-    Column("", "tree", show.word("tree")),
-    Column("", "phase", show.word("phase")),
-    Column("", "threads", show.word("threads")),
-    *animation_tables.FRAMES,
-]
 BESIDE = (
     "Rays go through both tracers on one thread, in one order, by turns in one process. Embree's time is of "
     "its tracing alone, a thousand rays at a time put into its own form before; ours reads and writes plain "
@@ -159,25 +147,6 @@ NOTE = (
     "that does not bind) with which it is fastest among those that reach the PSNR of packets, or 80 dB. "
     "Where none does it has those with which it comes nearest, and the row says so: errors are not equal."
 )
-FRAMES = (
-    "All frames by the phase's own tree on every core, a quarter by the others, for the time it takes. What "
-    "is seen drifts from frame to frame: compare rows by the mean of the frames that all have."
-)
-
-
-def sentences(result: Packets) -> list[str]:
-    """For a terminal."""
-    found = [
-        f"{r.scene}, {r.kind}: {rate(figures.variant(r, 'own'))} million rays a second; over Embree's "
-        + ", ".join(f"{text} {_ratio(r, way)}" for way, text in WAYS.items())
-        + f"; {agreement(r)}"
-        for r in result.rays
-    ]
-    return found + [
-        f"{r['scene']}, {r['phase']}, {r['threads']} threads: {show.interval(r, 'ms', 3)} ms, "
-        f"{show.number(r['psnr_db'])} dB; packets {_gain(r)}; equal error: {r['equal']}"
-        for r in drawn_rows(result)
-    ]
 
 
 def faults(result: Packets) -> list[str]:
@@ -197,25 +166,29 @@ def faults(result: Packets) -> list[str]:
 
 def parts(result: Packets) -> list[Part]:
     which = sorted({f"Embree: {row.embree}." for row in result.rays})
+    equal_error = "Ray tracing against sphere tracing: time to equal error"
     foot = "\n".join([*([BESIDE] * any(row.embree16 for row in result.rays)), *which])
     return [
         *part("packets", "Packet ray tracing: rays a second, beside Embree", result.rays, RAYS, foot),
-        *part(
-            "packets-equal-error",
-            "Ray tracing against sphere tracing: time to equal error",
-            drawn_rows(result),
-            DRAWN,
-            NOTE,
-        ),
+        *part("packets-equal-error", equal_error, drawn_rows(result), DRAWN, NOTE),
         *part("packets-variants", "Packet ray tracing: trees, lanes, roots", result.rays, VARIANTS),
-        *part(
-            "packets-animation",
-            "Packet ray tracing: an animation, the tree built anew for each frame",
-            result.animation,
-            MOVING,
-            f"{FRAMES}\n{animation_tables.NOTE}",
-        ),
     ]
+
+
+def normalise_claims(result: Packets) -> list[Claim]:
+    """Scalar code, SSE by the approximate root and one Newton step, and the one over the other."""
+    rows = {(row.isa, row.layout, row.name): row for row in result.normalise if row.vectors == VECTORS}
+    scalar, sse = rows.get(("scalar", "AoS", "1/sqrt")), rows.get(("SSE", "SoA", "rsqrtps + 1"))
+    if scalar is None or sse is None:
+        return []
+    said, article, made = result.article, "packet rays (P2)", []
+    for row, theirs in ((scalar, said.scalar_ms), (sse, said.sse_ms)):
+        times, error = theirs / row.ms, f"≤ {show.number(row.max_ulp, 2)} ulp"
+        what, ratio = f"normalising {VECTORS:,} vectors, {row.isa}, ms", f"{show.number(times)}×"
+        made.append(Claim(article, what, f"{theirs:g}", hit_tables.ms(row), ratio, error, times))
+    ratio, times_said = f"{show.number((sse.gain or 0) / said.speed_up)}×", f"{said.speed_up}×"
+    ours = hit_tables.gain(sse)
+    return [*made, Claim(article, "normalising, SSE over scalar", times_said, ours, ratio, error)]
 
 
 def rays_claims(result: Packets) -> list[Claim]:
@@ -246,11 +219,5 @@ def system(run: Path) -> System | None:
         f"P2: {result.article.cpu}; “millions of rays per second, per core”. Of all "
         "scenes and kinds of rays here are the best and the worst over Embree's fastest way."
     )
-    images = {run / "images" / f"{PICTURES}.png": CAPTION}
-    return System(
-        [*normalise.claims(result), *rays_claims(result)],
-        parts(result),
-        note,
-        figures.drawings(result),
-        images,
-    )
+    claims = [*normalise_claims(result), *rays_claims(result)]
+    return System(claims, parts(result), note, figures.drawings(result))

@@ -35,12 +35,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     rows = [rods.beside(scene, args.n, *how, 1) for scene in scenes]
     trade, pixels = rods.trade(args.article_n, *how)
     found = {"article": rods.ARTICLE, "own": own, "rows": rows, "trade": trade, "trade_pixels": pixels}
-    about = {"launches": args.launches, "seed": args.seed}
-    running.write(folder / FILE, about, found)
-    result = Rods.load(folder / FILE)
-    paths = pictures.write_pictures(folder, args.article_n)
-    paths += running.draw(folder, tables.drawings(result))
-    measured = [result.own, *result.rows]
-    ways = [(f"rods on {row.scene}", one) for row in measured for one in (row.rods, row.pixels)]
-    failed = hit_tables.not_finite(ways)
-    return Outcome(result, [*map(tables.sentence, measured), *paths], folder, failed=failed)
+    result = Rods(**running.about(args), **found)
+    ways = [(f"rods on {row.scene}", one) for row in (own, *rows) for one in (row.rods, row.pixels)]
+    made = pictures.write_pictures(folder, args.article_n)
+    drawn, failed = tables.drawings(result), hit_tables.not_finite(ways)
+    return running.end(folder / FILE, result, tables.parts(result), drawn, made, failed=failed)

@@ -10,14 +10,15 @@ from study.core import show
 from study.core.show import Column
 from study.experiments.rods import measure as rods
 from study.experiments.rods.pictures import CAPTION, PICTURES
-from study.experiments.rods.schema import FILE, Rods, Row
-from study.experiments.section import Claim, System, part
-from study.measuring.hit_tables import depth_error, gain, ms, ppm, to_truth, within
+from study.experiments.rods.schema import FILE, Rods
+from study.experiments.section import Claim, Part, System, part
+from study.measuring.hit_tables import depth_error, gain, ms, to_truth, within
 from study.pictures.draw import COLOURS, Drawing, plain_log
 
 TRADE = "rods-trade"
 ALONE = "ms, the march alone [95 %]"
 EVALUATIONS = "evaluations a pixel"
+HITS = ("false hits", "false misses", "wrong shape")
 SCENES = [
     Column("", "scene", lambda r: show.picture(r)),
     *within("pixels", [Column(ALONE, "per pixel", ms)]),
@@ -26,13 +27,7 @@ SCENES = [
     *within("pixels", [Column(EVALUATIONS, "per pixel", show.plain("evaluations"))]),
     *within("rods", [Column(EVALUATIONS, "rods", show.plain("evaluations"))]),
     Column(EVALUATIONS, "fewer", lambda r: show.number(r.fewer) + "×"),
-    *within(
-        "rods",
-        to_truth(
-            *("false hits", "false misses", "wrong shape", "dt 50", "dt 99", "psnr"),
-            group="rods to ground truth",
-        ),
-    ),
+    *within("rods", to_truth(*HITS, "dt 50", "dt 99", "psnr", group="rods to ground truth")),
     *within("pixels", to_truth("wrong hits", "psnr", group="per pixel to ground truth")),
 ]
 TRADES = [
@@ -52,50 +47,36 @@ NOTE = (
 )
 
 
-def sentence(row: Row) -> str:
-    """For a terminal."""
-    wrong, theirs = (ppm(one, form="{:.4g} ppm".format) for one in (row.rods, row.pixels))
-    return (
-        f"{show.picture(row)}: per pixel {ms(row.pixels)} ms, rods {ms(row.rods)} ms, {gain(row)}; "
-        f"{row.fewer:.3g}× fewer evaluations; wrong hits {wrong}, per pixel {theirs}; "
-        f"|Δt| 99 % {show.number(row.rods.dt_p99, 2)}"
-    )
-
-
 def claims(result: Rods) -> list[Claim]:
     """The article's four figures beside ours."""
     own, said = result.own, result.article
-    size = f"{rods.SCENE} {own.width}×{own.n}"
-    rows = [
-        (f"{size}, per pixel, ms", f"{said.pixels_ms:g}", ms(own.pixels), said.pixels_ms, own.pixels),
-        (f"{size}, rods, ms", f"under {said.rods_ms:g}", ms(own.rods), said.rods_ms, own.rods),
-    ]
-    found = [
-        Claim(
-            "rod marching (P4)",
-            what,
-            article,
-            ours,
-            f"{show.number(theirs / one.ms)}×",
-            depth_error(one),
-            theirs / one.ms,
-        )
-        for what, article, ours, theirs, one in rows
-    ]
-    times = said.pixels_ms / said.rods_ms
-    for what, article, ours, ratio in (
-        ("rods over per pixel, time", f"over {times:.0f}×", gain(own), (own.gain or 0) / times),
-        (
-            "evaluations, per pixel over rods",
-            f"{said.evaluations:g}×",
-            f"{show.number(own.fewer)}×",
-            own.fewer / said.evaluations,
-        ),
+    size, times = f"{rods.SCENE} {own.width}×{own.n}", said.pixels_ms / said.rods_ms
+    found = []
+    for what, limit, theirs, one in (
+        ("per pixel", "", said.pixels_ms, own.pixels),
+        ("rods", "under ", said.rods_ms, own.rods),
     ):
-        found.append(
-            Claim("rod marching (P4)", what, article, ours, f"{show.number(ratio)}×", depth_error(own.rods))
-        )
-    return found
+        ratio, limit = theirs / (one.ms or 1), f"{limit}{theirs:g}"
+        found.append((f"{size}, {what}, ms", limit, ms(one), ratio, one, ratio))
+    fewer = "evaluations, per pixel over rods"
+    gained = (own.gain or 0) / times
+    found.append(("rods over per pixel, time", f"over {times:.0f}×", gain(own), gained, own.rods, None))
+    many, ours = f"{said.evaluations:g}×", f"{show.number(own.fewer)}×"
+    found.append((fewer, many, ours, own.fewer / said.evaluations, own.rods, None))
+    return [
+        Claim("rod marching (P4)", what, limit, ours, f"{show.number(ratio)}×", depth_error(one), speed)
+        for what, limit, ours, ratio, one, speed in found
+    ]
+
+
+def parts(result: Rods) -> list[Part]:
+    caption = "Rod marching against per-pixel marching: time, evaluations, error"
+    foot = f"The march per pixel between these launches: {ms(result.trade_pixels)} ms."
+    title = "Rod marching: starting rods × step cap on two_spheres"
+    return [
+        *part("rods", caption, result.rows, SCENES, NOTE),
+        *part(TRADE, title, result.trade, TRADES, foot),
+    ]
 
 
 def system(run: Path) -> System | None:
@@ -103,14 +84,9 @@ def system(run: Path) -> System | None:
     result = Rods.load_if_there(run / FILE)
     if result is None:
         return None
-    caption = "Rod marching against per-pixel marching: time, evaluations, error"
-    parts = part("rods", caption, result.rows, SCENES, NOTE)
-    trade = result.trade_pixels
-    foot = f"The march per pixel between these launches: {ms(trade)} ms."
-    parts += part(TRADE, "Rod marching: starting rods × step cap on two_spheres", result.trade, TRADES, foot)
     note = f"P4: {result.article.cpu}; its evaluations are fewer by “two orders of magnitude”."
     images = {run / "images" / f"{PICTURES}.png": CAPTION}
-    return System(claims(result), parts, note, drawings(result), images)
+    return System(claims(result), parts(result), note, drawings(result), images)
 
 
 def draw(result: Rods) -> Figure:
@@ -127,20 +103,13 @@ def draw(result: Rods) -> Figure:
         for number, (down, step) in enumerate(lines):
             mine = [r for r in result.trade if (r.down, r.step, r.least) == (down, step, 1)]
             mine = sorted((r for r in mine if getattr(r, key)), key=lambda r: r.max_steps)
-            panel.plot(
-                [r.ms for r in mine],
-                [getattr(r, key) for r in mine],
-                color=COLOURS[number],
-                linestyle="--" if step == "safe" else "-",
-                marker="o",
-                markersize=4,
-                label=f"{down} down" + (", step less the radius" if step == "safe" else ""),
-            )
+            style = {"color": COLOURS[number], "linestyle": "--" if step == "safe" else "-", "marker": "o"}
+            about = f"{down} down" + (", step less the radius" if step == "safe" else "")
+            points = [r.ms for r in mine], [getattr(r, key) for r in mine]
+            panel.plot(*points, markersize=4, label=about, **style)
+            place = {"xytext": (4, 4), "textcoords": "offset points", "fontsize": 8}
             for r in mine if (down, step) == (rods.ARTICLE.down, "whole") and panel is panels[0] else []:
-                at = (r.ms, getattr(r, key))
-                panel.annotate(
-                    f"{r.max_steps} steps", at, fontsize=8, xytext=(4, 4), textcoords="offset points"
-                )
+                panel.annotate(f"{r.max_steps} steps", (r.ms, getattr(r, key)), **place)
         panel.plot([own.ms], [getattr(own, key)], "k*", markersize=11, label="per pixel, 20 steps")
         panel.set(xscale="log", yscale="log", xlabel="ms, the march alone", ylabel=label)
         plain_log(panel.xaxis)

@@ -6,7 +6,7 @@ import argparse
 import time
 from collections.abc import Iterable
 
-from study.core import cli, registry, run, store, temporary
+from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
@@ -93,11 +93,9 @@ def measure(args: argparse.Namespace) -> Outcome:
         axes={one.name: one.axis for one in wanted},
         titles={one.name: one.title for one in wanted},
     )
-    store.write_json(folder / FILE, result)
-    drawn = running.draw(folder, figures.drawings(result))
-    lines = [one.markdown for one in tables.parts(result)[:1]]
     bad = [row for row in rows if row.non_finite]
     failed = [f"{r.phase} in {r.series} at {r.x:g}: {r.non_finite} samples not finite" for r in bad]
     first = {(row.series, row.phase): row for row in reversed(left_out)}
     remarks = [f"left out {r.phase} in {r.series} from {r.x:g} on: {r.reason}" for r in first.values()]
-    return Outcome(result, [*lines, *drawn], folder, remarks, failed)
+    parts, drawn = tables.parts(result), figures.drawings(result)
+    return running.end(folder / FILE, result, parts, drawn, remarks=remarks, failed=failed)

@@ -1,4 +1,4 @@
-"""How cost grows: which points of a series fit its time, their times, evaluations, errors and memory.
+"""How cost grows: which points of a series fit its time, their times, evaluations and errors.
 
 Each series has seconds of its own. Its points are taken by their worth: the newest phases before the others,
 of each the points that a fit needs before the rest. Each is rendered once as a picture, which is also its
@@ -46,7 +46,6 @@ class First:
     """What a point's first frame told: seconds, and its picture where that was kept."""
 
     seconds: float
-    above_frame_mib: float | None = None
     picture: Path | None = None
 
 
@@ -158,13 +157,6 @@ def too_long(needed: float, seconds: float) -> str:
     return f"all its launches would take about {needed:.3g} s, of {seconds:.3g} s for the whole series"
 
 
-def above_frame(max_rss_kib: float, picture: Picture, planes: int = 3) -> float | None:
-    """MiB of the process at its peak beyond the frame's float planes; None where the system does not tell."""
-    if max_rss_kib <= 0:
-        return None
-    return max_rss_kib / 1024 - picture.width * picture.height * planes * 4 / 2**20
-
-
 class Measuring:
     """One series: pictures, times and errors of its points."""
 
@@ -191,9 +183,7 @@ class Measuring:
         out = self.settings.scratch / f"{point.series}-{point.x}-{point.spec}.exr" if keep else None
         how = {"cpu": self.settings.cpu, "aov": keep, "out": out, **picture.options}
         made = run.render(point.spec, picture.scene.path, picture.height, picture.width, timed=False, **how)
-        frame = made["frames"][0]
-        planes = 9 if keep else 3  # R G B, and with --aov Z, id, N.x N.y N.z, evals
-        return First(frame["ns"] * 1e-9, above_frame(frame["max_rss_kib"], picture, planes), out)
+        return First(made["frames"][0]["ns"] * 1e-9, out)
 
     def times(self, points: Mapping[Point, First]) -> dict[Point, list[float]]:
         """Milliseconds of a frame (median of a launch's timed ones) per launch, every point once a round."""
@@ -243,9 +233,11 @@ class Measuring:
             else:
                 reference = images.read(made[base])
                 found[point] = {"reference": str(base.spec)} | errors.to_picture(reference, image)
-        return {point: _kept(row) | seen(made[point], point.spec) for point, row in found.items()}
+        return {
+            point: errors.fitting(Row, row) | seen(made[point], point.spec) for point, row in found.items()
+        }
 
-    def row(self, point: Point, first: First, ms: Sequence[float], more: Errors) -> Row:
+    def row(self, point: Point, ms: Sequence[float], more: Errors) -> Row:
         """Times are kept launch by launch, so that every fit can be made again from the file."""
         picture = self.pictures[point.x]
         ns = [one * 1e6 for one in ms]
@@ -262,15 +254,9 @@ class Measuring:
             ns=ns,
             ms=Interval.of(stats.median_interval(ms)),
             ns_per_pixel=Interval.of(stats.median_interval([one / pixels for one in ns])),
-            above_frame_mib=first.above_frame_mib,
             scenes=len(ns) if self.series.drawn else None,
             **more,
         )
-
-
-def _kept(found: Errors) -> Errors:
-    keys = ("reference", "why_none", "psnr_db", "rmse", "wrong_ppm")
-    return {key: found[key] for key in keys if key in found}
 
 
 def finest(made: Iterable[Point]) -> Point:
@@ -311,5 +297,5 @@ def study(
             told |= work.errors(x, made)
     settings.truth_left = work.truth_left
     times = work.times(plan.taken)
-    rows = [work.row(point, plan.taken[point], times[point], told.get(point, {})) for point in points]
+    rows = [work.row(point, times[point], told.get(point, {})) for point in points]
     return rows, plan.left_out

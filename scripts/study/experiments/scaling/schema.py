@@ -23,9 +23,6 @@ class Row(Record, kw_only=True):
     ns: Annotated[list[float], key("ns", "one per process launch: median of its timed frames")]
     ms: Annotated[Interval, key("ms", "a frame")]
     ns_per_pixel: Annotated[Interval | None, key("ns", "a pixel")] = None
-    above_frame_mib: Annotated[
-        float | None, key("MiB", "peak resident memory after the first frame less its float planes")
-    ] = None
     evals_per_ray: Annotated[
         float | None, key("evaluations", "of the whole scene, camera ray; null: the phase has exact hits")
     ] = None
@@ -67,20 +64,8 @@ class LeftOut(Record, kw_only=True):
     scene: Annotated[str | None, key("", "its name")] = None
 
 
-class Memory(Record, kw_only=True):
-    """One frame at 3840×2160."""
-
-    phase: Annotated[str, key("", "its name")]
-    scene: Annotated[str, key("", "its name")]
-    shapes: Annotated[int, key("shapes", "of the scene")]
-    threads: Annotated[int, key("threads", "that drew it")]
-    seconds: Annotated[float, key("s", "of the frame")]
-    peak_rss_mib: Annotated[float, key("MiB", "peak resident memory")]
-    above_frame_mib: Annotated[float | None, key("MiB", "of it beyond 12 bytes a pixel")]
-
-
 class Crowd(Record, kw_only=True):
-    """How a phase grows with the shapes, and its memory."""
+    """How a phase grows with the shapes."""
 
     phase: Annotated[str, key("", "its name")]
     n: Annotated[int | None, key("pixels", "height of the pictures")] = None
@@ -89,7 +74,6 @@ class Crowd(Record, kw_only=True):
         Interval | None, key("×", "time of that many shapes over that of 16; of `crowd` where it is there")
     ] = None
     coverage: Annotated[list[float | None] | None, key("share of pixels", "that hit, of both")] = None
-    above_frame_mib: Annotated[float | None, key("MiB", "of earlier runs: the most of `memory`")] = None
     scenes: Annotated[list[int] | None, key("scenes", "of `crowd`; null: one of each")] = None
     mean_ms: Annotated[
         list[float] | None, key("ms", "their means; `ratio` is of these, by Welch's interval")
@@ -107,8 +91,7 @@ class Scaling(Measured, kw_only=True):
     rows: Annotated[list[Row], key("", "the points", min_length=1)]
     fits: Annotated[list[Fit], key("", "power laws")]
     left_out: Annotated[list[LeftOut], key("", "points that were not measured")]
-    memory: Annotated[list[Memory], key("", "of earlier runs: frames at 3840×2160")] = []
-    goals: Annotated[list[Crowd], key("", "growth and memory by phase")]
+    goals: Annotated[list[Crowd], key("", "growth with the shapes, by phase")]
     axes: Annotated[dict[str, str], key("", "series → what x is, with its unit")]
     titles: Annotated[dict[str, str], key("", "series → in words")]
 

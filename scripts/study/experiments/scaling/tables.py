@@ -48,6 +48,10 @@ def _both(name: str, form: str) -> Callable[[Crowd], str]:
     return text
 
 
+def _covered(row: Crowd) -> str:
+    return " and ".join(f"{share:.3f}" for share in row.coverage or () if share) or show.NOTHING
+
+
 EXPONENTS = [
     Column("", "against", lambda r: r.title),
     Column("", "program", lambda r: r.phase),
@@ -68,12 +72,7 @@ CROWDS = [
     Column("shapes", "mean ms, 16 and many", _both("mean_ms", "{:.3g}")),
     Column("shapes", "time over that of 16 [95 %]", show.spread_of("ratio", "×")),
     Column("shapes", "by medians [95 %]", show.spread_of("by_medians", "×")),
-    Column(
-        "shapes",
-        "share of pixels hit, 16 and many",
-        lambda r: " and ".join(f"{c:.3f}" for c in r.coverage or () if c) or show.NOTHING,
-    ),
-    Column("memory at 3840×2160", "MiB above the frame", show.plain("above_frame_mib")),
+    Column("shapes", "share of pixels hit, 16 and many", _covered),
 ]
 POINTS = [
     Column("", "series", lambda r: r.series),
@@ -86,16 +85,6 @@ POINTS = [
     Column("error", "reference", lambda r: r.reference or r.why_none or "too large to be kept"),
     Column("error", "PSNR, dB", lambda r: show.number(level(r))),
     Column("error", "wrong hit, ppm", show.plain("wrong_ppm")),
-    Column("", "MiB above the frame", show.plain("above_frame_mib")),
-]
-MEMORY = [
-    Column("", "program", lambda r: r.phase),
-    Column("", "scene", lambda r: r.scene),
-    Column("", "shapes", lambda r: f"{r.shapes:,}"),
-    Column("", "threads", lambda r: str(r.threads)),
-    Column("", "seconds of the frame", show.plain("seconds")),
-    Column("", "peak, MiB", show.plain("peak_rss_mib")),
-    Column("", "above the frame, MiB", show.plain("above_frame_mib")),
 ]
 LEFT_OUT = [
     Column("", "series", lambda r: r.series + (f" ({r.scene})" if r.scene else "")),
@@ -109,8 +98,7 @@ LEFT_OUT = [
 def parts(result: Scaling) -> list[Part]:
     return [
         *part("scaling", f"Exponents of the time of a frame beside {LAW}", result.fits, EXPONENTS),
-        *part("scaling-crowds", "Many shapes, and memory", result.goals, CROWDS),
-        *part("scaling-memory", "Peak memory at 3840×2160", result.memory, MEMORY),
+        *part("scaling-crowds", "Many shapes", result.goals, CROWDS),
         *part("scaling-points", "Every point", result.rows, POINTS),
         *part("scaling-left-out", "Points left out", result.left_out, LEFT_OUT),
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 
-from study.core import cli, registry, run, store, temporary
+from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
 from study.experiments.views import gains, tables
@@ -68,10 +68,8 @@ def measure(args: argparse.Namespace) -> Outcome:
         left_out=left_out + plan.left_out,
         failures=plan.failures,
     )
-    store.write_json(folder / FILE, result)
-    drawn = running.draw(folder, tables.drawings(result))
-    lines = [one.markdown for one in tables.parts(result)[:1]]
     failed = [tables.failed(row) for row in rows if row.non_finite]
     failed += [f"{one.phase} on {tables.where(one)}: {one.reason}" for one in plan.failures]
     remarks = [f"left out {one.phase} {tables.where(one)}: {one.reason}" for one in result.left_out]
-    return Outcome(result, [*lines, *drawn], folder, remarks, failed)
+    made = tables.found(result)
+    return running.end(folder / FILE, result, made.parts, made.drawn, remarks=remarks, failed=failed)

@@ -201,10 +201,10 @@ class Pictures:
         image = images.read(self.path(spec, view))
         if name == "truth":
             return {"reference": name} | errors.to_truth(reference, image)
-        found = errors.to_picture(reference, image, view.scene.fractal)
-        keys = ["psnr_db", "rmse", "wrong_ppm", "non_finite"]
-        keys += ["depth_agree_fraction"] if view.scene.fractal else []
-        return {"reference": name} | {key: found[key] for key in keys}
+        found = errors.fitting(Row, errors.to_picture(reference, image, view.scene.fractal))
+        if not view.scene.fractal:
+            found["depth_agree_fraction"] = None
+        return {"reference": name} | found
 
 
 def rows(

@@ -6,6 +6,7 @@ import functools
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import emitted
 import matplotlib
@@ -16,11 +17,11 @@ import pytest
 from study.core import cli, registry, store
 from study.core.registry import Spec
 from study.core.run import DriverError
-from study.experiments.frames import chapter as frames_chapter
+from study.experiments.frames import experiment
 from study.experiments.frames import measure as frames
 from study.experiments.frames import tables as frames_page
 from study.experiments.frames.measure import Case, Settings
-from study.experiments.frames.schema import FILE, Frames, Marched
+from study.experiments.frames.schema import FILE, Frames
 from study.numbers import stats
 from study.numbers.schema import PictureErrors
 from study.pictures import images
@@ -98,35 +99,15 @@ def test_the_newest_phases_are_taken_while_the_time_lasts(tmp_path: Path) -> Non
     assert list(taken) == [(OPT4, CASE)] and left_out[0].reason == "no such shape"
 
 
-def test_the_bulb_alone_is_judged_where_both_hit_it(blank, miss) -> None:
-    scene = registry.find_scene("mandelbulb")
-    bulb = [shape["type"] for shape in scene.data["shapes"]].index("mandelbulb")
-    reference, made = blank(8, 12, 0.5), blank(8, 12, 0.9)  # the floor is off by far
-    for picture in (reference, made):
-        picture["id"][:] = 1 - bulb
-        picture["id"][:, 4:] = bulb
-    for name in "RGB":
-        made[name][:, 4:] = 0.6
-        made[name][:, 8:] = 0.0
-    made["id"][::4, 8] = -1  # one sample of each of these blocks is another shape's
-    assert frames.bulb_psnr(reference, made, scene) == pytest.approx(20, abs=1e-4)
-    assert frames.bulb_psnr(reference, reference, scene) == math.inf
-    assert frames.bulb_psnr(reference, made, registry.find_scene("scene0")) is None
-
-
 def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None:
     launches = [([15e6 + i * 1e5] * 20, [1e6] * 20) for i in range(6)]
     row = frames.row(OPT5, CASE, launches, ERRORS, Settings(6, 2, 1, 60, tmp_path))
     own = PictureErrors(psnr_db=17.0, rmse=0.1, averaged=True)
-    marched = Marched(phase="opt8_streams", psnr_db=58.0, rmse=0.003, bulb_psnr_db=62.0)
-    marched.depth_agree_fraction = 0.999
-    half = msgspec.structs.replace(row, hit=frames.HALF, to_own=own, p99_ms=None, bulb_psnr_db=61.0)
-    half.marched = marched
-    assert frames_chapter.rates(tmp_path).parts == []
+    half = msgspec.structs.replace(row, hit=frames.HALF, to_own=own, p99_ms=None)
+    assert experiment.section(SimpleNamespace(path=tmp_path)).parts == []
     store.write_json(tmp_path / FILE, Frames(schema=1, launches=6, threads=2, rows=[row, half]))
-    chapter = frames_chapter.rates(tmp_path)
+    chapter = experiment.section(SimpleNamespace(path=tmp_path))
     text = chapter.parts[0].markdown
-    assert "| 61.0 |" in text and "opt8_streams: 58.0, " in text and "62.0; 99.9" in text
     assert "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text
     assert "61.5 [60" in chapter.answer and "50.0 dB (4×4 means) to opt3" in chapter.answer
     assert "16.5 (largest of 120)" in text
@@ -169,18 +150,7 @@ def test_what_is_displayed_otherwise_fails(tmp_path: Path, monkeypatch, capsys) 
         return found
 
     monkeypatch.setattr(images, "read_ppm", functools.wraps(images.read_ppm)(another))
-    words = [
-        "--phase",
-        "opt10_scene",
-        "--scene",
-        "scene0",
-        "-n",
-        "16",
-        "--launches",
-        "1",
-        "--budget",
-        "3600",
-    ]
+    words = ["--phase", "opt10_scene", "--scene", "scene0", "-n", "16", "--launches", "1", "--budget", "3600"]
     assert emitted.told("frames", *words, "--run", tmp_path, "--json") == cli.FAILED
     said = capsys.readouterr()
     assert "FAIL opt10_scene on scene0: 0 " in said.err and " 1 bytes " in said.err
