@@ -170,6 +170,7 @@ class Pair(Record, kw_only=True):
     reference_antialiased_png: Annotated[str | None, key("", "4×4 means as displayed")] = None
     antialiased_png: Annotated[str | None, key("", "4×4 means as displayed")] = None
     heatmap: Annotated[str | None, key("", "where the differences are")] = None
+    beside: Annotated[bool, key("", "a parent's row, to compare with and not judged")] = False
 
 
 class Verify(Result, kw_only=True):

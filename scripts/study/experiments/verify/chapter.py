@@ -5,7 +5,7 @@ from __future__ import annotations
 from study.experiments.section import Section, part, reading
 from study.experiments.verify import columns
 from study.numbers import ladder
-from study.numbers.analysis import Data, flat
+from study.numbers.analysis import Data
 from study.pictures import ladder as figures
 
 
@@ -16,8 +16,7 @@ def verification(data: Data) -> Section:
     parts, drawn, answer = [], {}, ""
     with reading(data.path / "verify.json", f"scripts/stepwise verify --run {data.path}"):
         caption = "Each phase against baseline (or the reference named), by its own tolerance"
-        rows_of = [{k: v for k, v in flat(pair).items() if k != "tolerance"} for pair in pairs]
-        parts = part("verification", caption, rows_of, columns.VERIFICATION)
+        parts = part("verification", caption, columns.rows(pairs), columns.VERIFICATION)
         rows = ladder.rows(data)
         if pairs:
             within = [pair for pair in pairs if pair.within_tolerance]

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from study.core.show import NOTHING, Column, gate, gate_mark, plain, share, whole, word, yes
+from collections.abc import Sequence
+from typing import Any
+
+from study.core.show import NOTHING, Column, Row, gate, gate_mark, plain, share, whole, word, yes
+from study.numbers.analysis import flat
 from study.numbers.columns import _phase, _pictures
+from study.numbers.schema import Pair
+
+
+def _reference(row: Row) -> str:
+    return NOTHING if (name := row.get("reference")) == "baseline" else str(name)
+
+
+def rows(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
+    return [{k: v for k, v in flat(pair).items() if k != "tolerance"} for pair in pairs]
+
 
 VERIFICATION = [
     Column("", "scene", word("scene")),
     Column("", "phase", _phase),
     Column("", "tolerance", gate, gate_mark),
-    Column("", "reference", lambda r: NOTHING if r["reference"] == "baseline" else r["reference"]),
+    Column("", "reference", _reference),
     Column("", "size", lambda r: f"{r.get('width')}×{r.get('height')}"),
     Column("", "not finite", whole("non_finite")),
     Column("", "bits", lambda r: "identical" if yes(r.get("identical")) else "differ"),

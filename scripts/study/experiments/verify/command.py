@@ -5,22 +5,28 @@ from __future__ import annotations
 import argparse
 from itertools import product
 from pathlib import Path
+from typing import Any
 
-from study.core import cli, progress, registry, run, store
+import msgspec
+
+from study.core import cli, progress, registry, run, show, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
+from study.experiments.verify import columns
+from study.numbers.schema import Pair, Skipped, Verify
 from study.pictures import gate, images, panels
 from study.pictures.gallery import Gallery, Size
 
-TRUTH = "scripts/stepwise accuracy"  # what judges a rung that has no tolerance to the reference
+TRUTH = "scripts/stepwise accuracy"  # what judges a phase that has no tolerance to the reference
 FACTOR = 4  # of the anti-aliased comparison, each way
 
 
-def subject(reference: Spec, spec: Spec, scene: Scene, size: Size) -> dict:
-    """What a pair is about: the first keys of its object in verify.json."""
+def pair_of(reference: Spec, spec: Spec, scene: Scene, size: Size, **found: Any) -> Pair:
+    """A pair of verify.json with what was found of it."""
     about = {"phase": str(spec), "reference": str(reference), "scene": scene.name}
-    return {**about, "class": "fractal" if scene.fractal else "smooth", "width": size[0], "height": size[1]}
+    about |= {"class": "fractal" if scene.fractal else "smooth"}
+    return msgspec.convert({**about, "width": size[0], "height": size[1], **found}, Pair)
 
 
 def judge(
@@ -31,10 +37,12 @@ def judge(
     size: Size,
     large: Size | None,
     heatmaps: bool,
-) -> dict:
-    """One pair of verify.json, its pictures written. `large`: size of the pictures to be averaged."""
-    a, b = (images.read(gallery.path(who, scene, size)) for who in (reference, spec))
-    big = tuple(images.read(gallery.path(who, scene, large)) for who in (reference, spec)) if large else None
+    beside: bool,
+) -> Pair:
+    """A pair, its pictures written. `large`: size of the pictures to be averaged."""
+    both = reference, spec
+    a, b = (images.read(gallery.path(who, scene, size)) for who in both)
+    big = tuple(images.read(gallery.path(who, scene, large)) for who in both) if large else None
     metrics = images.compare(a, b, big)
     declared, left = {"identical": True}, False  # of the reference with itself
     if spec != reference:
@@ -42,32 +50,34 @@ def judge(
         left = gate.left_to_truth(phase)
         declared = {} if left else gate.tolerance(phase, scene)
     failed = gate.failures(metrics, declared)
-    found = {
-        **subject(reference, spec, scene, size),
-        **metrics,
-        "tolerance": declared,
-        "failed": list(failed),
-        "why": [f"{name}: {text}" for name, text in failed.items()],
-        "within_tolerance": None if left and not failed else not failed,
-    }
-    if left:
-        found["left_to"] = TRUTH
+    why, below = [f"{name}: {text}" for name, text in failed.items()], gallery.folder.name
+    files: dict[str, str] = {}
     for prefix, who, index in (("reference_", reference, 0), ("", spec, 1)):
-        found[f"{prefix}binary_sha256"] = gallery.hashes[who]
-        found[f"{prefix}image"] = f"{gallery.folder.name}/{gallery.path(who, scene, size).name}"
-        found[f"{prefix}png"] = gallery.png(gallery.stem(who, scene, size), images.rgb((a, b)[index]))
+        png = gallery.png(gallery.stem(who, scene, size), images.rgb((a, b)[index]))
+        made = {"binary_sha256": gallery.hashes[who], "png": png}
+        made["image"] = f"{below}/{gallery.path(who, scene, size).name}"
         if large:
             name = gallery.stem(who, scene, (large[0] // FACTOR, large[1] // FACTOR)) + "-antialiased"
-            mean = images.box_average(images.rgb(big[index]), FACTOR)
-            found[f"{prefix}antialiased_png"] = gallery.png(name, mean)
+            made["antialiased_png"] = gallery.png(name, images.box_average(images.rgb(big[index]), FACTOR))
+        files |= {f"{prefix}{name}": value for name, value in made.items()}
     if failed or heatmaps:
         name = f"{gallery.stem(spec, scene, size)}-against-{reference}.png"
         title = f"{scene.name}, {size[0]}×{size[1]} pixels: {spec} against {reference}"
-        notes = "", "", "\n".join(found["why"]) or "within its tolerance"
+        notes = "", "", "\n".join(why) or "within its tolerance"
         figure = panels.pair((a, b), (str(reference), str(spec)), title, metrics, notes, bad=bool(failed))
         panels.save(figure, gallery.folder / name)
-        found["heatmap"] = f"{gallery.folder.name}/{name}"
-    return found
+        files |= {"heatmap": f"{below}/{name}"}
+    return pair_of(
+        *(reference, spec, scene, size),
+        **metrics,
+        **files,
+        tolerance=declared,
+        failed=list(failed),
+        why=why,
+        within_tolerance=None if left and not failed else not failed,
+        left_to=TRUTH if left else None,
+        beside=beside,
+    )
 
 
 def with_parents(names: list[str], reference: Spec) -> tuple[list[Spec], set[Spec]]:
@@ -78,38 +88,6 @@ def with_parents(names: list[str], reference: Spec) -> tuple[list[Spec], set[Spe
         parent = registry.parent_of(str(spec))
         both += [Spec.parse(parent), spec] if parent and parent != str(reference) else [spec]
     return list(dict.fromkeys(both)), set(both) - set(asked)
-
-
-COLUMNS = (  # head, metric, format, factor
-    ("mask ppm", "mask_mismatch_ppm", "{:.0f}", 1),
-    ("id ppm", "id_mismatch_ppm", "{:.0f}", 1),
-    ("dt p99", "dt_p99", "{:.1e}", 1),
-    ("dt max", "dt_max", "{:.1e}", 1),
-    ("normal p99 °", "normal_p99_degrees", "{:.1e}", 1),
-    ("depth agrees %", "depth_agree_fraction", "{:.2f}", 100),
-    ("PSNR dB", "psnr_db", "{:.1f}", 1),
-    (">1/255 %", "fraction_over_1_255", "{:.3f}", 100),
-    ("display dB", "psnr_display_db", "{:.1f}", 1),
-    (">1/255 %", "fraction_over_1_255_display", "{:.3f}", 100),
-    ("FLIP", "flip_mean", "{:.1e}", 1),
-    ("4x4 dB", "antialiased.psnr_db", "{:.1f}", 1),
-    (">1/255 %", "antialiased.fraction_over_1_255", "{:.3f}", 100),
-)
-
-
-def table(pairs: list[dict]) -> str:
-    """One line a pair, columns without values left out. Linear RGB where no space is named."""
-    rows = [["scene", "phase", "size", "verdict", *(head for head, *_ in COLUMNS)]]
-    for pair in pairs:
-        values = gate.flatten(pair)
-        verdict = "identical" if pair.get("identical") else "by truth" if pair.get("left_to") else "ok"
-        row = [pair["scene"], pair["phase"], f"{pair['width']}x{pair['height']}"]
-        row.append("FAIL" if pair["within_tolerance"] is False else verdict)
-        rows.append(row + [f.format(values[key] * by) if key in values else "" for _, key, f, by in COLUMNS])
-    columns = [column for column in zip(*rows, strict=True) if any(column[1:])]
-    sides = ["<"] * 4 + [">"] * (len(columns) - 4)
-    form = "  ".join(f"{{:{s}{max(map(len, c))}}}" for s, c in zip(sides, columns, strict=True))
-    return "\n".join(form.format(*row).rstrip() for row in zip(*columns, strict=True))
 
 
 STATUSES = {cli.FAILED: "a pair is outside its tolerance", cli.CANNOT_RUN: "no phase could run on this CPU"}
@@ -145,7 +123,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         raise StudyError(f"{reference} cannot run: this CPU lacks {lacking[reference]}", cli.CANNOT_RUN)
     able = [spec for spec in specs if not lacking[spec]]
     unable = [spec for spec in specs if lacking[spec]]
-    skipped = [{"phase": str(s), "scene": None, "reason": f"this CPU lacks {lacking[s]}"} for s in unable]
+    skipped = [Skipped(phase=str(s), reason=f"this CPU lacks {lacking[s]}") for s in unable]
 
     folder = args.run or registry.ROOT / "build" / "verify"
     using = list(dict.fromkeys([reference, *able])) if able else []
@@ -158,50 +136,43 @@ def measure(args: argparse.Namespace) -> Outcome:
     tasks = [(who, scene, size) for scene in scenes for who in using for size in sizes[scene.name] if size]
     refused = gallery.render_all(tasks, args.jobs)
 
-    pairs = []
+    pairs: list[Pair] = []
     for scene, spec in progress.each(list(product(scenes, able)), "compare"):
-        about = {**subject(reference, spec, scene, sizes[scene.name][0]), "beside": spec in extra}
         error = refused.get((reference, scene.name)) or refused.get((spec, scene.name))
         if error is None:
-            found = judge(gallery, reference, spec, scene, *sizes[scene.name], args.heatmaps)
-            pairs.append({**about, **found})
+            pairs.append(
+                judge(gallery, reference, spec, scene, *sizes[scene.name], args.heatmaps, spec in extra)
+            )
         elif error.status in (NO_ISA, UNSUPPORTED):
-            skipped.append({"phase": str(spec), "scene": scene.name, "reason": error.message})
+            skipped.append(Skipped(phase=str(spec), scene=scene.name, reason=error.message))
         else:
             why = {"failed": ["render"], "why": [f"could not be rendered: {error.message}"]}
-            pairs.append({**about, **why, "within_tolerance": False})
+            about = {**why, "within_tolerance": False, "beside": spec in extra}
+            pairs.append(pair_of(reference, spec, scene, sizes[scene.name][0], **about))
     tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
-    result = {"schema": 1, "reference": str(reference), **tools, "pairs": pairs, "skipped": skipped}
+    result = Verify(schema=1, reference=str(reference), **tools, pairs=pairs, skipped=skipped)
     store.write_json(folder / "verify.json", result)
     return told(result, folder)
 
 
-def told(result: dict, folder: Path) -> Outcome:
+def told(result: Verify, folder: Path) -> Outcome:
     """A table; what was skipped and what failed."""
-    pairs = result["pairs"]
-    lines: list[object] = [
-        table(pairs) if pairs else "",
-        f"Linear RGB in [0, 1] where not called display; FLIP: {images.FLIP_TOOL}.",
-        f"Pictures: {folder}/images",
-    ]
+    pairs = result.pairs or []
     said = [
-        f"skipped {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}"
-        for item in result["skipped"]
+        f"skipped {s.phase}{' on ' + s.scene if s.scene else ''}: {s.reason}" for s in result.skipped or []
     ]
-    by_truth: dict[str, list[str]] = {}
-    for pair in pairs:
-        if pair.get("left_to"):
-            by_truth.setdefault(pair["phase"], []).append(pair["scene"])
-    for phase, scenes in by_truth.items():
-        said.append(
-            f"{phase}: {TRUTH} judges its error to ground truth; here only that all samples are finite"
-        )
-        said.append(f"  on {' '.join(scenes)}")
+    if left := dict.fromkeys(pair.phase for pair in pairs if pair.left_to):
+        said.append(f"{' '.join(left)}: judged by {TRUTH}, and here for samples that are not finite alone")
+    judged = [pair for pair in pairs if not pair.beside]
     failed = [
-        f"{pair['phase']} on {pair['scene']}: {'; '.join(pair['why'])}"
-        + (f" (heat map: {folder / pair['heatmap']})" if "heatmap" in pair else "")
-        for pair in pairs
-        if pair["within_tolerance"] is False and not pair["beside"]
+        f"{pair.phase} on {pair.scene}: {'; '.join(pair.why or [])}"
+        + (f" (heat map: {folder / pair.heatmap})" if pair.heatmap else "")
+        for pair in judged
+        if pair.within_tolerance is False
     ]
-    judged = [pair for pair in pairs if not pair["beside"]]
-    return Outcome(result, lines if pairs else [], folder, said, failed, None if judged else cli.CANNOT_RUN)
+    lines = [
+        show.markdown(show.table(columns.rows(pairs), columns.VERIFICATION)),
+        f"FLIP: {images.FLIP_TOOL}. Pictures: {folder}/images",
+    ]
+    status = None if judged else cli.CANNOT_RUN
+    return Outcome(result, lines if pairs else [], folder, said, failed, status)

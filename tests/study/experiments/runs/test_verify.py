@@ -136,7 +136,7 @@ def test_the_parents_row_stands_beside_and_is_not_judged(driver, command, monkey
         ("opt4", True, False),
         ("opt1", False, True),
     ]
-    assert status == 0 and "FAIL" not in err
+    assert status == 0 and "opt4" not in err
     assert command("--phase", "opt4", "opt1", "--scene", "trio")[0] == 1, "asked for, so judged"
 
 
@@ -161,8 +161,8 @@ def test_several_pairs_and_what_is_kept_of_them(driver, command, tmp_path):
     }
     assert [(one["phase"], one["scene"]) for one in found["skipped"]] == [("alien", None)]
     for pair in found["pairs"]:
-        assert ("antialiased" in pair) == (pair["scene"] == "mandelbulb")
-        assert ("heatmap" in pair) == (not pair["within_tolerance"])
+        assert (pair["antialiased"] is not None) == (pair["scene"] == "mandelbulb")
+        assert (pair["heatmap"] is not None) == (not pair["within_tolerance"])
         for key in ("image", "png", "reference_image", "reference_png"):
             assert (tmp_path / "run" / pair[key]).is_file()
     # The reference once a scene and size: 16:9 of 9, and four times 16:9 of 4 to be averaged.
@@ -176,9 +176,8 @@ def test_several_pairs_and_what_is_kept_of_them(driver, command, tmp_path):
 def test_table_has_a_line_a_pair_and_heat_maps_on_request(driver, command, tmp_path):
     status, out, _ = command("--phase", "opt1", "--scene", "trio", "--heatmaps")
     assert status == 0
-    head, line, *_ = out.splitlines()
-    assert head.split()[:4] == ["scene", "phase", "size", "verdict"]
-    assert line.split()[:4] == ["trio", "opt1", "16x9", "identical"]
+    _, _, line, *_ = out.splitlines()
+    assert {"trio", "opt1", "16×9", "identical"} <= {cell.strip() for cell in line.split("|")}
     maps = [p.name for p in (tmp_path / "run" / "images").glob("*-against-*")]
     assert maps == ["trio-opt1-16x9-against-baseline.png"]
 
@@ -197,7 +196,7 @@ def test_a_refusal_is_skipped_a_crash_fails_and_bad_input_ends_it(driver, comman
     assert status == 3 and "no planes here" in err
     driver.pictures["opt1"] = DriverError(-11, "killed by SIGSEGV")
     status, out, err = command("--phase", "opt1", "--scene", "trio")
-    assert status == 1 and "FAIL" in out and "SIGSEGV" in err
+    assert status == 1 and "OUTSIDE" in out and "SIGSEGV" in err
     driver.pictures["opt1"] = DriverError(2, "too large")
     with pytest.raises(DriverError, match="too large"):
         command("--phase", "opt1", "--scene", "trio")
@@ -232,8 +231,7 @@ def test_a_rung_held_against_truth_alone_is_left_to_accuracy(rung, driver, comma
     assert status == 0 and [pair["within_tolerance"] for pair in pairs] == [None, None]
     assert pairs[0]["left_to"] == "scripts/stepwise accuracy" and pairs[0]["failed"] == []
     assert pairs[0]["psnr_db"] == pytest.approx(40 + 10 * math.log10(3), abs=1e-3)  # for the report
-    assert err.count("scripts/stepwise accuracy") == 1 and "FAIL" not in err and "heatmap" not in pairs[0]
-    assert " by truth " in command("--phase", "opt9", "--scene", "trio")[1]
+    assert err.count("scripts/stepwise accuracy") == 1 and pairs[0]["heatmap"] is None
 
 
 def test_a_rung_left_to_accuracy_may_not_write_what_is_not_finite_nor_crash(rung, driver, command, blank):
@@ -246,7 +244,7 @@ def test_a_rung_left_to_accuracy_may_not_write_what_is_not_finite_nor_crash(rung
 
     driver.pictures["opt9"] = broken
     status, out, err = command("--phase", "opt9", "--scene", "trio")
-    assert status == 1 and "FAIL" in out and "non_finite" in err
+    assert status == 1 and "OUTSIDE" in out and "non_finite" in err
     driver.pictures["opt9"] = DriverError(-11, "killed by SIGSEGV")
     assert command("--phase", "opt9", "--scene", "mandelbulb")[0] == 1
 
