@@ -36,6 +36,20 @@ _BLAMED = {
 
 
 @dataclass(frozen=True)
+class Figures:
+    """Of one simulation; the last three: share of the cycles in which their pressure grows."""
+
+    iterations: float
+    cycles: float
+    uops: float
+    width: float
+    block: float
+    resources: float
+    registers: float
+    memory: float
+
+
+@dataclass(frozen=True)
 class Model:
     """The newest llvm-mca and the processor that it simulates; `guessed`: LLVM does not know this one."""
 
@@ -67,20 +81,21 @@ def model() -> Model | None:
     return Model(newest.path, newest.release, like, guessed=True)
 
 
-def parse(text: str, passes: int = PASSES) -> dict[str, float]:
-    """Figures of the summary and bottleneck views. StudyError for other or cut-off text."""
+def parse(text: str, passes: int = PASSES) -> Figures:
+    """The summary and bottleneck views. StudyError for other or cut-off text."""
     found = {}
     for name, pattern in _SUMMARY.items():
         match = re.search(pattern, text, re.MULTILINE)
         if not match:
             raise StudyError(f"llvm-mca: its output lacks {name}; it begins {text[:60]!r}")
         found[name] = float(match[1])
-    if found["iterations"] != passes or not found["cycles"] or not found["width"]:
-        raise StudyError(f"llvm-mca: {found['iterations']:.0f} iterations in place of {passes}")
     for name, label in _BLAMED.items():  # without a bottleneck there is no such view
         match = re.search(rf"{label}\s+\[\s*([\d.]+)%\s*\]", text)
         found[name] = float(match[1]) / 100 if match else 0.0
-    return found
+    made = Figures(**found)
+    if made.iterations != passes or not made.cycles or not made.width:
+        raise StudyError(f"llvm-mca: {made.iterations:.0f} iterations in place of {passes}")
+    return made
 
 
 def split(one: Mca) -> Split:
@@ -108,14 +123,14 @@ def run(text: str, model: Model) -> Mca:
         figures.append(parse(done.stdout, passes))
     many, one = figures
     made = Mca(
-        throughput=many["cycles"] / PASSES,
-        latency=one["cycles"],
-        block_throughput=many["block"],
-        uops=many["uops"] / PASSES,
-        width=int(many["width"]),
-        resources=many["resources"],
-        registers=many["registers"],
-        memory=many["memory"],
+        throughput=many.cycles / PASSES,
+        latency=one.cycles,
+        block_throughput=many.block,
+        uops=many.uops / PASSES,
+        width=int(many.width),
+        resources=many.resources,
+        registers=many.registers,
+        memory=many.memory,
     )
     made.split = split(made)
     return made

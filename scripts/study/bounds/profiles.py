@@ -8,7 +8,6 @@ told by the function they are from. Only the timed frames count: see `in_frame`.
 from __future__ import annotations
 
 import math
-import re
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -37,19 +36,14 @@ class Frame(msgspec.Struct):
 
 
 class Driven(msgspec.Struct):
-    """Of what the driver prints, the frames."""
-
-    frames: list[Frame]
-
-
-class Drawn(msgspec.Struct):
-    """Of what the driver prints, the picture."""
+    """Of what the driver prints, the picture and its frames."""
 
     phase: str
     flags_from: str
     scene: str
     width: int
     height: int
+    frames: list[Frame]
     kernel: str | None = None
 
 
@@ -71,12 +65,11 @@ def locate(recording: perf.Recording, sample: perf.Sample, built: Program) -> Pl
             return Place("library", canonical(sample.name, True))
         kind = "phase" if function.start in built.of_phase else "other"
         return Place(kind, canonical(function.name), address)
-    dso = Path(sample.dso)
-    if re.match(r"libm[.-]", dso.name):
-        return Place("libm", canonical(sample.name, True) if sample.name != "[unknown]" else "libm")
-    if re.match(r"libc[.-]", dso.name):
-        return Place("library", canonical(sample.name, True) if sample.name != "[unknown]" else "libc")
-    return Place("other", sample.name if sample.name != "[unknown]" else dso.name)
+    dso, known = Path(sample.dso).name, sample.name != "[unknown]"
+    for kind, library in (("libm", "libm"), ("library", "libc")):
+        if dso.startswith((f"{library}.", f"{library}-")):
+            return Place(kind, canonical(sample.name, True) if known else library)
+    return Place("other", sample.name if known else dso)
 
 
 def in_frame(kinds: Sequence[str]) -> list[bool]:
@@ -151,7 +144,8 @@ def profile(
             weights[name] += sample.period
     if not samples:
         raise StudyError(f"{built.path}: no sample in the timed frames; more frames (--samples) are required")
-    frames = [frame for frame in msgspec.convert(made, Driven).frames if not frame.warmup]
+    driven = msgspec.convert(made, Driven)
+    frames = [frame for frame in driven.frames if not frame.warmup]
     timed_ns = sum(frame.ns for frame in frames)
     hz = statistics.median(frame.core_cycles / (frame.ns / 1e9) for frame in frames)
     weight, taken = weights.total(), samples.total()
@@ -159,21 +153,23 @@ def profile(
     # perf's clock is in ns of running, the PMU's cycles are what they say.
     cycles = weight / len(frames) * (1.0 if event == "cycles" else hz / 1e9)
     cpu_ns = cycles / hz * 1e9
-    functions = [
-        Share(
-            function=name,
-            samples=samples[name],
-            weight=n,
-            share=n / weight,
-            share_low=wilson(n / weight * taken, taken)[0],
-            share_high=wilson(n / weight * taken, taken)[1],
-            seconds=n / weight * cpu_ns / 1e9,
-        )
-        for name, n in weights.most_common()
-    ]
-    about = msgspec.structs.asdict(msgspec.convert(made, Drawn))
+    functions = []
+    for name, n in weights.most_common():
+        low, high = wilson(n / weight * taken, taken)
+        about = {
+            "share": n / weight,
+            "share_low": low,
+            "share_high": high,
+            "seconds": n / weight * cpu_ns / 1e9,
+        }
+        functions.append(Share(function=name, samples=samples[name], weight=n, **about))
     profiled = Profiled(
-        **about,
+        phase=driven.phase,
+        flags_from=driven.flags_from,
+        scene=driven.scene,
+        width=driven.width,
+        height=driven.height,
+        kernel=driven.kernel,
         variant=variant,
         event=event,
         frames=len(frames),

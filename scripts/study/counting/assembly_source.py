@@ -233,11 +233,11 @@ class Source:
         places: dict[int, list[tuple[int, int]]] = {}
         with obj.open("rb") as file:
             sections = list(ELFFile(file).iter_sections())
-            code = {i: s.data() for i, s in enumerate(sections) if s["sh_flags"] & SH_FLAGS.SHF_EXECINSTR}
+            code = {i: s.data() for i, s in enumerate(sections) if s.header.sh_flags & SH_FLAGS.SHF_EXECINSTR}
             for table in (s for s in sections if isinstance(s, SymbolTableSection)):
                 for symbol in (s for s in table.iter_symbols() if s.name.startswith(MARKER)):
                     n = int(symbol.name.removeprefix(MARKER)) - self.first
-                    places.setdefault(symbol["st_shndx"], []).append((symbol["st_value"], n))
+                    places.setdefault(symbol.entry.st_shndx, []).append((symbol.entry.st_value, n))
         for index, starts in places.items():
             starts.sort()
             ends = [start for start, _ in starts[1:]] + [len(code[index])]

@@ -136,10 +136,10 @@ def read(path: Path | str, phase_object: Path | str | None = None) -> Program:
     phase's. Raises StudyError for a foreign file or a stripped one."""
     with _opened(path) as elf:
         segments = [
-            Segment(s["p_offset"], s["p_vaddr"], s["p_filesz"], s.data())
+            Segment(s.header.p_offset, s.header.p_vaddr, s.header.p_filesz, s.data())
             for s in elf.iter_segments("PT_LOAD")
         ]
-        symbols, entry = list(_functions(elf)), elf["e_entry"]
+        symbols, entry = list(_functions(elf)), elf.header.e_entry
     if not symbols:
         raise StudyError(f"{path}: has no symbols; link it without -s and do not strip it")
     # By address; of several names for one place the exported one.
@@ -155,12 +155,12 @@ def read(path: Path | str, phase_object: Path | str | None = None) -> Program:
 def _functions(elf: ELFFile) -> Iterator[Function]:
     table, source = elf.get_section_by_name(".symtab"), ""
     for s in table.iter_symbols() if isinstance(table, SymbolTableSection) else ():
-        kind, bind = s["st_info"]["type"], s["st_info"]["bind"]
+        about, kind, bind = s.entry, s.entry.st_info.type, s.entry.st_info.bind
         if kind == "STT_FILE":
             source = s.name
-        elif kind in _CODE and s["st_shndx"] != "SHN_UNDEF" and s["st_size"]:
+        elif kind in _CODE and about.st_shndx != "SHN_UNDEF" and about.st_size:
             file = source if bind == "STB_LOCAL" else ""
-            yield Function(s.name, s["st_value"], s["st_size"], file, bind == "STB_GLOBAL")
+            yield Function(s.name, about.st_value, about.st_size, file, bind == "STB_GLOBAL")
 
 
 def canonical(name: str, library: bool = False) -> str:

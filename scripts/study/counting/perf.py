@@ -29,13 +29,13 @@ FIELDS = "pid,tid,time,period,event,ip,sym,symoff,dso"
 
 _RECORD = ("-q", "-B", "-N", "--no-bpf-event", "-F", str(FREQUENCY))
 _MAP = re.compile(
-    r"^\s*(?P<pid>-?\d{1,20})/-?\d+\s.*PERF_RECORD_MMAP2? -?\d+/-?\d+: "
-    r"\[0x(?P<start>[0-9a-f]+)\(0x(?P<length>[0-9a-f]+)\) @ (?:0x)?(?P<offset>[0-9a-f]+)[^\]]*\]: "
-    r"\S+ (?P<path>.+)$"
+    r"^\s*(-?\d{1,20})/-?\d+\s.*PERF_RECORD_MMAP2? -?\d+/-?\d+: "
+    r"\[0x([0-9a-f]+)\(0x([0-9a-f]+)\) @ (?:0x)?([0-9a-f]+)[^\]]*\]: "
+    r"\S+ (.+)$"
 )
 _SAMPLE = re.compile(
-    r"^\s*(?P<pid>\d{1,20})/(?P<tid>\d{1,20})\s+(?P<time>\d+\.\d+):\s+(?P<period>\d{1,20})\s+(?P<event>\S+):\s+"
-    r"(?P<ip>[0-9a-f]+) (?P<name>.+?)(?:\+0x[0-9a-f]+)? \((?P<dso>.*)\)$"
+    r"^\s*(\d{1,20})/(\d{1,20})\s+(\d+\.\d+):\s+(\d{1,20})\s+(\S+):\s+"
+    r"([0-9a-f]+) (.+?)(?:\+0x[0-9a-f]+)? \((.*)\)$"
 )
 _OTHER = re.compile(r"PERF_RECORD_\w+")  # records that carry neither: COMM, FORK, EXIT, LOST …
 
@@ -85,12 +85,13 @@ def parse(text: str) -> Recording:
     samples, mappings = [], []
     for number, line in enumerate(text.splitlines(), 1):
         if found := _SAMPLE.match(line):
-            numbers = (int(found["pid"]), int(found["tid"]), float(found["time"]), int(found["period"]))
-            place = int(found["ip"], 16), found["name"], found["dso"]
-            samples.append(Sample(*numbers, found["event"], *place))
+            pid, tid, time, period, event, ip, name, dso = found.groups()
+            samples.append(
+                Sample(int(pid), int(tid), float(time), int(period), event, int(ip, 16), name, dso)
+            )
         elif found := _MAP.match(line):
-            where = (int(found[name], 16) for name in ("start", "length", "offset"))
-            mappings.append(Mapping(int(found["pid"]), *where, found["path"]))
+            pid, *where, path = found.groups()
+            mappings.append(Mapping(int(pid), *(int(one, 16) for one in where), path))
         elif line.strip() and not line.startswith("#") and not _OTHER.search(line):
             raise StudyError(f"perf script:{number}: neither a sample nor a mapping: {line[:60]!r}")
     if not samples:

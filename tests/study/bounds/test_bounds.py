@@ -129,8 +129,8 @@ def test_an_analyser_gets_no_calls_returns_or_padding(nest):
 
 def test_recorded_llvm_mca():
     found = mca.parse(MCA)
-    assert (found["cycles"], found["uops"], found["width"], found["block"]) == (1209, 400, 6, 12)
-    assert (found["resources"], found["registers"], found["memory"]) == (0.5947, 0.5443, 0)
+    assert (found.cycles, found.uops, found.width, found.block) == (1209, 400, 6, 12)
+    assert (found.resources, found.registers, found.memory) == (0.5947, 0.5443, 0)
 
 
 @pytest.mark.parametrize(
