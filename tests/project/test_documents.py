@@ -37,18 +37,6 @@ def test_what_a_document_points_at_is_there(path: Path) -> None:
     assert not lost(path.read_text(), path.parent)
 
 
-def test_what_is_not_there_is_found(tmp_path: Path) -> None:
-    (tmp_path / "results/reference/pc-2026-01-02").mkdir(parents=True)
-    text = "`results/reference/pc-2026-01-02`, …/pc-2026-01-02-more, [x](here.md), [y](https://a.b/c)"
-    assert lost(text, tmp_path, tmp_path) == ["pc-2026-01-02-more", "here.md"]
-
-
-def test_documents_that_point_at_something_are_looked_at(tmp_path: Path) -> None:
-    assert not points("| a | b |\n\nRuns: results/reference/README.md, [1, 2] (n = 3)")
-    assert points("[x](here.md#part)") and points("`results/reference/pc-2026-01-02`")
-    assert ROOT / "README.md" in POINTING and {*POINTING} < {*DOCUMENTS}
-
-
 def test_the_list_of_a_runs_files_is_whole() -> None:
     """results/README.md has every file that a published run has; runs are named as it says."""
     text = (ROOT / "results" / "README.md").read_text()

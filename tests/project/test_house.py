@@ -50,15 +50,6 @@ def test_a_folder_has_at_most_20_files(folder: Path) -> None:
     assert len([path for path in folder.iterdir() if path.suffix in (".c", ".h")]) <= MOST_FILES
 
 
-def test_functions_are_found(tmp_path: Path) -> None:
-    """The function that the sizes come from: a definition over two lines, a prototype, a struct."""
-    text = (
-        "struct a {\n    int b;\n};\nint f(int a,\n      int b) {\n    return a;\n}\nint g(void);\nint h;\n"
-    )
-    (tmp_path / "a.c").write_text(text)
-    assert functions(tmp_path / "a.c") == {"int f(int a,": 4}
-
-
 def cycle(graph: dict[str, set[str]]) -> list[str]:
     """The names along a cycle, or none."""
     try:
@@ -180,13 +171,3 @@ def test_no_two_files_of_a_phase_call_each_other(phase: str) -> None:
             assert other in graph[one] and one in graph[other], f"{one} and {other} no longer do"
             graph[one].remove(other)
         assert cycle(graph) == []
-
-
-def test_a_cycle_is_found() -> None:
-    assert set(cycle({"a": {"b"}, "b": {"c"}, "c": {"a"}})) == {"a", "b", "c"}
-    assert cycle({"a": {"b", "c"}, "b": {"c"}}) == []
-
-
-def test_the_deepest_chain_is_found() -> None:
-    graph = {"a.c": {"b.h", "c.h"}, "b.h": {"c.h"}, "c.h": {"d.h"}}
-    assert deepest(graph) == ["a.c", "b.h", "c.h", "d.h"] and deepest({}) == []

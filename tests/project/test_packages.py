@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from importlib import metadata
 from pathlib import Path
@@ -18,19 +17,6 @@ FILES = sorted(path for path in SCRIPTS.rglob("*.py") if "__pycache__" not in pa
 # Run by Pythons of their own, which have what they import.
 OWN_PYTHON = ("farm/driver.py", "peers/workers/*.py")
 ELSEWHERE = [path for path in FILES if any(path.match(one) for one in OWN_PYTHON)]
-# Imports every module as if the forbidden packages were not installed.
-IMPORT_ALL = """
-import importlib, sys
-forbidden, names = (set(text.split(",")) for text in sys.argv[1:3])
-class Undeclared:
-    def find_spec(name, path=None, target=None):
-        top = name.partition(".")[0]
-        if top in forbidden:
-            raise ModuleNotFoundError(f"not declared: {top}", name=top)
-sys.meta_path.insert(0, Undeclared)
-for name in sorted(names):
-    importlib.import_module(name)
-"""
 
 
 def declared(section: str) -> list[str]:
@@ -46,30 +32,6 @@ def declared(section: str) -> list[str]:
 
 def normal(distribution: str) -> str:
     return re.sub(r"[-_.]+", "-", distribution).lower()
-
-
-def needed(distributions: set[str]) -> set[str]:
-    """With what they need themselves, extras left out. Normal names."""
-    found, waiting = set(), [normal(name) for name in distributions]
-    while waiting:
-        name = waiting.pop()
-        if name in found:
-            continue
-        found.add(name)
-        for requirement in metadata.requires(name) or []:
-            try:
-                metadata.distribution(other := re.match(r"[\w.-]+", requirement).group())
-            except metadata.PackageNotFoundError:
-                continue  # of another system or Python
-            if "extra ==" not in requirement:
-                waiting.append(normal(other))
-    return found
-
-
-def forbidden(distributions: set[str]) -> str:
-    """Installed modules that are of none of the distributions, for IMPORT_ALL."""
-    owners = metadata.packages_distributions()
-    return ",".join(name for name, of in owners.items() if not distributions & {normal(one) for one in of})
 
 
 def module(path: Path) -> str:
@@ -96,20 +58,6 @@ def test_what_a_script_imports_is_declared_by_name(run_time: set[str]) -> None:
             if not run_time & {normal(one) for one in owners.get(top, [])}:
                 wrong.append(f"{path.relative_to(ROOT)}: {top}")
     assert not wrong, wrong
-
-
-@pytest.mark.slow
-def test_every_module_can_be_imported_with_the_run_time_packages_alone(run_time: set[str]) -> None:
-    names = {module(path) for path in FILES if path not in ELSEWHERE}
-    command = [sys.executable, "-c", IMPORT_ALL, forbidden(needed(run_time)), ",".join(sorted(names))]
-    done = subprocess.run(command, cwd=SCRIPTS, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-
-
-def test_a_package_of_the_tests_alone_cannot_be_imported_there(run_time: set[str]) -> None:
-    command = [sys.executable, "-c", IMPORT_ALL, forbidden(needed(run_time)), "hypothesis"]
-    done = subprocess.run(command, capture_output=True)
-    assert done.returncode != 0 and b"not declared: hypothesis" in done.stderr
 
 
 def test_the_lock_has_what_is_declared() -> None:

@@ -62,16 +62,3 @@ def test_in_any_path_with_no_home_and_nothing_for_others(tmp_path: Path) -> None
         status, _, error = run(folder, made, **environment)
         assert (status, error) == (0, "") and (folder / "a b.exr").stat().st_size > 500
         assert (folder / "build").stat().st_mode & 0o77 == 0
-
-
-def test_no_two_names_differ_in_case_alone() -> None:
-    """A disk that takes Scene.json and scene.json for one file has one of them only."""
-    done = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
-    if done.returncode:
-        pytest.skip("this checkout is no git repository, so its files are not known")
-    names = done.stdout.splitlines()
-    parts = {"/".join(name.split("/")[:n]) for name in names for n in range(1, name.count("/") + 2)}
-    folded: dict[str, list[str]] = {}
-    for part in parts:
-        folded.setdefault(part.casefold(), []).append(part)
-    assert len(names) > 500 and [same for same in folded.values() if len(same) > 1] == []

@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import processes
 import pytest
 
 import builds
@@ -28,57 +29,25 @@ def runner():
     del sys.modules["tests_run"]
 
 
-XML = """<testsuites><testsuite>
-<testcase classname="tests.phases.a" name="good" time="2"/>
-<testcase classname="tests.phases.a" name="bad" time="30.5"><failure message="no"/></testcase>
-<testcase classname="tests.phases.a" name="one[1]"><skipped message="no AVX-512"/></testcase>
-<testcase classname="tests.phases.a" name="one[2]"><skipped message="no AVX-512"/></testcase>
-<testcase classname="tests.study.core.a" name="other" time="1"><skipped message="no perf"/></testcase>
-</testsuite></testsuites>"""
+CASE = '<testsuite><testcase classname="tests.{}" name="a">{}</testcase></testsuite>'
 
 
-def summed(runner, suites: dict):
-    total = runner.Tally()
-    for tally in suites.values():
-        total.add(tally)
-    return total
-
-
-def test_the_end_names_every_test_once_and_has_the_sums_last(runner, tmp_path: Path) -> None:
-    (tmp_path / "a.xml").write_text(XML)
-    suites = runner.read_results(tmp_path / "a.xml", "tests", ended_well=False)
-    assert {name: (t.passed, len(t.failed), len(t.skipped)) for name, t in suites.items()} == {
-        "phases": (1, 1, 2),
-        "study/core": (0, 0, 1),
-    }
-    end = [
-        "skipped 2: no AVX-512: phases.a::one[1], phases.a::one[2]",
-        "skipped 1: no perf: study.core.a::other",
-        "FAILED: phases.a::bad",
-        f"1 min 15 s on {builds.JOBS} cores: builds 45 s, tests 30 s",
-        "1 passed, 1 failed, 3 skipped",
-    ]
-    took = {"builds": 45.1, "tests": 30.2}
-    total = summed(runner, suites)
-    assert runner.told(total, took, slowest=0).splitlines() == end
-    assert runner.told(total, took, slowest=2).splitlines() == [
-        "slowest tests:",
-        "   30.5 s  phases.a::bad",
-        "    2.0 s  phases.a::good",
-        *end,
-    ]
-
-
-def test_a_crash_and_a_bad_end_are_failures(runner, tmp_path: Path) -> None:
-    def failed(name: str, ended_well: bool) -> int:
-        return len(summed(runner, runner.read_results(tmp_path / name, "tests", ended_well)).failed)
-
-    assert failed("none.xml", ended_well=True) == 1
-    (tmp_path / "cut.xml").write_text(XML[:60])
-    assert failed("cut.xml", ended_well=True) == 1
-    (tmp_path / "good.xml").write_text('<testsuite><testcase name="good"/></testsuite>')
-    assert failed("good.xml", ended_well=True) == 0
-    assert failed("good.xml", ended_well=False) == 1
+@pytest.mark.parametrize(
+    ("text", "ended_well", "counts"),  # passed, failed, skipped
+    [
+        (CASE.format("phases.b", ""), True, {"phases": (1, 0, 0)}),
+        (CASE.format("phases.b", ""), False, {"phases": (1, 0, 0), "tests": (0, 1, 0)}),
+        (CASE.format("study.core.b", "<failure/>"), False, {"study/core": (0, 1, 0)}),
+        (CASE.format("study.core.b", '<skipped message="no perf"/>'), True, {"study/core": (0, 0, 1)}),
+        (CASE[:30], True, {"tests": (0, 1, 0)}),
+        (None, True, {"tests": (0, 1, 0)}),
+    ],
+)
+def test_results_by_suite_and_a_crash_is_a_failure(runner, tmp_path, text, ended_well, counts) -> None:
+    if text:
+        (tmp_path / "a.xml").write_text(text)
+    suites = runner.read_results(tmp_path / "a.xml", "tests", ended_well)
+    assert {name: (t.passed, len(t.failed), len(t.skipped)) for name, t in suites.items()} == counts
 
 
 def test_a_part_that_fails_makes_the_whole_fail(runner, monkeypatch, capsys) -> None:
@@ -91,11 +60,6 @@ def test_a_part_that_fails_makes_the_whole_fail(runner, monkeypatch, capsys) -> 
         monkeypatch.setattr(runner, "PARTS", {"builds": tally(1, failed), "tests": tally(2, [])})
         assert runner.main() == status
         assert capsys.readouterr().out.splitlines()[-1] == f"3 passed, {len(failed)} failed, 0 skipped"
-
-
-def test_what_failed_is_shown_without_the_dots(runner) -> None:
-    log = "....F\n=== FAILURES ===\nassert 1 == 2\n=== short test summary info ===\nFAILED a\n"
-    assert runner.failures(log) == "=== FAILURES ===\nassert 1 == 2"
 
 
 def test_what_concerns_a_phase_names_it(runner) -> None:
@@ -122,23 +86,17 @@ builds.run(["bash", {str(tmp_path / "both.sh")!r}])
     try:
         until = time.monotonic() + 30
         while not pids.exists() or len(pids.read_text().split()) < 2:
-            assert time.monotonic() < until, "the children did not start"
+            assert time.monotonic() < until, tmp_path
             time.sleep(0.05)
         process.send_signal(how)
         assert process.wait(30) != 0
-        assert [pid for pid in pids.read_text().split() if runs(pid)] == []
+        assert not any(map(processes.is_alive, pids.read_text().split()))
     finally:  # a failure leaves none of them
         process.kill()
         process.wait()
         for pid in pids.read_text().split() if pids.exists() else []:
-            if runs(pid):
+            if processes.is_alive(pid):
                 os.kill(int(pid), signal.SIGKILL)
-
-
-def runs(pid: str) -> bool:
-    """Whether there is such a process that has not ended."""
-    state = Path("/proc", pid, "stat")
-    return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 def test_every_program_of_the_builds_is_asked_of_one_make(tmp_path: Path, monkeypatch) -> None:

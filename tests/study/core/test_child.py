@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import processes
 import pytest
 
 from study.core import build, progress, run
@@ -25,29 +26,12 @@ def hanging(folder: Path, name: str = "tool") -> Path:
     return tool
 
 
-def is_alive(pid: int) -> bool:
-    """A zombie, which its new parent has not looked at, is none."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def ends(pid: int) -> bool:
-    for _ in range(50):
-        if not is_alive(pid):
-            return True
-        time.sleep(0.1)
-    os.kill(pid, signal.SIGKILL)
-    return False
-
-
 def test_a_tool_that_hangs_goes_with_what_it_started(tmp_path: Path) -> None:
     begun = time.monotonic()
     with pytest.raises(StudyError, match=r"tool: no end after 0.5 s; killed \(STEPWISE") as error:
         child.run([hanging(tmp_path)], capture_output=True, text=True, timeout=0.5)
     assert error.value.exit_status == CANNOT_RUN and time.monotonic() - begun < 30
-    assert ends(int((tmp_path / "pid").read_text()))
+    assert processes.ends((tmp_path / "pid").read_text().strip())
 
 
 def test_as_subprocess_run_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,7 +56,7 @@ def test_a_compiler_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
         build._build.__wrapped__("opt1", "render", "build", ())
     with pytest.raises(StudyError, match=r"build: no end after 0.5 s; killed"):
         build.build_together([(Spec("opt1", "opt1"), "render")], 1)
-    assert ends(int((tmp_path / "pid").read_text()))
+    assert processes.ends((tmp_path / "pid").read_text().strip())
 
 
 def test_a_driver_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

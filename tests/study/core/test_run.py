@@ -4,6 +4,7 @@ import os
 import time
 from pathlib import Path
 
+import processes
 import pytest
 
 from study.core import run
@@ -11,18 +12,6 @@ from study.core.registry import ROOT
 from study.core.run import DriverError
 
 SCENE = ROOT / "common" / "scenes" / "cubes.json"
-
-
-def alive(pid: int) -> bool:
-    """Whether the process is there and no zombie."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except FileNotFoundError:
-        return False
-
-
-def children(pid: int) -> set[int]:
-    return set(map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()))
 
 
 def test_render_gives_the_drivers_object():
@@ -77,13 +66,13 @@ def test_a_cpu_that_is_not_there_is_refused():
 
 
 def test_closing_early_kills_the_child():
-    before = children(os.getpid())
+    before = processes.children(os.getpid())
     frames = run.frames("baseline", SCENE, 9, reps=100_000)
     next(frames)
-    (child,) = children(os.getpid()) - before
-    assert alive(child)
+    (child,) = processes.children(os.getpid()) - before
+    assert processes.is_alive(child)
     frames.close()
-    assert not alive(child)
+    assert not processes.is_alive(child)
 
 
 def test_a_signal_and_garbage_are_driver_errors(tmp_path):
@@ -115,19 +104,16 @@ def test_the_child_dies_with_a_reader_that_is_killed():
         os._exit(1)
     drivers: list[int] = []
     for _ in range(500):
-        drivers = [pid for pid in children(reader) if Path(f"/proc/{pid}/comm").read_text() == "render\n"]
+        drivers = [
+            pid for pid in processes.children(reader) if Path(f"/proc/{pid}/comm").read_text() == "render\n"
+        ]
         if drivers:
             break
         time.sleep(0.01)
     os.kill(reader, 9)
     os.waitpid(reader, 0)
     assert drivers
-    for _ in range(500):
-        if not alive(drivers[0]):
-            return
-        time.sleep(0.01)
-    os.kill(drivers[0], 9)
-    pytest.fail("the driver outlived its reader")
+    assert processes.ends(drivers[0])
 
 
 @pytest.mark.skipif(len(run.USABLE) < 2, reason="one CPU: nothing to keep off")
