@@ -315,10 +315,3 @@ def test_validation_json_keeps_what_was_not_measured_again(tmp_path):
     flops.write_validation(path, [row(), row(scene="t")])
     flops.write_validation(path, [row(counted=2)])
     assert [(one.scene, one.counted) for one in flops.read_validation(path)] == [("t", 1), ("s", 2)]
-
-
-@pytest.mark.parametrize("text", ["{", "[]", '{"declared": [], "measured": [{"phase": "p"}]}'])
-def test_a_broken_counts_json_is_one_line(tmp_path, text):
-    (tmp_path / "counts.json").write_text(text)
-    with pytest.raises(StudyError, match=r"counts\.json"):
-        flops.read(tmp_path / "counts.json")

@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import ctypes
-import errno
-import os
-import struct
 import subprocess
-import sys
 from pathlib import Path
 
 import needs
 import pytest
 
-from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import ROOT, Spec, cpu_flags, find_scene
 from study.counting import blocks, calibration, ptrace
 from study.counting.schema import Executed
 
 REGION = ROOT / "tests" / "fixtures" / "stepped" / "region.c"
-STEPWISE = [sys.executable, str(ROOT / "scripts" / "stepwise")]
 POOL = {"workers_run", "draw_tiles", "take_tiles"}  # of common/workers: blocks do not see it
-_LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -109,33 +101,11 @@ def test_the_block_counters_agree(phase: str) -> None:
         assert widest == (512 if "avx512f" in cpu_flags() else 256)
 
 
-def forbid_ptrace() -> None:
-    """In a child: the kernel answers EPERM to ptrace, as containers have it (seccomp(2), a BPF program)."""
-    load_number, is_ptrace, allow, refuse = (
-        struct.pack("HBBI", 0x20, 0, 0, 0),
-        struct.pack("HBBI", 0x15, 0, 1, 101),
-        struct.pack("HBBI", 0x06, 0, 0, 0x7FFF0000),
-        struct.pack("HBBI", 0x06, 0, 0, 0x00050000 | errno.EPERM),
-    )
-    program = ctypes.create_string_buffer(load_number + is_ptrace + refuse + allow)
-
-    class Filter(ctypes.Structure):
-        _fields_ = [("size", ctypes.c_ushort), ("code", ctypes.c_void_p)]
-
-    made = Filter(4, ctypes.addressof(program))
-    if _LIBC.prctl(38, 1, 0, 0, 0) or _LIBC.prctl(22, 2, ctypes.byref(made), 0, 0):
-        os._exit(77)
-
-
-def test_where_ptrace_is_forbidden() -> None:
-    build("common", "stepper")
-    command = [*STEPWISE, "flops", "--measure", "--backend", "ptrace", "--phase", "opt4", "-n", "2"]
-    done = subprocess.run(command, capture_output=True, text=True, preexec_fn=forbid_ptrace)
-    if done.returncode == 77:
-        pytest.skip("this kernel has no seccomp filters")
-    assert done.returncode == CANNOT_RUN and len(done.stderr.splitlines()) == 1
-
-
-def test_the_stepper_refuses_wrong_arguments() -> None:
-    done = subprocess.run([build("common", "stepper"), "out", "1", "1"], capture_output=True)
-    assert done.returncode == 2
+def test_where_ptrace_is_forbidden(monkeypatch: pytest.MonkeyPatch, region: str, tmp_path: Path) -> None:
+    stepper = tmp_path / "stepper"
+    stepper.write_text("#!/bin/sh\necho 'stepper: ptrace: Operation not permitted' >&2\nexit 3\n")
+    stepper.chmod(0o755)
+    monkeypatch.setattr(ptrace, "_stepper", lambda: stepper)
+    with pytest.raises(StudyError, match="not permitted") as caught:
+        ptrace.count([region, "libm", "1"])
+    assert caught.value.exit_status == CANNOT_RUN

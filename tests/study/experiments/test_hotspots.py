@@ -279,9 +279,7 @@ def test_quotients_beside_the_shares():
 @pytest.mark.parametrize(
     ("per_cycle", "name", "shown"),
     [
-        (5.9, "Emerald Rapids", True),
         (6.7, "Emerald Rapids", False),
-        (6.7, "Zen 3", False),
         (6.7, "Zen 5", True),
         (6.7, None, True),
         (9.06, "Zen 5", False),
