@@ -17,6 +17,7 @@ from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.run_schema import Cpu
 from study.core.schema import Record, key
+from study.core.show import NOTHING, Column, cell, number, percent, plain, whole, word
 from study.numbers.schema import Result
 
 FILE = "ceilings.json"
@@ -262,6 +263,50 @@ def read(folder: Path) -> Ceilings:
 def write(folder: Path, ceilings: Ceilings) -> Path:
     store.write_json(folder / FILE, ceilings)
     return folder / FILE
+
+
+# --- as tables, a column per kernel
+
+
+def _best(name: str) -> Column:
+    def text(line: dict[str, Any]) -> str:
+        found = line.get(name) or {}
+        value, median = (number(found.get(key), 4) for key in ("value", "median"))
+        return f"{value} ({median})" if found.get("value") else NOTHING
+
+    return Column("best (median)", name, text)
+
+
+COMPUTE = [
+    Column("", "precision", word("precision")),
+    Column("", "width", word("width")),
+    Column("fma by the ports", "flop/core cycle", plain("peak", 4)),
+    Column("fma by the ports", "measured of it", lambda line: percent(cell(line, "of_peak"))),
+    *[_best(name) for name in (*KINDS, *TOGETHER)],
+]
+BANDWIDTH = [
+    Column("", "level", word("level")),
+    Column("", "working set, KiB", whole("kib")),
+    Column("", "width", word("width")),
+    *[_best(name) for name in ("load", "store", "copy")],
+]
+
+
+def grid(limits: Ceilings, by: str) -> list[dict[str, Any]]:
+    """A row per precision or level (`by`) and width; in each ceiling's column what its file says of it."""
+    lines: dict[tuple[str, int], dict[str, Any]] = {}
+    for one in limits.ceilings:
+        if (group := getattr(one, by)) is None:
+            continue
+        scalar = " (scalar)" if one.bits == peaks.ELEMENT[one.precision or "double"] else ""
+        line = lines.setdefault((group, one.bits), {by: group, "width": f"{one.bits} bits{scalar}"})
+        line |= {one.name: msgspec.to_builtins(one)}
+        if one.working_set_bytes is not None:
+            line |= {"kib": one.working_set_bytes / 1024 or math.nan}
+        if one.name == "fma":
+            peak = limits.peak(one)
+            line |= {"peak": peak, "of_peak": (one.value or math.nan) / peak}
+    return list(lines.values())
 
 
 SCHEMAS = {FILE: Ceilings}

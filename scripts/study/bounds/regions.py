@@ -60,7 +60,6 @@ def disassemble(code: bytes, start: int) -> list[Line]:
 
 
 def blocks_of(lines: Sequence[Line]) -> dict[int, list[Line]]:
-    """Basic blocks by their first address."""
     known = {line.address for line in lines}
     leaders = {lines[0].address} | {line.target for line in lines if line.target in known}
     leaders |= {after.address for line, after in itertools.pairwise(lines) if line.ends_block}

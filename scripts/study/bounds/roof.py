@@ -155,7 +155,6 @@ def own_bits(cell: Cell) -> tuple[str, int]:
 
 
 def _same(one: Picture, cell: Cell, scene_hash: str | None) -> bool:
-    """Whether it is of the cell's program and version of the scene."""
     known = None in (scene_hash, one.scene_hash) or one.scene_hash == scene_hash
     return (one.spec, one.scene) == (cell.spec, cell.scene) and known
 

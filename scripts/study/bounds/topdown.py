@@ -90,7 +90,6 @@ def model(
 
 
 def _split(modelled: Sequence[Region]) -> Split | None:
-    """Of all regions together, each by its share of the time."""
     if not (covered := sum(one.share for one in modelled)):
         return None
 

@@ -62,7 +62,6 @@ def table(sources: list[Source], counters: Counters) -> Table:
 
 
 def _assemble(compiler: list[str], text: str, path: Path, name: str) -> Path:
-    """Writes FOLDER/NAME.s and assembles it to FOLDER/NAME.o."""
     path.mkdir(parents=True, exist_ok=True)
     source, made = path / f"{name}.s", path / f"{name}.o"
     source.write_text(text, encoding="utf-8")

@@ -214,7 +214,6 @@ class Source:
                 block.conditional, place.waiting = True, "passed"
 
     def marked(self) -> str:
-        """The text with a symbol before each block."""
         before = {}
         for number, block in enumerate(self.blocks, self.first):
             before.setdefault(block.at, []).append(f"{MARKER}{number}:")

@@ -28,8 +28,6 @@ TARGETS = {"shipped": "render", "calls": "render-calls"}  # by variant: the prog
 
 
 class Known(msgspec.Struct):
-    """build/calibration/BACKEND.json."""
-
     key: str
     parts: list[str]
     differences: list[str]

@@ -53,7 +53,6 @@ def parts() -> dict[str, list[str]]:
 
 
 def runnable() -> list[str]:
-    """Parts that this CPU can run."""
     return [name for name, lacking in parts().items() if not lacking]
 
 

@@ -31,7 +31,6 @@ class Counts:
 
     @property
     def machine(self) -> int:
-        """FLOPs by the machine convention."""
         return sum(FLOPS[kind] * n for (kind, _, _), n in self.lanes.items())
 
     def add(self, one: Decoded, times: int, active: int | None = None) -> None:

@@ -93,7 +93,6 @@ class Program:
         return found if found and address < found.start + found.size else None
 
     def find(self, name: str) -> Function:
-        """By symbol. StudyError if there is none."""
         found = next((function for function in self.functions if function.name == name), None)
         if found is None:
             raise StudyError(f"{self.path}: has no function {name}")

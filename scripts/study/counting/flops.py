@@ -107,7 +107,6 @@ def explained(stated: Declared, variant: str) -> dict[str, dict[str, Range]]:
 
 
 def measured_kinds(counts: Counts) -> Counter[str]:
-    """Kind → FLOPs (machine)."""
     found: Counter[str] = Counter()
     for (kind, _, _), lanes in counts.lanes.items():
         found[kind] += FLOPS[kind] * lanes

@@ -156,7 +156,6 @@ def calibrated() -> bool:
 
 
 def measure(spec: Spec, scene: Scene, height: int, variant: str = "shipped") -> Measurement:
-    """One picture on one thread."""
     found = count(backend.command(spec, scene, height, variant))
     made = found.total, found.functions, found.outside
     return backend.measurement("ptrace", variant, found.output, *made, calibrated=calibrated())

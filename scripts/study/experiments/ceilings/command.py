@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 
 from study.bounds import ceilings
-from study.bounds.ceilings_tables import BANDWIDTH, COMPUTE, grid
+from study.bounds.ceilings import BANDWIDTH, COMPUTE, grid
 from study.core import cli, show, store
 from study.core.cli import Outcome
 from study.core.run_schema import Context

@@ -51,7 +51,6 @@ def _backend(row: Row | Measurement) -> str:
 
 
 def _signed(row: Any) -> str:
-    """A difference in percent with its sign."""
     share = row.difference
     return NOTHING if share is None or pd.isna(share) else f"{100 * share:+.1f}\u00a0%"
 

@@ -118,7 +118,6 @@ def _most_calls(scene: str) -> int:
 
 
 def by_scene(pictures: Iterable[P]) -> list[P]:
-    """In the order in which the scenes appear, phases as they are."""
     pictures = list(pictures)
     order = list(dict.fromkeys(one.scene for one in pictures))
     return sorted(pictures, key=lambda one: order.index(one.scene))
@@ -168,7 +167,6 @@ def _row(one: Declared | Measurement, first: Declared | None) -> Row:
 
 
 def terms(declared: Iterable[Declared]) -> list[Term]:
-    """Where the FLOPs of the phases with costs.def are."""
     made = []
     for one in by_scene(declared):
         if not one.flops or one.phase not in registry.phases() or not costs.declares(one.phase):

@@ -62,7 +62,6 @@ def lanes(spec: Spec, scene: Scene, height: int) -> dict[str, float | None]:
 
 
 def bound(spec: Spec, scene: Scene, height: int, sampled: Sampled) -> Bound:
-    """One row of Table 3 and its regions, by the model."""
     folder = ROOT / "build" / str(spec)
     built = elf.read(folder / profiles.TARGETS["shipped"], folder / profiles.OBJECTS["shipped"])
     return topdown.model(sampled, built, instructions(spec, scene, height, "shipped"), say)
@@ -86,7 +85,6 @@ def add(record: Hotspots, spec: Spec, scene: Scene, args: argparse.Namespace) ->
 
 
 def text(record: Hotspots, rows: Sequence[tables.Row]) -> list[str]:
-    """All tables for people, each with what it says and does not say."""
     parts = [show.markdown(show.table(rows, tables.COLUMNS)), tables.ABOUT]
     parts.append("\n".join(f"- {note}" for note in tables.notes(record)) + "\n")
     if record.bounds:
@@ -129,7 +127,6 @@ def measure(args: argparse.Namespace) -> Outcome:
 
 
 def skipped(spec: Spec) -> bool:
-    """Says so and leaves out what this CPU lacks the instructions for."""
     if lacking := registry.missing_isa(spec):
         cli.say(f"{spec} left out: this CPU lacks {', '.join(lacking)}")
     return bool(lacking)

@@ -140,7 +140,6 @@ def table_rows(record: Hotspots, shown: int = SHOWN, widest: int = WIDEST) -> li
 def _cells(
     which: tuple[str, str, int, int], title: str, by: Mapping[str, Profiled], names: Collection[str]
 ) -> Row:
-    """Functions together, per build."""
     row = Row(*which, title)
     for variant, one in by.items():
         share, samples = one.share_of(names), one.samples_of(names)

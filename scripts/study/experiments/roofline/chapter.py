@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from study.bounds import roof
-from study.bounds.ceilings import Ceilings
-from study.bounds.ceilings_tables import BANDWIDTH, COMPUTE, grid
+from study.bounds.ceilings import BANDWIDTH, COMPUTE, Ceilings, grid
 from study.bounds.roof_shares import clocks
 from study.core import show
 from study.experiments.roofline import figures, tables
@@ -26,7 +25,6 @@ def roofline(data: Data) -> Section:
 
 
 def made(data: Data, points: list[roof.Point], limits: Ceilings | None, notes: Iterable[str] = ()) -> Section:
-    """Of these points and ceilings."""
     parts: list[Part] = []
     answer = ""
     for name, title in (("table5", "performance of baseline"), ("table6", "of the optimised phases")):

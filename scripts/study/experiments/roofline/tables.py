@@ -31,8 +31,6 @@ def doubtful(point: Point, name: str) -> str:
 
 
 def _share(group: str, title: str, name: str) -> Column:
-    """A column of shares: those that cannot be are marked."""
-
     def text(point: Point) -> str:
         value = getattr(point, name)
         why = doubtful(point, name) if value > 0 else ""

@@ -43,8 +43,6 @@ HITS = (*WRONG, "dt_p99")  # of the proved pixels
 
 @dataclass(frozen=True)
 class Program:
-    """What is timed: a phase's sources by one compiler and one set of flags."""
-
     compiler: str
     flags: str  # key of SETS
     phase: str
