@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from discs import HEIGHT, WIDTH, made_truth
 
+from conformance import geometry
 from study.core import commands, registry
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT, Spec
@@ -181,20 +182,6 @@ def test_a_shard_of_a_fractal_is_held_against_opt4_too(command, house, disc):
 # --- the whole chain, against a program that knows spheres only
 
 
-def camera_rays(scene, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Origin, and unit directions through the middles of pixels (height × width × 3)."""
-    camera = scene.data["camera"]
-    position, target, up = (np.array(camera[k], float) for k in ("position", "look_at", "up"))
-    forward = (target - position) / np.linalg.norm(target - position)
-    right = np.cross(up, forward) / np.linalg.norm(np.cross(up, forward))
-    above = np.cross(forward, right)
-    tangent = math.tan(math.radians(camera["vertical_fov_degrees"]) / 2)
-    x = (2 * (np.arange(width) + 0.5) / width - 1) * width / height * tangent
-    y = (1 - 2 * (np.arange(height) + 0.5) / height) * tangent
-    directions = forward + x[None, :, None] * right + y[:, None, None] * above
-    return position, directions / np.linalg.norm(directions, axis=-1, keepdims=True)
-
-
 def test_twenty_steps_lose_the_spheres_rims(tmp_path):
     """two_spheres has a cap of 20 steps: baseline's misses and |Δt| by the discriminant of a quadratic."""
     n = 48
@@ -203,7 +190,7 @@ def test_twenty_steps_lose_the_spheres_rims(tmp_path):
     (found,) = rows(tmp_path)
 
     scene = registry.find_scene("two_spheres")
-    origin, directions = camera_rays(scene, n, n)
+    origin, directions = geometry.rays(scene.data, n, n)
     depth = np.full((2, n, n), np.inf)
     for i, shape in enumerate(scene.data["shapes"]):
         offset = origin - np.array(shape.get("position", (0, 0, 0)), float)
