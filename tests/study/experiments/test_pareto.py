@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from study.core import cli, commands, registry, run, store
-from study.core.registry import ROOT, Spec
+from study.core.registry import Spec
 from study.experiments.ablations import measure as ablations
-from study.experiments.pareto import chapter, command, fronts, tables
+from study.experiments.pareto import chapter, fronts, tables
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto.schema import Pareto, Row
 from study.experiments.toolchains import measure as toolchains
@@ -30,9 +30,6 @@ A, B, C, D = row("a", 10, 30), row("b", 20, 60), row("c", 30, 50), row("d", 40, 
 
 def test_the_front_has_what_nothing_beats_in_both() -> None:
     assert fronts.front([D, C, B, A], "psnr_db") == [A, B, D]  # c is slower and worse than b
-
-
-def test_equal_times_leave_only_the_nearer() -> None:
     assert fronts.front([row("e", 10, 29), A], "psnr_db") == [A]
 
 
@@ -53,13 +50,6 @@ def test_the_grid_is_full_for_switches_too_and_has_the_scenes_own_parameters() -
     for name in ("opt4", "opt4+rsqrt"):
         mine = [(p.hit_distance, p.max_steps) for p in points if p.spec.phase == name]
         assert sorted(mine) == [(1e-6, 64), (1e-6, 3000), (1e-3, 64), (1e-3, 3000)]
-
-
-def test_every_scene_and_the_whole_ladder_are_the_default() -> None:
-    args = commands.parser_for("pareto", command).parse_args([])
-    assert args.scene == sorted(path.stem for path in (ROOT / "common" / "scenes").glob("*.json"))
-    rungs = [p.parent.name for p in ROOT.glob("phases/*/phase.json")]
-    assert set(rungs) <= set(args.phase) and {"opt4+rsqrt", "opt4+rsqrt_newton"} <= set(args.phase)
 
 
 def points(names: str) -> list[measuring.Point]:
@@ -91,12 +81,6 @@ def test_a_measure_without_a_figure_keeps_nobody_in_and_beats_nobody() -> None:
         other: row("other", 0, 40, dt_p99=1.0),  # beaten in decibels, and alone with a distance
     }
     assert measuring.beaten(found, dict(zip(mine, [1.0, 3.0, 3.0], strict=True))) == {far: {"psnr_db": near}}
-
-
-def test_fewer_wrong_hits_are_nearer() -> None:
-    rows = [row("a", 10, 0, false_ppm=9.0), row("b", 20, 0, false_ppm=0.0), row("c", 30, 0, false_ppm=1.0)]
-    assert fronts.front(rows, "false_ppm") == rows[:2]
-    assert fronts.front([A, B], "false_ppm") == []  # no figure, no front
 
 
 @pytest.mark.slow
@@ -172,38 +156,6 @@ def test_a_short_frame_is_timed_behind_a_warm_one(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(run, "frames", lambda *a, **more: (asked.append(more["warmup"]), fake(*a, **more))[1])
     assert measuring.measure([cold, warm], scene, 8, 1, 1, cpu, {warm}) == {cold: [9.0], warm: [2.0]}
     assert sorted(asked) == [0, 1]
-
-
-def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-
-    def fake(frames, scenes, counts, pair, launches):
-        asked.append(pair)
-        return 10.0 * pair[0]
-
-    monkeypatch.setattr(measuring, "trial", lambda *_: {})
-    monkeypatch.setattr(measuring, "estimate", fake)
-    for more, wanted in (
-        (["--budget", "1000"], (90, 45)),
-        (["--budget", "500"], (48, 24)),
-        (["--budget", "1"], (32, 16)),
-        (["-n", "77", "--antialias-n", "9"], (77, 9)),
-    ):
-        args = commands.parser_for("pareto", command).parse_args(more)
-        assert command.heights(args, [Spec.parse("opt4")], [registry.find_scene("scene0")]) == wanted
-
-
-def test_an_estimate_grows_with_points_and_with_pixels() -> None:
-    scene, spec = registry.find_scene("two_spheres"), Spec.parse("opt1")
-    frames = {(spec, scene.name): 1e-2}  # of 24 lines
-
-    def seconds(points: int, n: int) -> float:
-        return measuring.estimate(frames, [scene], {scene.name: points}, (n, n // 2), 6)
-
-    # A launch of every point at least, each of 1e-2 s · (n/24)²; nothing that is not needed.
-    assert 10 * 0.04 * 4 < seconds(10, 48) < 100 * 0.04 * 4
-    assert seconds(20, 48) == pytest.approx(2 * seconds(10, 48))
-    assert seconds(10, 96) > 2 * seconds(10, 48)
 
 
 def test_the_papers_point_is_our_baseline_over_its_own_speedup() -> None:
@@ -282,14 +234,6 @@ def test_who_overlaps_the_fastest_is_named() -> None:
     assert winner.best is rows[0]  # [18, 22]: c has [21.6, 26.4], d [27, 33], low is too far off
     assert [name[:2] for name in winner.not_told_apart_from] == ["b ", "c", "e"]
     assert fronts.rivals(rows[-1:]) == []  # without an interval nothing is told apart
-
-
-def test_the_summary_names_every_scene_of_a_level_once() -> None:
-    rows = [row("opt3", 20, 70), row("opt4", 1000, 61, scene="trio"), row("opt5", 1010, 61, scene="trio")]
-    rows += [row("opt4", 5, 55), row("opt4", 7, 30, scene="cubes")]
-    said = fronts.summary(fronts.winners(rows), rows)
-    assert len(said) == len(fronts.LEVELS) and said[1].count("opt4 on scene0 (5 ns/pixel)") == 1
-    assert all(part in said[2] for part in ("opt3 on scene0", "opt4 or opt5 on trio", "on cubes"))
 
 
 def pareto(*words: str) -> cli.Outcome:

@@ -17,13 +17,10 @@ def headline(path: Path) -> Section:
         winners, rows = result.winners, result.rows
         size = f" (n = {result.n})"
         caption = "The fastest at a stated PSNR to ground truth; “or”: not told apart from it"
-        foot = "\n".join(fronts.summary(winners, rows))
-        parts = part("pareto", caption + size, tables.by_level(winners), tables.LEVELS, foot)
+        parts = part("pareto", caption + size, tables.by_level(winners), tables.LEVELS)
         own = [row for row in rows if row.own_parameters]
         caption = "With each scene's own parameters: evaluations per pixel × ns per evaluation"
         parts += part("pareto-own", caption + size, own, tables.POINTS)
-        caption = "The fastest, with its parameters and what it is not told apart from"
-        parts += part("pareto-winners", caption + size, winners, tables.WINNERS)
         parts += part("pareto-points", "Every point of the grid" + size, rows, tables.POINTS)
         about = {
             "answer": fronts.answer(winners),

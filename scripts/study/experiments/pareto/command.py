@@ -28,17 +28,6 @@ frame where that takes under 0.25 s."""
 STATUSES = {1: "a picture has samples that are not finite"}
 
 
-def length(text: str) -> float:
-    """What the loader takes as a hit distance, in scene units."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0
-    if not 1e-9 <= value <= 1e9:
-        raise argparse.ArgumentTypeError(f"'{text}': must be a length of 1e-9 to 1e9")
-    return value
-
-
 def options(parser: argparse.ArgumentParser) -> None:
     add, whole = parser.add_argument, cli.at_least(1)
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
@@ -47,36 +36,26 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--phase", nargs="+", default=ladder + switches, metavar="PHASE", help=about)
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: every scene")
     about = "besides the scene's own; default: %(default)s"
-    add("--hit-distance", nargs="+", type=length, default=list(measuring.HIT_DISTANCES), help=about)
+    add(
+        "--hit-distance",
+        nargs="+",
+        type=cli.at_least(1e-9, float),
+        default=list(measuring.HIT_DISTANCES),
+        help=about,
+    )
     add("--max-steps", nargs="+", type=whole, default=list(measuring.STEPS), help=about)
-    sizes = ", ".join(map(str, measuring.HEIGHTS))
-    about = f"height in pixels; default: the first of {sizes} that the budget has time for"
-    add("-n", type=whole, metavar="HEIGHT", help=about)
+    add("-n", type=whole, default=64, metavar="HEIGHT", help="height in pixels; default: 64")
     about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
     add("--antialias-n", type=whole, metavar="HEIGHT", help=about)
-    running.budget(parser, 600)
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     running.options(parser, "pareto.json and figures/", "pareto")
-
-
-def heights(args: argparse.Namespace, specs: list[Spec], scenes: list[Scene]) -> tuple[int, int]:
-    """Of timed pictures, and of the averaged ones of fractals: as asked for, or what the budget allows."""
-    counts = {s.name: len(measuring.grid(s, specs[:1], args.hit_distance, args.max_steps)) for s in scenes}
-    frames = measuring.trial(specs, scenes)
-    for n in [args.n] if args.n else measuring.HEIGHTS:
-        pair = n, args.antialias_n or max(n // 2, 1)
-        seconds = measuring.estimate(frames, scenes, counts, pair, args.launches)
-        if seconds <= args.budget:
-            break
-    cli.say(f"n = {pair[0]}: about {seconds:.0f} s")
-    return pair
 
 
 def measured(
     args: argparse.Namespace, specs: list[Spec], scenes: list[Scene], keep: Callable[[Pareto], None]
 ) -> Pareto:
     """`keep` is given it after each scene, with the scenes that are still to come as `unfinished`."""
-    size = heights(args, specs, scenes)
+    size = args.n, args.antialias_n or max(args.n // 2, 1)
     result = Pareto(**running.about(args), n=size[0], antialias_n=size[1], rows=[])
     with temporary.folder() as scratch:
         for scene in scenes:
@@ -110,10 +89,11 @@ def measure(args: argparse.Namespace) -> Outcome:
             store.write_json(folder / FILE, cli.plain(found))
 
     result = measured(args, able, scenes, keep)
-    for spec in specs:
-        if what := lacking[spec]:
-            reason = f"this CPU lacks {what}"
-            result.skipped.append(Skipped(phase=str(spec), scene="any scene", reason=reason))
+    result.skipped += [
+        Skipped(phase=str(spec), scene="any scene", reason=f"this CPU lacks {what}")
+        for spec, what in lacking.items()
+        if what
+    ]
     remarks = dict.fromkeys(f"skipped {s.phase} on {s.scene}: {s.reason}" for s in result.skipped)
     if not result.rows:
         raise StudyError("\n".join([*remarks, "nothing was measured: every point was refused"]))
@@ -124,6 +104,5 @@ def measure(args: argparse.Namespace) -> Outcome:
         for row in result.rows
         if row.non_finite
     ]
-    table = show.markdown(show.table(result.winners, tables.WINNERS))
-    lines = [table, *fronts.summary(result.winners, result.rows), *drawn]
-    return Outcome(result, lines, folder, list(remarks), failed)
+    table = show.markdown(show.table(tables.by_level(result.winners), tables.LEVELS))
+    return Outcome(result, [table, *drawn], folder, list(remarks), failed)

@@ -11,10 +11,10 @@ QUICK = ["-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
 
 
 def calls(study: Study) -> list[Call]:
-    """Every scene and the whole grid, in a budget of its own, where it was asked for; else a few points."""
+    """Every scene and the whole grid where it was asked for; else a few points."""
     few = [] if study.whole else ["--scene", *study.scenes, *QUICK]
     if study.quick:
-        few = ["--scene", study.scenes[0], *QUICK, "--phase", *cuts.three(), "--budget", "20"]
+        few = ["--scene", study.scenes[0], *QUICK, "--phase", *cuts.three()]
     return [Call("pareto", [*few, "--run", str(study.run)])]
 
 

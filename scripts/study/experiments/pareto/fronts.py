@@ -72,41 +72,6 @@ def winners(rows: Sequence[Row]) -> list[Winner]:
     return made
 
 
-def _either(winner: Winner, order: Sequence[str]) -> str:
-    """The fastest, and the other programs that were not told apart from it, in the ladder's order."""
-    near = {winner.best.phase if winner.best else "", *winner.not_told_apart_from}
-    return " or ".join(name for name in order if name in near)
-
-
-def summary(winners: Sequence[Winner], rows: Sequence[Row]) -> list[str]:
-    """One sentence per truth and level for all scenes: at 60 dB, the fastest is …"""
-    order = list(dict.fromkeys(row.phase for row in rows))
-    size = _size({row.n for row in rows})
-    made = []
-    for metric, about in TRUTHS.items():
-        for level in LEVELS:
-            mine = [w for w in winners if w.metric == metric and w.level_db == level]
-            groups: dict[str, list[str]] = {}
-            for winner in mine:
-                if winner.best:
-                    pace = f"{winner.scene} ({winner.best.pace:,.0f} ns/pixel)"
-                    groups.setdefault(_either(winner, order), []).append(pace)
-            parts = [f"{names} on {', '.join(scenes)}" for names, scenes in groups.items()]
-            lacking = ", ".join(w.scene for w in mine if not w.best)
-            if lacking and parts:
-                parts.append(f"nothing reaches it on {lacking}")
-            if parts:
-                made.append(f"At {level} dB to {about}{size} the fastest is: {'; '.join(parts)}.")
-            elif lacking:
-                made.append(f"Nothing reaches {level} dB to {about}{size} on {lacking}.")
-    return made
-
-
-def _size(heights: set[int | None]) -> str:
-    known = ", ".join(str(n) for n in sorted(n for n in heights if n))
-    return f" at n = {known}" if known else ""
-
-
 def answer(winners: Sequence[Winner], level: int = 50) -> str:
     """The fastest of each scene at that level to the paper's shadow; the highest level that any reaches."""
     metric = next(iter(TRUTHS))
@@ -120,7 +85,7 @@ def answer(winners: Sequence[Winner], level: int = 50) -> str:
             spread = f" [{best.ends[0]:.3g}, {best.ends[1]:.3g}]" if best.ends else ""
             pace = f"{best.pace:.3g}{spread} ns per pixel"
             said.append(f"on {one.scene} {best.phase} ({pace}, {getattr(best, metric):.1f} dB)")
-    size = _size({reached[0][0].n})
+    size = f" at n = {reached[0][0].n}" if reached[0][0].n else ""
     return (
         f"The fastest at {at:g} dB or more to ground truth with the paper's shadow{size}: {'; '.join(said)}. "
         "PSNR depends on the size of the picture: single pixels at edges decide it."

@@ -10,11 +10,11 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from study.numbers.schema import Interval, Skipped
 from study.pictures import images
 from study.truth import judging, truth
 
+T = TypeVar("T")
 LONG = 0.25  # s; a frame longer than that warms itself up (scripts/stepwise sweep --long)
 
 HIT_DISTANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
@@ -40,11 +41,6 @@ SWITCHES = (
     "opt4+rsqrt",
     "opt4+rsqrt_newton",
 )
-HEIGHTS = (90, 80, 72, 64, 56, 48, 40, 32)  # of which the first that fits the time is taken
-TRIAL = 24  # height of the frames that say how long all takes
-START = 0.06  # s of a launch besides its frame
-TRUTH = 12  # core seconds of a fractal's truth per second of the slowest phase
-JUDGE = 0.1  # s of holding a picture of HEIGHTS[0] against truth's
 
 
 @dataclass(frozen=True)
@@ -66,8 +62,8 @@ class Point:
 
 def own(scene: Scene) -> tuple[float, int]:
     """The scene's own hit distance and step cap."""
-    march = scene.data["march"]
-    return float(march["hit_distance"]), int(march["max_steps"])
+    march = scene.content.march
+    return march.hit_distance, march.max_steps
 
 
 def grid(
@@ -93,14 +89,15 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
     )
     made = images.read(out)
     out.unlink()
-    metrics = judging.metrics(exact, made, fractal=scene.fractal)
-    names = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", *TRUTHS)
-    found = {name: metrics[name] for name in names}
+    found = judging.metrics(exact, made, fractal=scene.fractal)
     if scene.fractal:
-        found = {name: metrics["antialiased"][name] for name in TRUTHS}
-        found["depth_agree_fraction"] = metrics["depth_agree_fraction"]
+        colours = found["antialiased"]
+        about = {name: colours[name] for name in TRUTHS}
+        about["depth_agree_fraction"] = found["depth_agree_fraction"]
     else:
-        found["false_ppm"] = found["false_hits_ppm"] + found["false_misses_ppm"]
+        names = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", *TRUTHS)
+        about = {name: found[name] for name in names}
+        about["false_ppm"] = about["false_hits_ppm"] + about["false_misses_ppm"]
     return Row(
         scene=scene.name,
         phase=str(point.spec),
@@ -111,7 +108,7 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
         threads=said["threads"],
         evals_per_ray=float(np.mean(made["evals"], dtype=np.float64)),
         non_finite=images.non_finite(made),
-        **found,
+        **about,
     )
 
 
@@ -129,37 +126,27 @@ def evaluations(point: Point, scene: Scene, height: int) -> float | None:
     return counted["lanes"] / (size[0] * size[1]) if counted else None
 
 
+def on_every_core(what: Callable[[Point], T], points: Sequence[Point], about: str) -> dict[Point, T]:
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        made = progress.each(pool.map(what, points), about, len(points))
+        return dict(zip(points, made, strict=True))
+
+
 def judge(
     points: Sequence[Point], scene: Scene, height: int, folder: Path
 ) -> tuple[dict[Point, Row], list[Skipped]]:
-    """Errors of every point, on every core; and what was refused, with its reason."""
-    factor = FACTOR if scene.fractal else 1
-    width, _ = scene.size(height)
-    exact = truth.picture(scene, (width * factor, height * factor))
+    """Errors of every point; and what was refused, with its reason."""
+    exact = truth.picture(scene, scene.size(height * FACTOR if scene.fractal else height))
 
-    def one(point: Point) -> Row | DriverError:
+    def one(point: Point) -> Row | Skipped:
         try:
             return errors(point, scene, height, exact, folder)
         except DriverError as error:
-            return error
+            return Skipped(phase=str(point.spec), scene=scene.name, reason=error.message)
 
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        about = progress.each(pool.map(one, points), f"errors {scene.name}", len(points))
-        made = dict(zip(points, about, strict=True))
-    skipped = [
-        Skipped(phase=str(point.spec), scene=scene.name, reason=error.message)
-        for point, error in made.items()
-        if isinstance(error, DriverError)
-    ]
-    return {point: row for point, row in made.items() if not isinstance(row, DriverError)}, skipped
-
-
-def count(points: Sequence[Point], scene: Scene, height: int) -> dict[Point, float | None]:
-    """`evaluations` of every point, on every core."""
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        made = pool.map(lambda point: evaluations(point, scene, height), points)
-        about = progress.each(made, f"count {scene.name}", len(points))
-        return dict(zip(points, about, strict=True))
+    made = on_every_core(one, points, f"errors {scene.name}")
+    rows = {point: row for point, row in made.items() if isinstance(row, Row)}
+    return rows, [one for one in made.values() if isinstance(one, Skipped)]
 
 
 def measure(
@@ -229,10 +216,9 @@ def study_scene(
     # A first frame is up to 1.6 times a steady one, where that is short.
     warm = {point for point in chosen if once[point][0] < LONG * 1e9}
     times = once | measure(chosen, scene, height, launches, seed + 1, cpu, warm)
-    counted = count(chosen, scene, height)
+    counted = on_every_core(lambda p: evaluations(p, scene, height), chosen, f"count {scene.name}")
     base = times.get(Point(scene.name, Spec.parse(BASE), *own(scene)))
-    width, _ = scene.size(height)
-    pixels = width * height
+    pixels = scene.size(height)[0] * height
     for point, row in found.items():
         pace = stats.median_interval([ns / pixels for ns in times[point]])
         evals = counted.get(point)
@@ -242,41 +228,3 @@ def study_scene(
         row.evals_per_pixel = math.nan if evals is None else evals
         row.ns_per_eval = pace.value / evals if evals else math.nan
     return list(found.values()), skipped
-
-
-def trial(specs: Sequence[Spec], scenes: Sequence[Scene]) -> dict[tuple[Spec, str], float]:
-    """Seconds of one small frame of each program, by its scene; what is refused has none."""
-    found = {}
-    for scene in progress.each(scenes, "trial"):
-        for spec in specs:
-            with contextlib.suppress(DriverError):
-                said = run.render(spec, scene.path, TRIAL, scene.size(TRIAL)[0])
-                found[spec, scene.name] = said["frames"][0]["ns"] * 1e-9
-    return found
-
-
-def estimate(
-    frames: Mapping[tuple[Spec, str], float],
-    scenes: Sequence[Scene],
-    counts: Mapping[str, int],
-    heights: tuple[int, int],
-    launches: int,
-) -> float:
-    """Seconds that `study_scene` will take of all scenes. `counts`: points of one program by scene.
-
-    Its points march less than the scene's own, so that this is rather too long; rounds of what stays in the
-    running are taken for those of one point in five, launched at the price of the average frame's half.
-    """
-    total = 0.0
-    cores = len(os.sched_getaffinity(0))
-    for scene in scenes:
-        mine = [s * (heights[0] / TRIAL) ** 2 for (_, name), s in frames.items() if name == scene.name]
-        points, mean = counts[scene.name] * len(mine), sum(mine) / max(len(mine), 1)
-        bigger = (FACTOR * heights[1] / heights[0]) ** 2 if scene.fractal else 1
-        size = scene.size(heights[1] * FACTOR if scene.fractal else heights[0])
-        if mine and scene.fractal and not truth.path_of(scene, size).exists():
-            total += TRUTH * max(mine) * bigger / cores
-        judged = JUDGE * bigger * (heights[0] / HEIGHTS[0]) ** 2
-        total += points * (mean * bigger + START + judged) / cores
-        total += points * (mean + START) + launches * points / 5 * (mean / 2 + START)
-    return total

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, ClassVar
 
-import msgspec
-
 from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured, Skipped
 
@@ -88,9 +86,7 @@ class Winner(Record, kw_only=True):
     level_db: Annotated[float, key("dB", "to be reached")]
     best: Annotated[Row | None, key("", "the row; null: none reaches it")]
     n: Annotated[int | None, key("pixels", "height of the picture")] = None
-    not_told_apart_from: Annotated[list[str], key("", "programs whose interval overlaps its own")] = (
-        msgspec.field(default_factory=list)
-    )
+    not_told_apart_from: Annotated[list[str], key("", "programs whose interval overlaps its own")] = []
 
 
 class Pareto(Measured, kw_only=True):
@@ -104,19 +100,11 @@ class Pareto(Measured, kw_only=True):
     made_by: ClassVar[str] = "pareto"
     n: Annotated[int | None, key("pixels", "height of the pictures")] = None
     antialias_n: Annotated[int | None, key("pixels", "height of fractals' averaged pictures")] = None
-    seconds: Annotated[dict[str, float], key("s", "wall time by scene")] = msgspec.field(default_factory=dict)
-    unfinished: Annotated[list[str], key("", "scenes that a killed run did not come to")] = msgspec.field(
-        default_factory=list
-    )
+    seconds: Annotated[dict[str, float], key("s", "wall time by scene")] = {}
+    unfinished: Annotated[list[str], key("", "scenes that a killed run did not come to")] = []
     rows: Annotated[list[Row], key("", "the points", min_length=1)]
-    skipped: Annotated[list[Skipped], key("", "programs that could not run")] = msgspec.field(
-        default_factory=list
-    )
-    winners: Annotated[list[Winner], key("", "by scene, truth and level")] = msgspec.field(
-        default_factory=list
-    )
-    sentences: Annotated[list[str], key("", "the winners in words")] = msgspec.field(default_factory=list)
-    summary: Annotated[list[str], key("", "the same over all scenes")] = msgspec.field(default_factory=list)
+    skipped: Annotated[list[Skipped], key("", "programs that could not run")] = []
+    winners: Annotated[list[Winner], key("", "by scene, truth and level")] = []
 
     @classmethod
     def current(cls, data: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -272,23 +272,6 @@ POINTS = [
     Column("error to ground truth", "PSNR dB, estimator", lambda r: _decibels(r, "psnr_db")),
     Column("error to ground truth", "PSNR dB, ideal", lambda r: _decibels(r, "psnr_ideal_db")),
     Column("", "timed", _timed),
-]
-
-
-def _of_best(text: Callable[[Row], str], lacking: str = show.NOTHING) -> Callable[[Winner], str]:
-    return lambda winner: text(winner.best) if winner.best else lacking
-
-
-WINNERS = [
-    Column("", "scene", lambda r: r.scene),
-    Column("", "ground truth with", lambda r: r.truth),
-    Column("", "at least, dB", lambda r: f"{r.level_db:g}"),
-    Column("", "fastest", _of_best(lambda r: r.phase, "none reaches it")),
-    Column("", "ns/pixel [95 %]", _of_best(_ns)),
-    Column("", "not told apart from", lambda r: ", ".join(r.not_told_apart_from) or show.NOTHING),
-    Column("", "hit distance", _of_best(lambda r: f"{r.hit_distance:g}")),
-    Column("", "step cap", _of_best(lambda r: str(r.max_steps))),
-    Column("", "its PSNR, dB", lambda r: _decibels(r.best, r.metric) if r.best else show.NOTHING),
 ]
 
 
