@@ -116,6 +116,15 @@ def with_defaults(args: argparse.Namespace) -> argparse.Namespace:
     return argparse.Namespace(**made)
 
 
+class Drawn(msgspec.Struct):
+    """What a sweep asks of a frame that the driver prints."""
+
+    schema: int
+    scene_hash: str
+    frame: int
+    warmup: bool
+
+
 class Sweep:
     """The measuring of one run: what is there, what is missing, what still fits into the budget."""
 
@@ -187,55 +196,41 @@ class Sweep:
         """One process: the frames that the next launch of `config` lacks, each stored at once."""
         number = self.done(config)
         there = self.frames.setdefault((config.config, number), set())
-        offset = self.timed(config, number)
+        offset, reps = self.timed(config, number), self.reps(config)
         padding = random.Random(f"{self.plan.seed}:{config.config}:{number}").randint(0, 4096)
         spec = Spec(config.phase, config.flags_from)
         if sha256(build(spec)) != self.plan.binaries[config.spec]:
             raise StudyError(f"build/{spec}/render was rebuilt since the run began; start a new run")
-        frames = run.frames(
-            spec,
-            find_scene(config.scene).path,
-            config.height,
-            config.width,
-            threads=config.threads,
-            reps=self.reps(config) - offset,
-            warmup=0 if config.once else self.plan.warmup,
-            cpu=self.plan.cpu,
-            env_bytes=padding,
-            **overrides(self.plan),
-        )
-        begin, before, count = time.perf_counter(), energy.reading(), self.reps(config) - offset
+        size = find_scene(config.scene).path, config.height, config.width
+        how = {"threads": config.threads, "cpu": self.plan.cpu, "env_bytes": padding, **overrides(self.plan)}
+        warmup = 0 if config.once else self.plan.warmup
+        frames = run.frames(spec, *size, reps=reps - offset, warmup=warmup, **how)
+        begin, before = time.perf_counter(), energy.reading()
         with contextlib.closing(frames):
             for frame in frames:
-                if frame["scene_hash"] != config.scene_hash:
+                drawn = msgspec.convert(frame, Drawn)
+                if drawn.scene_hash != config.scene_hash:
                     raise StudyError(f"scene {config.scene} changed since the run began; start a new run")
-                if frame["warmup"]:
-                    before = energy.reading()
-                elif before and frame["frame"] == count - 1:  # of all that the process timed, and did between
-                    used = energy.joules(before, energy.reading())
-                    frame |= {} if used is None else {"joules": used / count}
-                frame["frame"] += 0 if frame["warmup"] else offset
-                if frame["frame"] in there:  # warm-up that the launch's first process has stored
-                    continue
-                head = {
-                    "schema": frame["schema"],
-                    "config": config.config,
-                    "launch": number,
-                    "round": self.now,
-                }
+                at = drawn.frame + (0 if drawn.warmup else offset)
                 # The driver's name for the scene is ASCII and short: two scenes may have the same.
-                frame |= {"scene": config.scene, "env_bytes": padding, "time": now()}
-                self.run.append_frame(head | frame)
-                there.add(frame["frame"])
-        if self.timed(config, number) < self.reps(config):
+                more = {"frame": at, "scene": config.scene, "env_bytes": padding, "time": now()}
+                if drawn.warmup:
+                    before = energy.reading()
+                elif before and at == reps - 1:  # of all that the process timed, and did between
+                    used = energy.joules(before, energy.reading())
+                    more |= {} if used is None else {"joules": used / (reps - offset)}
+                if at not in there:  # else it is a warm-up that the launch's first process has stored
+                    which = {"config": config.config, "launch": number, "round": self.now}
+                    self.run.append_frame({"schema": drawn.schema, **which, **frame, **more})
+                    there.add(at)
+        if self.timed(config, number) < reps:
             raise DriverError(0, f"{spec}: the driver ended before its last frame")
         if offset == 0:
             self.seconds.setdefault(config.config, []).append(time.perf_counter() - begin)
 
     def measure(self) -> None:
         """All rounds, with a progress bar in seconds. A crash is recorded, and the rest goes on."""
-        work, budget = self.remaining(), self.budget()
-        total, by_clock = min(work, budget), budget < work
+        total = min(self.remaining(), self.budget())
         with progress.Progress("sweep", total, share=True) as bar:
             for number in itertools.count():
                 self.now = self.rounds + number
@@ -246,7 +241,7 @@ class Sweep:
                     if self.expected(config) > self.budget():
                         continue
                     bar.to(bar.done, f"round {number + 1}: {config}")
-                    before, begin = self.expected(config), time.monotonic()
+                    begin = time.monotonic()
                     try:
                         self.launch(config)
                     except DriverError as error:
@@ -255,8 +250,7 @@ class Sweep:
                         about = {name: getattr(config, name) for name in names}
                         fail(self.plan, Left(**about, launch=self.done(config)), error)
                         store.write_json(self.run.path / "plan.json", self.plan)
-                    step = time.monotonic() - begin if by_clock else before
-                    bar.to(min(bar.done + step, total))
+                    bar.to(min(bar.done + time.monotonic() - begin, total))
             bar.to(total)
 
     def finish(self) -> None:
@@ -296,25 +290,8 @@ def resume(args: argparse.Namespace) -> Sweep:
     return sweep
 
 
-def unfinished(plan: Plan, results: Path) -> Path | None:
-    """The newest run that measures the same and was never finished."""
-
-    def measures(one: Plan) -> list[Any]:
-        timed = [each.config for each in one.configurations]
-        return [one.cpu, one.launches, one.reps, one.warmup, one.long, one.binaries, timed]
-
-    for path in sorted(results.glob(f"{machine.slug()}/*/plan.json"), reverse=True):
-        with contextlib.suppress(StudyError):
-            other = Plan.load(path)
-            if other.finished is None and measures(other) == measures(plan):
-                return path.parent
-    return None
-
-
 def start(plan: Plan, args: argparse.Namespace) -> Sweep:
     """A new run, with its folder and context."""
-    if other := unfinished(plan, args.results):
-        cli.say(f"note: {other} measures the same and is unfinished; --run {other} --resume goes on with it")
     target = store.Run.create(args.results, machine.slug())
     target.lock()
     context = machine.context(plan.cpu or 0)
@@ -335,8 +312,8 @@ def dry_run(sweep: Sweep) -> Outcome:
     """What would be measured and how long it would take."""
     plan, seconds = sweep.plan, sweep.remaining()
     rows = [
-        {"name": str(config), "s": sweep.expected(config), "launches": plan.launches - sweep.done(config)}
-        for config in plan.configurations
+        {"name": str(one), "s": sweep.expected(one), "launches": plan.launches - sweep.done(one)}
+        for one in plan.configurations
     ]
     todo = sum(plan.launches - sweep.done(config) for config in plan.configurations)
     frames = f"{plan.reps} timed frames and {plan.warmup} of warm-up each"

@@ -16,7 +16,7 @@ import msgspec
 
 from study.core import cli, progress, run
 from study.core.build import build
-from study.core.registry import ROOT, Spec, cpu_supports, find_phase, find_scene, missing_isa, phases
+from study.core.registry import ROOT, Scene, Spec, cpu_supports, find_phase, find_scene, missing_isa, phases
 from study.core.run import DriverError
 from study.core.run_schema import Configuration, Left, PhaseJson, Plan
 from study.numbers import summary
@@ -24,6 +24,25 @@ from study.numbers.analysis import GENERATED, SECOND_BASE
 
 CALIBRATION_HEIGHT = 45
 NEAR = 10  # times --long: up to that a frame is timed at its own size before it counts as long
+
+
+class One(msgspec.Struct):
+    ns: float
+
+
+class Tried(msgspec.Struct):
+    """What a plan asks of the driver's answer."""
+
+    frames: list[One]
+    width: int
+    height: int
+    scene_hash: str
+    kernel: str | None = None
+    kernel_compile_ns: float | None = None
+
+    @property
+    def seconds(self) -> float:
+        return self.frames[0].ns / 1e9
 
 
 def now() -> str:
@@ -79,6 +98,21 @@ def fail(plan: Plan, left: Left, error: DriverError) -> None:
     cli.say(f"failed: {left.spec} {left.scene}: {error.message}")
 
 
+def tried(plan: Plan, case: Left, scene: Scene, width: int, height: int, **more: int) -> Tried | None:
+    """What the driver says of a picture; None, which stands in the plan, where it draws none."""
+    how = {"threads": case.threads, "cpu": plan.cpu, **overrides(plan), **more}
+    try:
+        return msgspec.convert(run.render(Spec.parse(case.spec), scene.path, height, width, **how), Tried)
+    except DriverError as error:
+        if error.status == cli.BAD_INPUT:
+            raise
+        if error.status in (run.NO_ISA, run.UNSUPPORTED):
+            skip(plan, msgspec.structs.replace(case, reason=error.message))
+        else:
+            fail(plan, case, error)
+        return None
+
+
 def make_plan(args: argparse.Namespace) -> Plan:
     """The plan of a new run (plan.json), from the options of a sweep.
 
@@ -103,37 +137,27 @@ def make_plan(args: argparse.Namespace) -> Plan:
     scenes = [find_scene(name) for name in dict.fromkeys(args.scene)]
     cases = list(itertools.product(specs, scenes, dict.fromkeys(args.threads)))
     for spec, scene, threads in progress.each(cases, "calibrate"):
-        tiny, _ = scene.size(CALIBRATION_HEIGHT)
         case = Left(spec=str(spec), scene=scene.name, threads=threads)
-        how = {"threads": threads, "cpu": args.cpu, **overrides(plan)}
+
         begin = time.perf_counter()
-        try:
-            picture = run.render(spec, scene.path, CALIBRATION_HEIGHT, tiny, **how)
-        except DriverError as error:
-            if error.status == cli.BAD_INPUT:
-                raise
-            if error.status in (run.NO_ISA, run.UNSUPPORTED):
-                skip(plan, msgspec.structs.replace(case, reason=error.message))
-            else:
-                fail(plan, case, error)
+        picture = tried(plan, case, scene, *scene.size(CALIBRATION_HEIGHT))
+        if picture is None:
             continue
-        if (kernel := picture.get("kernel")) and kernel != GENERATED:
-            cli.say(f"{spec} {scene.name}: no kernel for the scene, its general code runs ({kernel[9:]})")
-        frame = picture["frames"][0]["ns"] / 1e9
-        compiling = (picture.get("kernel_compile_ns") or 0) / 1e9  # once: the launches find it in the cache
-        start = max(time.perf_counter() - begin - frame - compiling, 0)
+        if picture.kernel and picture.kernel != GENERATED:
+            cli.say(
+                f"{spec} {scene.name}: no kernel for the scene, its general code runs ({picture.kernel[9:]})"
+            )
+        # compiling happens once: the launches find it in the cache
+        start = max(time.perf_counter() - begin - picture.seconds - (picture.kernel_compile_ns or 0) / 1e9, 0)
         for width, height in dict.fromkeys(scene.size(height, width) for width, height in args.n):
-            seconds = frame * width * height / (picture["width"] * picture["height"])
+            seconds = picture.seconds * width * height / (picture.width * picture.height)
             if args.long is not None and args.long < seconds < NEAR * args.long:
-                alone = how | {"reps": 1, "warmup": 0}
-                try:  # a tiny frame's is no good guess of what costs per picture, tile or thread
-                    seconds = run.render(spec, scene.path, height, width, **alone)["frames"][0]["ns"] / 1e9
-                except DriverError as error:
-                    fail(plan, case, error)
+                # a tiny frame's is no good guess of what costs per picture, tile or thread
+                if (alone := tried(plan, case, scene, width, height, reps=1, warmup=0)) is None:
                     continue
+                seconds = alone.seconds
             once = args.long is not None and seconds > args.long
-            frames = 1 if once else args.reps + args.warmup
-            of_scene = [scene.name, picture["scene_hash"]]  # two scenes may have one content
+            of_scene = [scene.name, picture.scene_hash]  # two scenes may have one content
             asked = [spec.phase, spec.flags_from, *of_scene, width, height, threads]
             asked += overrides(plan).values()
             plan.configurations.append(
@@ -143,11 +167,11 @@ def make_plan(args: argparse.Namespace) -> Plan:
                     phase=spec.phase,
                     flags_from=spec.flags_from,
                     scene=scene.name,
-                    scene_hash=picture["scene_hash"],
+                    scene_hash=picture.scene_hash,
                     width=width,
                     height=height,
                     threads=threads,
-                    estimate_s=round(start + seconds * frames, 4),
+                    estimate_s=round(start + seconds * (1 if once else args.reps + args.warmup), 4),
                     once=once,
                 )
             )

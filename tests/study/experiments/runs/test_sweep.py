@@ -16,7 +16,6 @@ from study.core import registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.core.run_schema import Plan
-from study.experiments.sweep import command as module
 
 SMALL = ["--phase", "baseline", "opt1", "--scene", "cubes", "-n", "6", "9x9", "--seed", "3"]
 SMALL += ["--launches", "3", "--reps", "2", "--warmup", "1"]
@@ -256,16 +255,6 @@ def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
 def test_bad_arguments_are_refused(arguments, words):
     with pytest.raises(StudyError, match=words):
         emitted.told("sweep", *arguments)
-
-
-def test_an_unfinished_run_of_the_same_plan_is_pointed_out(measured, tmp_path):
-    plan = msgspec.structs.replace(measured[0].plan, finished=None)
-    other = tmp_path / module.machine.slug() / "20250101-000000-x"
-    store.write_json(other / "plan.json", plan)
-    assert module.unfinished(plan, tmp_path) == other
-    assert module.unfinished(msgspec.structs.replace(plan, reps=9), tmp_path) is None
-    store.write_json(other / "plan.json", msgspec.structs.replace(plan, finished="2025"))
-    assert module.unfinished(plan, tmp_path) is None
 
 
 @pytest.mark.slow
