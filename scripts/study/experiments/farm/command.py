@@ -27,8 +27,6 @@ def options(parser: argparse.ArgumentParser) -> None:
     many = parser.add_mutually_exclusive_group(required=True)
     many.add_argument("--workers", type=cli.at_least(1), metavar="N", help="N processes of this machine")
     many.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler, e.g. tcp://10.0.0.1:8786")
-    about = "N jobs of Slurm, by dask-jobqueue and its configuration"
-    many.add_argument("--slurm", type=cli.at_least(1), metavar="N", help=about)
     add("--shards", type=cli.at_least(1), metavar="N", help="default: one for each unit of work")
     add("--run", type=Path, metavar="DIR", help=f"for its file and {FILE}; default: build/farm")
     add("--install", action="store_true", help="put Dask into build/farm first, if it is not there")
@@ -45,8 +43,8 @@ def measure(args: argparse.Namespace) -> Outcome:
         raise StudyError(f"--shards {count}: must be at most {most}, the number of units of work")
     python = farm.find_python(args.install)
     folder = running.folder(args)
-    cluster = {key: getattr(args, key) for key in ("workers", "scheduler", "slurm")}
-    found = farm.drive(python, farm.plan(args.experiment, words, count, folder, cluster))
+    told = farm.plan(args.experiment, words, count, folder, args.workers, args.scheduler)
+    found = farm.drive(python, told)
     about = {"experiment": args.experiment, "arguments": words, "shards": count}
     result = Farm(schema=1, **about, workers=found.workers, seconds=found.seconds)
     store.write_json(folder / FILE, cli.plain(result))

@@ -11,25 +11,24 @@ import ctypes
 import json
 import logging
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 PR_SET_PDEATHSIG = 1  # of prctl(2): the signal that a process gets when its parent dies
 MOST = 3  # times that a shard whose worker has died, or could not draw it, is given to another
-Json = dict[str, Any]
 
 
 class Failed(Exception):
     """One line: why the farm cannot go on."""
 
 
-def run_shard(command: list[str], number: int, of: int, file: str) -> Json:
+def run_shard(command: list[str], number: int, of: int, file: str) -> SimpleNamespace:
     """On a worker: its name and address, and what `drawn` gives or, as `error`, why there is nothing."""
     from distributed import get_worker
 
@@ -39,10 +38,10 @@ def run_shard(command: list[str], number: int, of: int, file: str) -> Json:
         made = drawn([*command, "--shard", f"{number}/{of}", "--run", str(run)], run, file)
     except OSError as error:
         made = {"error": str(error)}
-    return {"worker": str(worker.name), "address": worker.address, **made}
+    return SimpleNamespace(worker=str(worker.name), address=worker.address, **{"error": "", **made})
 
 
-def drawn(words: list[str], run: Path, file: str) -> Json:
+def drawn(words: list[str], run: Path, file: str) -> dict[str, Any]:
     """One shard by the project's command, in the folder `run` of this worker. Raises OSError.
 
     Pictures of the worker's earlier shards lie there, so that none is rendered twice. The command ends with
@@ -63,60 +62,50 @@ def drawn(words: list[str], run: Path, file: str) -> Json:
     if not made.exists():
         return {"error": f"status {done.returncode}: {lines[-1] if lines else 'no word'}"}
     data = made.read_bytes()
-    pictures = [row["picture"] for row in json.loads(data).get("rows", []) if row.get("picture")]
-    return {
-        "failed": [line for line in lines if line.startswith("FAIL ")],
-        "files": {f"shards/{file}": data, **{name: (run / name).read_bytes() for name in pictures}},
-    }
+    pictures = [picture for row in json.loads(data).get("rows", []) if (picture := row.get("picture"))]
+    files = {f"shards/{file}": data, **{name: (run / name).read_bytes() for name in pictures}}
+    return {"failed": [line for line in lines if line.startswith("FAIL ")], "files": files}
 
 
-def draw(client: Any, plan: Json) -> tuple[dict[int, list[str]], Counter[str]]:
+def draw(client: Any, plan: SimpleNamespace) -> tuple[dict[int, list[str]], Counter[str]]:
     """Has every shard drawn and its files written. Checks that failed, by shard; shards by worker. A worker
     that cannot run the command gets no more. Raises Failed."""
     from distributed import KilledWorker, as_completed
 
     def submit(shard: int) -> Any:
-        words = plan["command"], shard, plan["shards"], plan["file"].replace("{K}", str(shard))
+        words = plan.command, shard, plan.shards, plan.file.replace("{K}", str(shard))
         return client.submit(run_shard, *words, pure=False)
 
-    shards = {submit(shard): shard for shard in range(1, plan["shards"] + 1)}
+    shards = {submit(shard): shard for shard in range(1, plan.shards + 1)}
     failed: dict[int, list[str]] = {}
     counts: Counter[str] = Counter()
     tries: Counter[int] = Counter()
     done = as_completed(list(shards))
     for future in done:
         shard = shards.pop(future)
-        place = f"shard {shard}/{plan['shards']}"
+        place = f"shard {shard}/{plan.shards}"
         try:
             result = future.result()
         except KilledWorker:
             raise Failed(f"{place}: {MOST + 1} workers that took it have died") from None
         future.release()
-        if "error" not in result:
-            for name, data in result["files"].items():
-                write(Path(plan["folder"], name), data)
-            failed[shard] = result["failed"]
-            counts[result["worker"]] += 1
+        if not result.error:
+            for name, data in result.files.items():
+                write(Path(plan.folder, name), data)
+            failed[shard] = result.failed
+            counts[result.worker] += 1
             continue
-        said = f"{place}: worker {result['worker']}: {result['error']}"
+        said = f"{place}: worker {result.worker}: {result.error}"
         tries[shard] += 1
-        if tries[shard] > MOST or not retire(client, result["address"]):
+        others = set(client.scheduler_info(n_workers=-1)["workers"]) - {result.address}
+        if tries[shard] > MOST or not others:
             raise Failed(said)
+        client.retire_workers([result.address])
         sys.stderr.write(f"farm: {said}; it gets no more\n")
         again = submit(shard)
         shards[again] = shard
         done.add(again)
     return failed, counts
-
-
-def retire(client: Any, address: str) -> bool:
-    """Gives a worker nothing more. Whether there is another."""
-    living = set(client.scheduler_info(n_workers=-1)["workers"])
-    if living <= {address}:
-        return False
-    if address in living:
-        client.retire_workers([address])
-    return True
 
 
 def write(path: Path, data: bytes) -> None:
@@ -127,25 +116,7 @@ def write(path: Path, data: bytes) -> None:
     made.replace(path)
 
 
-def cluster_of(plan: Json) -> Any:
-    """What a client connects to: an address, processes of this machine, or jobs of Slurm."""
-    if plan["scheduler"]:
-        return plan["scheduler"]
-    if plan["slurm"]:
-        if not shutil.which("sbatch"):
-            raise Failed("sbatch is missing: --slurm is for a machine from which jobs go to Slurm")
-        from dask_jobqueue import SLURMCluster
-
-        made = SLURMCluster(cores=1, processes=1, memory="2 GB")
-        made.scale(jobs=plan["slurm"])
-        return made
-    from distributed import LocalCluster
-
-    workers = {"n_workers": plan["workers"], "threads_per_worker": 1, "processes": True}
-    return LocalCluster(**workers, dashboard_address=None, memory_limit=0, local_directory=plan["scratch"])
-
-
-def work(plan: Json) -> Json:
+def work(plan: SimpleNamespace) -> dict[str, Any]:
     """Everything: who has drawn how many shards, in which time, and which checks failed. Raises Failed."""
     import dask
     from distributed import CancelledError, Client
@@ -153,26 +124,25 @@ def work(plan: Json) -> Json:
     # A worker has one shard at a time: one that dies loses no other.
     how = {"allowed-failures": MOST, "worker-saturation": 1.0}
     dask.config.set({f"distributed.scheduler.{name}": value for name, value in how.items()})
+    local = {"n_workers": plan.workers, "threads_per_worker": 1, "processes": True}
+    local |= {"dashboard_address": None, "memory_limit": 0, "local_directory": plan.scratch}
     begun = time.monotonic()
-    cluster = cluster_of(plan)
     try:
-        client = Client(cluster)
+        client = Client(plan.scheduler) if plan.scheduler else Client(**local)
     except (OSError, ValueError) as error:
-        raise Failed(f"{plan['scheduler']}: no scheduler answers ({error})") from None
+        raise Failed(f"{plan.scheduler}: no scheduler answers ({error})") from None
     try:
-        client.wait_for_workers(plan["workers"] or 1, timeout=plan["wait_s"])
+        client.wait_for_workers(plan.workers or 1, timeout=plan.wait_s)
     except TimeoutError:
-        raise Failed(f"no worker has come within {plan['wait_s']:g} s") from None
-    for one in client.scheduler_info(n_workers=-1)["workers"].values():
-        if one["nthreads"] != 1:
-            raise Failed(f"worker {one['name']} has {one['nthreads']} threads; give it --nthreads 1")
+        raise Failed(f"no worker has come within {plan.wait_s:g} s") from None
+    for name, threads in client.nthreads().items():
+        if threads != 1:
+            raise Failed(f"worker {name} has {threads} threads; give it --nthreads 1")
     try:
         failed, counts = draw(client, plan)
     except CancelledError:
         raise Failed("the scheduler has gone") from None
-    client.close()
-    if hasattr(cluster, "close"):
-        cluster.close()
+    client.close()  # and the workers that it has started
     return {
         "workers": [{"name": name, "shards": count} for name, count in sorted(counts.items())],
         "seconds": time.monotonic() - begun,
@@ -185,7 +155,7 @@ def main() -> int:
     os.environ["DASK_LOGGING__DISTRIBUTED"] = "critical"  # of the workers
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
-        result = work(json.load(sys.stdin))
+        result = work(json.load(sys.stdin, object_hook=lambda keys: SimpleNamespace(**keys)))
     except Failed as error:
         result = {"error": " ".join(str(error).split())}
     print(json.dumps(result), flush=True)

@@ -20,20 +20,20 @@ from study.experiments.farm.schema import Worker
 from study.experiments.shards import Shard, Sharded
 
 HOME = registry.ROOT / "build" / "farm"
-PACKAGES = ("dask==2026.8.0", "distributed==2026.8.0", "dask-jobqueue==0.9.0")
+PACKAGES = ("dask==2026.8.0", "distributed==2026.8.0")
 DRIVER = Path(__file__).with_name("driver.py")
 COMMAND = [sys.executable, str(registry.ROOT / "scripts" / "stepwise")]
 OWN = ("--run", "--shard", "--jobs")  # options of the experiment that the farm gives it
-WAIT = 600.0  # s for the first worker; a queue of Slurm may take days
-Json = dict[str, Any]
+WAIT = 600.0  # s for the first worker
 
 
 class Found(msgspec.Struct):
-    """What the driver says. `failed`: checks of the experiment, a sentence each."""
+    """What the driver says: one line why it ended, or what came of it. `failed`: checks of the experiment."""
 
-    workers: list[Worker]
-    seconds: float
-    failed: list[str]
+    error: str = ""
+    workers: list[Worker] = []
+    seconds: float = 0.0
+    failed: list[str] = []
 
 
 def able() -> dict[str, Sharded]:
@@ -44,7 +44,7 @@ def able() -> dict[str, Sharded]:
 def find_python(install: bool) -> Path:
     """A Python with Dask, in build/farm. Raises StudyError without one that may not be made."""
     python = venvs.python_of(HOME)
-    if not venvs.has(python, "dask, distributed, dask_jobqueue"):
+    if not venvs.has(python, "dask, distributed"):
         if not install:
             raise StudyError("dask is missing: --install puts it into build/farm", CANNOT_RUN)
         venvs.install(HOME, PACKAGES)
@@ -59,32 +59,35 @@ def units(name: str, words: Sequence[str]) -> int:
     return len(able()[name].units(args))
 
 
-def plan(name: str, words: Sequence[str], count: int, folder: Path, cluster: Json) -> Json:
-    """For the driver, as JSON. `cluster`: workers, scheduler and slurm, of which one is not None."""
+def plan(
+    name: str, words: Sequence[str], count: int, folder: Path, workers: int | None, scheduler: str | None
+) -> dict[str, Any]:
+    """For the driver, as JSON. Either `workers` or `scheduler` is given."""
     file = shards.file_name(able()[name].file, Shard(1, count))
     return {
         "command": [*COMMAND, name, *words, "--jobs", "1"],
         "file": file.replace("shard-1-", "shard-{K}-"),
         "shards": count,
         "folder": str(folder.resolve()),
-        "wait_s": None if cluster["slurm"] else WAIT,
-        **cluster,
+        "wait_s": WAIT,
+        "workers": workers,
+        "scheduler": scheduler,
     }
 
 
-def drive(python: Path, told: Json) -> Found:
+def drive(python: Path, told: dict[str, Any]) -> Found:
     """What the driver found. Raises StudyError with its one line."""
     command = [python, "-I", DRIVER]
     with temporary.folder(prefix="stepwise-farm-") as scratch:
         text = json.dumps(told | {"scratch": str(scratch)})
         done = child.run(command, input=text, stdout=subprocess.PIPE, text=True, timeout=math.inf)
     try:
-        result = json.loads(done.stdout)
-    except json.JSONDecodeError:
+        result = msgspec.json.decode(done.stdout, type=Found)
+    except msgspec.DecodeError:
         raise StudyError(f"the farm's driver ended with status {done.returncode}", CANNOT_RUN) from None
-    if "error" in result:
-        raise StudyError(f"farm: {result['error']}", CANNOT_RUN)
-    return msgspec.convert(result, Found)
+    if result.error:
+        raise StudyError(f"farm: {result.error}", CANNOT_RUN)
+    return result
 
 
 def join(name: str, folder: Path, count: int) -> list[str]:
