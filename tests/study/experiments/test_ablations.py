@@ -280,24 +280,6 @@ def test_an_approximation_may_be_off_but_not_undefined():
     assert ablations.judge(ablation(error="coarse"), scene, off | {"non_finite": 1})[0] == "OUTSIDE"
 
 
-def test_every_case_is_timed_once_a_round_in_random_order(monkeypatch):
-    asked = []
-
-    def frames(spec, path, height, width, cpu, env_bytes):
-        asked.append((str(spec), env_bytes))
-        yield {"ns": 7}
-
-    monkeypatch.setattr(run, "frames", frames)
-    before = os.sched_getaffinity(0)
-    cases = [(Spec.parse(name), "scene0") for name in ("baseline", "opt1", "opt2")]
-    times = ablations.measure(cases, 9, 8, 1, run.FASTEST)
-    assert times == {case: [7.0] * 8 for case in cases}
-    rounds = [tuple(name for name, _ in asked[i : i + 3]) for i in range(0, 24, 3)]
-    assert all(set(one) == {"baseline", "opt1", "opt2"} for one in rounds) and len(set(rounds)) > 2
-    assert len({padding for _, padding in asked}) > 12
-    assert os.sched_getaffinity(0) == before
-
-
 def ablation(added: bool = True, paper: str = "1.3× (x)", error: str | None = None) -> Ablation:
     specs = Spec.parse("opt1+arrays"), Spec.parse("opt1")
     return Ablation(*specs, added, "w", paper, error, None, ("scene0",))

@@ -134,7 +134,7 @@ def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pyt
         arguments: list[str], cpus: set[int] | None, env_bytes: int, more: object = None
     ) -> Iterator[str]:
         asked.append((arguments, cpus))
-        return iter(['{"ns": 1, "warmup": false, "frames": [{"ns": 1}]}'])
+        return iter(['{"ns": 1, "warmup": false, "frames": [{"ns": 1, "warmup": false}]}'])
 
     monkeypatch.setattr(run, "_lines", fake)
     scene, cpu = registry.find_scene("scene0"), run.FASTEST
@@ -146,16 +146,14 @@ def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pyt
 
 
 def test_a_short_frame_is_timed_behind_a_warm_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fake(*_: object, warmup: int, **__: object) -> Iterator[dict]:
-        yield from [{"ns": 9, "warmup": True}] * warmup
-        yield {"ns": 2 if warmup else 9, "warmup": False}
+    def fake(*_: object, warmup: int, **__: object) -> dict:
+        return {"frames": [{"ns": 9e6, "warmup": True}] * warmup + [{"ns": 7e6 - warmup, "warmup": False}]}
 
     cold, warm = points("ab")
     scene, cpu = registry.find_scene("scene0"), run.FASTEST
-    asked: list[int] = []
-    monkeypatch.setattr(run, "frames", lambda *a, **more: (asked.append(more["warmup"]), fake(*a, **more))[1])
-    assert measuring.measure([cold, warm], scene, 8, 1, 1, cpu, {warm}) == {cold: [9.0], warm: [2.0]}
-    assert sorted(asked) == [0, 1]
+    monkeypatch.setattr(run, "render", fake)
+    times = measuring.measure([cold, warm], scene, 8, 1, 1, cpu, {warm})
+    assert times == {cold: [7.0], warm: [(7e6 - 1) / 1e6]}
 
 
 def test_the_papers_point_is_our_baseline_over_its_own_speedup() -> None:

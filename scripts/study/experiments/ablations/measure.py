@@ -8,8 +8,6 @@ phase itself. `change_…`: how far the patched phase's picture is from that of 
 
 from __future__ import annotations
 
-import contextlib
-import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,12 +23,13 @@ from study.counting import blocks, costs
 from study.counting import flops as counting
 from study.experiments.ablations import ideas
 from study.experiments.ablations.schema import Flops, Row
+from study.measuring import launches as launched
 from study.numbers import stats, verdicts
 from study.numbers.schema import Interval
 from study.pictures import gate, images
 from study.pictures.gallery import Gallery, Size
 
-FACTOR = 4  # of the anti-aliased comparison of fractal scenes, each way
+ERRORS = ("psnr_db", "fraction_over_1_255", "max_abs", "mask_mismatch_ppm", "non_finite", "identical")
 Case = tuple[Spec, str]  # a program and the name of a scene
 
 
@@ -83,14 +82,13 @@ def _read(name: str, root: Path) -> list[Ablation]:
         raise StudyError(str(error)) from None
     for scene in (scenes := tuple(head.get("scenes", "").split())):
         ideas.check_scene(scene, root)
-    optional = head.get("error"), head.get("costs"), scenes, head.get("idea")
-    against = Spec.parse(head["against"])
-    added = head["direction"] == "added"
-    found = [Ablation(Spec.parse(name), against, added, head["what"], head["paper"], *optional)]
+    error, counted, idea = (head.get(name) for name in ("error", "costs", "idea"))
+    against, added, about = Spec.parse(head["against"]), head["direction"] == "added", head["paper"]
+    found = [Ablation(Spec.parse(name), against, added, head["what"], about, error, counted, scenes, idea)]
     if "beside" in head:
         other = Spec.parse(head["beside"])
-        words = f"beside {name}: {registry.find_phase(other.phase).title[:1].lower()}"
-        words += registry.find_phase(other.phase).title[1:]
+        title = registry.find_phase(other.phase).title
+        words = f"beside {name}: {title[:1].lower()}{title[1:]}"
         found.append(Ablation(other, against, True, words, "no figure of its own", None, None, scenes))
     return found
 
@@ -104,13 +102,12 @@ def find(
     """
     wanted: list[str] = []
     for name in names if names is not None else registry.phases(root):
-        if "+" not in name:
-            registry.find_phase(name, root)
-            wanted += [f"{name}+{title}" for title in patches.titles(name, root)]
-        elif name.partition("+")[2] in patches.titles(name.partition("+")[0], root):
-            wanted.append(name)
-        else:
+        phase, _, title = name.partition("+")
+        registry.find_phase(phase, root)
+        known = patches.titles(phase, root)
+        if title and title not in known:
             registry.find_phase(name, root)  # says what is near
+        wanted += [name] if title else [f"{phase}+{each}" for each in known]
     found: list[Ablation] = []
     broken: dict[str, StudyError] = {}
     for name in dict.fromkeys(wanted):
@@ -123,40 +120,27 @@ def find(
 
 def build_all(specs: Sequence[Spec], targets: Sequence[str], jobs: int) -> dict[tuple[Spec, str], StudyError]:
     """Builds everything, `jobs` programs at a time. Returns what cannot be built, by spec and target."""
-
-    def one(task: tuple[Spec, str]) -> StudyError | None:
+    tasks = [(spec, target) for spec in specs for target in targets]
+    build_together(tasks, jobs)
+    failed = {}
+    for task in tasks:
         try:
             build(*task)
         except StudyError as error:
-            return error
-        return None
-
-    tasks = [(spec, target) for spec in specs for target in targets]
-    build_together(tasks, jobs)
-    alone = [one(task) for task in tasks[: len(targets)]]  # what all share is built once
-    with ThreadPoolExecutor(jobs) as pool:
-        rest = pool.map(one, tasks[len(targets) :])
-        outcomes = [*alone, *progress.each(rest, "build", len(tasks) - len(alone))]
-    return {task: error for task, error in zip(tasks, outcomes, strict=True) if error}
+            failed[task] = error
+    return failed
 
 
 def measure(
     cases: Sequence[Case], height: int, launches: int, seed: int, cpu: int
 ) -> dict[Case, list[float]]:
-    """Nanoseconds of one frame per process launch, every case once a round in random order.
-
-    The environment's size is random too: it shifts the stack, which can look like 10 %. Raises DriverError.
-    """
+    """Milliseconds of one frame per process launch, every case once a round in random order."""
 
     def once(case: Case, padding: int) -> float:
-        spec, scene = case[0], ideas.find_scene(case[1])
-        width, _ = scene.size(height)
-        frames = run.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding)
-        with contextlib.closing(frames):
-            (frame,) = frames
-        return float(frame["ns"])
+        scene = ideas.find_scene(case[1])
+        return launched.milliseconds(case[0], scene, scene.size(height), 1, padding, cpu=cpu, warmup=0)
 
-    return run.interleaved(cases, launches, seed, cpu, once, "time")
+    return run.interleaved(cases, launches, seed, cpu, once)
 
 
 def error_of(gallery: Gallery, reference: Spec, spec: Spec, scene: Scene, size: Size) -> dict[str, Any]:
@@ -212,10 +196,6 @@ def measure_flops(cases: Iterable[Case], height: int) -> dict[Case, Flops]:
     return found
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
 def row(
     ablation: Ablation,
     scene: Scene,
@@ -232,9 +212,15 @@ def row(
     mine, base = (ablation.spec, scene.name), (ablation.against, scene.name)
     without, with_it = (base, mine) if ablation.added else (mine, base)
     gain = stats.ratio_interval(times[without], times[with_it])
-    error, unpatched = metrics[ablation.reference, mine], metrics[ablation.reference, base]
-    moved = metrics[ablation.against, mine]
-    verdict, failed = judge(ablation, scene, error)
+    error, unpatched, moved = (
+        {name: cli.plain(metrics[who, case][name]) for name in ERRORS}
+        for who, case in (
+            (ablation.reference, mine),
+            (ablation.reference, base),
+            (ablation.against, mine),
+        )
+    )
+    verdict, failed = judge(ablation, scene, metrics[ablation.reference, mine])
     made = Row(
         ablation=str(ablation.spec),
         against=str(ablation.against),
@@ -247,18 +233,13 @@ def row(
         paper_value=ablation.claim,
         gain=Interval.of(gain),
         claim=ablation.holds(gain, failed),
-        ms=Interval.of(stats.median_interval([ns / 1e6 for ns in times[mine]])),
-        against_ms=Interval.of(stats.median_interval([ns / 1e6 for ns in times[base]])),
+        ms=Interval.of(stats.median_interval(times[mine])),
+        against_ms=Interval.of(stats.median_interval(times[base])),
         reference=str(ablation.reference),
-        psnr_db=_finite(error["psnr_db"]),
-        fraction_over_1_255=_finite(error["fraction_over_1_255"]),
-        max_abs=_finite(error["max_abs"]),
-        mask_mismatch_ppm=error["mask_mismatch_ppm"],
-        non_finite=error["non_finite"],
-        identical=error["identical"],
-        against_psnr_db=_finite(unpatched["psnr_db"]),
-        change_psnr_db=_finite(moved["psnr_db"]),
-        change_max_abs=_finite(moved["max_abs"]),
+        **error,
+        against_psnr_db=unpatched["psnr_db"],
+        change_psnr_db=moved["psnr_db"],
+        change_max_abs=moved["max_abs"],
         idea=ablation.idea,
         lines=ideas.code_lines(str(ablation.spec)) if ablation.idea else None,
         verdict=verdict,

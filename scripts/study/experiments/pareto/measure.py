@@ -7,7 +7,6 @@ and judged on every core. Then every point is launched once, and what that shows
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -23,6 +22,7 @@ from study.core.registry import BASE, Scene, Spec
 from study.core.run import DriverError
 from study.experiments.pareto.fronts import FACTOR, MEASURES, WITHIN
 from study.experiments.pareto.schema import TRUTHS, Row
+from study.measuring import launches as launched
 from study.numbers import stats
 from study.numbers.schema import Interval, Skipped
 from study.pictures import images
@@ -158,18 +158,14 @@ def measure(
     cpu: int,
     warm: Collection[Point] = (),
 ) -> dict[Point, list[float]]:
-    """Nanoseconds of one frame per process launch, every point once a round in random order; one thread.
+    """Milliseconds of one frame per process launch, every point once a round in random order; one thread.
 
     Points of `warm` draw a frame before it.
     """
-    width, _ = scene.size(height)
 
     def once(point: Point, padding: int) -> float:
-        how = {"cpu": cpu, "env_bytes": padding, "warmup": int(point in warm)}
-        made = run.frames(point.spec, scene.path, height, width, **how, **point.march)
-        with contextlib.closing(made):
-            (frame,) = (one for one in made if not one["warmup"])
-        return float(frame["ns"])
+        how = {"cpu": cpu, "warmup": int(point in warm), **point.march}
+        return launched.milliseconds(point.spec, scene, scene.size(height), 1, padding, **how)
 
     return run.interleaved(points, launches, seed, cpu, once, f"time {scene.name}")
 
@@ -214,13 +210,13 @@ def study_scene(
     # The scene's own parameters are what every phase is compared at: always timed in full.
     chosen = [p for p in found if p not in out or (p.hit_distance, p.max_steps) == own(scene)]
     # A first frame is up to 1.6 times a steady one, where that is short.
-    warm = {point for point in chosen if once[point][0] < LONG * 1e9}
+    warm = {point for point in chosen if once[point][0] < LONG * 1e3}
     times = once | measure(chosen, scene, height, launches, seed + 1, cpu, warm)
     counted = on_every_core(lambda p: evaluations(p, scene, height), chosen, f"count {scene.name}")
     base = times.get(Point(scene.name, Spec.parse(BASE), *own(scene)))
     pixels = scene.size(height)[0] * height
     for point, row in found.items():
-        pace = stats.median_interval([ns / pixels for ns in times[point]])
+        pace = stats.median_interval([1e6 * ms / pixels for ms in times[point]])
         evals = counted.get(point)
         row.n, row.ns_per_pixel = height, Interval.of(pace)
         row.speedup = Interval.of(stats.ratio_interval(base, times[point])) if base else None
