@@ -130,9 +130,7 @@ def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pyt
     """The driver's default is one thread (the test above sees it said); these ask for no more."""
     asked = []
 
-    def fake(
-        arguments: list[str], cpus: set[int] | None, env_bytes: int, more: object = None
-    ) -> Iterator[str]:
+    def fake(arguments: list[str], cpus: set[int] | None, *_: object, more: object = None) -> Iterator[str]:
         asked.append((arguments, cpus))
         return iter(['{"ns": 1, "warmup": false, "frames": [{"ns": 1, "warmup": false}]}'])
 
