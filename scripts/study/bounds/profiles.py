@@ -24,6 +24,7 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.counting import elf, perf
 from study.counting.elf import Program, canonical, inlined, wrappers
+from study.counting.schema import named
 
 TARGETS = {"calls": "render-calls", "shipped": "render-lines"}  # lines: the shipped code, told by line
 OBJECTS = {"calls": "calls/phase.o", "shipped": "lines/phase.o"}
@@ -164,11 +165,7 @@ def profile(
         }
         functions.append(Share(function=name, samples=samples[name], weight=n, **about))
     profiled = Profiled(
-        phase=driven.phase,
-        flags_from=driven.flags_from,
-        scene=driven.scene,
-        width=driven.width,
-        height=driven.height,
+        **named(driven),
         kernel=driven.kernel,
         variant=variant,
         event=event,

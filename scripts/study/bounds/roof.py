@@ -64,14 +64,11 @@ class Point(Roofs, Clocks):
 
     phase: str
     scene: str
-    n: int
     height: int
     width: int
     threads: int
     precision: str
     bits: int
-    launches: int
-    interval: str
     backend: str
     calibrated: bool | None
     scaled_from_n: int | None
@@ -86,7 +83,6 @@ class Point(Roofs, Clocks):
     flops_per_core_cycle_low: float
     flops_per_core_cycle_high: float
     flops_per_tsc_cycle: float
-    gflops: float
     paper_rule_scaled_from_n: int | None
     paper_rule_flops: float
     paper_rule_flops_per_core_cycle: float
@@ -196,14 +192,11 @@ def _point(cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, st
     return Point(
         phase=cell.spec,
         scene=cell.scene,
-        n=cell.height,
         height=cell.height,
         width=cell.width,
         threads=cell.threads,
         precision=precision,
         bits=bits,
-        launches=core.launches,
-        interval="95 %" if core.sufficient else "insufficient",
         backend=backend,
         calibrated=calibrated,
         scaled_from_n=scaled,
@@ -218,7 +211,6 @@ def _point(cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, st
         flops_per_core_cycle_low=low,
         flops_per_core_cycle_high=high,
         flops_per_tsc_cycle=flops / tsc.value,
-        gflops=flops / cell.median("ns").value,
         **vars(roofs),
         **vars(under_load(rate, bits, roofs, cell, limits)),
         paper_rule_scaled_from_n=paced[1] if paced else None,

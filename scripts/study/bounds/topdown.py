@@ -19,6 +19,7 @@ from study.bounds.schema import Bound, Compared, Profiled, Region, Split
 from study.core import machine
 from study.core.cli import StudyError
 from study.counting.elf import Program
+from study.counting.schema import named
 
 
 def _modelled_regions(
@@ -71,11 +72,7 @@ def model(
     modelled = [one for one in rows if one.mca]
     _measure(profile, rows, instructions or {})
     return Bound(
-        phase=profile.phase,
-        flags_from=profile.flags_from,
-        scene=profile.scene,
-        width=profile.width,
-        height=profile.height,
+        **named(profile),
         by="model",
         processor=machine.cpu()["microarchitecture"],
         model=cpu.name if cpu else None,

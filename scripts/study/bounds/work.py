@@ -27,6 +27,7 @@ PLANE = "sdf_plane"
 ESTIMATES = ("bulb_end", "bulb_estimate")
 ESTIMATED = "sdf_mandelbulb"  # is one of those, or calls it
 ENTRIES = "enter"  # a ray's entry into one solid, in closed form
+TIMED = ("scene", "width", "height", "phase", "ms", "speedup", "speedup_low", "speedup_high", "ns_per_pixel")
 GENERAL = "of its general code"
 NOTE = (
     "Evaluations: distances of one solid, estimates of one Mandelbulb and entries in closed form, of all "
@@ -104,18 +105,11 @@ def rows(
         if not one.headline or one.threads != 1 or one.phase not in names:
             continue
         near = roofs.get((one.phase, one.scene, one.height))
+        work = counted(declared, one.phase, one.scene, one.height) or Work()
         made.append(
             Row(
-                **vars(counted(declared, one.phase, one.scene, one.height) or Work()),
-                scene=one.scene,
-                width=one.width,
-                height=one.height,
-                phase=one.phase,
-                ms=one.ms,
-                speedup=one.speedup,
-                speedup_low=one.speedup_low,
-                speedup_high=one.speedup_high,
-                ns_per_pixel=one.ns_per_pixel,
+                **vars(work),
+                **{name: getattr(one, name) for name in TIMED},
                 truth_own_db=getattr(one, "truth_own_db", None),
                 truth_wrong_ppm=getattr(one, "truth_wrong_ppm", None),
                 share_of_mix_roof=near.share_of_mix_roof if near else math.nan,

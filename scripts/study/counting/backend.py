@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
@@ -25,12 +24,6 @@ from study.counting.schema import Executed, Measurement, Picture
 
 REGION = "phase_render"  # the timed region
 TARGETS = {"shipped": "render", "calls": "render-calls"}  # by variant: the programs that are run unchanged
-
-
-class Known(msgspec.Struct):
-    key: str
-    parts: list[str]
-    differences: list[str]
 
 
 def command(spec: Spec, scene: Scene, height: int, variant: str) -> list[str]:
@@ -89,18 +82,16 @@ def run(command: list[str], program: str, under: str, **how: Any) -> subprocess.
 def known_work(
     cache: Path, files: Iterable[Path], parts: Iterable[str], calibrate: Callable[[str], list[str]]
 ) -> bool:
-    """Whether `calibrate` finds no difference in any of the parts. Kept in `cache` until one of `files`, this
-    package or its decoder changes.
+    """Whether `calibrate` finds no difference in any of the parts. `cache` keeps that there was none, until one
+    of `files`, this package or its decoder changes.
     """
     parts = list(parts)
     key = hashlib.sha256(repr([parts, metadata.version("iced-x86")]).encode())
     for path in [*files, *sorted(Path(__file__).parent.glob("*.py"))]:
         key.update(path.read_bytes())
-    known = None
-    if cache.exists():
-        with contextlib.suppress(msgspec.DecodeError):  # not whole: made again
-            known = msgspec.json.decode(cache.read_bytes(), type=Known)
-    if known is None or known.key != key.hexdigest():
-        known = Known(key.hexdigest(), parts, [line for part in parts for line in calibrate(part)])
-        store.write_json(cache, known)
-    return not known.differences
+    if cache.exists() and cache.read_text() == key.hexdigest():
+        return True
+    known = not any([line for part in parts for line in calibrate(part)])
+    if known:
+        store.write_text(cache, key.hexdigest())
+    return known

@@ -12,7 +12,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import subprocess
-import threading
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from pathlib import Path
@@ -33,7 +32,6 @@ from study.counting.schema import Measurement
 BACKEND = "blocks"
 TARGETS = {"shipped": "render-blocks", "calls": "render-blocks-calls"}
 CALIBRATION_REPEATS = 7
-_LOCK = threading.Lock()
 # More executions of a block take centuries: an overflow, or a stray write.
 Executions = Annotated[int, msgspec.Meta(ge=0, lt=1 << 62)]
 
@@ -129,12 +127,11 @@ def measure(
     DriverError as study.core.run has it if the program ends badly; StudyError for counts that cannot be.
     """
     target = TARGETS[variant]
-    with _LOCK:  # measured by several threads, built by one
-        folder = build(spec, target).parent
+    folder = build(spec, target).parent
     wide, high = scene.size(height, width)
     printed = run.render(spec, scene.path, high, wide, threads=threads, target=target, timed=False)
-    found = evaluate(read_table(folder / target.removeprefix("render-") / "table.json"), printed)
-    total, functions, edges = found
+    table = read_table(folder / target.removeprefix("render-") / "table.json")
+    total, functions, edges = evaluate(table, printed)
     return backend.measurement(
         BACKEND, variant, printed, total, functions, edges=edges, calibrated=calibrated()
     )
@@ -154,19 +151,11 @@ def calibrate(part: str, repeats: int = CALIBRATION_REPEATS) -> list[str]:
 
 
 @functools.cache
-def _calibrated() -> bool:
+def calibrated() -> bool:
+    """Whether the known work's counts were exact on this machine, in all parts that this CPU can run."""
     program = build("calibration", "calibrate-blocks")
     files = (program, calibration.EXPECTED)
-    return backend.known_work(program.parent / "blocks.json", files, calibration.runnable(), calibrate)
-
-
-def calibrated() -> bool:
-    """Whether the known work's counts were exact on this machine, in all parts that this CPU can run.
-
-    Kept in build/calibration/blocks.json, by program and analysis.
-    """
-    with _LOCK:
-        try:
-            return _calibrated()
-        except (run.DriverError, subprocess.SubprocessError):
-            return False  # the program itself says that something was not kept
+    try:
+        return backend.known_work(program.parent / "blocks.known", files, calibration.runnable(), calibrate)
+    except (run.DriverError, subprocess.SubprocessError):
+        return False  # the program itself says that something was not kept

@@ -19,7 +19,7 @@ from study.core.registry import Scene, Spec
 from study.counting import costs, schema
 from study.counting.counts import Counts
 from study.counting.decode import FLOPS
-from study.counting.schema import Declared, Measurement, Row, Validation
+from study.counting.schema import Declared, Measurement, Row, Validation, named
 
 TOLERANCE = 0.01  # of declared against measured, in the machine convention
 SMALL = 0.001  # of the total: a function under it is listed, and not judged
@@ -161,11 +161,7 @@ def row(
     declared, found = sum(counted.values()), sum(measured.values())
     scale, (low, high) = found or math.nan, _total(known.values())
     return Row(
-        phase=stated.phase,
-        flags_from=stated.flags_from,
-        scene=stated.scene,
-        width=stated.width,
-        height=stated.height,
+        **named(stated),
         scope=scope,
         variant=by.variant,
         counted=declared,

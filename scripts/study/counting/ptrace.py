@@ -145,14 +145,11 @@ def calibrate(part: str, repeats: int = 7) -> list[str]:
 
 @functools.cache
 def calibrated() -> bool:
-    """Whether the known work's counts were exact on this machine, in all parts that it can run on one thread.
-
-    Kept in build/calibration/ptrace.json, by program, stepper and analysis.
-    """
+    """Whether the known work's counts were exact here, in all parts that this CPU can run on one thread."""
     program = build("calibration", "calibrate")
     files = (program, _stepper(), calibration.EXPECTED)
     parts = [part for part in calibration.runnable() if part != "threads"]
-    return backend.known_work(program.parent / "ptrace.json", files, parts, calibrate)
+    return backend.known_work(program.parent / "ptrace.known", files, parts, calibrate)
 
 
 def measure(spec: Spec, scene: Scene, height: int, variant: str = "shipped") -> Measurement:

@@ -37,6 +37,11 @@ class Picture(Record, kw_only=True, omit_defaults=True):
         return self.width, self.height
 
 
+def named(one: Any) -> dict[str, Any]:
+    """What says which program's picture it is, of any record that has it."""
+    return {name: getattr(one, name) for name in ("phase", "flags_from", "scene", "width", "height")}
+
+
 class Flops(Record, kw_only=True):
     """FLOPs of all lanes, by two conventions (docs/method.md)."""
 

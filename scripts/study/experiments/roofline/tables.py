@@ -52,7 +52,7 @@ def _bound(point: Point) -> str:
 PERFORMANCE = [
     Column("", "scene", word("scene")),
     Column("", "phase", word("phase")),
-    Column("", "n", whole("n")),
+    Column("", "n", whole("height")),
     Column(
         "machine's convention",
         "flop/core cycle [95\u00a0%]",
@@ -73,7 +73,7 @@ _LEAST_LOAD = "share_of_least_roof_load"
 POINTS = [
     Column("", "scene", word("scene")),
     Column("", "phase", word("phase")),
-    Column("", "n", whole("n")),
+    Column("", "n", whole("height")),
     Column("", "flop/core cycle [95\u00a0%]", lambda r: interval(r, "flops_per_core_cycle")),
     Column("", "bytes/pixel", lambda r: number(r.bytes / r.pixels, 4)),
     Column("", "flop/byte", plain("intensity")),
