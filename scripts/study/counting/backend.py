@@ -82,8 +82,8 @@ def run(command: list[str], program: str, under: str, **how: Any) -> subprocess.
 def known_work(
     cache: Path, files: Iterable[Path], parts: Iterable[str], calibrate: Callable[[str], list[str]]
 ) -> bool:
-    """Whether `calibrate` finds no difference in any of the parts. `cache` keeps that there was none, until one
-    of `files`, this package or its decoder changes.
+    """Whether `calibrate` finds no difference in any of the parts. `cache` keeps that there was none, until
+    one of `files`, this package or its decoder changes.
     """
     parts = list(parts)
     key = hashlib.sha256(repr([parts, metadata.version("iced-x86")]).encode())
