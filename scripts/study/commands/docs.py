@@ -10,8 +10,8 @@ from pathlib import Path
 from study.core import commands, store
 from study.core.cli import Outcome
 from study.core.commands import Command
-from study.core.marked_blocks import between
 from study.core.registry import ROOT
+from study.core.show import between
 from study.experiments import experiment, keys
 
 FILES = "results/README.md"

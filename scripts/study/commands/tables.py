@@ -12,8 +12,8 @@ import pandas as pd
 from study.claims import claims
 from study.core import cli, provenance, show, store, table_files
 from study.core.cli import Outcome, StudyError
-from study.core.marked_blocks import between
 from study.core.registry import ROOT
+from study.core.show import between
 from study.experiments import experiment
 from study.experiments.section import Section
 from study.numbers import analysis, ladder, paper

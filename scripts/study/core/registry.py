@@ -13,10 +13,11 @@ from typing import Any
 
 import msgspec
 
-from study.core import patches
+from study.core import patches, scene_json
 from study.core.cli import StudyError
 from study.core.json_files import read_json
 from study.core.run_schema import Variant
+from study.core.scene_json import Content
 
 BASE = "baseline"  # what speed-ups are over
 ROOT = Path(__file__).resolve().parents[3]
@@ -86,75 +87,6 @@ class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             raise StudyError(str(error)) from None
 
 
-Vector = tuple[float, float, float]
-ZERO: Vector = (0.0, 0.0, 0.0)
-
-
-class Camera(msgspec.Struct):
-    position: Vector
-    look_at: Vector
-    up: Vector
-    vertical_fov_degrees: float
-
-
-class Light(msgspec.Struct):
-    position: Vector
-    emission: Vector
-    shadows: str
-
-
-class March(msgspec.Struct):
-    max_steps: int
-    hit_distance: float
-    bounds_radius: float
-    normal_step: float
-
-
-class Material(msgspec.Struct):
-    color: Vector
-    shininess: float
-    reflectivity: float = 0.0
-
-
-class Shape(msgspec.Struct):
-    """Sizes that its type does not have are zero."""
-
-    type: str
-    material: str
-    position: Vector = ZERO
-    rotation_degrees: Vector = ZERO
-    repeat: Vector = ZERO
-    radius: float = 0.0
-    half_size: Vector = ZERO
-    rounding: float = 0.0
-    major_radius: float = 0.0
-    minor_radius: float = 0.0
-    bottom_radius: float = 0.0
-    top_radius: float = 0.0
-    half_height: float = 0.0
-    normal: Vector = ZERO
-    offset: float = 0.0
-    iterations: int = 0
-    bailout: float = 0.0
-
-
-class Content(msgspec.Struct):
-    """What stands in a scene's file (common/scenes/README.md), as far as scripts ask for it."""
-
-    camera: Camera
-    light: Light
-    background: Vector
-    fog: float
-    march: March
-    materials: dict[str, Material]
-    shapes: list[Shape]
-
-    @property
-    def of_shapes(self) -> list[Material]:
-        """The material of each shape."""
-        return [self.materials[shape.material] for shape in self.shapes]
-
-
 @dataclass(frozen=True)
 class Scene:
     """One common/scenes/NAME.json. `fractal`: it has one of FRACTALS, so single samples are chaotic."""
@@ -166,7 +98,8 @@ class Scene:
 
     @property
     def content(self) -> Content:
-        return msgspec.convert(self.data, Content)
+        """`data` with types."""
+        return scene_json.read(self.data)
 
     def size(self, height: int, width: int | None = None) -> tuple[int, int]:
         """(width, height) in pixels; without a width 16:9 as the driver has it, or square."""

@@ -9,6 +9,8 @@ from typing import Any
 
 import pandas as pd
 
+from study.core.cli import StudyError
+
 NOTHING = "–"
 LONG = (
     "in its words",
@@ -249,3 +251,12 @@ def markdown(made: Table) -> str:
     heads = [f"{c.group}: {c.name}" if c.group else c.name for c in made.columns]
     lines = [heads, ["---"] * len(heads), *[[text for text, _ in row] for row in made.cells]]
     return "".join("| " + " | ".join(map(inert, line)) + " |\n" for line in lines)
+
+
+def between(text: str, begin: str, end: str, block: str) -> str:
+    """The text with `block` in place of what is between the two marks. Raises StudyError without them."""
+    before, found, rest = text.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not (found and closed):
+        raise StudyError(f"the page lacks the lines {begin} and {end}, between which a table goes")
+    return f"{before}{begin}\n{block}{end}{after}"

@@ -6,16 +6,18 @@ import functools
 import math
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from study.core import run, temporary
+from study.core import run, scene_json, temporary
 from study.core.build import build
 from study.core.host import child
 from study.core.registry import Scene
+from study.core.scene_json import Shape
 
 KINDS = ("primary", "shadow", "mirror", "scattered")
 SETTINGS = "STEPWISE_PACKETS"  # systems/packets/settings.h
@@ -37,14 +39,14 @@ def places(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
 
 def camera(data: dict[str, Any], width: int, height: int) -> Rays:
     """In the order of `places`."""
-    c = data["camera"]
-    ahead = _unit(np.subtract(c["look_at"], c["position"]).astype(float))
-    right = _unit(np.cross(c["up"], ahead))
-    up, half = np.cross(ahead, right), math.tan(math.radians(c["vertical_fov_degrees"]) / 2)
+    c = scene_json.read(data).camera
+    ahead = _unit(np.subtract(c.look_at, c.position))
+    right = _unit(np.cross(c.up, ahead))
+    up, half = np.cross(ahead, right), math.tan(math.radians(c.vertical_fov_degrees) / 2)
     row, column = places(width, height)
     x, y = (2 * column + 1 - width) * half / height, (height - 2 * row - 1) * half / height
     d = _unit(ahead + x[:, None] * right + y[:, None] * up)
-    return _packed(np.broadcast_to(c["position"], d.shape), d)
+    return _packed(np.broadcast_to(c.position, d.shape), d)
 
 
 def _packed(origin: np.ndarray, direction: np.ndarray, far: np.ndarray | float = math.inf) -> Rays:
@@ -52,12 +54,11 @@ def _packed(origin: np.ndarray, direction: np.ndarray, far: np.ndarray | float =
     return np.ascontiguousarray(np.hstack([origin, direction, far]), "<f4")
 
 
-def normals(data: dict[str, Any], points: np.ndarray, shape: np.ndarray) -> np.ndarray:
+def normals(shapes: Sequence[Shape], points: np.ndarray, shape: np.ndarray) -> np.ndarray:
     """Of spheres and unturned planes."""
-    centre = np.array([s.get("position", [0, 0, 0]) for s in data["shapes"]], float)
-    plane = np.array([s.get("normal", [0, 0, 0]) for s in data["shapes"]], float)
-    n = np.where(plane[shape].any(1)[:, None], plane[shape], points - centre[shape])
-    return _unit(n)
+    centre = np.array([s.position for s in shapes], float)
+    plane = np.array([s.normal for s in shapes], float)
+    return _unit(np.where(plane[shape].any(1)[:, None], plane[shape], points - centre[shape]))
 
 
 def secondary(
@@ -66,13 +67,13 @@ def secondary(
     """From the hits of camera rays, in their order: from the light up to each that faces it, mirrored by
     every shape, and in any direction off the surface, in no order.
     """
-    met = shape >= 0
+    scene, met = scene_json.read(data), shape >= 0
     o, d = rays[met, :3].astype(float), rays[met, 3:6].astype(float)
     p = o + t[met, None] * d
-    n = normals(data, p, shape[met].astype(int))
+    n = normals(scene.shapes, p, shape[met].astype(int))
     n = np.where((n * d).sum(1, keepdims=True) > 0, -n, n)
-    offset = data["march"]["surface_offset"]
-    light = np.array(data["light"]["position"], float)
+    offset = scene.march.surface_offset
+    light = np.array(scene.light.position, float)
     to = p - light
     length = np.linalg.norm(to, axis=1)
     lit = (to * n).sum(1) < 0
@@ -126,9 +127,8 @@ def hits(
     program = build("packets", "hits")
     told = {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": limit} if limit else {})
     cpus = run.cpu_set(cpu, 1) or set(run.USABLE)
-    options = ["--embree"] if beside else []
-    options += ["--any"] if kind == "shadow" else []
-    options += ["--coherent"] if kind in ("primary", "shadow") else []
+    options = ["--embree"] * beside + ["--any"] * (kind == "shadow")
+    options += ["--coherent"] * (kind in ("primary", "shadow"))
     with temporary.folder() as scratch:
         out = scratch / "hits"
         command = [program, scene, *options, "--reps", reps, "-o", out]

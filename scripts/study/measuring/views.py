@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import store
+from study.core import scene_json, store
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.host import child
@@ -51,20 +51,17 @@ class View:
         return f"{self.base} {self.name}"
 
 
-def _forward(camera: dict[str, Any]) -> np.ndarray:
-    way = np.subtract(camera["look_at"], camera["position"])
-    return way / np.linalg.norm(way)
-
-
 def pivot(data: dict[str, Any]) -> np.ndarray:
     """A point on the view axis: at the mean distance of the shapes with a place, or look_at without any.
 
     A plane has no place, and what lies behind the camera does not count. Scene units, shape (3,).
     """
-    start, forward = np.array(data["camera"]["position"], float), _forward(data["camera"])
-    placed = [s.get("position", (0, 0, 0)) for s in data["shapes"] if s["type"] != "plane"]
-    ahead = [a for a in ((np.array(place) - start) @ forward for place in placed) if a > 0]
-    return start + np.mean(ahead) * forward if ahead else np.array(data["camera"]["look_at"], float)
+    scene = scene_json.read(data)
+    at, look_at = np.array(scene.camera.position), np.array(scene.camera.look_at)
+    forward = (look_at - at) / np.linalg.norm(look_at - at)
+    placed = [np.array(s.position) for s in scene.shapes if s.type != "plane"]
+    ahead = [away for place in placed if (away := (place - at) @ forward) > 0]
+    return at + np.mean(ahead) * forward if ahead else look_at
 
 
 def turned(data: dict[str, Any], degrees: float, nearer: float = 1.0) -> dict[str, Any]:
@@ -72,15 +69,16 @@ def turned(data: dict[str, Any], degrees: float, nearer: float = 1.0) -> dict[st
 
     Rodrigues's rotation; the camera looks at the pivot then.
     """
-    camera, centre = data["camera"], pivot(data)
-    axis = np.array(camera["up"], float)
+    camera, centre = scene_json.read(data).camera, pivot(data)
+    axis = np.array(camera.up, float)
     axis /= np.linalg.norm(axis)
-    arm, angle = (np.array(camera["position"], float) - centre) * nearer, np.radians(degrees)
+    arm, angle = (camera.position - centre) * nearer, np.radians(degrees)
     arm = (
         arm * np.cos(angle) + np.cross(axis, arm) * np.sin(angle) + axis * (axis @ arm) * (1 - np.cos(angle))
     )
-    place = {"position": np.round(centre + arm, DIGITS), "look_at": np.round(centre, DIGITS)}
-    return {**data, "camera": {**camera, **{key: (value + 0.0).tolist() for key, value in place.items()}}}
+    places = (np.round(place, DIGITS) + 0.0 for place in (centre + arm, centre))
+    position, look_at = (place.tolist() for place in places)
+    return data | {"camera": data["camera"] | {"position": position, "look_at": look_at}}
 
 
 def probed(path: Path, point: np.ndarray) -> float:
@@ -91,12 +89,6 @@ def probed(path: Path, point: np.ndarray) -> float:
     if done.returncode or len(done.stdout) != 16:
         raise StudyError(f"{path}: no distance at the camera: {done.stderr.decode(errors='replace').strip()}")
     return float(np.frombuffer(done.stdout)[0])
-
-
-def _written(data: dict[str, Any], path: Path) -> Path:
-    if not path.exists() or store.read_json(path) != data:
-        store.write_json(path, data)
-    return path
 
 
 def of(scene: Scene, folder: Path, distance: Distance = probed) -> list[View]:
@@ -111,9 +103,11 @@ def of(scene: Scene, folder: Path, distance: Distance = probed) -> list[View]:
         path = folder / f"{scene.name}-{name}.json"
         for change, how in some:
             data = turned(scene.data, *how)
-            camera = data["camera"]
-            way = np.linalg.norm(np.subtract(camera["look_at"], camera["position"]))
-            if distance(_written(data, path), np.array(camera["position"])) >= CLEAR * way:
+            if not path.exists() or store.read_json(path) != data:
+                store.write_json(path, data)
+            camera = scene_json.read(data).camera
+            at = np.array(camera.position)
+            if distance(path, at) >= CLEAR * np.linalg.norm(at - camera.look_at):
                 views.append(View(scene.name, name, change, Scene(path.stem, path, data, scene.fractal)))
                 break
         else:

@@ -17,7 +17,8 @@ import pytest
 
 from study.core import cli, commands, registry, run, store
 from study.core.cli import Outcome, StudyError
-from study.core.registry import Camera, Scene, Shape, Spec
+from study.core.registry import Scene, Spec
+from study.core.scene_json import Camera, Shape
 from study.experiments.peers import measure, peer, shader, tables
 from study.experiments.peers.measure import Measuring, Point
 from study.experiments.peers.peer import Drawn, Job, Peer

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from study.core.registry import Content
+from study.core.scene_json import Content
 
 
 def colours(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from study.core.registry import Content, Shape
+from study.core.scene_json import Content, Shape
 
 TEXT = Path(__file__).with_name("workers") / "march.h"
 

@@ -20,7 +20,7 @@ def shaded(scene: Scene, rays: packets.Rays, hits: np.ndarray) -> np.ndarray:
     met, d = shape >= 0, rays[:, 3:6].astype(float)
     which = shape[met].astype(int)
     p = rays[met, :3] + t[met, None] * d[met]
-    return shade.colours(scene.content, d, met, p, packets.normals(scene.data, p, which), which)
+    return shade.colours(scene.content, d, met, p, packets.normals(scene.content.shapes, p, which), which)
 
 
 @dataclass(frozen=True)

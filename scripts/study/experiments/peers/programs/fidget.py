@@ -14,7 +14,7 @@ import numpy as np
 
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
-from study.core.registry import Content, Shape
+from study.core.scene_json import Content, Shape
 from study.experiments.peers import peer as common
 from study.experiments.peers import shade, shader
 from study.experiments.peers.peer import Drawn, Job, Peer, Said, run

@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
-from study.core.registry import Content, Material, Shape
+from study.core.scene_json import Content, Material, Shape
 from study.experiments.peers import shader
 from study.experiments.peers.peer import Drawn, Job, Peer, run
 
