@@ -49,38 +49,6 @@ static struct runnable resolve_entry(const struct entries *of, const struct entr
     return one;
 }
 
-static void print_span(const char *name, const struct span *span) {
-    printf(", \"%s\": {\"low\": %.17g, \"high\": %.17g, \"both_signs\": %s}", name, span->low,
-           span->high, span->both_signs ? "true" : "false");
-}
-
-// Prints the arguments of each function: segments of floats, ranges of samples.
-static void print_targets(void) {
-    printf("], \"targets\": [");
-    for (size_t t = 0; t < target_count; t++) {
-        const struct target *target = &targets[t];
-        printf("%s\n{\"function\": \"%s\", \"float_segments\": [", t ? "," : "", target->name);
-        for (int s = 0; s < MAX_SEGMENTS && target->segments[s].stride; s++) {
-            float ends[2];
-            memcpy(&ends[0], &target->segments[s].first, sizeof ends[0]);
-            memcpy(&ends[1], &target->segments[s].last, sizeof ends[1]);
-            printf("%s{\"first\": %.9g, \"last\": %.9g, \"stride\": %u}", s ? ", " : "",
-                   (double)ends[0], (double)ends[1], target->segments[s].stride);
-        }
-        printf("]");
-        if (target->arguments == 2) {
-            print_span("float_a", &target->a[0]);
-            print_span("float_b", &target->b[0]);
-            print_span("double_b", &target->b[1]);
-            print_span("timed_b", &target->timed[1]);
-        }
-        print_span("double_a", &target->a[1]);
-        print_span("timed_a", &target->timed[0]);
-        printf("}");
-    }
-    printf("]}\n");
-}
-
 static void print_list(const struct runnable *all, size_t count) {
     printf("{\"mpfr\": %s, \"entries\": [", has_mpfr ? "true" : "false");
     for (size_t i = 0; i < count; i++) {
@@ -94,7 +62,7 @@ static void print_list(const struct runnable *all, size_t count) {
                target ? target->arguments : 1);
         printf(one->missing ? "\"%s\"}" : "null}", one->missing);
     }
-    print_targets();
+    printf("]}\n");
 }
 
 static void print_number(const char *name, double value) {

@@ -4,50 +4,30 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char *const TREES[] = {"bvh", "kd", "none", NULL};
-static const char *const ROOTS[] = {"exact", "newton", NULL};
-static const char *const RAYS[] = {"auto", "together", "alone", NULL};
-static const struct {
-    const char *key;
-    const char *const *values;
-} KEYS[] = {{"tree", TREES}, {"root", ROOTS}, {"rays", RAYS}};
-enum { KEY_COUNT = 3 };
+#include "scene/words.h"
 
-static bool same_word(const char *text, size_t length, const char *word) {
-    return strlen(word) == length && strncmp(text, word, length) == 0;
-}
+static const char *const TREES[] = {"bvh", "kd", "none"};
+static const char *const ROOTS[] = {"exact", "newton"};
+static const char *const RAYS[] = {"auto", "together", "alone"};
 
-// Finds the numbers of key and value of a word "key=value". Returns false if there is no such pair.
-static bool find_setting(const char *word, size_t length, int *key, int *value) {
-    const char *equals = memchr(word, '=', length);
-    if (!equals)
+static bool set_setting(const char *key, const char *value, struct settings *settings) {
+    int found;
+    if (strcmp(key, "tree") == 0 && word_among(value, TREES, 3, &found))
+        settings->tree = (enum tree_kind)found;
+    else if (strcmp(key, "root") == 0 && word_among(value, ROOTS, 2, &found))
+        settings->newton = found == 1;
+    else if (strcmp(key, "rays") == 0 && word_among(value, RAYS, 3, &found))
+        settings->rays = (enum ray_mode)found;
+    else
         return false;
-    size_t before = (size_t)(equals - word), behind = length - before - 1;
-    for (*key = 0; *key < KEY_COUNT; ++*key)
-        if (same_word(word, before, KEYS[*key].key))
-            for (*value = 0; KEYS[*key].values[*value]; ++*value)
-                if (same_word(equals + 1, behind, KEYS[*key].values[*value]))
-                    return true;
-    return false;
+    return true;
 }
 
 bool settings_read(const char *text, struct settings *settings, char *error) {
-    int chosen[KEY_COUNT] = {0}, key, value;
-    while (text && *text) {
-        size_t length = strcspn(text, " ");
-        if (!find_setting(text, length, &key, &value)) {
-            snprintf(error, 512,
-                     "STEPWISE_PACKETS: \"%.*s\": should be of tree=bvh|kd|none root=exact|newton "
-                     "rays=auto|together|alone",
-                     length < 100 ? (int)length : 100, text);
-            return false;
-        }
-        chosen[key] = value;
-        text += length + (text[length] == ' ');
-    }
-    *settings =
-        (struct settings){(enum tree_kind)chosen[0], chosen[1] == 1, (enum ray_mode)chosen[2]};
-    return true;
+    *settings = (struct settings){0};
+    return words_read(text, "STEPWISE_PACKETS",
+                      "tree=bvh|kd|none root=exact|newton rays=auto|together|alone", set_setting,
+                      settings, error);
 }
 
 void settings_print(const struct settings *settings, char *text) {

@@ -2,66 +2,43 @@
 #include "settings.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
+
+#include "scene/words.h"
 
 enum { LARGEST = 4096 };
 
 static const char *const FORM =
     "march=rods|pixels down=1..4096 least=1..4096 step=whole|safe picture=shaded|map";
+static const char *const MARCHES[] = {"rods", "pixels"}, *const STEPS[] = {"whole", "safe"},
+                         *const PICTURES[] = {"shaded", "map"};
 
 // Reads one of two words; `out`: whether it is the second.
-static bool choice(const char *value, const char *first, const char *second, bool *out) {
-    *out = strcmp(value, second) == 0;
-    return *out || strcmp(value, first) == 0;
-}
-
-static bool whole_number(const char *value, int *out) {
-    char *end;
-    long found = strtol(value, &end, 10);
-    if (*value < '0' || *value > '9' || *end || found < 1 || found > LARGEST)
-        return false;
-    *out = (int)found;
-    return true;
+static bool choice(const char *value, const char *const words[2], bool *out) {
+    int found;
+    bool there = word_among(value, words, 2, &found);
+    *out = found == 1;
+    return there;
 }
 
 static bool set_setting(const char *key, const char *value, struct settings *settings) {
     if (strcmp(key, "march") == 0)
-        return choice(value, "rods", "pixels", &settings->pixels);
+        return choice(value, MARCHES, &settings->pixels);
     if (strcmp(key, "down") == 0)
-        return whole_number(value, &settings->down);
+        return word_number(value, 1, LARGEST, &settings->down);
     if (strcmp(key, "least") == 0)
-        return whole_number(value, &settings->least);
+        return word_number(value, 1, LARGEST, &settings->least);
     if (strcmp(key, "step") == 0)
-        return choice(value, "whole", "safe", &settings->safe);
-    return strcmp(key, "picture") == 0 && choice(value, "shaded", "map", &settings->map);
+        return choice(value, STEPS, &settings->safe);
+    return strcmp(key, "picture") == 0 && choice(value, PICTURES, &settings->map);
 }
 
 bool settings_read(const char *text, struct settings *settings, char *error) {
     *settings = (struct settings){.down = 16, .least = 1};
-    while (text && *text) {
-        char word[64];
-        size_t length = strcspn(text, " ");
-        const char *equals = memchr(text, '=', length);
-        if (!equals || length >= sizeof word) {
-            snprintf(error, 512, "STEPWISE_RODS: \"%.100s\": should be of %s", text, FORM);
-            return false;
-        }
-        memcpy(word, text, length);
-        word[length] = '\0';
-        word[equals - text] = '\0';
-        if (!set_setting(word, word + (equals - text) + 1, settings)) {
-            snprintf(error, 512, "STEPWISE_RODS: \"%.*s\": should be of %s", (int)length, text,
-                     FORM);
-            return false;
-        }
-        text += length + (text[length] == ' ');
-    }
-    return true;
+    return words_read(text, "STEPWISE_RODS", FORM, set_setting, settings, error);
 }
 
 void settings_say(const struct settings *settings, char *text) {
-    snprintf(text, 128, "march=%s down=%d least=%d step=%s picture=%s",
-             settings->pixels ? "pixels" : "rods", settings->down, settings->least,
-             settings->safe ? "safe" : "whole", settings->map ? "map" : "shaded");
+    snprintf(text, 128, "march=%s down=%d least=%d step=%s picture=%s", MARCHES[settings->pixels],
+             settings->down, settings->least, STEPS[settings->safe], PICTURES[settings->map]);
 }

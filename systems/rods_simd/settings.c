@@ -2,25 +2,17 @@
 #include "settings.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
+
+#include "scene/words.h"
 
 enum { LARGEST = 64, MOST = 1000000 };
 
 static const char *const FORM =
     "march=rods|pixels size=1|2|4|...|64 least=1|2|4|...|size steps=0..1000000 finish=0..1000000";
 
-static bool number(const char *value, int least, int most, int *out) {
-    char *end;
-    long found = strtol(value, &end, 10);
-    if (*value < '0' || *value > '9' || *end || found < least || found > most)
-        return false;
-    *out = (int)found;
-    return true;
-}
-
 static bool power_of_two(const char *value, int *out) {
-    return number(value, 1, LARGEST, out) && (*out & (*out - 1)) == 0;
+    return word_number(value, 1, LARGEST, out) && (*out & (*out - 1)) == 0;
 }
 
 static bool set_one(const char *key, const char *value, struct settings *settings) {
@@ -33,36 +25,19 @@ static bool set_one(const char *key, const char *value, struct settings *setting
     if (strcmp(key, "least") == 0)
         return power_of_two(value, &settings->least);
     if (strcmp(key, "steps") == 0)
-        return number(value, 0, MOST, &settings->steps);
-    return strcmp(key, "finish") == 0 && number(value, 0, MOST, &settings->finish);
+        return word_number(value, 0, MOST, &settings->steps);
+    return strcmp(key, "finish") == 0 && word_number(value, 0, MOST, &settings->finish);
 }
 
 bool settings_read(const char *text, struct settings *settings, char *error) {
     *settings = (struct settings){.size = 32, .least = 8};
-    while (text && *text) {
-        char word[64];
-        size_t length = strcspn(text, " ");
-        const char *equals = memchr(text, '=', length);
-        if (!equals || length >= sizeof word) {
-            snprintf(error, 512, "STEPWISE_RODS: \"%.100s\": should be of %s", text, FORM);
-            return false;
-        }
-        memcpy(word, text, length);
-        word[length] = '\0';
-        word[equals - text] = '\0';
-        if (!set_one(word, word + (equals - text) + 1, settings)) {
-            snprintf(error, 512, "STEPWISE_RODS: \"%.*s\": should be of %s", (int)length, text,
-                     FORM);
-            return false;
-        }
-        text += length + (text[length] == ' ');
-    }
-    if (settings->least > settings->size) {
-        snprintf(error, 512, "STEPWISE_RODS: least=%d is more than size=%d: should be at most that",
-                 settings->least, settings->size);
+    if (!words_read(text, "STEPWISE_RODS", FORM, set_one, settings, error))
         return false;
-    }
-    return true;
+    if (settings->least <= settings->size)
+        return true;
+    snprintf(error, 512, "STEPWISE_RODS: least=%d is more than size=%d: should be at most that",
+             settings->least, settings->size);
+    return false;
 }
 
 void settings_say(const struct settings *settings, char *text) {

@@ -3,23 +3,16 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
+
+#include "scene/words.h"
 
 enum { ROOT_KINDS = 5, LARGEST_UNIT = 1024 };
 
-const char FORMAT_USAGE[] = "bits=8..28 unit=1|2|4|…|1024|auto roots=article|1|2|3|4 ";
+const char SETTINGS_FORM[] =
+    "bits=8..28 unit=1|2|4|…|1024|auto roots=article|1|2|3|4 clear=corners|safe|lists|never";
 
 static const char *const ROOTS[ROOT_KINDS] = {"article", "1", "2", "3", "4"}; // by Newton steps
-
-static bool whole_number(const char *value, int least, int most, int *out) {
-    char *end;
-    long found = strtol(value, &end, 10);
-    if (*value < '0' || *value > '9' || *end || found < least || found > most)
-        return false;
-    *out = (int)found;
-    return true;
-}
 
 // unit=auto, or a power of two.
 static bool set_unit(const char *value, struct settings *s) {
@@ -27,7 +20,7 @@ static bool set_unit(const char *value, struct settings *s) {
     if (strcmp(value, "auto") == 0)
         return true;
     int unit;
-    if (!whole_number(value, 1, LARGEST_UNIT, &unit) || (unit & (unit - 1)) != 0)
+    if (!word_number(value, 1, LARGEST_UNIT, &unit) || (unit & (unit - 1)) != 0)
         return false;
     for (s->unit = 0; unit > 1 << s->unit;)
         s->unit++;
@@ -36,15 +29,10 @@ static bool set_unit(const char *value, struct settings *s) {
 
 bool format_set(const char *key, const char *value, struct settings *s) {
     if (strcmp(key, "bits") == 0)
-        return whole_number(value, 8, 28, &s->bits);
+        return word_number(value, 8, 28, &s->bits);
     if (strcmp(key, "unit") == 0)
         return set_unit(value, s);
-    for (int i = 0; i < ROOT_KINDS && strcmp(key, "roots") == 0; i++)
-        if (strcmp(value, ROOTS[i]) == 0) {
-            s->newton_steps = i;
-            return true;
-        }
-    return false;
+    return strcmp(key, "roots") == 0 && word_among(value, ROOTS, ROOT_KINDS, &s->newton_steps);
 }
 
 void format_say(const struct format *f, char *text, size_t size) {

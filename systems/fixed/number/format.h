@@ -40,8 +40,8 @@ bool settings_read(const char *text, struct settings *settings, char *error);
 // Writes the settings of a format in the form that settings_read takes; `text` has 128 bytes.
 void settings_say(const struct format *f, char *text);
 
-// The settings that belong to the number format, as the user writes them; each ends with a blank.
-extern const char FORMAT_USAGE[];
+// What words should be of, for the user.
+extern const char SETTINGS_FORM[];
 
 // Sets one setting of the number format. Returns false if there is no such key or value.
 bool format_set(const char *key, const char *value, struct settings *settings);

@@ -1,7 +1,7 @@
 // The format of floats: there is nothing to set, and every scene fits.
 #include "number/format.h"
 
-const char FORMAT_USAGE[] = "";
+const char SETTINGS_FORM[] = "clear=corners|safe|lists|never";
 
 bool format_set(const char *key, const char *value, struct settings *settings) {
     (void)key, (void)value, (void)settings;

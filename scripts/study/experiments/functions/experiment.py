@@ -21,8 +21,6 @@ def found(result: Functions) -> Found:
     parts += part("normalise", "Vectors normalised", result.normalise, tables.NORMALISE, foot)
     caption = "Approximate reciprocal roots, by CPU: IEEE does not say what they are"
     parts += part("rsqrt", caption, result.rsqrt_tables, tables.rsqrt_tables(result))
-    caption = "What each function is tried and timed on"
-    parts += part("functions-targets", caption, result.targets, tables.TARGETS)
     parts += part("functions-all", "Every implementation", result.entries, tables.ENTRIES)
     return Found(parts, tables.answer(result), figures.drawings(result))
 

@@ -128,7 +128,8 @@ def note(result: Functions, time: str = "stream_ns") -> str:
     )
     return (
         f"{result.machine}; median of {result.rounds} interleaved rounds on one thread, arrays in the L1 "
-        f"cache. Errors: {how}. Doubles against MPFR. {ABOUT[time]}"
+        f"cache. Errors: {how}. Doubles against MPFR. Ranges of arguments: common/functions/targets.c. "
+        f"{ABOUT[time]}"
     )
 
 

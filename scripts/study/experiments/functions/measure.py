@@ -18,7 +18,7 @@ import numpy as np
 
 from study.core import cli, machine
 from study.experiments.functions import edges
-from study.experiments.functions.schema import Entry, Functions, Table, Target
+from study.experiments.functions.schema import Entry, Functions, Table
 from study.measuring.function_bench import ARTICLE, bench, median, normalise
 from study.numbers.schema import Range
 
@@ -36,11 +36,10 @@ TABLES = {  # instruction: instruction set, precision
 WITHOUT_MPFR = "MPFR's header (libmpfr-dev) is not installed: no errors of the double entries"
 
 
-def entries() -> tuple[list[Entry], list[Target], bool]:
-    """All entries with their `missing`, what each function is tried on, and whether there is MPFR."""
+def entries() -> tuple[list[Entry], bool]:
+    """All entries with their `missing`, and whether there is MPFR."""
     found = json.loads(bench("list"))
-    targets = msgspec.convert(found["targets"], list[Target])
-    return msgspec.convert(found["entries"], list[Entry]), targets, found["mpfr"]
+    return msgspec.convert(found["entries"], list[Entry]), found["mpfr"]
 
 
 def evaluate(entry: Entry, a: np.ndarray, b: np.ndarray | None = None) -> np.ndarray:
@@ -140,7 +139,7 @@ def without(rows: Sequence[Entry], mpfr: bool) -> list[str]:
 
 def study(quick: bool, rounds: int, vectors: int, threads: int, seed: int, cpu: int | None) -> Functions:
     """functions.json."""
-    rows, targets, mpfr = entries()
+    rows, mpfr = entries()
     lacking = without(rows, mpfr)
     cli.say("\n".join([*lacking, "errors …"]))
     add_errors(rows, quick, threads, seed)
@@ -153,7 +152,7 @@ def study(quick: bool, rounds: int, vectors: int, threads: int, seed: int, cpu: 
     mark_front(rows)
     settings = {"quick": quick, "rounds": rounds, "vectors": vectors, "threads": threads, "seed": seed}
     kept = [row for row in rows if row.function != "link"]
-    found = {"clocks": clocks, "targets": targets, "entries": kept, "normalise": normalised}
+    found = {"clocks": clocks, "entries": kept, "normalise": normalised}
     about = {"context": machine.context(), "article": ARTICLE}
     return Functions(schema=1, **settings, **about, **found, rsqrt_tables=tables, without=lacking)
 

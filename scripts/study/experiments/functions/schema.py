@@ -67,35 +67,6 @@ class Entry(Record, kw_only=True):
         return all(edge.right for edge in self.edges)
 
 
-class Segment(Record, kw_only=True):
-    """Floats that are tried."""
-
-    first: Annotated[float, key("", "first")]
-    last: Annotated[float, key("", "last")]
-    stride: Annotated[int, key("floats", "from one to the next")]
-
-
-class Arguments(Record, kw_only=True):
-    """Where samples are drawn."""
-
-    low: Annotated[float, key("", "least magnitude")]
-    high: Annotated[float, key("", "greatest magnitude")]
-    both_signs: Annotated[bool, key("", "whether negative ones, too")]
-
-
-class Target(Record, kw_only=True):
-    """A function, and where its errors are measured."""
-
-    function: Annotated[str, key("", "its name")]
-    float_segments: Annotated[list[Segment], key("", "all floats that are tried")] = []
-    float_a: Annotated[Arguments | None, key("", "first argument, floats by samples")] = None
-    float_b: Annotated[Arguments | None, key("", "second argument")] = None
-    double_a: Annotated[Arguments | None, key("", "first argument, doubles")] = None
-    double_b: Annotated[Arguments | None, key("", "second argument")] = None
-    timed_a: Annotated[Arguments | None, key("", "first argument, where it is timed")] = None
-    timed_b: Annotated[Arguments | None, key("", "second argument")] = None
-
-
 class Table(Record, kw_only=True):
     """Results of an instruction for the 2²⁴ floats in [1, 4). They differ by CPU maker."""
 
@@ -120,7 +91,6 @@ class Functions(Measured, kw_only=True):
     vectors: Annotated[int | None, key("vectors", "of the timed arrays")] = None
     threads: Annotated[int | None, key("threads", "that tried arguments")] = None
     clocks: Annotated[dict[str, Range], key("Hz", "core clock by bits of the register")] = {}
-    targets: Annotated[list[Target], key("", "functions and where errors are measured")] = []
     entries: Annotated[list[Entry], key("", "implementations", min_length=1)]
     normalise: Annotated[list[Normalise], key("", "vectors normalised")] = []
     article: Annotated[Article | None, key("", "figures beside it")] = None

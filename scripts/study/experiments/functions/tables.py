@@ -10,7 +10,7 @@ import msgspec
 from study.core import show
 from study.core.show import Column
 from study.experiments.functions import measure as functions
-from study.experiments.functions.schema import Arguments, Entry, Functions, Target
+from study.experiments.functions.schema import Entry, Functions
 
 TITLES = {"rsqrt": "1/√x", "sqrt": "√x", "pow": "xʸ", "exp": "eˣ", "log": "ln x", "atan2": "atan2(y, x)"}
 TITLES |= {name: f"{name} x" for name in ("sin", "cos", "acos")}
@@ -109,31 +109,6 @@ def rsqrt_tables(result: Functions) -> list[Column]:
         Column("", results, lambda r: r.sha256 or r.missing),
         Column("", "largest relative error", show.plain("max_relative_error", 6)),
     ]
-
-
-def _span(span: Arguments | None) -> str:
-    return f"{'±' * span.both_signs}[{span.low:.4g}, {span.high:.4g}]" if span else show.NOTHING
-
-
-def _segments(row: Target) -> str:
-    """Float arguments: segments and how many of them; where there are two, the spans of the samples."""
-    if not row.float_segments:
-        return f"samples of {_span(row.float_a)} and {_span(row.float_b)}"
-    shares = ("every float" if one.stride == 1 else f"1 in {one.stride}" for one in row.float_segments)
-    spans = (f"[{one.first:.4g}, {one.last:.4g}]" for one in row.float_segments)
-    return "; ".join(f"{share} of {span}" for share, span in zip(shares, spans, strict=True))
-
-
-def _both(a: Arguments | None, b: Arguments | None) -> str:
-    return _span(a) + (f" and {_span(b)}" if b else "")
-
-
-TARGETS = [
-    Column("", "function", lambda r: TITLES[r.function]),
-    Column("errors", "float (a quick run: one in 12,289 of them)", _segments),
-    Column("errors", "double, samples of", lambda r: _both(r.double_a, r.double_b)),
-    Column("", "timed on", lambda r: _both(r.timed_a, r.timed_b)),
-]
 
 
 def answer(result: Functions) -> str:
