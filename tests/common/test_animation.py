@@ -32,23 +32,6 @@ def scenes(light: str = "none") -> tuple[dict, dict]:
     return moving, still
 
 
-@pytest.mark.parametrize("phase", list(registry.phases()))
-def test_a_frame_is_the_still_picture_of_its_place(phase: str, monkeypatch) -> None:
-    needs.cpu_for(phase)
-    monkeypatch.setenv("STEPWISE_CC", "none")
-    monkeypatch.setenv("STEPWISE_FIXED", "clear=safe")  # phase fixed's own clears this picture's only block
-    moving, still = (keep(f"moving_{i}_{phase}", one) for i, one in enumerate(scenes("hard")))
-    try:
-        there = render(phase, still, 24, 14)
-    except Unsupported:
-        pytest.skip("the phase does not render spheres with hard shadows")
-    same_bits(render(phase, moving, 24, 14, "--frames", 31, "--first-frame", 30), there)
-    unmoved = scene([{k: v for k, v in s.items() if k != "path"} for s in MOVING], light={"shadows": "hard"})
-    begin = render(phase, moving, 24, 14)
-    same_bits(begin, render(phase, keep(f"unmoved_{phase}", unmoved), 24, 14))
-    assert (begin.picture["id"] != there.picture["id"]).mean() > 0.05, f"{begin}: nothing has moved"
-
-
 def test_a_sequence_and_its_rest() -> None:
     """Frames, times and shares of an animation; the same from where it was cut off."""
     path = keep("moving", scenes()[0])
@@ -91,25 +74,34 @@ def flying(to: list[float]) -> dict:
     return still | {"camera": camera | {"path": path}}
 
 
+def flight() -> tuple[dict, dict, dict]:
+    """The scene with a flying camera; still ones of its beginning and its end."""
+    moving = flying([1.5, 1, -3])
+    camera = {key: value for key, value in moving["camera"].items() if key != "path"}
+    return moving, moving | {"camera": camera}, moving | {"camera": camera | {"position": [1.5, 1, -3]}}
+
+
+def motion() -> tuple[dict, dict, dict]:
+    """The same of moving shapes."""
+    moving, there = scenes("hard")
+    still = [{k: v for k, v in s.items() if k != "path"} for s in MOVING]
+    return moving, scene(still, light={"shadows": "hard"}), there
+
+
+@pytest.mark.parametrize("of", [motion, flight])
 @pytest.mark.parametrize("phase", list(registry.phases()))
-def test_a_camera_on_its_path_sees_what_a_still_one_sees(phase: str, monkeypatch) -> None:
+def test_a_frame_is_the_still_picture_of_its_place(phase: str, of, monkeypatch) -> None:
     needs.cpu_for(phase)
     monkeypatch.setenv("STEPWISE_CC", "none")
-    monkeypatch.setenv("STEPWISE_FIXED", "clear=safe")
-    to = [1.5, 1, -3]
-    moving = keep(f"flying_{phase}", flying(to))
-    still = flying(to)
-    del still["camera"]["path"]
-    places = [keep(f"from_{phase}", still)]
-    there = still | {"camera": still["camera"] | {"position": to}}
-    places.append(keep(f"there_{phase}", there))
+    monkeypatch.setenv("STEPWISE_FIXED", "clear=safe")  # phase fixed's own clears this picture's only block
+    moving, *stills = (keep(f"{of.__name__}_{i}_{phase}", one) for i, one in enumerate(of()))
     try:
-        pictures = [render(phase, place, 24, 14) for place in places]
+        begin, there = (render(phase, still, 24, 14) for still in stills)
     except Unsupported:
         pytest.skip("the phase does not render spheres with hard shadows")
-    same_bits(render(phase, moving, 24, 14), pictures[0])
-    same_bits(render(phase, moving, 24, 14, "--frames", 31, "--first-frame", 30), pictures[1])
-    assert (pictures[0].picture["id"] != pictures[1].picture["id"]).mean() > 0.05
+    same_bits(render(phase, moving, 24, 14), begin)
+    same_bits(render(phase, moving, 24, 14, "--frames", 31, "--first-frame", 30), there)
+    assert (begin.picture["id"] != there.picture["id"]).mean() > 0.05, f"{begin}: nothing has moved"
 
 
 def test_a_camera_that_flies_alone_updates_no_shapes() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 from pathlib import Path
@@ -216,22 +215,6 @@ def test_bad_input_is_one_line(name, path):
     )
     assert done.returncode == status and done.stdout == b"" and done.stderr.count(b"\n") == 1
     assert said in done.stderr, done.stderr
-
-
-def test_a_failed_write_leaves_what_was_there(path):
-    """A limit on a file's size, as a full disk has one."""
-    data = scene(BALLS, light={"shadows": "hard"})
-    store.write_json(path, data)
-    out = path.parent / "hits.out"
-    out.write_bytes(b"before")
-    command = 'ulimit -f 1; trap "" XFSZ; exec "$0" "$@"'
-    done = subprocess.run(
-        ["bash", "-c", command, build("packets", "hits"), path, "-o", out],
-        input=rays_of(data).tobytes(),
-        capture_output=True,
-    )
-    assert done.returncode == 2 and b"hits.out cannot be written" in done.stderr
-    assert out.read_bytes() == b"before" and sorted(os.listdir(path.parent)) == ["hits.out", "scene.json"]
 
 
 def test_a_build_with_assertions_is_told(tmp_path) -> None:

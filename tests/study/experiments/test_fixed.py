@@ -121,12 +121,6 @@ def test_rows_of_fewer_frames_or_another_size_are_no_claims() -> None:
     assert tables.claims(published(animation=[row | {"n": 90} for row in moved])) == []
 
 
-def test_the_figures_of_a_published_run() -> None:
-    result = published()
-    psnr, ms = tables.drawings(result)[tables.BITS].make().axes
-    assert len(psnr.lines) == len(ms.lines) == 5
-
-
 @pytest.mark.slow
 def test_all_of_it_small(tmp_path: Path) -> None:
     words = ["-n", "16", "--sizes", "16", "410", "--frames", "2", "--frame-n", "16", "--launches", "2"]

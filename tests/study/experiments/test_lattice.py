@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from study.core import cli, commands, registry, store
-from study.core.cli import StudyError
+from study.core import cli, commands, store
 from study.experiments.lattice import command as lattice
 from study.experiments.lattice import tables
 from study.experiments.lattice.schema import Lattice
@@ -76,10 +75,3 @@ def test_a_small_run(tmp_path: Path) -> None:
     exact, march = result.rows
     assert (exact.phase, march.phase, exact.width) == ("opt9_convex", "opt4", 32)
     assert exact.wrong_ppm == 0 < march.wrong_ppm and exact.program is None and exact.ms > 0
-
-
-@pytest.mark.parametrize(("words", "said"), [(["--phase", "opt99"], "opt99"), (["--threads", 999], "999")])
-def test_bad_arguments_are_named(words: list, said: str, tmp_path: Path) -> None:
-    assert lattice.SCENE in registry.scenes()
-    with pytest.raises(StudyError, match=said):
-        called(*words, "--run", tmp_path)

@@ -251,17 +251,9 @@ def test_labels_keep_apart_and_inside() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--series", "shape"], "'shape'"),
-        (["--phase", "opt9x"], "opt9x"),
-        (["--phase", "truth"], "truth"),
-        (["--cpu", "4096"], "4096"),
-    ],
-)
-def test_bad_input_is_said(words: list[str], said: str, tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=said):
+@pytest.mark.parametrize("words", [["--series", "shape"], ["--phase", "truth"]])
+def test_bad_input_is_said(words: list[str], tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=words[-1]):
         commands.called("scaling", [*words, "--run", str(tmp_path)])
 
 

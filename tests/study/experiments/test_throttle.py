@@ -12,7 +12,7 @@ import pytest
 
 from study.core import commands, registry
 from study.core.registry import find_scene
-from study.experiments.flight import throttle, throttle_tables
+from study.experiments.flight import tables, throttle
 from study.experiments.flight.schema import THROTTLE, Large, Throttle
 from study.measuring.schema import HitErrors
 
@@ -73,15 +73,15 @@ def test_it_takes_the_fastest_within_the_error(monkeypatch: pytest.MonkeyPatch) 
 
 def test_two_pictures_with_nan_are_not_identical() -> None:
     about = {"width": 1, "n": 1, "other_ppm": 0.0, "psnr_db": None, "chosen": None, "plain": None}
-    bad, same = (throttle_tables.apart(Large(**about, non_finite=count)) for count in (1, 0))
+    bad, same = (tables.apart(Large(**about, non_finite=count)) for count in (1, 0))
     assert bad.startswith("not finite") and same.startswith("identical")
 
 
 def test_the_table_of_a_published_run() -> None:
     result = Throttle.load(made_up.RUN / THROTTLE)
-    found = throttle_tables.system(made_up.RUN)
+    found = tables.system(made_up.RUN)
     assert found and found.claims == [] and len(found.parts[0].table.cells) == len(result.rows)
-    assert throttle_tables.words_of(result.rows[0].chosen).startswith("rods of 32 to 8")
+    assert tables.words_of(result.rows[0].chosen).startswith("rods of 32 to 8")
 
 
 @pytest.mark.slow

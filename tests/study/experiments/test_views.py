@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from study.core import cli, commands, registry, store
-from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.core.run import UNSUPPORTED, DriverError
 from study.experiments.views import command, experiment, gains
@@ -141,8 +140,6 @@ def test_general_code_gains_nothing_whatever_its_times_say() -> None:
         for view, gain in (("own", 1.3), ("left", 1.2), ("near", 0.8))
     ]
     mine += [row("cubes", view, gain) for view, gain in (("own", 2), ("left", 1.5))]
-    trio, cubes = gains.by_scene(with_parents(mine))
-    assert trio.verdict == f"slower on near; {gains.NO_KERNEL}" and cubes.verdict == ""
     found = gain_of(*mine)
     assert found.median.value == pytest.approx(1.75) and (found.views, found.general) == (5, 3)
     assert (found.slower, found.worst_view) == (1, "near")  # a loss is one by any code
@@ -162,13 +159,6 @@ def test_the_medians_interval_holds_the_truth_about_as_often_as_it_says() -> Non
         found = gains.median_ratio(pairs, seed)
         held += found.low <= 2 <= found.high
     assert held >= 90
-
-
-def test_a_scene_that_is_gained_on_its_own_view_alone_is_said() -> None:
-    mine = [row("trio", "own", 2), row("trio", "left", 1)]
-    mine += [row("cubes", view, gain) for view, gain in (("own", 2), ("left", 1.5), ("right", 0.9))]
-    trio, cubes = gains.by_scene(with_parents(mine))
-    assert trio.verdict == gains.SCENE_ALONE and cubes.verdict == "slower on right"
 
 
 def test_the_largest_error_is_shown_beside_the_parents_and_nan_is_the_largest() -> None:
@@ -191,26 +181,12 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     )
     store.write_json(tmp_path / command.FILE, made)
     chapter = experiment.section(SimpleNamespace(path=tmp_path))
-    assert [part.name for part in chapter.parts] == ["views", "views-scenes", "views-points"]
+    assert [part.name for part in chapter.parts] == ["views", "views-points"]
     text = chapter.parts[0].markdown
     assert gains.ALONE in text and "2 of 3" in text and "60.0 (parent 70.0)" in text
     assert chapter.answer.startswith("0 of 1")
     with matplotlib.rc_context(STYLE):
         assert chapter.drawn["views-ratios"].make().axes
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--phase", "opt9x"], "opt9x"),
-        (["--phase", "baseline"], "baseline"),
-        (["--scene", "scene9"], "scene9"),
-        (["--cpu", "4096"], "4096"),
-    ],
-)
-def test_bad_input_is_said(words: list[str], said: str, tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=said):
-        commands.called("views", [*words, "--run", str(tmp_path)])
 
 
 @pytest.mark.slow

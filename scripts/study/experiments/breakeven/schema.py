@@ -21,23 +21,17 @@ class Row(Record, kw_only=True):
     compile_s: Annotated[float | None, key("s", "compiling, in the first launch: the cache is empty")] = None
     generate_ms: Annotated[float | None, key("ms", "of it writing the source")] = None
     setup_s: Annotated[float | None, key("s", "all of that launch's set-up (`prepare_ns`)")] = None
-    load_ms: Annotated[float | None, key("ms", "checking and loading the kernel, in the second launch")] = (
-        None
-    )
+    load_ms: Annotated[float | None, key("ms", "checking and loading it, second launch")] = None
     setup_found_ms: Annotated[float | None, key("ms", "all of the second launch's set-up")] = None
-    general_launches_ms: Annotated[
-        list[float] | None, key("ms", "of `against`, a launch each: median of its frames, without set-up")
-    ] = None
+    general_launches_ms: Annotated[list[float] | None, key("ms", "of `against`, a launch each")] = None
     generated_launches_ms: Annotated[list[float] | None, key("ms", "the same with the kernel")] = None
     general_ms: Annotated[Interval | None, key("ms", "of these launches")] = None
     generated_ms: Annotated[Interval | None, key("ms", "of these launches")] = None
     gain: Annotated[Interval | None, key("×", "ratio of the medians")] = None
     break_even_frames: Annotated[
-        Range | None, key("frames", "`setup_s` over what a frame gains; null: never, or not known")
+        Range | None, key("frames", "`setup_s` over what a frame gains; null: never")
     ] = None
-    error: Annotated[PictureErrors | None, key("", "of the kernel's picture to the other's, at n = 180")] = (
-        None
-    )
+    error: Annotated[PictureErrors | None, key("", "of the kernel's picture to the other's, n = 180")] = None
 
 
 class Breakeven(Measured, kw_only=True):

@@ -30,7 +30,7 @@ def options(parser: argparse.ArgumentParser) -> None:
         help="of the animation in lanes on every core; on one thread and by the article's program "
         "fewer, as the table says; default: 900, the article's")  # fmt: skip
     running.height(parser, 1080, "its height", "--frame-n")
-    running.options(parser, f"{FILE}, figures/", "systems", 2, "the order")
+    running.options(parser, FILE, "systems", 2, "the order")
 
 
 def measure(args: argparse.Namespace) -> Outcome:
@@ -39,5 +39,4 @@ def measure(args: argparse.Namespace) -> Outcome:
     result = Fixed(**running.about(args), **found)
     named = [*((row.case, row) for row in result.rows), *((row.settings, row) for row in result.sweep)]
     named += [(f"clear={row.clear}, height {row.n}", row) for row in result.clearing]
-    drawn, failed = tables.drawings(result), hit_tables.not_finite(named)
-    return running.end(folder / FILE, result, tables.parts(result), drawn, failed=failed)
+    return running.end(folder / FILE, result, tables.parts(result), failed=hit_tables.not_finite(named))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from study.core import show
 from study.core.show import Column
 from study.experiments.fixed import measure as fixed
@@ -15,9 +13,7 @@ from study.measuring import animation_tables, animations
 from study.measuring.animation_tables import per_article
 from study.measuring.hit_tables import error, ms, to_truth
 from study.measuring.schema import Spread
-from study.pictures.draw import COLOURS, Drawing
 
-BITS = "fixed-bits"
 MS = Column("", "ms [95 %]", ms)
 
 
@@ -132,7 +128,7 @@ def parts(result: Fixed) -> list[Part]:
         *part("fixed", "Rays in integers: lanes, floats", result.rows, CASES),
         *part("fixed-animation", caption, moved, ANIMATION, NOTE),
         *part("fixed-clearing", "Rays in integers: which blocks are cleared", result.clearing, CLEARING),
-        *part(BITS, "Rays in integers: bits of fraction × roots", result.sweep, SWEEP),
+        *part("fixed-bits", "Rays in integers: bits of fraction × roots", result.sweep, SWEEP),
     ]
 
 
@@ -146,33 +142,4 @@ def system(run: Path) -> System | None:
         f"P3: {said.cpu}; the mean of {said.frames} frames of {said.width}×"
         f"{said.height} without shadows. The ratio is of pixels per core and second."
     )
-    return System(claims(result), parts(result), note, drawings(result))
-
-
-def draw_bits(result: Fixed) -> Figure:
-    """PSNR and time over bits of fraction, a line for each kind of root; floats as a level."""
-    figure = Figure(figsize=(11, 4.4), layout="constrained")
-    panels = figure.subplots(1, 2)
-    names = {"article": "the article's roots", "2": "two Newton steps", "3": "three Newton steps"}
-    labels = {"psnr_db": "PSNR to ground truth, dB", "ms": "ms a frame, one thread"}
-    floats = fixed.widest((row.case for row in result.rows), "fixed_float")
-    level = next((row for row in result.rows if row.case == floats), None)
-    for panel, (key, label) in zip(panels, labels.items(), strict=True):
-        for colour, (roots, name) in zip(COLOURS, names.items(), strict=False):
-            mine = [r for r in result.sweep if r.roots == roots and getattr(r, key)]
-            at = [r.bits for r in mine], [getattr(r, key) for r in mine]
-            panel.plot(*at, "o-", color=colour, label=name)
-        if level and getattr(level, key):
-            panel.axhline(getattr(level, key), color="black", linestyle="--", label="the same in floats")
-        panel.axvline(result.article.bits, color="0.8", zorder=0)
-        panel.set(xlabel="bits of fraction (grey: the article's)", ylabel=label, xticks=list(fixed.BITS))
-        panel.set_ylim(bottom=0)
-    panels[0].legend(frameon=False, fontsize=9)
-    return figure
-
-
-def drawings(result: Fixed) -> dict[str, Drawing]:
-    first = result.rows[0]
-    caption = "Bits of fraction against error (higher is better) and time (lower is better)"
-    note = f"{fixed.SCENE}, {first.width}×{first.n}; lengths in the smallest unit that fits."
-    return {BITS: Drawing(caption, note, lambda: draw_bits(result))}
+    return System(claims(result), parts(result), note)

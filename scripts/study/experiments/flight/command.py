@@ -8,7 +8,7 @@ from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
 from study.experiments.flight import measure as flight
-from study.experiments.flight import tables, throttle, throttle_tables
+from study.experiments.flight import tables, throttle
 from study.experiments.flight.schema import FILE, THROTTLE, Flight, Throttle
 from study.measuring import hit_tables
 
@@ -85,4 +85,4 @@ def rest(args: argparse.Namespace) -> Outcome:
     result = Throttle(**running.about(args), cpus=len(run.USABLE), rows=rows)
     none = [row.scene for row in rows if row.chosen is None]
     failed = [f"{name}: no setting is within {args.psnr:g} dB and {args.wrong:g} ppm" for name in none]
-    return running.end(folder / THROTTLE, result, throttle_tables.parts(result), failed=failed)
+    return running.end(folder / THROTTLE, result, tables.throttle_parts(result), failed=failed)

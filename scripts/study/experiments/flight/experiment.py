@@ -4,7 +4,7 @@ in the chapter of systems."""
 from __future__ import annotations
 
 from study.experiments.experiment import Experiment
-from study.experiments.flight import command, tables, throttle_tables
+from study.experiments.flight import command, tables
 from study.experiments.flight.schema import SCHEMAS
 
 EXPERIMENT = Experiment(
@@ -15,6 +15,6 @@ EXPERIMENT = Experiment(
     depth=None,
     cut="A quick study has no flights: ground truth of each place takes minutes.",
     sections=[(645, lambda data: tables.section(data.path))],
-    system=throttle_tables.system,
+    system=tables.system,
     command=command,
 )

@@ -16,9 +16,7 @@ class Row(PictureErrors, kw_only=True):
     phase: Annotated[str, key("", "its name")]
     scene: Annotated[str, key("", "its name")]
     hit: Annotated[str, key("", "the scene's own, or half a pixel at the mean distance of the shapes")]
-    hit_distance: Annotated[
-        float, key("scene units", "as used; `surface_offset` is at least three times that")
-    ]
+    hit_distance: Annotated[float, key("scene units", "as used")]
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     n: Annotated[int, key("pixels", "its height", ge=1)]
     threads: Annotated[int, key("threads", "that drew it")]
@@ -30,14 +28,9 @@ class Row(PictureErrors, kw_only=True):
     worst_ms: Annotated[float, key("ms", "the slowest frame")]
     present_ms: Annotated[float, key("ms", "of it gamma and 8 bits; median")]
     presented_by: Annotated[str | None, key("", "the phase, or the driver after it")] = None
-    displayed_otherwise: Annotated[int | None, key("pixels", "that the phase presents unlike the driver")] = (
-        None
-    )
+    displayed_otherwise: Annotated[int | None, key("pixels", "not as the driver presents")] = None
     reference: Annotated[str, key("", "whose picture the errors are to: the fastest phase in doubles")]
-    to_own: Annotated[
-        PictureErrors | None,
-        key("", "the same errors to its picture by the scene's own parameters; null: as these"),
-    ]
+    to_own: Annotated[PictureErrors | None, key("", "to the scene's own parameters; null: as these")]
 
 
 class LeftOut(Skipped, kw_only=True):

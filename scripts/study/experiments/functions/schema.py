@@ -33,9 +33,7 @@ class Entry(Record, kw_only=True):
     missing: Annotated[str | None, key("", "why it did not run; else null")] = None
     count: Annotated[int, key("", "arguments tried")] = 0
     non_finite: Annotated[int, key("results", "not finite within its range")] = 0
-    max_ulp: Annotated[
-        float | None, key("ulp of the exact value", "largest error; of samples a lower bound")
-    ] = None
+    max_ulp: Annotated[float | None, key("ulp", "largest error; of samples a lower bound")] = None
     rms_ulp: Annotated[float | None, key("ulp of the exact value", "root mean square error")] = None
     worst_a: Annotated[float | None, key("", "argument of the largest error")] = None
     worst_b: Annotated[float | None, key("", "the second argument there")] = None

@@ -57,10 +57,7 @@ class Rays(Record, kw_only=True):
     embree_stream_ratio_low: RatioLow = None
     embree_stream_ratio_high: RatioHigh = None
     agreement: Annotated[Agreement | None, key("", "of the hits; null: not compared")] = None
-    newton_dt_max: Annotated[
-        float | None,
-        key("scene units", "largest |Δt| of the approximate root with a Newton step to the exact"),
-    ] = None
+    newton_dt_max: Annotated[float | None, key("scene units", "largest |Δt| of `root by Newton`")] = None
 
 
 class Threads(Timed, kw_only=True):

@@ -25,6 +25,11 @@ WAYS = dict(zip(EMBREE, ("packets of 16", "single rays", "256 rays a call"), str
 MANY = "million rays a second [95 %]"
 
 
+def variant(row: Rays, name: str) -> Rate | None:
+    """One of ours by its name; None where it was not timed."""
+    return next((one for one in row.variants if one.name == name), None)
+
+
 def rate(row: Rate | None) -> str:
     """Million rays a second with the interval."""
     return show.NOTHING if row is None else show.interval(row, "mrays", 3)
@@ -58,8 +63,7 @@ def _unlike(row: Rays) -> str:
 
 def _variants(names: dict[str, str]) -> list[Column]:
     return [
-        Column(MANY, text, lambda row, name=name: rate(figures.variant(row, name)))
-        for name, text in names.items()
+        Column(MANY, text, lambda row, name=name: rate(variant(row, name))) for name, text in names.items()
     ]
 
 
@@ -201,7 +205,7 @@ def rays_claims(result: Packets) -> list[Claim]:
             "packet rays (P2)",
             f"{row.scene}, rays {OF_KIND[row.kind]}, million a second",
             "“millions”",
-            rate(figures.variant(row, "own")),
+            rate(variant(row, "own")),
             f"{_ratio(row, way)} over Embree by {WAYS[way]}",
             _unlike(row),
             beside=times,

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from study.core.registry import find_scene
 from study.experiments.rods import measure as rods
-from study.pictures import images
 from study.pictures.draw import STYLE, save
 from study.pictures.images import Picture
 from study.truth import truth
@@ -24,7 +23,7 @@ CAPTION = (
     "(white: near; black: no hit), and how far from ground truth (white: 1e-4 and less, black: 0.1 and more; "
     "red: a wrong hit)"
 )
-NAMES = {rods.PIXELS: ("pixels", "each ray alone"), rods.RODS: ("rods", "rods")}
+NAMES = {rods.PIXELS: "each ray alone", rods.RODS: "rods"}
 FAR = "0.15"  # the grey of the farthest hit; black stands for no hit
 WRONG = (0.84, 0.15, 0.15)
 
@@ -32,7 +31,6 @@ WRONG = (0.84, 0.15, 0.15)
 class Column(NamedTuple):
     """What a plane of the pictures is drawn by."""
 
-    name: str
     title: str
     label: str
     norm: Normalize
@@ -51,11 +49,9 @@ def columns(cap: int, near: float, far: float) -> tuple[Column, Column, Column]:
     depth, error = Normalize(near, max(far, near + 1e-9)), LogNorm(1e-4, 0.1, clip=True)
     unit = "scene units"
     return (
-        Column(
-            "steps", "march steps", f"steps of the march (cap: {cap})", Normalize(1, cap), greys("0", "0")
-        ),
-        Column("depth", "distance to the hit", f"{unit} (black: no hit)", depth, greys(FAR, "0")),
-        Column("error", "error of that distance", f"|Δt|, {unit} (red: wrong)", error, greys("0", "1")),
+        Column("march steps", f"steps of the march (cap: {cap})", Normalize(1, cap), greys("0", "0")),
+        Column("distance to the hit", f"{unit} (black: no hit)", depth, greys(FAR, "0")),
+        Column("error of that distance", f"|Δt|, {unit} (red: wrong)", error, greys("0", "1")),
     )
 
 
@@ -69,7 +65,7 @@ def error_rgb(column: Column, exact: Picture, made: Picture) -> np.ndarray:
 
 
 def write_pictures(folder: Path, n: int) -> list[Path]:
-    """The article's four pictures, and the error of both programs: each as PNG and all on one sheet."""
+    """The article's four pictures, and the error of both programs, on one sheet."""
     scene = find_scene(rods.SCENE)
     size = scene.size(n)
     exact = truth.picture(scene, size)
@@ -79,16 +75,13 @@ def write_pictures(folder: Path, n: int) -> list[Path]:
     (folder / "images").mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(9.4, 7.8), layout="constrained")
     axes = figure.subplots(2, 3)
-    paths = []
-    for line, (words, (name, title)) in zip(axes, NAMES.items(), strict=True):
+    for line, (words, title) in zip(axes, NAMES.items(), strict=True):
         made = rods.picture(words, scene, size)
         shown = steps.rgb(made["steps"]), depth.rgb(made["Z"]), error_rgb(error, exact, made)
         for place, column, rgb in zip(line, drawn, shown, strict=True):
             place.imshow(rgb, interpolation="nearest")
             place.set_title(f"{title}: {column.title}", fontsize=10)
             place.set(xticks=[], yticks=[])
-            paths.append(folder / "images" / f"rods-{name}-{column.name}.png")
-            images.write_png(paths[-1], (255 * rgb + 0.5).astype(np.uint8))
     for places, column in zip(axes.T, drawn, strict=True):
         bar = {"orientation": "horizontal", "fraction": 0.05, "pad": 0.03, "aspect": 30}
         made_bar = figure.colorbar(ScalarMappable(column.norm, column.map), ax=list(places), **bar)
@@ -97,4 +90,4 @@ def write_pictures(folder: Path, n: int) -> list[Path]:
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     with matplotlib.rc_context(STYLE):
         save(figure, folder / "images" / PICTURES, "")
-    return [*paths, folder / "images" / f"{PICTURES}.png"]
+    return [folder / "images" / f"{PICTURES}.png"]

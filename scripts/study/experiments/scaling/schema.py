@@ -23,22 +23,15 @@ class Row(Record, kw_only=True):
     ns: Annotated[list[float], key("ns", "one per process launch: median of its timed frames")]
     ms: Annotated[Interval, key("ms", "a frame")]
     ns_per_pixel: Annotated[Interval | None, key("ns", "a pixel")] = None
-    evals_per_ray: Annotated[
-        float | None, key("evaluations", "of the whole scene, camera ray; null: the phase has exact hits")
-    ] = None
+    evals_per_ray: Annotated[float | None, key("evaluations", "of a camera ray; null: exact hits")] = None
     coverage: Annotated[float | None, key("share of pixels", "that hit")] = None
     non_finite: Annotated[int | None, key("samples", "NaN or infinite where none may be")] = None
-    reference: Annotated[
-        str | None, key("", "what errors are to: `truth`, else a phase in doubles; null: `why_none`")
-    ] = None
+    reference: Annotated[str | None, key("", "`truth`, else a phase in doubles; null: `why_none`")] = None
     why_none: Annotated[str | None, key("", "why there is no error")] = None
     psnr_db: Annotated[float | None, key("dB", "null with an RMSE: infinite")] = None
     rmse: Annotated[float | None, key("linear RGB", "root mean square error")] = None
     wrong_ppm: Annotated[float | None, key("ppm", "hit, miss or shape wrong")] = None
-    scenes: Annotated[
-        int | None,
-        key("scenes", "of `crowd`: one per launch, seeds from `scene_seed` on, in the order of `ns`"),
-    ] = None
+    scenes: Annotated[int | None, key("scenes", "of `crowd`: one per launch, in the order of `ns`")] = None
 
 
 class Fit(Record, kw_only=True):
@@ -71,13 +64,11 @@ class Crowd(Record, kw_only=True):
     n: Annotated[int | None, key("pixels", "height of the pictures")] = None
     shapes: Annotated[int | None, key("shapes", "the largest number measured")] = None
     ratio: Annotated[
-        Interval | None, key("×", "time of that many shapes over that of 16; of `crowd` where it is there")
+        Interval | None, key("×", "time over that of 16 shapes, of `crowd` where it is there")
     ] = None
     coverage: Annotated[list[float | None] | None, key("share of pixels", "that hit, of both")] = None
     scenes: Annotated[list[int] | None, key("scenes", "of `crowd`; null: one of each")] = None
-    mean_ms: Annotated[
-        list[float] | None, key("ms", "their means; `ratio` is of these, by Welch's interval")
-    ] = None
+    mean_ms: Annotated[list[float] | None, key("ms", "their means; `ratio` is of these, by Welch")] = None
     by_medians: Annotated[Interval | None, key("×", "the ratio of the medians beside it")] = None
 
 

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from study.experiments.views.schema import Furthest, Gain, Row
-from study.measuring.views import OWN
 from study.numbers import stats
 from study.numbers.schema import Interval
 
 BASE = "baseline"  # the reference where truth would take too long
-NO_KERNEL = "no kernel: its parent's code"
 EVERYWHERE, MEDIAN = "wins on every view", "wins in the median"
-ALONE, SCENE_ALONE = "wins on the tuned views alone", "wins on its own view alone"
+ALONE = "wins on the tuned views alone"
 FEW = "too few launches"
 RESAMPLES = 2000
 Known = Mapping[tuple[str | None, str, str], Row]  # by phase, scene and view
@@ -105,36 +102,3 @@ def _lowest(rows: Sequence[Row], known: Known, reference: str) -> Furthest | Non
         parent_db=parent.psnr_db if same else None,
         parent_is_reference=not same,
     )
-
-
-@dataclass(frozen=True)
-class OnScene:
-    """A phase on one scene: its row of each view."""
-
-    phase: str
-    scene: str
-    views: Mapping[str, Row]
-
-    @property
-    def verdict(self) -> str:
-        """Whether its own view is the only one gained, where it is slower, and where it ran its parent's
-        code."""
-        rows = self.views.values()
-        others = [row for row in rows if row.view != OWN]
-        own = self.views.get(OWN)
-        slower = ", ".join(row.view for row in rows if row.loses)
-        said = [f"slower on {slower}"] if slower else []
-        if own and others and own.wins and not any(row.wins for row in others):
-            said = [SCENE_ALONE]
-        if without := [row.view for row in rows if row.general]:
-            said.append(NO_KERNEL + ("" if len(without) == len(rows) else f" on {', '.join(without)}"))
-        return "; ".join(said)
-
-
-def by_scene(rows: Sequence[Row]) -> list[OnScene]:
-    """One a phase and scene."""
-    found: dict[tuple[str, str], dict[str, Row]] = {}
-    for row in rows:
-        if row.ratio:
-            found.setdefault((row.phase, row.scene), {})[row.view] = row
-    return [OnScene(phase, scene, views) for (phase, scene), views in found.items()]

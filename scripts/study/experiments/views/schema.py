@@ -28,15 +28,9 @@ class Row(Record, kw_only=True):
     ns: Annotated[list[float], key("ns", "one per process launch: median of its timed frames")]
     general: Annotated[str | None, key("", "why no code was generated for it; else null")] = None
     ms: Annotated[Interval, key("ms", "a frame")]
-    ratio: Annotated[
-        Interval | None, key("×", "the parent's time over this one's, same run; null: no parent")
-    ]
-    reference: Annotated[
-        str | None, key("", "what the errors are to: `truth`, else `baseline`; null: it is the reference")
-    ] = None
-    psnr_db: Annotated[float | None, key("dB", "of a picture at `error_n`; null with an RMSE: infinite")] = (
-        None
-    )
+    ratio: Annotated[Interval | None, key("×", "parent's time over this one's; null: no parent")]
+    reference: Annotated[str | None, key("", "`truth`, else `baseline`; null: it is the reference")] = None
+    psnr_db: Annotated[float | None, key("dB", "at `error_n`; null with an RMSE: infinite")] = None
     rmse: Annotated[float | None, key("linear RGB", "of fractals over 4×4 means")] = None
     psnr_ideal_db: Annotated[float | None, key("dB", "to truth with the ideal shadow")] = None
     rmse_ideal: Annotated[float | None, key("linear RGB", "to truth with the ideal shadow")] = None
@@ -81,9 +75,7 @@ class Gain(Record, kw_only=True):
     parent: Annotated[str, key("", "the phase before it")]
     views: Annotated[int, key("views", "measured that nothing was tuned on")]
     tuned: Annotated[dict[str, Interval | None], key("×", "ratios of the tuned views, by scene")]
-    median: Annotated[
-        Interval | None, key("×", "over the other views; the interval draws launches of each anew")
-    ]
+    median: Annotated[Interval | None, key("×", "over the other views; launches of each drawn anew")]
     worst: Annotated[Interval | None, key("×", "the worst of them")]
     worst_scene: Annotated[str | None, key("", "there")] = None
     worst_view: Annotated[str | None, key("", "there")] = None

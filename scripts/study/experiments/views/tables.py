@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from study.core import show
 from study.core.show import Column
 from study.experiments.section import Found, Part, part
-from study.experiments.views.gains import ALONE, BASE, EVERYWHERE, MEDIAN, SCENE_ALONE, OnScene, by_scene
+from study.experiments.views.gains import ALONE, BASE, EVERYWHERE, MEDIAN
 from study.experiments.views.schema import Furthest, Gain, LeftOut, Row, Views, decibels
-from study.measuring.views import CLEAR, OWN
+from study.measuring.views import CLEAR
 from study.numbers.schema import Interval
 from study.pictures.draw import Drawing
 
@@ -42,9 +41,9 @@ def _db(low: Furthest | None) -> str:
     return f"{own} ({beside}): {low.scene} {low.view}"
 
 
-def _mark(row: Gain | OnScene) -> str:
+def _mark(row: Gain) -> str:
     text = row.verdict
-    if text == ALONE or text.startswith((SCENE_ALONE, "slower")):
+    if text == ALONE or text.startswith("slower"):
         return "bad"
     return "good" if text == EVERYWHERE or (text.startswith(MEDIAN) and text.endswith("none")) else ""
 
@@ -64,20 +63,6 @@ GAINS = [
 ]
 
 
-def _of_view(name: str) -> Callable[[OnScene], str]:
-    return lambda row: _text(row.views[name].ratio) if name in row.views else show.NOTHING
-
-
-SCENES = [
-    Column("", "phase", lambda r: r.phase),
-    Column("", "scene", lambda r: r.scene),
-    *[
-        Column("times as fast as its parent", f"{name} [95 %]", _of_view(name))
-        for name in (OWN, "left", "right", "near")
-    ],
-    Column("", "PSNR of each, dB", lambda r: ", ".join(show.number(one.level) for one in r.views.values())),
-    Column("", "verdict", lambda r: r.verdict, _mark),
-]
 POINTS = [
     Column("", "program", lambda r: r.phase),
     Column("", "scene", show.picture),
@@ -108,7 +93,6 @@ def parts(result: Views) -> list[Part]:
     left_out = [*result.failures, *result.left_out]
     return [
         *part("views", caption, result.rungs, GAINS),
-        *part("views-scenes", f"The same scene by scene; {size}", by_scene(result.rows), SCENES),
         *part("views-points", "Every program on every view", result.rows, POINTS),
         *part("views-left-out", "Not measured", left_out, LEFT_OUT),
     ]

@@ -115,19 +115,6 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
         assert chapter.drawn[frames_page.FIGURE].make().axes
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--phase", "opt9x"], "opt9x"),
-        (["--phase", "truth"], "truth: "),
-        (["--scene", "trio"], "mandelbulb"),
-        (["--run", "{tmp}/file/run"], "file/run"),
-    ],
-)
-def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
-    refused("stepwise frames", ["--run", "{tmp}/out", *words], said)
-
-
 @pytest.mark.slow
 def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     words = ["--phase", "opt4", "--scene", "scene0", "-n", "16", "--launches", "1", "--budget", "3600"]
