@@ -13,7 +13,7 @@ from study.core import show
 from study.counting import flops
 from study.counting.schema import Row
 from study.experiments.flops import columns, table1
-from study.experiments.section import Section, part, reading
+from study.experiments.section import Section, part
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
@@ -61,42 +61,36 @@ def _said(rows: Sequence[Row], calls: Sequence[Row]) -> list[str]:
 
 
 def counted(path: Path) -> Section:
-    """Table 1, what its difference from the paper's is made of, and the validation."""
-    parts, answer, drawn = [], "", {}
-    file = path / "counts.json"
-    with reading(file, f"scripts/stepwise flops --run {path}"):
-        found = flops.read(file)
-        first = _pictures(found.declared)
-        rows = table1.rows(first, _pictures(one for one in found.measured if one.variant == "shipped"))
-        about = [CONVENTIONS, RULE]
-        for text, some in (
-            (GENERAL, (r for r in rows if r.kernel)),
-            (MEASURED, (r for r in rows if r.measured_gflop)),
-        ):
-            if phases := ", ".join(dict.fromkeys(row.phase for row in some)):
-                about.append(text.format(phases=phases))
-        parts += part("table1", "Table 1: FLOPs of a picture", rows, columns.TABLE1, "\n".join(about))
-        answer = _answer(rows)
-        if any(row.gflop for row in rows):
-            caption = "FLOPs of a picture by phase, and the share of lanes at useful work"
-            drawn = {"flops": Drawing(caption, CONVENTIONS, partial(_draw, rows))}
-        parts += part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS)
-    file = path / "validation.json"
-    with reading(file, f"scripts/stepwise flops --validate --run {path}"):
-        every = flops.read_validation(file)
-        order = list(dict.fromkeys(row.scene for row in every if row.judged))
-        judged = sorted((row for row in every if row.judged), key=lambda row: order.index(row.scene))
-        calls = [row for row in judged if row.scope.startswith("calls of")]
-        judged = [row for row in judged if not row.of_calls]
-        totals = [row for row in judged if row.scope == "total"]
-        said = _said(every, calls)
-        caption = "Declared against measured, whole pictures"
-        parts += part("validation", caption, totals, columns.VALIDATION, "\n".join(said))
-        if totals:
-            within = f"{sum(row.within for row in totals)} of {len(totals)} pictures"
-            answer += f" Declared and executed FLOPs agree within 1 % in {within}."
-        caption = "Declared against measured, by function"
-        parts += part("validation-functions", caption, judged, columns.VALIDATION)
+    """Table 1, where its FLOPs are, and the validation."""
+    found, drawn = flops.read(path / "counts.json"), {}
+    first = _pictures(found.declared)
+    rows = table1.rows(first, _pictures(one for one in found.measured if one.variant == "shipped"))
+    about = [CONVENTIONS, RULE]
+    for text, some in (
+        (GENERAL, [r for r in rows if r.kernel]),
+        (MEASURED, [r for r in rows if r.measured_gflop]),
+    ):
+        if phases := ", ".join(dict.fromkeys(row.phase for row in some)):
+            about.append(text.format(phases=phases))
+    parts = part("table1", "Table 1: FLOPs of a picture", rows, columns.TABLE1, "\n".join(about))
+    if any(row.gflop for row in rows):
+        caption = "FLOPs of a picture by phase, and the share of lanes at useful work"
+        drawn = {"flops": Drawing(caption, CONVENTIONS, partial(_draw, rows))}
+    parts += part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS)
+    every = flops.read_validation(path / "validation.json")
+    order = list(dict.fromkeys(row.scene for row in every if row.judged))
+    judged = sorted((row for row in every if row.judged), key=lambda row: order.index(row.scene))
+    calls = [row for row in judged if row.scope.startswith("calls of")]
+    judged = [row for row in judged if not row.of_calls]
+    totals = [row for row in judged if row.scope == "total"]
+    caption = "Declared against measured, whole pictures"
+    parts += part("validation", caption, totals, columns.VALIDATION, "\n".join(_said(every, calls)))
+    caption = "Declared against measured, by function"
+    parts += part("validation-functions", caption, judged, columns.VALIDATION)
+    answer = _answer(rows)
+    if totals:
+        within = f"{sum(row.within for row in totals)} of {len(totals)} pictures"
+        answer += f" Declared and executed FLOPs agree within 1 % in {within}."
     told = {"file": path / "counts.json", "script": "scripts/stepwise flops", "drawn": drawn}
     title = "FLOPs: declared, counted, measured"
     return Section("flops", title, "make flops", parts, answer=answer.strip(), **told)

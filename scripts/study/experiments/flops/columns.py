@@ -17,8 +17,8 @@ def _phase(row: Any) -> str:
     return row.phase + (" (general code)" if cell(row, "kernel") else "")
 
 
-def _difference(name: str) -> Callable[[Row], str]:
-    return lambda row: NOTHING if pd.isna(value := cell(row, name)) else f"{100 * value:+.3f}\u00a0%"
+def _difference(name: str, digits: int = 3) -> Callable[[Any], str]:
+    return lambda row: NOTHING if pd.isna(value := cell(row, name)) else f"{100 * value:+.{digits}f}\u00a0%"
 
 
 def _residue(row: Row) -> str:
@@ -41,18 +41,9 @@ def _within(row: Row) -> str:
     return "✓ within 1\u00a0%"
 
 
-def _within_mark(row: Row) -> str:
-    return "" if not row.judged else "good" if row.within else "bad"
-
-
 def _backend(row: Row | Measurement) -> str:
     state = {True: "", False: " (not calibrated here)", None: " (not yet validated)"}
     return f"{row.backend}{state[row.calibrated]}"
-
-
-def _signed(row: Any) -> str:
-    share = row.difference
-    return NOTHING if share is None or pd.isna(share) else f"{100 * share:+.1f}\u00a0%"
 
 
 def _giga(value: Callable[[Measurement], int]) -> Callable[[Measurement], str]:
@@ -67,7 +58,7 @@ TABLE1 = [
     SIZE,
     Column("GFLOP of a picture", "by the paper's rule", plain("paper_rule_gflop", 4)),
     Column("GFLOP of a picture", "the paper's own", plain("paper_gflop", 4)),
-    Column("GFLOP of a picture", "difference", _signed),
+    Column("GFLOP of a picture", "difference", _difference("difference", 1)),
     Column("GFLOP of a picture", "iterations as entered", plain("paper_convention_gflop", 4)),
     Column("GFLOP of a picture", "machine's convention", plain("machine_convention_gflop", 4)),
     Column("GFLOP of a picture", "measured, machine's convention", plain("measured_gflop", 4)),
@@ -115,5 +106,5 @@ VALIDATION = [
     Column("", "difference", _difference("relative_difference")),
     Column("", "the compiler's doing, known", _residue),
     Column("", "left", _difference("unexplained")),
-    Column("", "verdict", _within, _within_mark),
+    Column("", "verdict", _within, lambda row: "" if not row.judged else "good" if row.within else "bad"),
 ]

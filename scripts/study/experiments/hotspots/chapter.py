@@ -7,7 +7,7 @@ from pathlib import Path
 from study.bounds.schema import Hotspots
 from study.core.show import cell
 from study.experiments.hotspots import bounds_tables, figures, tables
-from study.experiments.section import Section, part, reading
+from study.experiments.section import Section, part
 from study.pictures.draw import Drawing
 
 HOTSPOTS = {
@@ -24,27 +24,24 @@ NOTE = (
 def hot(path: Path, microarchitecture: str | None = None) -> Section:
     """Tables 2 and 4 (functions) and 3 (what bounds them). `microarchitecture`: of the run's CPU."""
     file = path / "hotspots.json"
-    parts, details, drawn, answer = [], [], {}, ""
-    with reading(file, f"scripts/stepwise hotspots --run {path}"):
-        record = Hotspots.load_if_there(file) or Hotspots()
-        rows = tables.table_rows(record, widest=tables.core_width(microarchitecture))
-        for phase in dict.fromkeys(row.phase for row in rows):
-            mine = [row for row in rows if row.phase == phase]
-            title = HOTSPOTS.get(phase, f"Where the time of {phase} goes")
-            parts += part(f"hotspots-{phase}", title, mine, tables.COLUMNS, tables.ABOUT)
-        split = bounds_tables.rows(record) if record.bounds else []
-        caption = "Table 3: what the cycles went to, structs against arrays"
-        parts += part("table3", caption, split, bounds_tables.COLUMNS, bounds_tables.ABOUT)
-        caption = "The hot regions under the model"
-        regions = bounds_tables.region_rows(record)
-        parts += part("table3-regions", caption, regions, bounds_tables.REGIONS)
-        if rows:
-            details = tables.notes(record)
-            answer = _answer(rows)
-            caption = "The functions that take most of a frame, phase by phase"
-            drawn = {"hotspots": Drawing(caption, NOTE, lambda: figures.draw(rows))}
-    about = {"file": file, "script": "scripts/stepwise hotspots", "drawn": drawn, "details": details}
-    return Section("hotspots", "Hotspots", "make hotspots", parts, answer=answer, **about)
+    record = Hotspots.load_if_there(file) or Hotspots()
+    rows = tables.table_rows(record, widest=tables.core_width(microarchitecture))
+    parts, drawn = [], {}
+    for phase in dict.fromkeys(row.phase for row in rows):
+        mine = [row for row in rows if row.phase == phase]
+        title = HOTSPOTS.get(phase, f"Where the time of {phase} goes")
+        parts += part(f"hotspots-{phase}", title, mine, tables.COLUMNS, tables.ABOUT)
+    split = bounds_tables.rows(record) if record.bounds else []
+    caption = "Table 3: what the cycles went to, structs against arrays"
+    parts += part("table3", caption, split, bounds_tables.COLUMNS, bounds_tables.ABOUT)
+    regions = bounds_tables.region_rows(record)
+    parts += part("table3-regions", "The hot regions under the model", regions, bounds_tables.REGIONS)
+    if rows:
+        caption = "The functions that take most of a frame, phase by phase"
+        drawn = {"hotspots": Drawing(caption, NOTE, lambda: figures.draw(rows))}
+    about = {"file": file, "script": "scripts/stepwise hotspots", "drawn": drawn}
+    about |= {"details": tables.notes(record), "answer": _answer(rows) if rows else ""}
+    return Section("hotspots", "Hotspots", "make hotspots", parts, **about)
 
 
 def _answer(rows: list[tables.Row]) -> str:

@@ -9,19 +9,14 @@ from study.bounds.ceilings import BANDWIDTH, COMPUTE, Ceilings, grid
 from study.bounds.roof_shares import clocks
 from study.core import show
 from study.experiments.roofline import figures, tables
-from study.experiments.section import Part, Section, part, reading
+from study.experiments.section import Part, Section, part
 from study.numbers.analysis import Data
 
 
 def roofline(data: Data) -> Section:
     """Ceilings, Tables 5 and 6, the share of each roof."""
-    counts, again = data.path / roof.COUNTS, f"--run {data.path}"
-    with reading(
-        f"{counts} or ceilings.json", f"scripts/stepwise flops {again} or scripts/stepwise ceilings {again}"
-    ):
-        counted, limits, notes = roof.read(data.path, strict=False)
-        points = roof.points(data, counted, limits)
-        return made(data, points, limits, notes)
+    counted, limits, notes = roof.read(data.path, strict=False)
+    return made(data, roof.points(data, counted, limits), limits, notes)
 
 
 def made(data: Data, points: list[roof.Point], limits: Ceilings | None, notes: Iterable[str] = ()) -> Section:
