@@ -33,10 +33,13 @@ from study.counting.schema import Measurement
 TOOL = "sde64"
 _BITS = {"single": 32, "double": 64}
 _REGISTER = {"xmm": 128, "ymm": 256, "zmm": 512}
-_BEGIN = re.compile(r"#\s*EMIT_(?:DYNAMIC_STATS FOR TID\s+(\d+)\b|GLOBAL_DYNAMIC_STATS\b)")
-_END = re.compile(r"#\s*END_(?:GLOBAL_)?DYNAMIC_STATS\b")
-_IFORMS = re.compile(r"#\s*iform\s+count")
-_COUNT = re.compile(r"(\*?[\w-]+)\s+(\d+)")
+_SECTION = re.compile(
+    r"^#\s*EMIT_(?:DYNAMIC_STATS FOR TID\s+(\d+)\b|GLOBAL_DYNAMIC_STATS\b)(.*?)"
+    r"(^#\s*END_(?:GLOBAL_)?DYNAMIC_STATS\b|\Z)",
+    re.DOTALL | re.MULTILINE,
+)
+_IFORMS = re.compile(r"^#\s*iform\s+count\s*$", re.MULTILINE)
+_COUNT = re.compile(r"^\s*(\*?[\w-]+)[ \t]+(\d+)\s*$", re.MULTILINE)
 _ELEMENTS = re.compile(r"\*elements_fp_(single|double)_(\d+)")
 _MEMORY = re.compile(r"\*mem-(read|write)-(\d+)")
 _ANY_WIDTH = re.compile(r"VFN?M(ADD|SUB)|VCMPP[SD]$")
@@ -65,18 +68,12 @@ def _text(path: Path) -> str:
 
 def sections(path: Path) -> list[Section]:
     """Of sde-mix-out.txt. What it says of blocks, functions and images is passed over."""
-    found: list[Section] = []
-    inside = False
-    for line in map(str.strip, _text(path).splitlines()):
-        if match := _BEGIN.match(line):
-            found.append(Section(int(match[1]) if match[1] else None))
-            inside = True
-        elif inside and _END.match(line):
-            found[-1].whole, inside = True, False
-        elif inside:
-            found[-1].iforms |= _IFORMS.fullmatch(line) is not None
-            if match := _COUNT.fullmatch(line):
-                found[-1].known[match[1]] += int(match[2])
+    found = []
+    for match in _SECTION.finditer(_text(path)):
+        made = Section(int(match[1]) if match[1] else None, bool(_IFORMS.search(match[2])), bool(match[3]))
+        for name, n in _COUNT.findall(match[2]):
+            made.known[name] += int(n)
+        found.append(made)
     return found
 
 
