@@ -17,11 +17,11 @@ from study.core import cli, commands, patches, registry, run
 from study.core.build import build
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
-from study.counting import blocks, flops
+from study.counting import flops
 from study.experiments.ablations import command, ideas
 from study.experiments.ablations import measure as ablations
 from study.experiments.ablations.measure import Ablation
-from study.experiments.ablations.schema import Ablations, Flops, Ideas, Row
+from study.experiments.ablations.schema import Ablations, Ideas, Row
 from study.numbers import paper, stats, verdicts
 from study.pictures import images
 
@@ -282,7 +282,7 @@ def test_an_approximation_may_be_off_but_not_undefined():
 
 def ablation(added: bool = True, paper: str = "1.3× (x)", error: str | None = None) -> Ablation:
     specs = Spec.parse("opt1+arrays"), Spec.parse("opt1")
-    return Ablation(*specs, added, "w", paper, error, None, ("scene0",))
+    return Ablation(*specs, added, "w", paper, error, ("scene0",))
 
 
 def made(added: bool = True, base_ns: float = 10.0, paper: str = "1.3× (x)") -> Row:
@@ -291,16 +291,14 @@ def made(added: bool = True, base_ns: float = 10.0, paper: str = "1.3× (x)") ->
     metrics = dict.fromkeys(("fraction_over_1_255", "max_abs", "mask_mismatch_ppm"), 0.0)
     metrics |= {"identical": True, "psnr_db": math.inf, "non_finite": 0}
     judged = {(Spec.parse(who), case): metrics for who in ("baseline", "opt1") for case in (mine, base)}
-    flops = {mine: Flops(machine=300), base: Flops(machine=400)}
     times = {mine: [5.0] * 6, base: [base_ns] * 6}
-    return ablations.row(ablation(added, paper), scene, (16, 9), times, judged, flops)
+    return ablations.row(ablation(added, paper), scene, (16, 9), times, judged)
 
 
 @pytest.mark.parametrize(("added", "gain"), [(True, 2.0), (False, 0.5)])
 def test_the_gain_is_the_steps_whichever_side_has_it(added, gain):
     row = made(added)
     assert row.gain.value == row.gain.low == gain
-    assert row.flops_ratio == (0.75 if added else 4 / 3) and row.flops_by == blocks.BACKEND
     assert (row.verdict, row.psnr_db, row.paper_value) == ("identical", None, 1.3)
 
 
@@ -328,7 +326,7 @@ def test_the_table(tmp_path):
     assert (row.width, row.height, row.step, row.against) == (16, 9, "removed", "opt2")
     value, low, high = row.gain.ends
     assert low <= value <= high and value == pytest.approx(row.ms.ends[0] / row.against_ms.ends[0])
-    assert row.verdict in ("identical", "within") and row.flops_ratio < 1
+    assert row.verdict in ("identical", "within")
     assert found.failures == found.skipped == [] and found.launches == 10
 
 
@@ -340,7 +338,7 @@ def test_ideas_have_a_file_of_their_own(tmp_path):
     assert called("--ideas", *words, "--phase", "opt6_wide+awake", "opt6_wide+rsqrt").ended == 0
     (row,) = Ideas.load(tmp_path / "ideas.json").rows
     assert (row.ablation, row.scene, row.reference) == ("opt6_wide+awake", "scene0", "baseline")
-    assert row.idea and row.lines and row.flops_ratio is None
+    assert row.idea and row.lines
     assert (row.change_psnr_db, row.change_max_abs) == (None, 0)  # not one bit
 
 
@@ -364,9 +362,9 @@ def test_a_wrong_picture_fails_and_so_does_a_patch_that_does_not_apply(tmp_path,
     monkeypatch.setattr(command.Study, "measure", lambda self: [wrong])
     stale = {"opt1+stale": StudyError("does not apply")}
     monkeypatch.setattr(ablations, "find", lambda names: ([ablation()], stale))
-    found = called("-n", 9, "--no-flops", "--run", tmp_path)
+    found = called("-n", 9, "--run", tmp_path)
     assert found.ended == cli.FAILED and len(found.failed) == 2
     assert [one.ablation for one in Ablations.load(tmp_path / "ablations.json").failures] == ["opt1+stale"]
     monkeypatch.setattr(ablations, "find", lambda names: ([], stale))
     with pytest.raises(StudyError, match="does not apply"):
-        called("-n", 9, "--no-flops", "--run", tmp_path)
+        called("-n", 9, "--run", tmp_path)

@@ -69,7 +69,7 @@ def stepped() -> dict[str, Any]:
         **{"ablation": "opt1+x", "against": "opt1", "scene": "scene0", "width": 16, "height": 9},
         **{"step": "added", "what": "a step", "paper": "2× (section 3)", "paper_value": 2.0},
         **{"gain": interval, "claim": "holds", "psnr_db": None, "fraction_over_1_255": 0.0},
-        **{"against_psnr_db": None, "verdict": "identical", "flops_ratio": 0.9},
+        **{"against_psnr_db": None, "verdict": "identical"},
     }
     return {"schema": 1, "n": 9, "launches": 6, "rows": [row], "skipped": [], "failures": []}
 

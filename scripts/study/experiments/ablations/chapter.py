@@ -51,7 +51,6 @@ STEPS = [
     OUTCOME,
     Column("", "the paper", lambda r: r.paper.partition(" (")[0]),
     Column("", "the paper's claim", ablations.said),
-    Column("", "FLOPs with it over without", show.plain("flops_ratio", 3)),
     Column("error against baseline", "PSNR linear, dB", decibels("psnr_db")),
     Column("error against baseline", "of what it is compared with", decibels("against_psnr_db")),
     Column("error against baseline", "pixels off > 1/255", lambda r: show.percent(r.fraction_over_1_255)),

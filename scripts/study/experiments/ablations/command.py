@@ -1,11 +1,14 @@
-"""Single steps of the ladder: gain, error and FLOPs of each, beside what the paper credits to it."""
+"""Single steps of the ladder: gain and error of each, beside what the paper credits to it."""
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import secrets
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from study.core import cli, registry, run, show, store
 from study.core.cli import Outcome, StudyError
@@ -15,7 +18,7 @@ from study.experiments import running
 from study.experiments.ablations import chapter, ideas
 from study.experiments.ablations import measure as ablations
 from study.experiments.ablations.measure import Ablation, Case
-from study.experiments.ablations.schema import SCHEMAS, Flops, Reason, Row
+from study.experiments.ablations.schema import SCHEMAS, Reason, Row
 from study.pictures.gallery import Gallery
 
 DESCRIPTION = """\
@@ -37,7 +40,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     cores = len(os.sched_getaffinity(0))
     (height, launches), (tall, many) = SIZES[False], SIZES[True]
     add("--phase", nargs="+", metavar="PHASE", help="opt2, or an ablation like opt2+horizontal; default: all")
-    add("--ideas", action="store_true", help="only ideas of phases, into ideas.json; no FLOPs")
+    add("--ideas", action="store_true", help="only ideas of phases, into ideas.json")
     about = f"default: {' '.join(SCENES)}; with --ideas: those that each patch names"
     add("--scene", nargs="+", metavar="SCENE", help=about)
     about = f"height in pixels; default: {height}, with --ideas {tall}"
@@ -47,7 +50,6 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=secrets.randbelow(2**32), help="of order and padding; default: random")
     add("--run", type=Path, metavar="DIR", help="for ablations.json or ideas.json; default: build/ablations")
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
-    add("--no-flops", action="store_true", help="do not count FLOPs (saves the counting builds)")
     add("--jobs", type=whole, default=cores, help="built and verified at a time; default: CPUs")
 
 
@@ -64,34 +66,18 @@ class Study:
             self.found = [one for one in self.found if bool(one.idea) == args.ideas]
         self.failures = [Reason(ablation=name, reason=str(error)) for name, error in broken.items()]
         self.skipped: list[Reason] = []
-        lacking = " ".join(registry.missing_isa(Spec.parse(registry.BASE)))
-        if lacking:
+        unable = {spec: " ".join(registry.missing_isa(spec)) for spec in self.specs()}
+        if lacking := unable[Spec.parse(registry.BASE)]:
             raise StudyError(f"{registry.BASE} cannot run: this CPU lacks {lacking}", cli.CANNOT_RUN)
-        self._drop_unable()
-        self._drop_unbuilt()
+        self.drop({s: f"this CPU lacks {what}" for s, what in unable.items() if what}, self.skipped)
+        self.drop(ablations.build_all(self.specs(), args.jobs), self.failures)
 
-    def _drop(self, ablation: Ablation, reason: str, into: list[Reason]) -> None:
-        into.append(Reason(ablation=str(ablation.spec), reason=reason))
-        self.found.remove(ablation)
-
-    def _drop_unable(self) -> None:
-        for ablation in list(self.found):
-            for spec in (ablation.spec, ablation.against):
-                if lacking := registry.missing_isa(spec):
-                    self._drop(ablation, f"this CPU lacks {' '.join(lacking)}", self.skipped)
-                    break
-
-    def _drop_unbuilt(self) -> None:
-        targets = ["render"] if self.args.no_flops else ["render", "render-count"]
-        problems = ablations.build_all(self.specs(), targets, self.args.jobs)
-        for ablation in list(self.found):
-            for spec in (ablation.spec, ablation.against):
-                if error := problems.get((spec, "render")):
-                    self._drop(ablation, str(error), self.failures)
-                    break
-        for (spec, target), error in problems.items():
-            if target == "render-count":
-                cli.say(f"no FLOPs of {spec}: {str(error).splitlines()[-1].strip()}")
+    def drop(self, reasons: Mapping[Spec, object], into: list[Reason]) -> None:
+        """Leaves out every ablation of which a program has a reason."""
+        for one in list(self.found):
+            if reason := reasons.get(one.spec) or reasons.get(one.against):
+                into.append(Reason(ablation=str(one.spec), reason=str(reason)))
+                self.found.remove(one)
 
     def specs(self) -> list[Spec]:
         """Every program, the baseline first."""
@@ -107,66 +93,41 @@ class Study:
             found += [(one, ideas.find_scene(name)) for name in names]
         return found
 
-    @staticmethod
-    def _cases(ablation: Ablation, scene: Scene) -> list[Case]:
-        return [(ablation.against, scene.name), (ablation.spec, scene.name)]
-
     def _refused(self, ablation: Ablation, scene: Scene, refused: dict[Case, DriverError]) -> bool:
         """Whether a picture that the row needs could not be had: then the row is a failure, or skipped."""
-        for case in [(ablation.reference, scene.name), *self._cases(ablation, scene)]:
-            if error := refused.get(case):
+        for spec in (ablation.reference, ablation.against, ablation.spec):
+            if error := refused.get((spec, scene.name)):
                 into = self.skipped if error.status in (run.NO_ISA, run.UNSUPPORTED) else self.failures
-                why = f"{case[0]} on {case[1]}: {error}"
+                why = f"{spec} on {scene.name}: {error}"
                 into.append(Reason(ablation=str(ablation.spec), reason=why))
                 return True
         return False
 
-    def _flops(self, pairs: list[tuple[Ablation, Scene]], cases: list[Case]) -> list[dict[Case, Flops]]:
-        """FLOPs by case for each pair: declared ones, or measured where one of the two declares none."""
-        if self.args.no_flops:
-            return [{} for _ in pairs]
-        declared = ablations.count(cases, self.args.n, self.args.jobs)
-        lacking = [a.costs or not declared.keys() >= {*self._cases(a, s)} for a, s in pairs]
-        both = zip(pairs, lacking, strict=True)
-        without = [case for pair, lacks in both if lacks for case in self._cases(*pair)]
-        measured = ablations.measure_flops(dict.fromkeys(without), self.args.n)
-        return [measured if lacks else declared for lacks in lacking]
-
     def measure(self) -> list[Row]:
         """All rows. Raises DriverError."""
         args, pairs = self.args, self.pairs()
-        cases: list[Case] = list(dict.fromkeys(case for pair in pairs for case in self._cases(*pair)))
         folder = args.run or registry.ROOT / "build" / "ablations"
         gallery = Gallery(folder / "images" if args.run else folder, self.specs())
-        sizes = {scene.name: scene.size(args.n) for _, scene in pairs}
-        references = dict.fromkeys((ablation.reference, scene.name) for ablation, scene in pairs)
-        all_cases = dict.fromkeys([*references, *cases])
-        tasks = [(spec, ideas.find_scene(name), sizes[name]) for spec, name in all_cases]
+        tasks = [
+            (spec, scene, scene.size(args.n))
+            for one, scene in pairs
+            for spec in (one.reference, one.against, one.spec)
+        ]
         refused = gallery.render_all(tasks, args.jobs)
         pairs = [pair for pair in pairs if not self._refused(*pair, refused)]
-        cases = [case for case in cases if any(case in self._cases(*pair) for pair in pairs)]
-        judged = {
-            (who, case): None
-            for one, scene in pairs
-            for case in self._cases(one, scene)
-            for who in (one.reference, one.against)
-        }
-        metrics = {
-            (who, case): ablations.error_of(gallery, who, case[0], ideas.find_scene(case[1]), sizes[case[1]])
-            for who, case in judged
-        }
-        flops = self._flops(pairs, cases)
-        times = ablations.measure(cases, args.n, args.launches, args.seed, args.cpu)
-        return [
-            ablations.row(a, s, sizes[s.name], times, metrics, counted)
-            for (a, s), counted in zip(pairs, flops, strict=True)
-        ]
+        metrics: dict[tuple[Spec, Case], dict[str, Any]] = {}
+        for one, scene in pairs:
+            for who, spec in itertools.product((one.reference, one.against), (one.against, one.spec)):
+                if (key := (who, (spec, scene.name))) not in metrics:
+                    metrics[key] = ablations.error_of(gallery, who, spec, scene, scene.size(args.n))
+        cases = dict.fromkeys((spec, scene.name) for one, scene in pairs for spec in (one.against, one.spec))
+        times = ablations.measure(list(cases), args.n, args.launches, args.seed, args.cpu)
+        return [ablations.row(one, scene, scene.size(args.n), times, metrics) for one, scene in pairs]
 
 
 def measure(args: argparse.Namespace) -> Outcome:
     height, launches = SIZES[args.ideas]
     args.n, args.launches = args.n or height, args.launches or launches
-    args.no_flops = args.no_flops or args.ideas
     study = Study(args)
     if not study.pairs():
         if study.failures:

@@ -11,11 +11,7 @@ QUICK = ("baseline", "opt1", "opt2")  # built in seconds
 
 # At the command's own size and launches: at n = 90 and six launches half of the steps could not be told.
 def calls(study: Study) -> list[Call]:
-    few = (
-        ["--phase", *QUICK, "--scene", "scene0", "-n", "60", "--launches", "6", "--no-flops"]
-        if study.quick
-        else []
-    )
+    few = ["--phase", *QUICK, "--scene", "scene0", "-n", "60", "--launches", "6"] if study.quick else []
     return [Call("ablations", [*few, "--run", str(study.run)])]
 
 
@@ -26,7 +22,7 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
-    cut="Steps of the first three phases on scene0 at height 60, six launches, no FLOPs.",
+    cut="Steps of the first three phases on scene0 at height 60, six launches.",
     command=command,
     lesson=ideas.lesson,
     sections=[

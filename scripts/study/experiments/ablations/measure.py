@@ -9,20 +9,16 @@ phase itself. `change_…`: how far the patched phase's picture is from that of 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.core import cli, patches, progress, registry, run
+from study.core import cli, patches, registry, run
 from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
-from study.core.run import DriverError
-from study.counting import blocks, costs
-from study.counting import flops as counting
 from study.experiments.ablations import ideas
-from study.experiments.ablations.schema import Flops, Row
+from study.experiments.ablations.schema import Row
 from study.measuring import launches as launched
 from study.numbers import stats, verdicts
 from study.numbers.schema import Interval
@@ -43,7 +39,6 @@ class Ablation:
     what: str
     paper: str
     error: str | None  # why its picture need not be within a tolerance
-    costs: str | None  # why its costs.def says nothing: then its FLOPs are measured
     scenes: tuple[str, ...]  # where the step can matter; none named: everywhere
     idea: str | None = None  # of the phase, that the patch takes out (study.experiments.ablations.ideas)
 
@@ -82,14 +77,14 @@ def _read(name: str, root: Path) -> list[Ablation]:
         raise StudyError(str(error)) from None
     for scene in (scenes := tuple(head.get("scenes", "").split())):
         ideas.check_scene(scene, root)
-    error, counted, idea = (head.get(name) for name in ("error", "costs", "idea"))
     against, added, about = Spec.parse(head["against"]), head["direction"] == "added", head["paper"]
-    found = [Ablation(Spec.parse(name), against, added, head["what"], about, error, counted, scenes, idea)]
+    optional = head.get("error"), scenes, head.get("idea")
+    found = [Ablation(Spec.parse(name), against, added, head["what"], about, *optional)]
     if "beside" in head:
         other = Spec.parse(head["beside"])
         title = registry.find_phase(other.phase).title
         words = f"beside {name}: {title[:1].lower()}{title[1:]}"
-        found.append(Ablation(other, against, True, words, "no figure of its own", None, None, scenes))
+        found.append(Ablation(other, against, True, words, "no figure of its own", None, scenes))
     return found
 
 
@@ -118,16 +113,15 @@ def find(
     return found, broken
 
 
-def build_all(specs: Sequence[Spec], targets: Sequence[str], jobs: int) -> dict[tuple[Spec, str], StudyError]:
-    """Builds everything, `jobs` programs at a time. Returns what cannot be built, by spec and target."""
-    tasks = [(spec, target) for spec in specs for target in targets]
-    build_together(tasks, jobs)
+def build_all(specs: Sequence[Spec], jobs: int) -> dict[Spec, StudyError]:
+    """Builds everything, `jobs` programs at a time. Returns what cannot be built."""
+    build_together([(spec, "render") for spec in specs], jobs)
     failed = {}
-    for task in tasks:
+    for spec in specs:
         try:
-            build(*task)
+            build(spec)
         except StudyError as error:
-            failed[task] = error
+            failed[spec] = error
     return failed
 
 
@@ -163,52 +157,14 @@ def judge(ablation: Ablation, scene: Scene, metrics: dict[str, Any]) -> tuple[st
     return ("identical" if metrics["identical"] else "within"), {}
 
 
-def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, Flops]:
-    """FLOPs of one frame by the counting builds; what has none or declares none is left out."""
-
-    def one(case: Case) -> Flops | None:
-        scene = ideas.find_scene(case[1])
-        try:
-            if not costs.declares(case[0].phase):
-                return None
-            found = counting.declared(case[0], scene, height).flops
-            return Flops(paper=found.paper, machine=found.machine) if found else None
-        except DriverError as error:
-            cli.say(f"no FLOPs of {case[0]} on {case[1]}: {error}")
-        except StudyError:  # does not build, which was said
-            pass
-        return None
-
-    with ThreadPoolExecutor(jobs) as pool:
-        counts = list(progress.each(pool.map(one, cases), "count", len(cases)))
-    return {case: n for case, n in zip(cases, counts, strict=True) if n is not None}
-
-
-def measure_flops(cases: Iterable[Case], height: int) -> dict[Case, Flops]:
-    """Machine FLOPs by the assembly block counters, for what declares none."""
-    found: dict[Case, Flops] = {}
-    for spec, name in cases:
-        try:
-            done = blocks.measure(spec, ideas.find_scene(name), height)
-            found[spec, name] = Flops(machine=done.total.machine)
-        except StudyError as error:
-            cli.say(f"no FLOPs of {spec} on {name}: {error}")
-    return found
-
-
 def row(
     ablation: Ablation,
     scene: Scene,
     size: Size,
     times: dict[Case, list[float]],
     metrics: dict[tuple[Spec, Case], dict[str, Any]],
-    flops: dict[Case, Flops],
 ) -> Row:
-    """One line of the table. `flops_ratio`: machine FLOPs with the step over those without it.
-
-    `metrics`: by reference and case. `flops`: declared, or measured where the ablation's costs are not
-    declared. Raises KeyError for a case without times or metrics.
-    """
+    """One line of the table. `metrics`: by reference and case."""
     mine, base = (ablation.spec, scene.name), (ablation.against, scene.name)
     without, with_it = (base, mine) if ablation.added else (mine, base)
     gain = stats.ratio_interval(times[without], times[with_it])
@@ -221,7 +177,7 @@ def row(
         )
     )
     verdict, failed = judge(ablation, scene, metrics[ablation.reference, mine])
-    made = Row(
+    return Row(
         ablation=str(ablation.spec),
         against=str(ablation.against),
         scene=scene.name,
@@ -246,8 +202,3 @@ def row(
         failed=[f"{name}: {why}" for name, why in failed.items()],
         error=ablation.error,
     )
-    if without in flops and with_it in flops:
-        made.flops, made.against_flops = flops[mine], flops[base]
-        made.flops_by = blocks.BACKEND if made.flops.paper is None else "declared costs"
-        made.flops_ratio = flops[with_it].machine / flops[without].machine
-    return made

@@ -8,13 +8,6 @@ from study.core.schema import Record, key
 from study.numbers.schema import Interval, Measured
 
 
-class Flops(Record, kw_only=True):
-    """FLOPs of one frame, by two conventions (docs/method.md)."""
-
-    machine: Annotated[int, key("FLOP", "the machine's")]
-    paper: Annotated[int | None, key("FLOP", "the paper's; absent where they were measured")] = None
-
-
 class Row(Record, kw_only=True):
     """One patch on one scene, beside the program that it is compared with."""
 
@@ -53,10 +46,6 @@ class Row(Record, kw_only=True):
     ]
     failed: Annotated[list[str], key("", "metrics outside of the tolerance")]
     error: Annotated[str | None, key("", "the error that the patch declares; null: none")] = None
-    flops_by: Annotated[str | None, key("", "who counted")] = None
-    flops: Annotated[Flops | None, key("", "of the patched program")] = None
-    against_flops: Annotated[Flops | None, key("", "of the other")] = None
-    flops_ratio: Annotated[float | None, key("×", "machine FLOPs with the step over without")] = None
 
 
 class Reason(Record, kw_only=True):
@@ -70,7 +59,7 @@ class Reason(Record, kw_only=True):
 
 
 class Ablations(Measured, kw_only=True):
-    """Single steps put in or taken out: gain, error, FLOPs."""
+    """Single steps put in or taken out: gain and error."""
 
     made_by: ClassVar[str] = "ablations"
     reference: Annotated[str | None, key("", "baseline")] = None
