@@ -38,26 +38,21 @@ SIZES = {"sphere": 1.0, "octahedron": 1.3, "box": 0.75}  # radius, radius, half 
 INSIDE = {"sphere": 1.0, "octahedron": 1.3 / math.sqrt(3), "box": 0.75}  # radius of the largest ball in it
 AROUND = {"sphere": 1.0, "octahedron": 1.3, "box": 0.75 * math.sqrt(3)}  # and of the smallest about it
 FOV = 30.0  # degrees, vertical
+HALF = math.tan(math.radians(FOV) / 2)
 NEAR, FAR, DEEP = 20.0, 40.0, 60.0  # scene units from the camera; DEEP: the last shape of a column
 CLUSTERS, CLUSTER_SIGMA, BALL = 8, 1.5, 1.5
 RAYS = 160, 90  # of the picture whose coverage is set
 MIRRORS_APART = 4.0
-MARCH = {
-    "max_steps": 3000,
-    "hit_distance": 1e-6,
-    "bounds_radius": 100,
-    "max_bounces": 3,
-    "normal_step": 1e-4,
-    "surface_offset": 1e-3,
-}
+MARCH = {"max_steps": 3000, "hit_distance": 1e-6, "bounds_radius": 100}
+MARCH |= {"max_bounces": 3, "normal_step": 1e-4, "surface_offset": 1e-3}
+Place = tuple[float, float, float]
 Placed = list[tuple[float, float, float, float, str]]  # x, y, z, size before scaling, kind
 
 
 def rays(width: int, height: int) -> np.ndarray:
     """Unit directions of the camera's rays, shape (width·height, 3); it looks along z."""
-    half = math.tan(math.radians(FOV) / 2)
-    x = (2 * (np.arange(width) + 0.5) / width - 1) * (width / height) * half
-    y = (1 - 2 * (np.arange(height) + 0.5) / height) * half
+    x = (2 * (np.arange(width) + 0.5) / width - 1) * (width / height) * HALF
+    y = (1 - 2 * (np.arange(height) + 0.5) / height) * HALF
     found = np.stack([*np.meshgrid(x, y), np.ones((height, width))], axis=-1).reshape(-1, 3)
     return found / np.linalg.norm(found, axis=1, keepdims=True)
 
@@ -67,23 +62,21 @@ def _normal(dice: random.Random) -> float:
     return math.sqrt(-2 * math.log(1 - dice.random())) * math.cos(2 * math.pi * dice.random())
 
 
-def _spread(dice: random.Random, share: float) -> tuple[float, float, float]:
+def _spread(dice: random.Random, share: float) -> Place:
     """A place even over that share of the picture and between NEAR and FAR."""
     z = NEAR + (FAR - NEAR) * dice.random()
-    half = math.tan(math.radians(FOV) / 2) * z * share
+    half = HALF * z * share
     return (2 * dice.random() - 1) * half * 16 / 9, (2 * dice.random() - 1) * half, z
 
 
-def _centres(arrangement: str, count: int, dice: random.Random) -> list[tuple[float, float, float]]:
+def _centres(arrangement: str, count: int, dice: random.Random) -> list[Place]:
     if arrangement == "scattered":
         return [_spread(dice, 0.9) for _ in range(count)]
     if arrangement == "clustered":
-        places = [_spread(dice, 0.7) for _ in range(CLUSTERS)]
-        return [
-            tuple(p + CLUSTER_SIGMA * _normal(dice) for p in places[i % CLUSTERS])  # type: ignore[misc]
-            for i in range(count)
-        ]
-    found: list[tuple[float, float, float]] = []
+        about = [_spread(dice, 0.7) for _ in range(CLUSTERS)]
+        moved = ([p + CLUSTER_SIGMA * _normal(dice) for p in about[i % CLUSTERS]] for i in range(count))
+        return [(x, y, z) for x, y, z in moved]
+    found: list[Place] = []
     while len(found) < count:
         x, y, z = (BALL * (2 * dice.random() - 1) for _ in range(3))
         if x * x + y * y + z * z <= BALL * BALL:
@@ -97,13 +90,12 @@ def _columns(count: int) -> Placed:
     columns = math.ceil(count / deep)
     down = max(1, round(math.sqrt(columns * 9 / 16)))
     across = math.ceil(columns / down)
-    half = math.tan(math.radians(FOV) / 2)
     made: Placed = []
     for i in range(count):
         column, place = i % columns, i // columns
         z = NEAR * (DEEP / NEAR) ** (place / max(1, deep - 1))
-        x = (2 * (column % across + 0.5) / across - 1) * half * 16 / 9
-        y = (1 - 2 * (column // across + 0.5) / down) * half
+        x = (2 * (column % across + 0.5) / across - 1) * HALF * 16 / 9
+        y = (1 - 2 * (column // across + 0.5) / down) * HALF
         made.append((x * z, y * z, z, z, KINDS[column % len(KINDS)]))
     return made
 
@@ -178,50 +170,34 @@ def quantile(values: np.ndarray, share: float) -> float:
 
 
 def _materials() -> dict[str, Any]:
-    matt = {"reflectivity": 0.0, "shininess": 15.0}
-    return {
-        "blue": {"color": [0, 0.1, 0.6], **matt},
-        "green": {"color": [0, 0.6, 0.1], **matt},
-        "yellow": {"color": [0.5, 0.5, 0], **matt},
-    }
+    colours = {"blue": [0, 0.1, 0.6], "green": [0, 0.6, 0.1], "yellow": [0.5, 0.5, 0]}
+    return {name: {"color": c, "reflectivity": 0.0, "shininess": 15.0} for name, c in colours.items()}
 
 
-def _scene(
-    light: dict[str, Any], materials: dict[str, Any], shapes: list[dict], look_at: list[float]
-) -> dict:
+def _scene(light: dict, materials: dict, shapes: list[dict], look_at: list[float], bounces: int = 3) -> dict:
     camera = {"position": [0, 0, 0], "look_at": look_at, "up": [0, 1, 0], "vertical_fov_degrees": FOV}
     return {
         "camera": camera,
         "light": {"emission": [100, 100, 100], "shadow_strength": 3, **light},
         "background": [0.1, 0.1, 0.1],
         "fog": 0,
-        "march": dict(MARCH),
+        "march": {**MARCH, "max_bounces": bounces},
         "materials": materials,
         "shapes": shapes,
     }
-
-
-def _sizes(kind: str, factor: float) -> dict[str, Any]:
-    length = SIZES[kind] * factor
-    return {"half_size": [length] * 3} if kind == "box" else {"radius": length}
 
 
 def data(arrangement: str, count: int, seed: int) -> dict[str, Any]:
     """The scene as JSON has it: `count` shapes that cover COVERAGE of the picture."""
     shapes = placed(arrangement, count, seed)
     factor = quantile(least_gauge(shapes, rays(*RAYS)), COVERAGE)
-    names = list(_materials())
-    made = [
-        {
-            "type": kind,
-            **_sizes(kind, factor * size),
-            "position": [x, y, z],
-            "material": names[i % len(names)],
-        }
-        for i, (x, y, z, size, kind) in enumerate(shapes)
-    ]
-    light = {"position": [30, 60, -20], "shadows": "soft"}
-    return _scene(light, _materials(), made, [0, 0, 1])
+    names, made = list(_materials()), []
+    for i, (x, y, z, size, kind) in enumerate(shapes):
+        length = SIZES[kind] * (factor * size)
+        sizes = {"half_size": [length] * 3} if kind == "box" else {"radius": length}
+        about = {"position": [x, y, z], "material": names[i % len(names)]}
+        made.append({"type": kind, **sizes, **about})
+    return _scene({"position": [30, 60, -20], "shadows": "soft"}, _materials(), made, [0, 0, 1])
 
 
 def hall(bounces: int) -> dict[str, Any]:
@@ -229,49 +205,33 @@ def hall(bounces: int) -> dict[str, Any]:
     so nearly every ray is mirrored `bounces` times while those are under 20. No shadows: a shadow ray runs on
     behind the light, where the other mirror is."""
     mirror = {"color": [0.3, 0.3, 0.3], "reflectivity": 0.9, "shininess": 15.0}
-    walls = [
+    shapes: list[dict] = [
         {"type": "plane", "normal": [side, 0, 0], "offset": -MIRRORS_APART / 2, "material": "mirror"}
         for side in (1, -1)
     ]
-    balls = [
-        {"type": "sphere", "radius": 0.15, "position": [x, y, z], "material": name}
-        for (x, y, z), name in zip(
-            ((1.2, -0.2, 0.6), (0.8, 0.5, 1.4), (-0.9, 0.1, 2.2)), _materials(), strict=True
-        )
-    ]
-    light = {"position": [0, 3, 2], "shadows": "none"}
-    angle = math.radians(20)
-    made = _scene(
-        light | {"emission": [3, 3, 3]},
-        {**_materials(), "mirror": mirror},
-        walls + balls,
-        [math.cos(angle), 0, math.sin(angle)],
-    )
-    made["march"]["max_bounces"] = bounces
-    return made
+    places = ([1.2, -0.2, 0.6], [0.8, 0.5, 1.4], [-0.9, 0.1, 2.2])
+    for place, name in zip(places, _materials(), strict=True):
+        shapes.append({"type": "sphere", "radius": 0.15, "position": place, "material": name})
+    light = {"position": [0, 3, 2], "shadows": "none", "emission": [3, 3, 3]}
+    look_at = [math.cos(math.radians(20)), 0, math.sin(math.radians(20))]
+    return _scene(light, {**_materials(), "mirror": mirror}, shapes, look_at, bounces)
 
 
 def _written(name: str, make: Callable[[], dict[str, Any]], folder: Path) -> Scene:
-    """The scene of that name as a file in `folder`, made only where it is not there already."""
-    path = folder / f"{name}.json"
+    """The scene of that name as a file below `folder`, made only where it is not there already. Another text
+    of this module makes others."""
+    path = folder / hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8] / f"{name}.json"
     if not path.exists():
         store.write_json(path, make())
     return Scene(name, path, store.read_json(path), False)
 
 
-def _folder(folder: Path) -> Path:
-    """Of what this file makes: another text of it makes others."""
-    return folder / hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8]
-
-
 def of_shapes(arrangement: str, count: int, seed: int, folder: Path) -> Scene:
     """`data` as a file below `folder`. Raises StudyError for what there is not."""
     placed(arrangement, count, seed)
-    return _written(
-        f"{arrangement}-{count}-seed{seed}", lambda: data(arrangement, count, seed), _folder(folder)
-    )
+    return _written(f"{arrangement}-{count}-seed{seed}", lambda: data(arrangement, count, seed), folder)
 
 
 def of_mirrors(bounces: int, folder: Path) -> Scene:
     """`hall` as a file below `folder`."""
-    return _written(f"hall-{bounces}", lambda: hall(bounces), _folder(folder))
+    return _written(f"hall-{bounces}", lambda: hall(bounces), folder)

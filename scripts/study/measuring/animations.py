@@ -21,6 +21,19 @@ QUARTER = 4  # of the frames are timed where all of them would take minutes
 Row = TypeVar("Row", bound=Animation)
 
 
+class MovedFrame(msgspec.Struct):
+    ns: int
+    warmup: bool
+    update_ns: int
+
+
+class Moved(msgspec.Struct):
+    """What the driver says of an animation."""
+
+    frames: list[MovedFrame]
+    settings: str | None = None
+
+
 def still_error(phase: str, scene: Scene, n: int, told: Told | None = None) -> FrameErrors:
     """How far the picture of the beginning is from truth, of `n` rows, STILL at most. Raises StudyError."""
     size = scene.size(min(n, STILL))
@@ -36,20 +49,21 @@ def animation(
     size = scene.size(n)
     cli.say(f"{phase}: {frames} frames of {size[0]}×{size[1]}, {threads} threads")
     how = {"cpu": run.FASTEST, "threads": threads, "timed": False, "told": told}
-    record = run.render(phase, scene.path, size[1], size[0], animation=frames, warmup=2, **how)
-    timed = [frame for frame in record["frames"] if not frame["warmup"]]
-    ms = np.array([frame["ns"] for frame in timed]) / 1e6
+    told_of = run.render(phase, scene.path, size[1], size[0], animation=frames, warmup=2, **how)
+    record = msgspec.convert(told_of, Moved)
+    timed = [frame for frame in record.frames if not frame.warmup]
+    ms = np.array([frame.ns for frame in timed]) / 1e6
     p5, p50, p95 = np.percentile(ms, (5, 50, 95)).tolist()
     mean = float(ms.mean())
     return Animation(
         phase=phase,
-        settings=record["settings"],
+        settings=record.settings,
         threads=threads,
         frames=frames,
         width=size[0],
         n=n,
         ms=Spread(mean=mean, p5=p5, p50=p50, p95=p95, most=float(ms.max())),
-        update_ms=float(np.median([frame["update_ns"] for frame in timed])) / 1e6,
+        update_ms=float(np.median([frame.update_ns for frame in timed])) / 1e6,
         core_ns_per_pixel=mean * 1e6 * threads / (size[0] * n),
         all_ms=ms.tolist(),
     )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import numpy as np
 
 from study.core import run
@@ -81,34 +81,39 @@ def bench(*arguments: str, cpu: int | None = None, data: bytes | None = None) ->
 
 
 def median(values: Sequence[float] | np.ndarray) -> Range:
-    return _range(stats.median_interval(values))
+    return Range.of(stats.median_interval(values))
 
 
-def _range(found: stats.Interval) -> Range:
-    value, low, high = (one if np.isfinite(one) else None for one in (found.value, found.low, found.high))
-    return Range(value=value, low=low, high=high)
+class SaidRow(msgspec.Struct):
+    """A row as the bench prints it; ns of each round."""
+
+    vectors: int
+    isa: str
+    name: str
+    layout: str
+    ns: list[float]
+    bits: int | None = None
+    max_ulp: float | None = None
+    rms_ulp: float | None = None
+
+
+class Said(msgspec.Struct):
+    rows: list[SaidRow]
 
 
 def normalise(vectors: int, rounds: int, seed: int, cpu: int | None) -> list[Normalise]:
     """P2's benchmark: ns per vector and bandwidth per size, kernel and width, over sizes up to `vectors`."""
     flags = ["--vectors", str(vectors), "--rounds", str(rounds), "--seed", str(seed)]
-    rows = json.loads(bench("normalise", *flags, cpu=cpu))["rows"]
-    scalar = {r["vectors"]: r["ns"] for r in rows if (r["isa"], r["layout"]) == ("scalar", "AoS")}
-    floor = {(r["vectors"], r["isa"]): r["ns"] for r in rows if r["name"] == "no arithmetic"}
+    rows = msgspec.json.decode(bench("normalise", *flags, cpu=cpu), type=Said).rows
+    scalar = {r.vectors: r.ns for r in rows if (r.isa, r.layout) == ("scalar", "AoS")}
+    floor = {(r.vectors, r.isa): r.ns for r in rows if r.name == "no arithmetic"}
     made = []
     for row in rows:
-        taken, size = row.pop("ns"), row["vectors"]
-        bound = floor.get((size, row["isa"]))
-        ns = median(taken)
-        made.append(
-            Normalise(
-                **row,
-                ns=ns,
-                speedup=_range(stats.ratio_interval(scalar[size], taken)),
-                # 1: as fast as loading and storing alone
-                share_of_memory=float(np.median(bound) / np.median(taken)) if bound else None,
-                bytes=12 * size,
-                gb_per_s=24 / ns.value if ns.value else None,  # 12 bytes in, 12 out
-            )
-        )
+        bound = floor.get((row.vectors, row.isa))
+        told = msgspec.structs.asdict(row) | {"ns": median(row.ns), "bytes": 12 * row.vectors}
+        told["speedup"] = Range.of(stats.ratio_interval(scalar[row.vectors], row.ns))
+        # 1: as fast as loading and storing alone
+        told["share_of_memory"] = float(np.median(bound) / np.median(row.ns)) if bound else None
+        told["gb_per_s"] = 24 / float(np.median(row.ns))  # 12 bytes in, 12 out
+        made.append(Normalise(**told))
     return made

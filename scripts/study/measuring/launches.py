@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from study.core import run
 from study.core.registry import Scene, Spec
 from study.measuring.schema import Gain, Timed
@@ -28,8 +26,7 @@ def milliseconds(
 ) -> float:
     """Median time of a launch's frames, on as many CPUs as it has threads. Raises StudyError."""
     how = {"cpu": run.FASTEST, "env_bytes": env_bytes, "reps": reps, "warmup": 1, "timed": False} | more
-    record = run.render(phase, scene.path, size[1], size[0], told=told, **how)
-    return float(np.median([f["ns"] for f in record["frames"] if not f["warmup"]])) / 1e6
+    return run.median_ms(run.render(phase, scene.path, size[1], size[0], told=told, **how))
 
 
 def interleaved(

@@ -13,22 +13,17 @@ from study.core.schema import File, Record, key
 from study.numbers import stats
 
 
-class Interval(Record, kw_only=True):
+class Range(Record, kw_only=True):
     """A figure with its 95 % interval, in the figure's unit."""
 
-    value: Annotated[float | None, key("", "median over process launches, or a ratio of two medians")]
+    value: Annotated[float | None, key("", "the figure: a median over launches, or a ratio of two")]
     low: Annotated[float | None, key("", "lower end; null: not known")]
     high: Annotated[float | None, key("", "upper end; null: not known")]
-    launches: Annotated[int, key("launches", "behind it; of a ratio the smaller number")]
-    sufficient: Annotated[bool, key("", "whether there were enough for an interval (6)")]
 
     @classmethod
-    def of(cls, found: stats.Interval) -> Interval:
+    def of(cls, found: stats.Interval) -> Range:
         """As files have it: null for what is not finite."""
-        value, low, high = (
-            one if math.isfinite(one) else None for one in (found.value, found.low, found.high)
-        )
-        return cls(value=value, low=low, high=high, launches=found.launches, sufficient=found.sufficient)
+        return cls(**_ends(found))
 
     @property
     def ends(self) -> tuple[float, float, float]:
@@ -37,12 +32,20 @@ class Interval(Record, kw_only=True):
         return value, low, high
 
 
-class Range(Record, kw_only=True):
-    """A figure with its 95 % interval, in the figure's unit."""
+class Interval(Range, kw_only=True):
+    """A figure with its 95 % interval, in the figure's unit, and the launches behind it."""
 
-    value: Annotated[float | None, key("", "the figure")]
-    low: Annotated[float | None, key("", "lower end; null: not known")]
-    high: Annotated[float | None, key("", "upper end; null: not known")]
+    launches: Annotated[int, key("launches", "of a ratio the smaller number")]
+    sufficient: Annotated[bool, key("", "whether there were enough for an interval (6)")]
+
+    @classmethod
+    def of(cls, found: stats.Interval) -> Interval:
+        return cls(**_ends(found), launches=found.launches, sufficient=found.sufficient)
+
+
+def _ends(found: stats.Interval) -> dict[str, float | None]:
+    ends = (one if math.isfinite(one) else None for one in found.ends)
+    return dict(zip(("value", "low", "high"), ends, strict=True))
 
 
 class Skipped(Record, kw_only=True):

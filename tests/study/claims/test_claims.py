@@ -21,7 +21,7 @@ from study.core.registry import ROOT
 from study.core.run_schema import Context, Cpu, Plan
 from study.experiments import experiment
 from study.numbers import analysis, ladder, paper
-from study.numbers.analysis import Cell, Data
+from study.numbers.analysis import Cell, Data, Facts
 from study.numbers.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, WORDS, Found, sized
 
 STEADY = (0.999, 1.0, 1.001, 1.0, 0.9995, 1.0005)
@@ -32,7 +32,7 @@ def cell(spec: str, n: int, pace: float, threads: int = 1, spread: tuple = STEAD
     # No two cells' launches go up and down together.
     ns = pd.Series([pace * n * n * part for part in np.roll(spread, ord(spec[-1]) + n // 100)])
     values = pd.DataFrame({"ns": ns, "core_cycles": 4 * ns})
-    return Cell("scene0", spec, n, n, threads, {"lanes": lanes}, values)
+    return Cell("scene0", spec, n, n, threads, Facts(lanes=lanes), values)
 
 
 @pytest.fixture

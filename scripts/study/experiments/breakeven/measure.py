@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from study.core import registry, run, temporary
 from study.core.cli import StudyError
@@ -114,7 +113,7 @@ def measure(specs: tuple[Spec, Spec], scene: Scene, settings: Settings, folder: 
         made = run.render(spec, scene.path, high, wide, told=cache, **how)
         if spec == specs[1] and (made["kernel"] != GENERATED or made["kernel_compile_ns"]):
             raise StudyError(f"{spec} on {scene.name}: the kernel was not found again in its cache")
-        return float(np.median([frame["ns"] for frame in made["frames"] if not frame["warmup"]])) / 1e6
+        return run.median_ms(made)
 
     times = run.interleaved(specs, settings.launches, settings.seed, cpu, once, scene.name)
     general, generated = (stats.median_interval(times[spec]) for spec in specs)
