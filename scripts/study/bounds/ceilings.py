@@ -65,15 +65,6 @@ class Ceiling(Record, kw_only=True, omit_defaults=True):
     working_set_bytes: Annotated[int | None, key("bytes", "gone through")] = None
     working_set: Annotated[str | None, key("", "why that size")] = None
 
-    def __post_init__(self) -> None:
-        if self.precision is None and self.level is None:
-            raise ValueError("neither a precision nor a level")
-        numbers = (self.median, self.low, self.high, self.per_second, self.instructions_per_core_cycle)
-        if self.value is None and not self.reason:
-            raise ValueError("neither value nor reason")
-        if self.value is not None and None in numbers:
-            raise ValueError("a value without its median, interval or rates")
-
 
 class Ceilings(Result, kw_only=True, omit_defaults=True):
     """What one core does at best, measured then and there."""

@@ -34,7 +34,7 @@ import statistics
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from study.bounds import ceilings, peaks
 from study.bounds.ceilings import LEVELS, Ceilings
@@ -189,19 +189,9 @@ def under_load(speed: float, bits: int, roofs: Roofs, cell: Cell, limits: Ceilin
     )
 
 
-class Clocked(Protocol):
-    @property
-    def bits(self) -> int: ...
-    @property
-    def load_clock(self) -> float: ...
-    @property
-    def load_clock_least(self) -> float: ...
-    @property
-    def load_clock_ceilings(self) -> float: ...
-
-
-def clocks(points: Iterable[Clocked]) -> list[str]:
-    """By how much the clock under vector load was below the one that cycles are counted by, per width."""
+def clocks(points: Iterable[Any]) -> list[str]:
+    """By how much the clock under vector load was below the one that cycles of points (study.bounds.roof) are
+    counted by, per width."""
     loaded = [one for one in points if one.load_clock > 0]
     said: list[str] = []
     for bits in sorted({one.bits for one in loaded}):

@@ -105,9 +105,6 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="where plain/, counted/ and table.json are made")
     parser.add_argument("sources", type=Path, nargs="+", metavar="FILE.s", help="of one program")
     args = parser.parse_args()
-    names = [path.stem for path in args.sources]
-    if len(set(names)) < len(names):
-        raise StudyError(f"two sources of the same name among {', '.join(sorted(names))}")
     instrument(shlex.split(args.cc), args.sources, args.folder)
 
 
