@@ -159,23 +159,25 @@ EMULATED __m512i emulated_i64gather_epi64(__m512i at, const void *from, int scal
 
 // Numbers
 
-EMULATED __m512 emulated_cvtepi32_ps(__m512i a) {
-    wholes_ x = {a};
-    floats_ to;
-    EACH(i, 2) to.half[i] = _mm256_cvtepi32_ps(x.half[i]);
-    return to.all;
-}
+#define BY_HALVES(name, Result, result, Argument, argument)                                        \
+    EMULATED Result emulated_##name(Argument a) {                                                  \
+        argument from = {a};                                                                       \
+        result to;                                                                                 \
+        EACH(i, 2) to.half[i] = _mm256_##name(from.half[i]);                                       \
+        return to.all;                                                                             \
+    }
+BY_HALVES(cvtepi32_ps, __m512, floats_, __m512i, wholes_)
+BY_HALVES(cvtps_epi32, __m512i, wholes_, __m512, floats_)
+BY_HALVES(floor_ps, __m512, floats_, __m512, floats_)
+BY_HALVES(floor_pd, __m512d, doubles_, __m512d, doubles_)
 #undef _mm512_cvtepi32_ps
-#define _mm512_cvtepi32_ps(a) emulated_cvtepi32_ps(a)
-
-EMULATED __m512i emulated_cvtps_epi32(__m512 a) {
-    floats_ x = {a};
-    wholes_ to;
-    EACH(i, 2) to.half[i] = _mm256_cvtps_epi32(x.half[i]);
-    return to.all;
-}
 #undef _mm512_cvtps_epi32
+#undef _mm512_floor_ps
+#undef _mm512_floor_pd
+#define _mm512_cvtepi32_ps(a) emulated_cvtepi32_ps(a)
 #define _mm512_cvtps_epi32(a) emulated_cvtps_epi32(a)
+#define _mm512_floor_ps(a) emulated_floor_ps(a)
+#define _mm512_floor_pd(a) emulated_floor_pd(a)
 
 EMULATED __m512d emulated_cvtepi64_pd(__m512i a) {
     wholes_ x = {a};
@@ -201,22 +203,6 @@ EMULATED __m512d emulated_cvtps_pd(__m256 a) {
 }
 #undef _mm512_cvtps_pd
 #define _mm512_cvtps_pd(a) emulated_cvtps_pd(a)
-
-EMULATED __m512 emulated_floor_ps(__m512 a) {
-    floats_ x = {a};
-    EACH(i, 2) x.half[i] = _mm256_floor_ps(x.half[i]);
-    return x.all;
-}
-#undef _mm512_floor_ps
-#define _mm512_floor_ps(a) emulated_floor_ps(a)
-
-EMULATED __m512d emulated_floor_pd(__m512d a) {
-    doubles_ x = {a};
-    EACH(i, 2) x.half[i] = _mm256_floor_pd(x.half[i]);
-    return x.all;
-}
-#undef _mm512_floor_pd
-#define _mm512_floor_pd(a) emulated_floor_pd(a)
 
 // Right with the sign, each lane its own way; all of its sign by 64 and more.
 EMULATED __m512i emulated_srav_epi64(__m512i a, __m512i by) {
