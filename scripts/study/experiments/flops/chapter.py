@@ -23,18 +23,12 @@ RULE = (
     "distance then has all of its iterations; “as entered” counts those that were entered."
 )
 VALIDATION = (
-    "Declared: costs.def times the calls that the counting build makes. Measured: by {backends}. “The "
-    "compiler's doing, known”: residues.def; what is left is judged. Functions under 0.1 % of the picture "
-    "are not shown."
+    "Declared: costs.def times the calls that the counting build makes. Measured: by {backends} "
+    "(docs/method.md). “The compiler's doing, known”: residues.def; what is left is judged. Functions under "
+    "0.1 % of the picture are not shown."
 )
 GENERAL = "{phases}: counted is the general code, with no kernel generated for the scene."
 MEASURED = "{phases}: FLOPs are measured (block counters), since no costs are declared."
-MEANS = {  # of each back end, how it comes by its figure
-    "blocks": "every basic block that was executed, decoded",
-    "ptrace": "every instruction that was executed, one step at a time, decoded",
-    "sde": "Intel's emulator, by instruction",
-    "pmu": "the CPU's own counters",
-}
 HEIGHT = 720  # of the paper's pictures
 
 
@@ -52,8 +46,7 @@ def _pictures(pictures: Iterable[table1.P]) -> list[table1.P]:
 def _said(rows: Sequence[Row], calls: Sequence[Row]) -> list[str]:
     """How to read the validation, by the back ends that were there: each has its own sums."""
     names = dict.fromkeys(row.backend for row in rows)
-    told = "; ".join(f"{name} ({MEANS[name]})" if name in MEANS else name for name in names)
-    said = [VALIDATION.format(backends=told)] if names else []
+    said = [VALIDATION.format(backends=", ".join(names))] if names else []
     for name in names:
         if equal := [row.within for row in calls if row.backend == name]:
             said.append(f"Calls by name, counting build against {name}: {sum(equal)} of {len(equal)} equal.")

@@ -201,14 +201,12 @@ def notes(record: Hotspots) -> list[str]:
     """What was sampled, and what was left out, one line per build."""
     lines = []
     for one in record.profiles:
-        out, most = sum(one.left_out.values()), ", ".join(list(one.left_out)[:3])
+        out, build = sum(one.left_out.values()), "without inlining" if one.variant == "calls" else "shipped"
+        general = ", its general code, no kernel generated for the scene" if one.kernel else ""
         lines.append(
-            f"{one.scene} {one.spec}, {'without inlining' if one.variant == 'calls' else 'shipped'}"
-            + (", its general code, no kernel generated for the scene: " if one.kernel else ": ")
-            + f"{one.samples} samples ({one.event}) of {one.frames} frames of {one.cpu_ns / 1e6:.4g} ms"
-            + (f" (in {one.frame_ns / 1e6:.4g} ms: the CPU was shared); " if one.covered < 0.9 else "; ")
-            + f"{out} ({100 * out / (one.samples + out):.1f} %) left out as not of a frame"
-            + (f" ({most}{' …' if len(one.left_out) > 3 else ''})" if out else "")
+            f"{one.scene} {one.spec}, {build}{general}: {one.samples} samples ({one.event}) of {one.frames} frames "
+            f"of {one.cpu_ns / 1e6:.4g} ms (in {one.frame_ns / 1e6:.4g} ms); {out} "
+            f"({100 * out / (one.samples + out):.1f} %) left out as not of a frame"
         )
     return lines
 
