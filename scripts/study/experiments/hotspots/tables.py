@@ -204,8 +204,8 @@ def notes(record: Hotspots) -> list[str]:
         out, build = sum(one.left_out.values()), "without inlining" if one.variant == "calls" else "shipped"
         general = ", its general code, no kernel generated for the scene" if one.kernel else ""
         lines.append(
-            f"{one.scene} {one.spec}, {build}{general}: {one.samples} samples ({one.event}) of {one.frames} frames "
-            f"of {one.cpu_ns / 1e6:.4g} ms (in {one.frame_ns / 1e6:.4g} ms); {out} "
+            f"{one.scene} {one.spec}, {build}{general}: {one.samples} samples ({one.event}) of {one.frames} "
+            f"frames of {one.cpu_ns / 1e6:.4g} ms (in {one.frame_ns / 1e6:.4g} ms); {out} "
             f"({100 * out / (one.samples + out):.1f} %) left out as not of a frame"
         )
     return lines
