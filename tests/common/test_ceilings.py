@@ -395,7 +395,7 @@ def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     limits = ceilings.read(tmp_path)
     assert emitted.result(done.stdout)["ceilings"] == store.read_json(tmp_path / "ceilings.json")["ceilings"]
-    cpu = machine.cpu() | {"stepping": 99}
+    cpu = msgspec.to_builtins(machine.cpu()) | {"stepping": 99}
     assert limits.compiler and limits.cpu and limits.cpu.model == cpu["model"]
     # A run of another machine cannot have its ceilings measured here.
     before = (tmp_path / "ceilings.json").read_bytes()

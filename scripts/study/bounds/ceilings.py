@@ -197,7 +197,7 @@ def other_cpu(own: Cpu, theirs: Cpu, tsc_hz: Sequence[float] = (math.nan, math.n
 
 def refuse(folder: Path, there: Cpu) -> None:
     """StudyError if the run in `folder` was made on another CPU than this one."""
-    here = msgspec.convert(machine.cpu(), Cpu)
+    here = machine.cpu()
     if other_cpu(here, there):
         raise StudyError(
             f"{folder}: a run of another machine, {describe(there)}; its ceilings cannot be measured here, "
@@ -239,8 +239,8 @@ def _once(program: Path, cpu: int | None, samples: int | None) -> Ceilings:
         raise StudyError(said[-1] if said else f"{program}: exit status {done.returncode}", CANNOT_RUN)
     made = msgspec.json.decode(done.stdout, type=Ceilings)
     about = machine.cpu()
-    known = {name: about[name] for name in (*_CPU, "microarchitecture")}
-    return msgspec.structs.replace(made, cpu=msgspec.convert(known, Cpu), tries=1)
+    known = Cpu(**{name: getattr(about, name) for name in (*_CPU, "microarchitecture")})
+    return msgspec.structs.replace(made, cpu=known, tries=1)
 
 
 def read(folder: Path) -> Ceilings:

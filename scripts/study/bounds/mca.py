@@ -76,7 +76,7 @@ def model() -> Model | None:
     newest = max(found, key=lambda one: one.release, default=None)
     if newest is None or not newest.cpu.startswith(("generic", "x86-64", "(")):
         return newest
-    flags = machine.cpu()["flags"]
+    flags = machine.cpu().flags
     like = next(like for flag, like in BY_FLAG if not flag or flag in flags)
     return Model(newest.path, newest.release, like, guessed=True)
 

@@ -74,7 +74,7 @@ def model(
     return Bound(
         **named(profile),
         by="model",
-        processor=machine.cpu()["microarchitecture"],
+        processor=machine.cpu().microarchitecture,
         model=cpu.name if cpu else None,
         remark=f"LLVM does not know this processor: modelled as {cpu.cpu}" if cpu and cpu.guessed else None,
         covered=sum(one.share for one in modelled),

@@ -9,13 +9,12 @@ import platform
 import re
 import subprocess
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from study.core.host import checkout, energy, quotas, topology
-from study.core.run_schema import Context, Limits
+from study.core.host import checkout, energy, quotas, read_text, topology
+from study.core.run_schema import Context, Cpu, Limits
 
 LIBRARIES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "Jinja2", "tqdm", "flip-evaluator")
 
@@ -53,13 +52,6 @@ AMD = {
 }
 
 
-def _text(path: str | Path) -> str | None:
-    try:
-        return Path(path).read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError):
-        return None
-
-
 def _output(*command: str) -> str | None:
     """Standard output of a command, or None if it is missing or fails."""
     try:
@@ -73,43 +65,37 @@ def microarchitecture(
     vendor: str | None, family: int, model: int, stepping: int = 0, flags: Sequence[str] = ()
 ) -> str | None:
     """Common name, e.g. "Zen 4", or None when the tables above do not have it. `flags`: of /proc/cpuinfo."""
-    name = _by_numbers(vendor, family, model, stepping)
-    if vendor == "GenuineIntel" and "amx_tile" in flags and name not in AMX:
-        return SOME_AMX
-    return name
-
-
-def _by_numbers(vendor: str | None, family: int, model: int, stepping: int) -> str | None:
-    if vendor == "GenuineIntel" and family == 6:
-        if model == 85 and stepping >= 5:
-            return "Cooper Lake" if stepping >= 10 else "Cascade Lake"
-        return next((name for name, models in INTEL.items() if model in models), None)
     if vendor == "AuthenticAMD":
         ranges = ((name, r) for name, several in AMD.items() for r in several)
         return next((name for name, (f, low, high) in ranges if f == family and low <= model <= high), None)
-    return None
+    if vendor != "GenuineIntel":
+        return None
+    name = next((name for name, models in INTEL.items() if family == 6 and model in models), None)
+    if (family, model) == (6, 85) and stepping >= 5:
+        name = "Cooper Lake" if stepping >= 10 else "Cascade Lake"
+    return SOME_AMX if "amx_tile" in flags and name not in AMX else name
 
 
-def cpu(cpuinfo: str | None = None) -> dict[str, Any]:
+def cpu(cpuinfo: str | None = None) -> Cpu:
     """The first processor of /proc/cpuinfo. `cpuinfo`: its text, for tests."""
-    text = _text("/proc/cpuinfo") if cpuinfo is None else cpuinfo
-    lines = (line.partition(":") for line in (text or "").split("\n\n")[0].splitlines())
+    text = read_text("/proc/cpuinfo") if cpuinfo is None else cpuinfo
+    lines = (line.partition(":") for line in text.split("\n\n")[0].splitlines())
     info = {key.strip(): value.strip() for key, _, value in lines}
     family, model, stepping = (int(info.get(k, "0")) for k in ("cpu family", "model", "stepping"))
     vendor, flags = info.get("vendor_id"), info.get("flags", "").split()
-    return {
-        "model": info.get("model name", platform.machine()),
-        "vendor": vendor,
-        "family": family,
-        "model_number": model,
-        "stepping": stepping,
-        "microcode": info.get("microcode"),
-        "microarchitecture": microarchitecture(vendor, family, model, stepping, flags),
-        "cores": int(info.get("cpu cores", "0")) or None,
-        "logical_cpus": os.cpu_count(),
-        "usable_cpus": len(os.sched_getaffinity(0)),
-        "flags": flags,
-    }
+    return Cpu(
+        model=info.get("model name", platform.machine()),
+        vendor=vendor,
+        family=family,
+        model_number=model,
+        stepping=stepping,
+        microcode=info.get("microcode"),
+        microarchitecture=microarchitecture(vendor, family, model, stepping, flags),
+        cores=int(info.get("cpu cores", "0")) or None,
+        logical_cpus=os.cpu_count(),
+        usable_cpus=len(os.sched_getaffinity(0)),
+        flags=flags,
+    )
 
 
 def name(context: Context | Mapping[str, Any] | None) -> str:
@@ -127,32 +113,28 @@ def name(context: Context | Mapping[str, Any] | None) -> str:
 def slug(cpuinfo: str | None = None) -> str:
     """Folder name made from the CPU: maker, name, family and model, e.g. intel-xeon-6-207."""
     found = cpu(cpuinfo)
-    name = re.sub(r"\((R|TM|C)\)|@.*|\b(CPU|Processor|\d+-Core)\b", " ", found["model"], flags=re.IGNORECASE)
-    return re.sub(r"[^a-z0-9]+", "-", f"{name} {found['family']} {found['model_number']}".lower()).strip("-")
+    words = r"\((R|TM|C)\)|@.*|\b(CPU|Processor|\d+-Core)\b"
+    name = re.sub(words, " ", found.model or "", flags=re.IGNORECASE)
+    return re.sub(r"[^a-z0-9]+", "-", f"{name} {found.family} {found.model_number}".lower()).strip("-")
 
 
 def steal_ticks() -> int:
     """Time the hypervisor has taken from all CPUs since boot, in 1/100 s."""
-    fields = (_text("/proc/stat") or "").split("\n")[0].split()
+    fields = read_text("/proc/stat").split("\n")[0].split()
     return int(fields[8]) if len(fields) > 8 else 0
 
 
 def differs(then: Context, now: Context) -> list[str]:
     """What is another machine's between two contexts, in words: none, if a run can go on."""
-    said = []
-    for key in ("model", "microcode", "logical_cpus", "usable_cpus", "cores"):
-        one, other = getattr(then.cpu, key), getattr(now.cpu, key)
-        if one != other:
-            said.append(f"{key.replace('_', ' ')} {one}, here {other}")
-    for key in ("machine", "kernel", "hypervisor"):
-        one, other = getattr(then, key), getattr(now, key)
-        if one != other:
-            said.append(f"{key} {one}, here {other}")
-    one, other = then.memory_kib or 0, now.memory_kib or 0
-    if abs(one - other) > 0.01 * max(one, other):  # a kernel keeps some of it, from boot to boot not the same
-        said.append(f"memory {one / 2**20:.1f} GiB, here {other / 2**20:.1f} GiB")
-    if then.limits != Limits() and then.limits.cpus != now.limits.cpus:
-        said.append(f"quota of CPUs {then.limits.cpus}, here {now.limits.cpus}")
+    of_cpu = ("model", "microcode", "logical_cpus", "usable_cpus", "cores")
+    told = [(key.replace("_", " "), getattr(then.cpu, key), getattr(now.cpu, key)) for key in of_cpu]
+    told += [(key, getattr(then, key), getattr(now, key)) for key in ("machine", "kernel", "hypervisor")]
+    if then.limits != Limits():
+        told.append(("quota of CPUs", then.limits.cpus, now.limits.cpus))
+    said = [f"{key} {one}, here {other}" for key, one, other in told if one != other]
+    memory, here = then.memory_kib or 0, now.memory_kib or 0
+    if abs(memory - here) > 0.01 * max(memory, here):  # a kernel keeps some of it, not always the same
+        said.append(f"memory {memory / 2**20:.1f} GiB, here {here / 2**20:.1f} GiB")
     return said
 
 
@@ -163,37 +145,31 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _hypervisor() -> str | None:
-    if "hypervisor" not in cpu()["flags"]:
-        return None
-    names = (_text(path) for path in ("/sys/hypervisor/type", "/sys/class/dmi/id/sys_vendor"))
-    return next(filter(None, names), "yes, name unknown")
-
-
 def context(pinned: int = topology.FASTEST) -> Context:
     """Everything a figure of this run stands on; `pinned`: of one thread. Unreadable things are None."""
-    memory = re.search(r"MemTotal:\s+(\d+)", _text("/proc/meminfo") or "")
-    found = {
-        "schema": 1,
-        "time": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "machine": slug(),
-        "cpu": cpu(),
-        "pinned": topology.pinned(pinned),
-        "caches": topology.caches(pinned),
-        "memory_kib": int(memory[1]) if memory else None,
-        "kernel": platform.release(),
-        "system": (platform.freedesktop_os_release() if _text("/etc/os-release") else {}).get("PRETTY_NAME"),
-        "hypervisor": _hypervisor(),
-        "governor": topology.pinned(pinned)["governor"],
-        "no_turbo": _text("/sys/devices/system/cpu/intel_pstate/no_turbo"),
-        "compiler": (_output(os.environ.get("CC", "gcc"), "--version") or "").split("\n")[0] or None,
-        "libc": " ".join(platform.libc_ver()).strip() or None,
-        "python": platform.python_version(),
-        "libraries": {name: _version(name) for name in LIBRARIES},
-        "git": checkout.state(),
-        "limits": quotas.limits(),
-        "no_energy": energy.missing(),
-        "load_average": os.getloadavg(),
-        "steal_ticks": steal_ticks(),
-    }
-    return msgspec.convert(found, Context)
+    memory = re.search(r"MemTotal:\s+(\d+)", read_text("/proc/meminfo"))
+    found, at = cpu(), topology.pinned(pinned)
+    makers = map(read_text, ("/sys/hypervisor/type", "/sys/class/dmi/id/sys_vendor"))
+    return Context(
+        schema=1,
+        time=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        machine=slug(),
+        cpu=found,
+        pinned=at,
+        caches=topology.caches(pinned),
+        memory_kib=int(memory[1]) if memory else None,
+        kernel=platform.release(),
+        system=platform.freedesktop_os_release().get("PRETTY_NAME") if read_text("/etc/os-release") else None,
+        hypervisor=next(filter(None, makers), "yes, name unknown") if "hypervisor" in found.flags else None,
+        governor=at.governor,
+        no_turbo=read_text("/sys/devices/system/cpu/intel_pstate/no_turbo") or None,
+        compiler=(_output(os.environ.get("CC", "gcc"), "--version") or "").split("\n")[0] or None,
+        libc=" ".join(platform.libc_ver()).strip() or None,
+        python=platform.python_version(),
+        libraries={name: _version(name) for name in LIBRARIES},
+        git=checkout.state(),
+        limits=quotas.limits(),
+        no_energy=energy.missing(),
+        load_average=list(os.getloadavg()),
+        steal_ticks=steal_ticks(),
+    )

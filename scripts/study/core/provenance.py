@@ -51,10 +51,12 @@ def line(found: Mapping[str, Context]) -> str:
     """CPU and compiler, then each commit, once for all files that share them, with the time of each file."""
     alike: dict[str, dict[str, list[str]]] = {}
     for name, context in found.items():
-        said = f"{name} {(context.time or 'at an unknown time')[:16]}"
-        alike.setdefault(place(context), {}).setdefault(commit(context), []).append(said)
+        by_commit = alike.setdefault(place(context), {})
+        by_commit.setdefault(commit(context), []).append(
+            f"{name} {(context.time or 'at an unknown time')[:16]}"
+        )
     return "; and on ".join(
-        f"{where}; " + "; ".join(f"{made_of} ({', '.join(files)})" for made_of, files in by_commit.items())
+        "; ".join([where, *(f"{of} ({', '.join(files)})" for of, files in by_commit.items())])
         for where, by_commit in alike.items()
     )
 
@@ -79,15 +81,12 @@ def need_clean(path: Path, allowed: bool) -> None:
 
 def _launches(content: Any) -> Iterator[Sequence[float]]:
     """Times per process launch, wherever in a file they are."""
-    if isinstance(content, Mapping):
-        for key, value in content.items():
-            if key in SPREADS and isinstance(value, list) and len(value) > 1:
-                if all(isinstance(one, int | float) and one > 0 for one in value):
-                    yield value
-            else:
-                yield from _launches(value)
-    elif isinstance(content, list):
-        for value in content:
+    values = content.items() if isinstance(content, Mapping) else [("", one) for one in content]
+    for key, value in values:
+        if key in SPREADS and isinstance(value, list):
+            if len(value) > 1 and all(isinstance(one, int | float) and one > 0 for one in value):
+                yield value
+        elif isinstance(value, Mapping | list):
             yield from _launches(value)
 
 
@@ -100,37 +99,38 @@ def spread(content: Any) -> tuple[float, float] | None:
 def stolen(found: Mapping[str, Context]) -> float | None:
     """Share of all CPUs' time that the hypervisor took between the first and the last file's begin, of those
     that the same boot of the same machine made. None: not known."""
-    time, all_ticks, seconds = datetime.datetime.fromisoformat, 0, 0.0
+    time, ticks, seconds = datetime.datetime.fromisoformat, 0, 0.0
     for one, other in itertools.pairwise(found.values()):
         before, after, cpus = one.steal_ticks, other.steal_ticks, one.cpu.usable_cpus
         if before is None or after is None or after < before or not cpus or place(one) != place(other):
             continue
         if one.time and other.time:
-            all_ticks += after - before
+            ticks += after - before
             seconds += cpus * (time(other.time) - time(one.time)).total_seconds()
-    return all_ticks / 100 / seconds if seconds > 0 else None
+    return ticks / 100 / seconds if seconds > 0 else None
 
 
 def disturbed(path: Path, names: Sequence[str]) -> str:
     """What these files know of how quiet the machine was, in sentences. Raises StudyError."""
-    said = []
     contents = {name: store.read_json(path / name) for name in names if (path / name).exists()}
-    for name, content in contents.items():
-        if found := spread(content):
-            middle, most = (show.number(value) for value in found)
-            said.append(f"{Path(name).stem} {middle} (at most {most})")
-    text = ""
+    spreads = {name: found for name, content in contents.items() if (found := spread(content))}
+    said = [
+        f"{Path(name).stem} {show.number(middle)} (at most {show.number(most)})"
+        for name, (middle, most) in spreads.items()
+    ]
+    text = []
     if said:
-        text = (
+        text.append(
             "How quiet the machine was: a row's median launch over its least (1: nothing disturbed it), in "
             f"the median row and at most: {', '.join(said)}."
         )
-    steal = stolen(contexts(path, names))
-    if steal is not None:
-        text += (
-            f" From the first of these files' start to the last's the hypervisor took {100 * steal:.1f} % of "
+    if (steal := stolen(contexts(path, names))) is not None:
+        text.append(
+            f"From the first of these files' start to the last's the hypervisor took {100 * steal:.1f} % of "
             "the CPUs' time (steal; what a neighbour takes of a shared core is not in it)."
         )
     if any(isinstance(one, Mapping) and one.get("animation") for one in contents.values()):
-        text += " Rows of one process have no interval and are not interleaved: what disturbed one is in it."
-    return text.strip()
+        text.append(
+            "Rows of one process have no interval and are not interleaved: what disturbed one is in it."
+        )
+    return " ".join(text)

@@ -123,26 +123,21 @@ class Run:
         """Configurations, seed, budget, notes (plan.json), as on disk now."""
         return Plan.load(self.path / "plan.json")
 
-    def _folder(self, name: str) -> Path:
-        folder = self.path / name
+    @property
+    def images(self) -> Path:
+        folder = self.path / "images"
         folder.mkdir(exist_ok=True)
         return folder
 
     @property
-    def images(self) -> Path:
-        return self._folder("images")
-
-    @property
-    def tables(self) -> Path:
-        return self._folder("tables")
-
-    @property
-    def figures(self) -> Path:
-        return self._folder("figures")
-
-    @property
     def frames_path(self) -> Path:
         return self.path / "frames.jsonl"
+
+    def _alone(self, file: int, how: int) -> None:
+        try:
+            fcntl.flock(file, how | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise StudyError(f"{self.path}: another process is measuring into this run") from None
 
     def lock(self) -> None:
         """Open frames.jsonl for appending, alone, and cut off a torn last line."""
@@ -151,11 +146,11 @@ class Run:
         try:
             file = os.open(self.frames_path, os.O_RDWR | os.O_CREAT, 0o644)
             try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                os.ftruncate(file, whole_lines(self.frames_path.read_bytes()))
-            except BlockingIOError:
+                self._alone(file, fcntl.LOCK_EX)
+            except StudyError:
                 os.close(file)
-                raise StudyError(f"{self.path}: another process is measuring into this run") from None
+                raise
+            os.ftruncate(file, whole_lines(self.frames_path.read_bytes()))
         except OSError as error:
             raise _problem(self.frames_path, error) from None
         self._file = file
@@ -163,15 +158,11 @@ class Run:
     @contextlib.contextmanager
     def still(self) -> Iterator[None]:
         """Within, no process measures into it: StudyError if one does. Changes nothing in the folder."""
-        with contextlib.ExitStack() as stack:
-            if self.frames_path.exists():
-                try:
-                    file = stack.enter_context(self.frames_path.open("rb"))
-                    fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-                except BlockingIOError:
-                    raise StudyError(f"{self.path}: another process is measuring into this run") from None
-                except OSError as error:
-                    raise _problem(self.frames_path, error) from None
+        if not self.frames_path.exists():
+            yield
+            return
+        with self.frames_path.open("rb") as file:
+            self._alone(file.fileno(), fcntl.LOCK_SH)
             yield
 
     def append_frame(self, frame: dict[str, Any]) -> None:

@@ -61,7 +61,7 @@ def measurement(
         outside=None if outside is None else executed(outside),
         edges=edges or {},
         calibrated=calibrated,
-        cpu=machine.cpu().get("model"),
+        cpu=machine.cpu().model,
     )
 
 

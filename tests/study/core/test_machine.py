@@ -59,18 +59,18 @@ def test_microarchitecture(vendor, family, model, stepping, name):
 def test_a_hidden_model_is_told_by_what_it_can_do():
     """A hypervisor that gives Rocket Lake's number to a core with AMX: seen on a rented machine."""
     told = "\n".join(("vendor_id\t: GenuineIntel", "cpu family\t: 6", "model\t\t: 167", "flags\t\t: {}"))
-    assert machine.cpu(told.format("avx2 avx512f"))["microarchitecture"] == "Rocket Lake"
+    assert machine.cpu(told.format("avx2 avx512f")).microarchitecture == "Rocket Lake"
     hidden = machine.cpu(told.format("avx2 avx512f amx_tile"))
-    assert hidden["microarchitecture"] == machine.SOME_AMX
+    assert hidden.microarchitecture == machine.SOME_AMX
     known = told.replace("167", "207")
-    assert machine.cpu(known.format("avx512f amx_tile"))["microarchitecture"] == "Emerald Rapids"
+    assert machine.cpu(known.format("avx512f amx_tile")).microarchitecture == "Emerald Rapids"
 
 
 def test_first_processor_of_cpuinfo():
     found = machine.cpu(RYZEN)
-    assert (found["vendor"], found["family"], found["model_number"]) == ("AuthenticAMD", 25, 97)
-    assert (found["cores"], found["flags"]) == (8, ["fpu", "sse2", "avx2"])
-    assert machine.cpu("")["flags"] == []  # unreadable: no crash
+    assert (found.vendor, found.family, found.model_number) == ("AuthenticAMD", 25, 97)
+    assert (found.cores, found.flags) == (8, ["fpu", "sse2", "avx2"])
+    assert machine.cpu("").flags == []  # unreadable: no crash
 
 
 @pytest.mark.parametrize(

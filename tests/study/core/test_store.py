@@ -30,8 +30,7 @@ def run(tmp_path):
 def test_context_plan_and_folders(run):
     assert run.plan == Plan()
     assert Run.open(run.path).context.cpu.model == "Some CPU"
-    for folder in (run.images, run.tables, run.figures):
-        assert folder.is_dir() and folder.parent == run.path
+    assert run.images.is_dir() and run.images.parent == run.path
 
 
 def test_runs_of_one_second_are_two_folders(tmp_path):

@@ -73,9 +73,7 @@ def test_capacities(system) -> None:
 
 def test_cores_that_are_alike_and_a_tree_that_is_not_there(system) -> None:
     assert topology.fastest([0, 2, 5]) == 5 and topology.spread(5, 2, [0, 2, 5]) == {5, 0}
-    assert topology.pinned(5) == {
-        **{"cpu": 5, "core_type": None, "siblings": [5], "max_khz": None, "governor": None}
-    }
+    assert topology.pinned(5) == Pinned(cpu=5, siblings=[5])
     for cpu in range(8):  # threads 4 to 7 are the second ones of cores 0 to 3
         add(system, cpu, f"{cpu % 4},{cpu % 4 + 4}")
     assert topology.fastest(range(8)) == 3

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import subprocess
 from pathlib import Path
 
+from study.core.host import read_text
 from study.core.registry import ROOT
 from study.core.run_schema import Git
 
@@ -42,11 +44,8 @@ def _unknown() -> str | None:
 
 def _archived() -> str | None:
     """The commit that `git archive` wrote into a tarball."""
-    try:
-        text = (ROOT / ARCHIVED).read_text(encoding="ascii").strip()
-    except (OSError, UnicodeDecodeError):
-        return None
-    return text if len(text) == 40 and all(sign in "0123456789abcdef" for sign in text) else None
+    text = read_text(ROOT / ARCHIVED)
+    return text if re.fullmatch("[0-9a-f]{40}", text) else None
 
 
 def state() -> Git:

@@ -10,21 +10,16 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from study.core.host import read_text
+
 ZONES = Path("/sys/class/powercap")
 _WHOLE = re.compile(r"intel-rapl:\d+")  # a zone of its own: parts have a second number
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="ascii").strip()
-    except (OSError, UnicodeDecodeError):
-        return ""
 
 
 def packages() -> list[Path]:
     """Folders of the packages, by number."""
     found = [path for path in ZONES.iterdir() if _WHOLE.fullmatch(path.name)] if ZONES.is_dir() else []
-    named = [path for path in found if _text(path / "name").startswith("package")]
+    named = [path for path in found if read_text(path / "name").startswith("package")]
     return sorted(named, key=lambda path: int(path.name.partition(":")[2]))
 
 
@@ -33,14 +28,14 @@ def missing() -> str | None:
     if not (found := packages()):
         return f"no energy counter: {ZONES} has no package of RAPL (intel-rapl:N); it would add J per frame"
     for counter in (path / "energy_uj" for path in found):
-        if not _text(counter).isdigit():
+        if not read_text(counter).isdigit():
             return f"needs read permission of {counter} (sudo chmod a+r {counter}); it would add J per frame"
     return None
 
 
 def reading() -> dict[Path, int] | None:
     """Package → µJ since some time; None where one cannot be read."""
-    found = {path: _text(path / "energy_uj") for path in packages()}
+    found = {path: read_text(path / "energy_uj") for path in packages()}
     return {path: int(text) for path, text in found.items()} if found and missing() is None else None
 
 
@@ -56,7 +51,7 @@ def joules(before: Mapping[Path, int] | None, now: Mapping[Path, int] | None) ->
     for path, end in now.items():
         used = end - before[path]
         if used < 0:
-            around = _text(path / "max_energy_range_uj")
+            around = read_text(path / "max_energy_range_uj")
             if not around.isdigit():
                 return None
             used += int(around) + 1

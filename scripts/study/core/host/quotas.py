@@ -4,22 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from study.core.host import read_text
 from study.core.run_schema import Context, Limits
 
 CGROUP, MOUNTED = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="ascii").strip()
-    except (OSError, UnicodeDecodeError):
-        return ""
-
-
 def _groups(controller: str) -> list[Path]:
     """Folders of this process's group and of all above it; of version 1, those of the controller."""
     found = []
-    for line in _text(CGROUP).splitlines():
+    for line in read_text(CGROUP).splitlines():
         _, names, place = line.split(":", 2)
         if names and controller not in names.split(","):
             continue
@@ -31,8 +25,9 @@ def _groups(controller: str) -> list[Path]:
 
 def _cpus(group: Path) -> float | None:
     """CPUs' worth of time that a group may have at once."""
-    two = _text(group / "cpu.max").split()
-    quota, period = two if len(two) == 2 else (_text(group / f"cpu.cfs_{n}_us") for n in ("quota", "period"))
+    two = read_text(group / "cpu.max").split()
+    one = (read_text(group / f"cpu.cfs_{n}_us") for n in ("quota", "period"))
+    quota, period = two if len(two) == 2 else one
     return int(quota) / int(period) if quota.isdigit() and period.isdigit() and int(period) else None
 
 
@@ -41,7 +36,7 @@ def throttled() -> int | None:
     counts = [
         int(line.split()[1])
         for group in _groups("cpu")
-        for line in _text(group / "cpu.stat").splitlines()
+        for line in read_text(group / "cpu.stat").splitlines()
         if line.startswith("nr_throttled ")
     ]
     return sum(counts) if counts else None
@@ -53,7 +48,7 @@ def limits() -> Limits:
         int(text)
         for group in _groups("memory")
         for name in ("memory.max", "memory.limit_in_bytes")
-        if (text := _text(group / name)).isdigit() and int(text) < 1 << 60  # version 1: no limit is 2^63
+        if (text := read_text(group / name)).isdigit() and int(text) < 1 << 60  # version 1: no limit is 2^63
     ]
     return Limits(cpus=min(cpus, default=None), memory_bytes=min(memory, default=None), throttled=throttled())
 

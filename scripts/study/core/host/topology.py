@@ -6,23 +6,18 @@ import os
 import re
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+
+from study.core.host import read_text
+from study.core.run_schema import Cache, Pinned
 
 SYSTEM = Path("/sys/devices/system/cpu")
 _HYBRID = (("P-core", "cpu_core"), ("E-core", "cpu_atom"), ("LP E-core", "cpu_lowpower"))
 
 
-def _text(path: Path) -> str | None:
-    try:
-        return path.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError):
-        return None
-
-
-def cpus_of(text: str | None) -> list[int]:
+def cpus_of(text: str) -> list[int]:
     """A kernel's list like "0-3,8"; what is none gives nothing."""
     found: list[int] = []
-    for part in (text or "").split(","):
+    for part in text.split(","):
         if match := re.fullmatch(r"(\d+)(?:-(\d+))?", part.strip()):
             found += range(int(match[1]), int(match[2] or match[1]) + 1)
     return found
@@ -31,15 +26,16 @@ def cpus_of(text: str | None) -> list[int]:
 def siblings(cpu: int) -> list[int]:
     """The CPUs of its core, itself among them."""
     folder = SYSTEM / f"cpu{cpu}" / "topology"
-    return cpus_of(_text(folder / "core_cpus_list") or _text(folder / "thread_siblings_list")) or [cpu]
+    lists = (cpus_of(read_text(folder / name)) for name in ("core_cpus_list", "thread_siblings_list"))
+    return next(filter(None, lists), [cpu])
 
 
 def core_type(cpu: int) -> str | None:
     """P-core or E-core of a hybrid processor; by capacity where the kernel tells no more; None: all alike."""
     for name, unit in _HYBRID:
-        if cpu in cpus_of(_text(SYSTEM.parents[1] / unit / "cpus")):
+        if cpu in cpus_of(read_text(SYSTEM.parents[1] / unit / "cpus")):
             return name
-    capacity = _text(SYSTEM / f"cpu{cpu}" / "cpu_capacity")
+    capacity = read_text(SYSTEM / f"cpu{cpu}" / "cpu_capacity")
     return f"capacity {capacity}" if capacity else None
 
 
@@ -48,8 +44,8 @@ def speed(cpu: int) -> tuple[int, int, int]:
     folder = SYSTEM / f"cpu{cpu}"
     names = [name for name, _ in reversed(_HYBRID)]
     kind = core_type(cpu)
-    figures = (_text(folder / "cpu_capacity"), _text(folder / "cpufreq" / "cpuinfo_max_freq"))
-    capacity, frequency = (int(text) if text and text.isdigit() else 0 for text in figures)
+    figures = (read_text(folder / name) for name in ("cpu_capacity", "cpufreq/cpuinfo_max_freq"))
+    capacity, frequency = (int(text) if text.isdigit() else 0 for text in figures)
     return names.index(kind) if kind in names else len(names), capacity, frequency
 
 
@@ -75,29 +71,24 @@ def spread(cpu: int, threads: int, cpus: Collection[int]) -> set[int]:
     return {cpu, *(other for _, _, other in sorted(ranked)[: threads - 1])}
 
 
-def caches(cpu: int) -> list[dict[str, Any]]:
+def caches(cpu: int) -> list[Cache]:
     """As the kernel lists them; sizes as it writes them, e.g. 48K."""
-    names = {
-        "level": "level",
-        "type": "type",
-        "size": "size",
-        "ways": "ways_of_associativity",
-        "shared_by": "shared_cpu_list",
-    }
+    files = ("level", "type", "size", "ways_of_associativity", "shared_cpu_list")
     folders = sorted((SYSTEM / f"cpu{cpu}" / "cache").glob("index*"))
-    return [{key: _text(folder / file) for key, file in names.items()} for folder in folders]
+    told = ([read_text(folder / file) or None for file in files] for folder in folders)
+    return [Cache(level=a, type=b, size=c, ways=d, shared_by=e) for a, b, c, d, e in told]
 
 
-def pinned(cpu: int) -> dict[str, Any]:
+def pinned(cpu: int) -> Pinned:
     """Of the CPU that is measured on: its kind, siblings and highest frequency."""
-    frequency = speed(cpu)[2]
-    return {
-        "cpu": cpu,
-        "core_type": core_type(cpu),
-        "siblings": siblings(cpu),
-        "max_khz": frequency or None,
-        "governor": _text(SYSTEM / f"cpu{cpu}" / "cpufreq" / "scaling_governor"),
-    }
+    governor = read_text(SYSTEM / f"cpu{cpu}" / "cpufreq" / "scaling_governor")
+    return Pinned(
+        cpu=cpu,
+        core_type=core_type(cpu),
+        siblings=siblings(cpu),
+        max_khz=speed(cpu)[2] or None,
+        governor=governor or None,
+    )
 
 
 USABLE = sorted(os.sched_getaffinity(0))  # before a script moves itself out of the way

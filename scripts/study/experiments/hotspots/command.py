@@ -120,7 +120,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     enough = min(ENOUGH, args.samples // 2)
     thin = [one for one in record.profiles if one.samples < enough]
     few = [f"{one.phase} {one.scene} {one.variant}: {one.samples} samples only" for one in thin]
-    rows = tables.table_rows(record, widest=tables.core_width(machine.cpu()["microarchitecture"]))
+    rows = tables.table_rows(record, widest=tables.core_width(machine.cpu().microarchitecture))
     bounds, regions = bounds_tables.rows(record), bounds_tables.region_rows(record)
     result = {"hotspots": rows, "bounds": bounds, "record": record, "regions": regions}
     return Outcome(result, text(record, rows), args.run, few)
