@@ -21,7 +21,7 @@ from study.core import show
 from study.counting import flops, paper_rule
 from study.counting.schema import Declared
 from study.experiments import experiment
-from study.measuring import animation_tables
+from study.measuring import animations
 from study.numbers import accuracy, stats
 from study.numbers.analysis import Data
 from study.numbers.stats import Interval
@@ -292,7 +292,7 @@ def _integers(data: Data, claim: Claim) -> Found:
     said = result.article
     one = max(mine, key=lambda row: (row.frames == said.frames, row.threads))
     cores = f"{one.threads} thread{'s' * (one.threads > 1)}"
-    ratio = animation_tables.per_article(one, said)
+    ratio = animations.per_article(one, said)
     if ratio is not None:
         beside = f"{show.number(ratio)}× its pixels per core and second"
     else:

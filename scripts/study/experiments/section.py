@@ -12,7 +12,7 @@ import pandas as pd
 
 from study.core import cli, show
 from study.core.cli import StudyError
-from study.core.schema import Record
+from study.core.schema import File, Record
 from study.core.show import Column, Table
 from study.pictures.draw import Drawing
 
@@ -132,6 +132,13 @@ def chapter(
             made = found(result)
     told = {"file": file, "script": script, "answer": made.answer, "drawn": made.drawn, "html": made.html}
     return Section(name, title, f"make {name}", made.parts, **told)
+
+
+def chapters(
+    name: str, title: str, file: str, kind: type[File], found: Callable[[Any], Found], rows: str = "rows"
+) -> Callable[[Any], Section]:
+    """`chapter` of a run's data, by the file's name and its type."""
+    return lambda data: chapter(name, title, data.path / file, kind.load_if_there, found, rows)
 
 
 def part(

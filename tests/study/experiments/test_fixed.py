@@ -91,10 +91,9 @@ def test_large_pictures_are_held_against_themselves_without_clearing(monkeypatch
 
 def test_how_many_frames_each_program_has(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fixed.animations, "thread_counts", lambda: [1, 2])
-    assert fixed.share(900, False, 2, True) == 900, "the headline"
-    assert fixed.share(900, False, 1, True) == fixed.share(900, True, 2, True) == 225
-    assert fixed.share(900, False, 2, False) == 900 and fixed.share(900, True, 2, False) == 60
-    assert fixed.share(900, True, 1, True) == 60 and fixed.share(2, True, 1, True) == 2
+    assert fixed.share(900, False, 2) == 900, "the headline"
+    assert fixed.share(900, False, 1) == fixed.share(900, True, 2) == 225
+    assert fixed.share(900, True, 1) == 60 and fixed.share(2, True, 1) == 2
 
 
 def test_the_tables_of_a_published_run() -> None:
@@ -135,10 +134,7 @@ def test_all_of_it_small(tmp_path: Path) -> None:
     assert all(len(row.all_ms) == row.common_frames == 2 for row in result.animation)
     cores = len({1, len(run.USABLE)})
     programs = ["article"] * cores + (["lanes"] * cores + ["floats"] * cores if most > 1 else [])
-    bare = ["article", "lanes"] if most > 1 else ["article"]
-    assert [row.program for row in result.animation] == programs + bare
-    assert [row.shadows for row in result.animation] == [True] * len(programs) + [False] * len(bare)
+    assert [row.program for row in result.animation] == programs
     errors = [row.error for row in result.animation]
     assert all((e.width, e.n) == (28, 16) and 20 < e.psnr_db < 150 for e in errors), errors
-    assert errors[0].psnr_db != errors[-len(bare)].psnr_db, "without shadows, to that truth"
     assert {"roots=article", "clear=corners", "bits=20"} <= set(result.animation[0].settings.split())

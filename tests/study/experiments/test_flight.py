@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def test_a_scene_without_a_path_is_refused() -> None:
 
 
 def test_the_chapter_of_a_published_run() -> None:
-    result, section = Flight.load(RUN / FILE), tables.section(RUN)
+    result, section = Flight.load(RUN / FILE), tables.section(SimpleNamespace(path=RUN))
     assert [part.name for part in section.parts] == ["flight", "flight-places"]
     assert len(section.parts[1].rows) == sum(len(row.places) for row in result.rows)
     row = result.rows[0]

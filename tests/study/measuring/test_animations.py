@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from study.core import run
-from study.measuring import animation_tables, animations
+from study.measuring import animations
 from study.measuring.schema import Animation, Article, FrameErrors, Spread
 
 
@@ -39,11 +39,11 @@ def test_a_ratio_to_the_article_is_of_its_frames_and_size() -> None:
     """14.29 ms on 35 cores are 500.15 core·ms a frame; 95 on two are 190."""
     said = {"ms": 14.29, "cores": 35, "width": 1920, "height": 1080, "frames": 900, "spheres": 40, "bits": 20}
     article = Article(**said, cpu="")
-    assert animation_tables.per_article(row(), article) == pytest.approx(500.15 / 190)
-    assert animation_tables.per_article(row(frames=225), article) is None
-    assert animation_tables.per_article(row(n=540, width=960), article) is None
+    assert animations.per_article(row(), article) == pytest.approx(500.15 / 190)
+    assert animations.per_article(row(frames=225), article) is None
+    assert animations.per_article(row(n=540, width=960), article) is None
 
 
 def test_how_far_the_beginning_is_off_is_said_with_its_size() -> None:
-    said = animation_tables.error_said(FrameErrors(psnr_db=61.24, wrong_ppm=1234.4, width=640, n=360))
+    said = animations.error_said(FrameErrors(psnr_db=61.24, wrong_ppm=1234.4, width=640, n=360))
     assert "61.2 dB" in said and "1,234 ppm" in said and "640×360" in said

@@ -5,8 +5,7 @@ from __future__ import annotations
 from study.experiments.breakeven import command, tables
 from study.experiments.breakeven.schema import SCHEMAS, Breakeven
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.section import Section, chapter
-from study.numbers.analysis import Data
+from study.experiments.section import chapters
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,11 +13,7 @@ def calls(study: Study) -> list[Call]:
     return [Call("breakeven", [*few, "--run", str(study.run)], may_lack=True)]
 
 
-def section(data: Data) -> Section:
-    file = data.path / command.FILE
-    return chapter("breakeven", "Code generated for a scene", file, Breakeven.load_if_there, tables.found)
-
-
+section = chapters("breakeven", "Code generated for a scene", command.FILE, Breakeven, tables.found)
 EXPERIMENT = Experiment(
     name="breakeven",
     what="when code generated for a scene has paid",

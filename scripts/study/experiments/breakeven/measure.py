@@ -73,10 +73,7 @@ def set_up(spec: Spec, scene: Scene, cache: Mapping[str, str]) -> dict[str, Any]
     return {
         "generated": True,
         "compiler": made["kernel_compiler"],
-        "hash": made["kernel_hash"],
         "compile_s": made["kernel_compile_ns"] / 1e9,
-        "generate_ms": made["kernel_generate_ns"] / 1e6,
-        "load_ms": found["kernel_load_ns"] / 1e6,
         "setup_s": made["prepare_ns"] / 1e9,
         "setup_found_ms": found["prepare_ns"] / 1e6,
     }

@@ -17,11 +17,8 @@ class Row(Record, kw_only=True):
     generated: Annotated[bool, key("", "whether code was generated for the scene")]
     reason: Annotated[str | None, key("", "why not")] = None
     compiler: Annotated[str | None, key("", "of the kernel")] = None
-    hash: Annotated[str | None, key("", "the kernel's name in the cache")] = None
     compile_s: Annotated[float | None, key("s", "compiling, in the first launch: the cache is empty")] = None
-    generate_ms: Annotated[float | None, key("ms", "of it writing the source")] = None
     setup_s: Annotated[float | None, key("s", "all of that launch's set-up (`prepare_ns`)")] = None
-    load_ms: Annotated[float | None, key("ms", "checking and loading it, second launch")] = None
     setup_found_ms: Annotated[float | None, key("ms", "all of the second launch's set-up")] = None
     general_launches_ms: Annotated[list[float] | None, key("ms", "of `against`, a launch each")] = None
     generated_launches_ms: Annotated[list[float] | None, key("ms", "the same with the kernel")] = None

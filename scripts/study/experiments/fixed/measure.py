@@ -6,12 +6,11 @@ The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (5 June
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from msgspec.structs import asdict
 
-from study.core import registry, run, store, temporary
+from study.core import registry, run
 from study.core.registry import Scene, find_scene
 from study.experiments.fixed.schema import Clearing, Fraction, Moving, Picture, Row
 from study.measuring import animations, hits, launches
@@ -201,42 +200,26 @@ def losses(case: Case, without: Case, scene: Scene, size: Size) -> tuple[int, Pi
     return int(lost.sum()), found
 
 
-def without_shadows(scene: Scene, folder: Path) -> Scene:
-    """The scene as a file in `folder`, its light without shadows, as the article's is."""
-    data = scene.data | {"light": scene.data["light"] | {"shadows": "none"}}
-    path = folder / f"{scene.name}_unshadowed.json"
-    store.write_json(path, data)
-    return Scene(path.stem, path, data, scene.fractal)
-
-
-def share(frames: int, article: bool, threads: int, shadows: bool) -> int:
+def share(frames: int, article: bool, threads: int) -> int:
     """How many of the animation's `frames` are timed, from the first on: all in lanes on every core, a
     quarter on one thread; of the article's program, which would take minutes, fewer."""
     every = threads == animations.thread_counts()[-1]
     if article:
-        return max(2, frames // (QUARTER if every and shadows else FIFTEENTH))
+        return max(2, frames // (QUARTER if every else FIFTEENTH))
     return frames if every else max(2, frames // QUARTER)
 
 
 def animated(frames: int, n: int) -> list[Moving]:
-    """The article's program first, then ours in lanes and in floats; then both integers without shadows, as
-    the article's picture is, on every core. Raises StudyError."""
-    rows, shadowed = [], registry.animated()[animations.MOVING]
-    counts = animations.thread_counts()
-    with temporary.folder() as folder:
-        scenes = {True: shadowed, False: without_shadows(shadowed, folder)}
-        for shadows, scene in scenes.items():
-            for name, case in PROGRAMS.items():
-                if name == "floats" and not shadows:
-                    continue
-                if not registry.cpu_supports(registry.find_phase(case.phase)):
-                    continue
-                error = animations.still_error(case.phase, scene, n, case.told)
-                for threads in counts if shadows else counts[-1:]:
-                    many = share(frames, name == "article", threads, shadows)
-                    row = animations.animation(case.phase, many, n, threads, scene, case.told)
-                    made = asdict(row) | {"error": error}
-                    rows.append(Moving(program=name, shadows=shadows, **made))
+    """The article's program first, then ours in lanes and in floats. Raises StudyError."""
+    rows, scene = [], registry.animated()[animations.MOVING]
+    for name, case in PROGRAMS.items():
+        if not registry.cpu_supports(registry.find_phase(case.phase)):
+            continue
+        error = animations.still_error(case.phase, scene, n, case.told)
+        for threads in animations.thread_counts():
+            many = share(frames, name == "article", threads)
+            row = animations.animation(case.phase, many, n, threads, scene, case.told)
+            rows.append(Moving(program=name, shadows=True, **asdict(row) | {"error": error}))
     return animations.with_common(rows)
 
 

@@ -9,8 +9,8 @@ from study.core.show import Column
 from study.experiments.fixed import measure as fixed
 from study.experiments.fixed.schema import FILE, Fixed, Moving, Row
 from study.experiments.section import Claim, Part, System, part
-from study.measuring import animation_tables, animations
-from study.measuring.animation_tables import per_article
+from study.measuring import animations
+from study.measuring.animations import per_article
 from study.measuring.hit_tables import error, ms, to_truth
 from study.measuring.schema import Spread
 
@@ -69,19 +69,19 @@ ANIMATION = [
     Column("", "program", lambda r: f"{PROGRAMS[r.program]} ({r.phase})"),
     Column("", "shadows", lambda r: "hard" if r.shadows else "none"),
     Column("", "cores", lambda r: str(r.threads)),
-    *animation_tables.FRAMES,
+    *animations.FRAMES,
     Column(
         "", "pixels per core and second, × the article's", lambda r: _times(per_article(r, fixed.ARTICLE))
     ),
 ]
 NOTE = (
     "The article's program shades otherwise (no shadow, no falloff, mirrors of full weight) and moves its "
-    "spheres otherwise. Here is this house's shading, so that ground truth can judge it, and once without "
-    "shadows. Its time is the mean of 900 frames on 35 cores of a CPU without vectors: core·ns a pixel are "
+    "spheres otherwise. Here is this house's shading, so that ground truth can judge it. "
+    "Its time is the mean of 900 frames on 35 cores of a CPU without vectors: core·ns a pixel are "
     "the mean of a frame's time, times cores, over pixels. On one core and by the article's program fewer "
     "frames are timed, from the first on. What the frames show drifts along the animation: compare programs "
     "by the mean of the frames that all rows have. They are measured one after the other, not interleaved. "
-    f"{animation_tables.NOTE}"
+    f"{animations.NOTE}"
 )
 
 

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator
 from study.core import show
 from study.core.show import Column
 from study.experiments.flight.schema import FILE, THROTTLE, Flight, Large, Place, Row, Setting, Throttle, Way
-from study.experiments.section import Found, Part, Section, System, chapter, part
+from study.experiments.section import Found, Part, System, chapters, part
 from study.measuring.hit_tables import gain, ms, to_truth, verdict, within
 from study.pictures.draw import COLOURS, Drawing, plain_log
 
@@ -147,8 +147,7 @@ def found(result: Flight) -> Found:
     return Found(parts, " ".join(map(sentence, result.rows)), drawings(result))
 
 
-def section(run: Path) -> Section:
-    return chapter("flight", "A flight through a scene", run / FILE, Flight.load_if_there, found)
+section = chapters("flight", "A flight through a scene", FILE, Flight, found)
 
 
 # --- the throttle of still scenes

@@ -6,8 +6,7 @@ from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.frames import command, tables
 from study.experiments.frames.schema import FILE, SCHEMAS, Frames
-from study.experiments.section import Section, chapter
-from study.numbers.analysis import Data
+from study.experiments.section import chapters
 
 SECONDS, WHOLE_SECONDS, QUICK_SECONDS = "45", "600", "8"
 
@@ -19,10 +18,7 @@ def calls(study: Study) -> list[Call]:
     return [Call("frames", [*few, "--budget", seconds, "--run", str(study.run)])]
 
 
-def section(data: Data) -> Section:
-    return chapter("frames", "Frame rates", data.path / FILE, Frames.load_if_there, tables.found)
-
-
+section = chapters("frames", "Frame rates", FILE, Frames, tables.found)
 EXPERIMENT = Experiment(
     name="frames",
     command=command,

@@ -5,8 +5,7 @@ from __future__ import annotations
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.functions import command, edge_tables, figures, tables
 from study.experiments.functions.schema import FILE, SCHEMAS, Functions
-from study.experiments.section import Found, Section, chapter, part
-from study.numbers.analysis import Data
+from study.experiments.section import Found, chapters, part
 
 
 def calls(study: Study) -> list[Call]:
@@ -25,11 +24,7 @@ def found(result: Functions) -> Found:
     return Found(parts, tables.answer(result), figures.drawings(result))
 
 
-def section(data: Data) -> Section:
-    title, file = "Functions: speed against ulp", data.path / FILE
-    return chapter("functions", title, file, Functions.load_if_there, found, "entries")
-
-
+section = chapters("functions", "Functions: speed against ulp", FILE, Functions, found, "entries")
 EXPERIMENT = Experiment(
     name="functions",
     what="functions: speed against ulp",

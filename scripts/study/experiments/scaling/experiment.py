@@ -6,8 +6,7 @@ from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.scaling import command, figures, tables
 from study.experiments.scaling.schema import SCHEMAS, Scaling
-from study.experiments.section import Found, Section, chapter
-from study.numbers.analysis import Data
+from study.experiments.section import Found, chapters
 
 SECONDS, QUICK_SECONDS = "300", "20"
 
@@ -26,10 +25,7 @@ def found(result: Scaling) -> Found:
     return Found(tables.parts(result), tables.answer(result), figures.drawings(result))
 
 
-def section(data: Data) -> Section:
-    return chapter("scaling", "How cost grows", data.path / command.FILE, Scaling.load_if_there, found)
-
-
+section = chapters("scaling", "How cost grows", command.FILE, Scaling, found)
 EXPERIMENT = Experiment(
     name="scaling",
     what="how cost grows",

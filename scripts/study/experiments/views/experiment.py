@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.section import Section, chapter
+from study.experiments.section import chapters
 from study.experiments.views import command, tables
 from study.experiments.views.schema import SCHEMAS, Views
-from study.numbers.analysis import Data
 
 
 def calls(study: Study) -> list[Call]:
@@ -15,12 +14,7 @@ def calls(study: Study) -> list[Call]:
     return [Call("views", [*few, *(["--full"] if study.whole else []), "--run", str(study.run)])]
 
 
-def section(data: Data) -> Section:
-    """Each phase against its parent on further views: where constants were tuned, and everywhere else."""
-    file = data.path / command.FILE
-    return chapter("views", "Views it was not tuned on", file, Views.load_if_there, tables.found)
-
-
+section = chapters("views", "Views it was not tuned on", command.FILE, Views, tables.found)
 EXPERIMENT = Experiment(
     name="views",
     what="views that nothing was tuned on",
