@@ -3,12 +3,8 @@ against truth, one lane against many; blocks that are cleared wrongly, ranges, s
 
 from __future__ import annotations
 
-import functools
 import json
 import math
-import os
-import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,17 +16,8 @@ from study.core.registry import ROOT
 from study.pictures import images
 
 PHASES = ("fixed", "fixed_simd", "fixed_float")
-SIMD = PHASES[1:]
 SIMD_LACKS = bool(registry.missing_isa(registry.phases()["fixed_simd"]))
 needs_simd = pytest.mark.skipif(SIMD_LACKS, reason="the CPU lacks what fixed_simd needs")
-HERE = [pytest.param(name, marks=needs_simd if name in SIMD else ()) for name in PHASES]
-
-
-def run(phase: str, path: Path, size: tuple[int, int], words: str, *more: object, narrow: bool = False):
-    env = os.environ | {"STEPWISE_FIXED": words, "STEPWISE_UNTIMED": "1"}
-    env |= {"STEPWISE_ISA_LIMIT": "avx2"} if narrow else {}
-    command = [build(phase), path, "-w", size[0], "-n", size[1], *more]
-    return subprocess.run([str(w) for w in command], capture_output=True, text=True, env=env)
 
 
 def ball(radius: float, position: list[float], **more: object) -> dict:
@@ -51,25 +38,6 @@ LITTLE = scene(
 SIZE = (64, 48)
 ROLLED = LITTLE | {"camera": LITTLE["camera"] | {"up": [1, 2, 0], "position": [1, 1, -4]}}
 SCENES = {"little": LITTLE, "rolled": ROLLED}
-
-
-@pytest.fixture(scope="module")
-def draw(tmp_path_factory):
-    """Every plane of a scene's picture by a phase, under settings; and its record."""
-    folder = tmp_path_factory.mktemp("fixed")
-
-    @functools.cache
-    def one(phase: str, name: str, words: str = "", size=SIZE, narrow: bool = False, more: tuple = ()):
-        path = ROOT / "common" / "scenes" / f"{name}.json"
-        if not path.exists():
-            path = folder / f"{name}.json"
-            store.write_json(path, SCENES[name])
-        out = folder / "picture.exr"
-        done = run(phase, path, size, words, "--aov", "--json", "-o", out, *more, narrow=narrow)
-        assert done.returncode == 0 and done.stderr == "", done.stderr
-        return images.read(out), json.loads(done.stdout)
-
-    return one
 
 
 def same(a: images.Picture, b: images.Picture) -> None:
@@ -196,7 +164,7 @@ def test_one_lane_eight_and_sixteen_draw_the_same_bits(draw, name, words):
     if name == "little" and "article" in words:
         name = "two_spheres"  # squares of 0.02 are less than the article's 1/root takes
     one, record = draw("fixed", name, words, (53, 37))
-    eight, other = draw("fixed_simd", name, words, (53, 37), True)
+    eight, other = draw("fixed_simd", name, words, (53, 37), "avx2")
     same(one, eight)
     assert (record["lanes"], other["lanes"]) == (1, 8) and record["settings"] == other["settings"]
     if registry.variant_here(registry.phases()["fixed_simd"]).lanes == 16:
@@ -206,7 +174,7 @@ def test_one_lane_eight_and_sixteen_draw_the_same_bits(draw, name, words):
 # --- blocks
 
 
-@pytest.mark.parametrize("phase", HERE)
+@pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("name", ["little", "rolled"])
 def test_no_block_is_cleared_wrongly_but_the_articles(draw, phase, name):
     """safe and lists: the picture without any clearing, to the bit, and blocks are cleared."""
@@ -226,7 +194,7 @@ def test_no_block_is_cleared_wrongly_but_the_articles(draw, phase, name):
         assert not whole["cleared"].any()
 
 
-@pytest.mark.parametrize("phase", HERE)
+@pytest.mark.parametrize("phase", PHASES)
 def test_no_sphere_is_left_out_of_a_blocks_list(draw, phase):
     """Forty outlines across the edges of some hundred blocks, where coarse numbers put them too."""
     formats = ["bits=8 unit=auto roots=2 ", "bits=11 roots=1 ", "bits=14 roots=2 ", "roots=3 "]
@@ -281,11 +249,17 @@ def test_pictures_against_truth(draw, phase, words, least, wrong, off):
 # --- what does not fit
 
 
-def refused(phase: str, data: dict, words: str, folder: Path) -> str:
-    store.write_json(folder / "scene.json", data)
-    done = run(phase, folder / "scene.json", (4, 4), words)
-    assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1, done.stderr
-    return done.stderr
+@pytest.fixture
+def refused(called, tmp_path):
+    """What a phase says of a scene that it refuses."""
+
+    def one(phase: str, data: dict, words: str = "") -> str:
+        store.write_json(tmp_path / "scene.json", data)
+        done = called(build(phase), tmp_path / "scene.json", (4, 4), words)
+        assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1, done.stderr
+        return done.stderr
+
+    return one
 
 
 ONE = [ball(1, [0, 0, 0])]
@@ -303,10 +277,10 @@ NO_FORM = {
 NO_FORM["bounds_radius 5"]["march"] = NO_FORM["bounds_radius 5"]["march"] | {"bounds_radius": 5}
 
 
-@pytest.mark.parametrize("phase", HERE)
+@pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("named", NO_FORM)
-def test_a_scene_without_closed_form_is_refused(phase, named, tmp_path):
-    assert named in refused(phase, NO_FORM[named], "", tmp_path)
+def test_a_scene_without_closed_form_is_refused(phase, named, refused):
+    assert named in refused(phase, NO_FORM[named])
 
 
 # What leaves the range of the numbers, by the figure that the line names.
@@ -323,13 +297,13 @@ UNFIT = {
 
 
 @pytest.mark.parametrize("named", UNFIT)
-def test_a_number_that_does_not_fit_is_named(named, tmp_path):
+def test_a_number_that_does_not_fit_is_named(named, refused):
     changes, words = UNFIT[named]
     data = scene(ONE, light=HARD, march={"bounds_radius": 1e5})
     for key, value in changes.items():
         data = data | {key: data[key] | value if isinstance(value, dict) else value}
     for phase in PHASES[: 1 if SIMD_LACKS else 2]:
-        assert named in refused(phase, data, words, tmp_path)
+        assert named in refused(phase, data, words)
 
 
 # As bright as numbers of 24 bits hold, less than 126, a quarter away; in a ball; on one, of no strength.
@@ -409,24 +383,16 @@ LED = {
 }
 
 
-@pytest.mark.parametrize("phase", HERE)
+@pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("name", LED)
-def test_a_path_through_the_camera_is_refused(phase, name, tmp_path):
+def test_a_path_through_the_camera_is_refused(phase, name, refused, called, tmp_path):
     position, path = LED[name]
     data = scene([ball(1, position, path=path)], light=HARD, march={"bounds_radius": 100})
     data["camera"] |= {"position": [0, 0, -5], "look_at": [0, 0, 0]}
     words = "" if phase == "fixed_float" else "roots=3"
-    assert "shapes[0]" in refused(phase, data, words, tmp_path)
+    assert "shapes[0]" in refused(phase, data, words)
     data["camera"]["position"] = [0, 3, -5]
     store.write_json(tmp_path / "scene.json", data)
-    done = run(phase, tmp_path / "scene.json", (4, 4), words, "--frames", 31, "--first-frame", 30)
+    more = ("--frames", 31, "--first-frame", 30)
+    done = called(build(phase), tmp_path / "scene.json", (4, 4), words, *more)
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize(
-    "words", ["bits=7", "bits=29", "bits=20.5", "unit=3", "roots=5", "clear=all", "bits"]
-)
-def test_a_setting_that_is_none_is_refused(words):
-    done = run("fixed", ROOT / "common" / "scenes" / "spheres40.json", (4, 4), words)
-    assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1
-    assert "STEPWISE_FIXED: " in done.stderr

@@ -4,10 +4,7 @@ way or width finds them; its pictures against truth; what it refuses.
 
 from __future__ import annotations
 
-import functools
 import itertools
-import json
-import os
 import subprocess
 
 import enclosures
@@ -17,7 +14,6 @@ from emulated import needs_sixteen, sixteen
 
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
-from study.core import run, store
 from study.core.build import build
 from study.core.registry import ROOT
 from study.measuring import rays as packets_rays
@@ -28,38 +24,7 @@ WAYS = ["tree=bvh rays=alone", "tree=kd rays=alone", "tree=none rays=alone"]
 WAYS += ["tree=bvh rays=together", "tree=kd rays=together", "tree=none rays=together", "tree=bvh", "tree=kd"]
 
 
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    """A scene as a file, once."""
-    folder = tmp_path_factory.mktemp("packets")
-
-    def write(name, data):
-        path = folder / f"{name}.json"
-        if not path.exists():
-            store.write_json(path, data)
-        return path
-
-    return write
-
-
-@pytest.fixture(scope="module")
-def draw(tmp_path_factory, written):
-    """Every plane of a picture, under settings and a CPU's limit."""
-    folder = tmp_path_factory.mktemp("pictures")
-
-    @functools.cache
-    def one(phase, name, words="", limit="", threads=1, program=None):
-        path = SPHERES40 if name == "spheres40" else written(name, SCENES[name])
-        out = folder / "picture.exr"
-        program = program or build(phase)
-        command = [program, path, "-w", 61, "-n", 35, "--aov", "--json", "-o", out, "--threads", threads]
-        env = os.environ | {packets_rays.SETTINGS: words, "STEPWISE_UNTIMED": "1"}
-        env |= {"STEPWISE_ISA_LIMIT": limit} if limit else {}
-        done = subprocess.run([str(w) for w in command], capture_output=True, text=True, env=env)
-        assert done.returncode == 0 and done.stderr == "", done.stderr
-        return images.read(out), json.loads(done.stdout)
-
-    return one
+SIZE = (61, 35)
 
 
 def many(count, seed, kinds=("sphere", "box", "cone"), spread=6.0, size=0.4):
@@ -270,7 +235,7 @@ def test_8_and_16_lanes_are_the_same_bits_and_4_are_as_near_as_sse2_rounds(draw,
     assert np.median(np.abs(wide[hit, 0] - narrow[hit, 0])) < 1e-6
     for name in ("room", "spheres40"):
         (wide, record), (half, eight), (narrow, four) = (
-            draw("packets", name, "", x, program=sixteen("packets") if x == "" else None)
+            draw("packets", name, "", limit=x, program=sixteen("packets") if x == "" else None)
             for x in ("", "avx2", "none")
         )
         assert [record["lanes"], eight["lanes"], four["lanes"]] == [16, 8, 4]
@@ -288,7 +253,7 @@ def test_pictures_are_truths(draw, name, limit):
     """Hits, normals and colours, mirrors, hard shadows and fog among them."""
     exact, _ = draw("truth", name)
     for words in ("", "root=newton"):
-        mine, record = draw("packets", name, words, limit)
+        mine, record = draw("packets", name, words, limit=limit)
         assert ("root=newton" in record["settings"]) == bool(words)
         known = exact["status"] >= 2
         assert (mine["id"] != exact["id"])[known].sum() <= 2 and known.mean() > 0.99
@@ -317,7 +282,7 @@ def test_a_mirror_that_the_camera_is_in_is_met_again(draw):
 @pytest.mark.parametrize("name", ["oblate", "oblate_up"])
 def test_cones_thousands_of_times_wider_than_high(draw, name, limit, words):
     """A quadratic whose coefficients are the slope's square had hits beside it."""
-    mine, _ = draw("packets", name, words, limit)
+    mine, _ = draw("packets", name, words, limit=limit)
     truth, _ = draw("truth", name)
     assert np.array_equal(mine["id"], truth["id"]), f"{(mine['id'] != truth['id']).sum()} pixels"
     hit = mine["id"] == 0
@@ -346,10 +311,3 @@ def test_a_scene_without_closed_form_is_refused(named, written):
         done = subprocess.run(command, capture_output=True, text=True, input="")
         assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1
         assert named in done.stderr
-
-
-@pytest.mark.parametrize("words", ["tree", "tree=octree", "lanes=4", "x" * 300])
-def test_a_setting_that_is_none_is_refused(words, written):
-    with pytest.raises(run.DriverError, match="STEPWISE_PACKETS: ") as error:
-        packets_rays.hits(written("one", SCENES["one"]), bundle(256, 1), "primary", words)
-    assert error.value.status == 4

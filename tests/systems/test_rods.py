@@ -5,12 +5,10 @@ What the article's step does wrong is asserted too: it passes surfaces; the step
 
 from __future__ import annotations
 
-import functools
 import itertools
 import json
 import math
 import os
-import subprocess
 import sys
 
 import emitted
@@ -19,8 +17,7 @@ import pytest
 import started
 
 from conformance.feature_scenes import FEATURES, ROOM, scene
-from study.core import registry, store
-from study.core.build import build
+from study.core import registry
 from study.core.registry import ROOT
 from study.pictures import gate, images
 from study.truth import judging, truth
@@ -30,40 +27,7 @@ needs_simd = pytest.mark.skipif(SIMD_LACKS, reason="the CPU lacks what rods_simd
 TWO = ROOT / "common" / "scenes" / "two_spheres.json"
 
 
-@pytest.fixture(scope="module")
-def draw(tmp_path_factory):
-    """Every plane of a scene's picture by a phase, under settings; and its record."""
-    folder = tmp_path_factory.mktemp("rods")
-
-    @functools.cache
-    def one(phase: str, name: str, size=(48, 27), words: str = "", target: str = "render", *more: object):
-        path = ROOT / "common" / "scenes" / f"{name}.json"
-        if not path.exists():
-            path = folder / f"{name}.json"
-            store.write_json(path, SCENES[name])
-        out = folder / "picture.exr"
-        command = [
-            build(phase, target),
-            path,
-            "-w",
-            size[0],
-            "-n",
-            size[1],
-            "--aov",
-            "--json",
-            "-o",
-            out,
-            *more,
-        ]
-        limit = {"STEPWISE_ISA_LIMIT": "avx2"} if "narrow" in words else {}
-        env = os.environ | {"STEPWISE_RODS": words.removeprefix("narrow ").strip(), "STEPWISE_UNTIMED": "1"}
-        done = subprocess.run([str(w) for w in command], capture_output=True, text=True, env=env | limit)
-        assert done.returncode == 0 and done.stderr == "", done.stderr
-        return images.read(out), json.loads(done.stdout)
-
-    return one
-
-
+SIZE = (48, 27)
 SCENES = {"room": scene(ROOM), "many": FEATURES["shapes_64"], "edges": FEATURES["everything"]}
 
 
@@ -132,7 +96,7 @@ class Article:
 def test_rods_are_what_the_article_says(draw, size, down, least, safe):
     mine = Article(json.loads(TWO.read_text()), *size, down, least, safe)
     words = f"down={down} least={least} step={'safe' if safe else 'whole'}"
-    p, record = draw("rods", "two_spheres", size, words)
+    p, record = draw("rods", "two_spheres", words, size)
     assert (
         record["settings"]
         == f"march=rods down={down} least={least} step={words[-5:].strip('=')} picture=shaded"
@@ -146,15 +110,15 @@ def test_rods_are_what_the_article_says(draw, size, down, least, safe):
 
 def test_the_map_is_the_planes(draw):
     """picture=map: R, G, B are last, left, steps."""
-    p, _ = draw("rods", "two_spheres", (40, 40), "picture=map")
+    p, _ = draw("rods", "two_spheres", "picture=map", (40, 40))
     for channel, plane in {"R": "last", "G": "left", "B": "steps"}.items():
         assert np.array_equal(p[channel], p[plane])
 
 
 @pytest.mark.parametrize("name", ["trio", "cubes", "room", "two_spheres"])
 def test_marching_pixels_is_the_parents_picture(draw, name):
-    mine, _ = draw("rods", name, (24, 14), "march=pixels")
-    theirs, _ = draw("opt2", name, (24, 14))
+    mine, _ = draw("rods", name, "march=pixels", (24, 14))
+    theirs, _ = draw("opt2", name, size=(24, 14))
     for channel in images.AOVS:
         assert np.array_equal(mine[channel].view(np.uint32), theirs[channel].view(np.uint32)), channel
     assert np.array_equal(mine["steps"], mine["evals"])
@@ -182,33 +146,11 @@ def test_the_articles_step_does(draw):
 
 
 def test_rods_take_fewer_evaluations_and_no_more_steps_than_the_scene_allows(draw):
-    rods, rays = (draw("rods", "two_spheres", (200, 200), w)[0] for w in ("", "march=pixels"))
+    rods, rays = (draw("rods", "two_spheres", w, (200, 200))[0] for w in ("", "march=pixels"))
     assert rods["evals"].sum() < rays["evals"].sum() / 5
     assert rods["steps"].max() == rays["steps"].max() == 20
     wrong = (rods["id"] != rays["id"]).mean()
     assert wrong < 0.05, f"{wrong:.3f} of the hits are others: no near picture"
-
-
-@pytest.mark.parametrize(
-    ("phase", "words"),
-    [
-        ("rods", "down"),
-        ("rods", "down=0"),
-        ("rods", "step=half"),
-        ("rods", "x" * 300),
-        ("rods_simd", "size=12"),
-        ("rods_simd", "size=8 least=16"),
-        ("rods_simd", "steps=1e3"),
-    ],
-)
-def test_a_setting_that_is_none_is_refused(phase, words):
-    if phase == "rods_simd" and SIMD_LACKS:
-        pytest.skip("the CPU lacks what rods_simd needs")
-    command = [str(build(phase)), str(TWO), "-n", "4"]
-    env = os.environ | {"STEPWISE_RODS": words, "STEPWISE_UNTIMED": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, env=env)
-    assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1
-    assert "STEPWISE_RODS: " in done.stderr and "should be" in done.stderr
 
 
 # --- the hybrid
@@ -217,8 +159,8 @@ def test_a_setting_that_is_none_is_refused(phase, words):
 @needs_simd
 @pytest.mark.parametrize("name", ["trio", "mandelbulb", "two_spheres"])
 def test_packets_alone_are_the_parents_picture(draw, name):
-    mine, _ = draw("rods_simd", name, (40, 22), "march=pixels")
-    theirs, _ = draw("opt6_wide", name, (40, 22))
+    mine, _ = draw("rods_simd", name, "march=pixels", (40, 22))
+    theirs, _ = draw("opt6_wide", name, size=(40, 22))
     for channel in images.AOVS:
         assert np.array_equal(mine[channel].view(np.uint32), theirs[channel].view(np.uint32)), channel
 
@@ -253,7 +195,7 @@ def test_without_caps_the_picture_is_the_parents_but_for_rounding(draw):
 def test_what_rods_take_is_counted(draw):
     """Plane rods (a rod's evaluations are told with its first pixel) against the counting build."""
     for words in ("size=64 least=1", "steps=3", "march=pixels"):
-        p, record = draw("rods_simd", "trio", (70, 41), words, "render-count")
+        p, record = draw("rods_simd", "trio", words, (70, 41), target="render-count")
         lanes = record["by_function"]["rod_step"]["lanes"]
         assert p["rods"].sum() == lanes and (lanes > 0) == (words != "march=pixels")
 
@@ -261,8 +203,8 @@ def test_what_rods_take_is_counted(draw):
 @needs_simd
 def test_both_widths_draw_the_same_bits(draw):
     for words in ("", "size=64 least=2 steps=9 finish=7"):
-        wide, record = draw("rods_simd", "edges", (70, 41), words)
-        narrow, other = draw("rods_simd", "edges", (70, 41), f"narrow {words}")
+        wide, record = draw("rods_simd", "edges", words, (70, 41))
+        narrow, other = draw("rods_simd", "edges", words, (70, 41), "avx2")
         assert other["lanes"] == 8 and record["settings"] == other["settings"]
         for channel in wide:
             assert np.array_equal(wide[channel].view(np.uint32), narrow[channel].view(np.uint32)), channel

@@ -11,7 +11,7 @@ import numpy as np
 from study.core import cli, registry, run, show
 from study.core.registry import Scene
 from study.core.show import Column
-from study.measuring import hits
+from study.measuring import hits, launches
 from study.measuring.launches import Told
 from study.measuring.schema import Animation, Article, FrameErrors, Spread
 from study.truth import truth
@@ -49,22 +49,20 @@ def animation(
     scene = scene or registry.animated()[MOVING]
     size = scene.size(n)
     cli.say(f"{phase}: {frames} frames of {size[0]}×{size[1]}, {threads} threads")
-    how = {"cpu": run.FASTEST, "threads": threads, "timed": False, "told": told}
-    told_of = run.render(phase, scene.path, size[1], size[0], animation=frames, warmup=2, **how)
-    record = msgspec.convert(told_of, Moved)
-    timed = [frame for frame in record.frames if not frame.warmup]
-    ms = np.array([frame.ns for frame in timed]) / 1e6
+    how = {"cpu": run.FASTEST, "threads": threads, "told": told}
+    made = launches.render(phase, scene.path, size[1], size[0], animation=frames, warmup=2, **how)
+    ms = np.array([frame.ns for frame in made.timed]) / 1e6
     p5, p50, p95 = np.percentile(ms, (5, 50, 95)).tolist()
     mean = float(ms.mean())
     return Animation(
         phase=phase,
-        settings=record.settings,
+        settings=made.settings,
         threads=threads,
         frames=frames,
         width=size[0],
         n=n,
         ms=Spread(mean=mean, p5=p5, p50=p50, p95=p95, most=float(ms.max())),
-        update_ms=float(np.median([frame.update_ns for frame in timed])) / 1e6,
+        update_ms=float(np.median([frame.update_ns for frame in made.timed])) / 1e6,
         core_ns_per_pixel=mean * 1e6 * threads / (size[0] * n),
         all_ms=ms.tolist(),
     )

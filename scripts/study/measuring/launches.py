@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
+
+import msgspec
+import numpy as np
 
 from study.core import run
 from study.core.registry import Scene, Spec
@@ -13,6 +17,47 @@ from study.numbers.schema import Interval
 
 Size = tuple[int, int]  # width, height
 Told = Mapping[str, str]  # variables of a driver's environment, which say how a phase is to work
+
+
+class Frame(msgspec.Struct):
+    """Of a driver's frame what experiments read. Times in ns."""
+
+    ns: float
+    warmup: bool = False
+    present_ns: float = 0
+    update_ns: float = 0
+
+
+class Made(msgspec.Struct):
+    """Of a driver's record what experiments read. Times in ns."""
+
+    frames: list[Frame]
+    settings: str | None = None
+    display: str | None = None
+    kernel: str | None = None
+    kernel_compiler: str | None = None
+    kernel_compile_ns: float = 0
+    prepare_ns: float = 0
+
+    @property
+    def timed(self) -> list[Frame]:
+        return [frame for frame in self.frames if not frame.warmup]
+
+    @property
+    def ms(self) -> float:
+        """The median timed frame's."""
+        return float(np.median([frame.ns for frame in self.timed])) / 1e6
+
+    @property
+    def first_s(self) -> float:
+        return self.frames[0].ns * 1e-9
+
+
+def render(
+    spec: Spec | str, path: Path, height: int, width: int | None = None, timed: bool = False, **how: Any
+) -> Made:
+    """run.render's record, typed. Raises DriverError."""
+    return msgspec.convert(run.render(spec, path, height, width, timed=timed, **how), Made)
 
 
 def milliseconds(
@@ -25,8 +70,8 @@ def milliseconds(
     **more: Any,
 ) -> float:
     """Median time of a launch's frames, on as many CPUs as it has threads. Raises StudyError."""
-    how = {"cpu": run.FASTEST, "env_bytes": env_bytes, "reps": reps, "warmup": 1, "timed": False} | more
-    return run.median_ms(run.render(phase, scene.path, size[1], size[0], told=told, **how))
+    how = {"cpu": run.FASTEST, "env_bytes": env_bytes, "reps": reps, "warmup": 1} | more
+    return render(phase, scene.path, size[1], size[0], told=told, **how).ms
 
 
 def interleaved(

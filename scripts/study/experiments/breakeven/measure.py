@@ -19,7 +19,7 @@ from study.core import registry, run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.experiments.breakeven.schema import Row
-from study.measuring import errors
+from study.measuring import errors, launches
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
 from study.numbers.schema import Interval, PictureErrors, Range, Skipped
@@ -63,19 +63,19 @@ def break_even_range(setup_s: float, general: stats.Interval, generated: stats.I
 
 def set_up(spec: Spec, scene: Scene, cache: Mapping[str, str]) -> dict[str, Any]:
     """The driver's account of the kernel, made and found again. StudyError: the phase generates none."""
-    made, found = (run.render(spec, scene.path, 36, timed=False, told=cache) for _ in range(2))
-    if made["kernel"] is None:
+    made, found = (launches.render(spec, scene.path, 36, told=cache) for _ in range(2))
+    if made.kernel is None:
         raise StudyError(f"{spec} generates no kernels; {PHASE} does")
-    if made["kernel"] != GENERATED:
-        return {"generated": False, "reason": made["kernel"].removeprefix("general: ")}
-    if found["kernel"] != GENERATED or found["kernel_compile_ns"]:
+    if made.kernel != GENERATED:
+        return {"generated": False, "reason": made.kernel.removeprefix("general: ")}
+    if found.kernel != GENERATED or found.kernel_compile_ns:
         return {"generated": False, "reason": "the kernel was not found again where it had been put"}
     return {
         "generated": True,
-        "compiler": made["kernel_compiler"],
-        "compile_s": made["kernel_compile_ns"] / 1e9,
-        "setup_s": made["prepare_ns"] / 1e9,
-        "setup_found_ms": found["prepare_ns"] / 1e6,
+        "compiler": made.kernel_compiler,
+        "compile_s": made.kernel_compile_ns / 1e9,
+        "setup_s": made.prepare_ns / 1e9,
+        "setup_found_ms": found.prepare_ns / 1e6,
     }
 
 
@@ -103,14 +103,14 @@ def measure(specs: tuple[Spec, Spec], scene: Scene, settings: Settings, folder: 
     row = Row(scene=scene.name, n=high, width=wide, **set_up(specs[1], scene, cache))
     if not row.generated:
         return row
-    reps = reps_of(run.render(specs[0], scene.path, high, wide, cpu=cpu)["frames"][0]["ns"] / 1e9)
+    reps = reps_of(launches.render(specs[0], scene.path, high, wide, timed=True, cpu=cpu).first_s)
 
     def once(spec: Spec, padding: int) -> float:
         how: dict[str, Any] = {"cpu": cpu, "env_bytes": padding, "reps": reps, "warmup": WARMUP}
-        made = run.render(spec, scene.path, high, wide, told=cache, **how)
-        if spec == specs[1] and (made["kernel"] != GENERATED or made["kernel_compile_ns"]):
+        made = launches.render(spec, scene.path, high, wide, timed=True, told=cache, **how)
+        if spec == specs[1] and (made.kernel != GENERATED or made.kernel_compile_ns):
             raise StudyError(f"{spec} on {scene.name}: the kernel was not found again in its cache")
-        return run.median_ms(made)
+        return made.ms
 
     times = run.interleaved(specs, settings.launches, settings.seed, cpu, once, scene.name)
     general, generated = (stats.median_interval(times[spec]) for spec in specs)

@@ -7,7 +7,6 @@ frames is in neither. Newest phases first, while the seconds last.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -23,7 +22,7 @@ from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments.frames.schema import LeftOut, Row
-from study.measuring import errors, views
+from study.measuring import errors, launches, views
 from study.numbers import schema, stats
 from study.numbers.schema import PictureErrors
 from study.numbers.stats import Interval
@@ -178,16 +177,17 @@ class Pictures:
     def first(self, spec: Spec, case: Case) -> float:
         """The picture, and seconds of its first frame with its presenting. Raises DriverError."""
         how = {"threads": _threads(spec, self.settings), "aov": True, "out": self._path(spec, case)}
-        frame = run.render(spec, *_size(case), **how)["frames"][0]
-        return (frame["ns"] + frame["present_ns"]) * 1e-9
+        (frame,) = launches.render(spec, *_size(case), timed=True, **how).frames
+        return (frame.ns + frame.present_ns) * 1e-9
 
     def displayed(self, spec: Spec, case: Case) -> dict[str, Any]:
         """Who presents, and how many of the bytes displayed are not of the picture that the errors are of."""
         out = self._path(spec, case, "ppm")
-        made = run.render(spec, *_size(case), threads=_threads(spec, self.settings), display=True, out=out)
+        how = {"threads": _threads(spec, self.settings), "display": True, "out": out}
+        made = launches.render(spec, *_size(case), timed=True, **how)
         wanted = images.to_display(images.rgb(images.read(self._path(spec, case))))
         other = int((images.read_ppm(out) != wanted).sum())
-        return {"presented_by": made["display"], "displayed_otherwise": other}
+        return {"presented_by": made.display, "displayed_otherwise": other}
 
     def _reference(self, case: Case) -> images.Picture:
         if case not in self.known:
@@ -221,9 +221,8 @@ def measure(
         how = {"cpu": run.FASTEST, "threads": _threads(spec, settings)}
         how |= {"env_bytes": padding, "warmup": 1, "display": True}
         how["reps"] = reps_of(taken[point])
-        with contextlib.closing(run.frames(spec, *_size(case), **how)) as made:
-            timed = [frame for frame in made if not frame["warmup"]]
-        return [frame["ns"] for frame in timed], [frame["present_ns"] for frame in timed]
+        timed = launches.render(spec, *_size(case), timed=True, **how).timed
+        return [frame.ns for frame in timed], [frame.present_ns for frame in timed]
 
     found = run.interleaved(list(taken), settings.launches, settings.seed, run.FASTEST, once, "time frames")
     return found  # type: ignore[return-value]

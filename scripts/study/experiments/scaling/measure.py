@@ -23,7 +23,7 @@ from study.experiments.scaling.schema import LeftOut, Row
 from study.experiments.scaling.series import Picture, Point, Series, foreseen
 from study.measuring import errors
 from study.measuring.errors import Errors
-from study.measuring.launches import milliseconds
+from study.measuring.launches import milliseconds, render
 from study.numbers import stats
 from study.numbers.schema import Interval
 from study.pictures import images
@@ -182,8 +182,8 @@ class Measuring:
         keep = self.series.kept and picture.width * picture.height <= MOST_JUDGED
         out = self.settings.scratch / f"{point.series}-{point.x}-{point.spec}.exr" if keep else None
         how = {"cpu": self.settings.cpu, "aov": keep, "out": out, **picture.options}
-        made = run.render(point.spec, picture.scene.path, picture.height, picture.width, timed=False, **how)
-        return First(made["frames"][0]["ns"] * 1e-9, out)
+        made = render(point.spec, picture.scene.path, picture.height, picture.width, **how)
+        return First(made.first_s, out)
 
     def times(self, points: Mapping[Point, First]) -> dict[Point, list[float]]:
         """Milliseconds of a frame (median of a launch's timed ones) per launch, every point once a round."""

@@ -21,7 +21,7 @@ from study.experiments.views.gains import BASE
 from study.experiments.views.schema import LeftOut, Row
 from study.measuring import errors
 from study.measuring.errors import Errors
-from study.measuring.launches import milliseconds
+from study.measuring.launches import milliseconds, render
 from study.measuring.views import View
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
@@ -173,10 +173,10 @@ class Pictures:
         """Renders the picture: seconds a pixel. Raises DriverError."""
         width, height = self.size(view)
         how = {"aov": True, "out": self.path(spec, view)}
-        made = run.render(spec, view.scene.path, height, width, timed=False, **how)
-        if made["kernel"] not in (None, GENERATED):
-            self.general[spec, view] = made["kernel"]
-        return made["frames"][0]["ns"] * 1e-9 / (width * height)
+        made = render(spec, view.scene.path, height, width, **how)
+        if made.kernel not in (None, GENERATED):
+            self.general[spec, view] = made.kernel
+        return made.first_s / (width * height)
 
     def find_references(self, views: Sequence[View], seconds: float) -> None:
         """Truth's picture of every view as far as the seconds go, the tuned first; else the baseline's."""
