@@ -36,7 +36,7 @@ class Made(msgspec.Struct):
     display: str | None = None
     kernel: str | None = None
     kernel_compiler: str | None = None
-    kernel_compile_ns: float = 0
+    kernel_compile_ns: float | None = None  # null: this phase generates none
     prepare_ns: float = 0
 
     @property

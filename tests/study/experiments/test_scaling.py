@@ -18,7 +18,7 @@ from study.core import cli, commands, generated_scenes, registry, run, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
-from study.experiments.scaling import command, experiment, figures, laws, tables
+from study.experiments.scaling import command, experiment, figures, tables
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling.measure import First
 from study.experiments.scaling.schema import Row, Scaling
@@ -170,7 +170,7 @@ def row(phase: str, x: float, each: float, name: str = "shapes-scattered", **mor
 
 def test_many_shapes_stand_beside_few() -> None:
     rows = [row("a", 16, 100), row("a", 4096, 399), row("c", 16, 9), row("c", 1024, 9), row("d", 16, 1)]
-    a, c = laws.crowds(rows, list("acd"))  # d has few alone
+    a, c = scaling.crowds(rows, list("acd"))  # d has few alone
     assert a.ratio.value == pytest.approx(3.99) and (a.shapes, c.shapes) == (4096, 1024)
 
 
@@ -181,13 +181,13 @@ def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
         row("a", 16, 0, "crowd", scenes=80, ns=few * 8),
         row("a", 4096, 0, "crowd", scenes=12, ns=[390.0] * 12),
     ]
-    (a,) = laws.crowds(rows, ["a"])
+    (a,) = scaling.crowds(rows, ["a"])
     assert a.ratio.value == pytest.approx(3.9) and 3 < a.ratio.low < 3.9 < a.ratio.high < 5
     assert a.scenes == [80, 12] and a.mean_ms == pytest.approx([100e-6, 390e-6])
     assert a.by_medians.value == pytest.approx(6.5)
     # Of one scene each by their medians.
     rows = [row("a", 16, 0, "crowd", ns=few), row("a", 4096, 0, "crowd", ns=[390.0] * 10)]
-    (a,) = laws.crowds(rows, ["a"])
+    (a,) = scaling.crowds(rows, ["a"])
     assert a.ratio.value == pytest.approx(6.5) and a.scenes == [1, 1] and a.mean_ms is None
 
 
@@ -195,7 +195,7 @@ def test_verdicts_beside_the_papers_law() -> None:
     xs = [1, 4, 16, 64]
 
     def said(of: Callable[[float], float], paper: float | None = 1, launches: int = 6) -> str:
-        return laws.verdict(laws.law([(x, [of(x)] * launches) for x in xs]), paper)
+        return scaling.verdict(scaling.law([(x, [of(x)] * launches) for x in xs]), paper)
 
     alike = said(lambda x: x**1.04)
     slower, faster = said(lambda x: x**0.5), said(lambda x: x**1.2)
@@ -208,8 +208,8 @@ def result(rows: list[Row]) -> Scaling:
     known = series(90, 1, Path("nowhere"))["shapes-scattered"]
     return Scaling(
         **{"schema": 1, "n": 90, "launches": 6, "rows": rows, "left_out": []},
-        fits=laws.fits(rows, [known]),
-        goals=laws.crowds(rows, ["opt4"]),
+        fits=scaling.fits(rows, [known]),
+        goals=scaling.crowds(rows, ["opt4"]),
         axes={known.name: known.axis},
         titles={known.name: known.title},
     )

@@ -73,7 +73,7 @@ def set_up(spec: Spec, scene: Scene, cache: Mapping[str, str]) -> dict[str, Any]
     return {
         "generated": True,
         "compiler": made.kernel_compiler,
-        "compile_s": made.kernel_compile_ns / 1e9,
+        "compile_s": (made.kernel_compile_ns or 0) / 1e9,
         "setup_s": made.prepare_ns / 1e9,
         "setup_found_ms": found.prepare_ns / 1e6,
     }

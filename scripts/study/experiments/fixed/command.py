@@ -23,9 +23,8 @@ STATUSES = {1: "a picture has samples that are not finite"}
 def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     running.height(parser, 180, "height of the pictures")
-    add("--sizes", nargs="+", type=cli.at_least(16), default=[90, 180, 360, 1080], metavar="N",
-        help=f"heights at which blocks are cleared, those over {fixed.TRUTH_HEIGHT} against the picture "
-        "without clearing in place of truth; default: 90 180 360 1080")  # fmt: skip
+    about = "heights at which blocks are cleared; default: 90 180 360"
+    add("--sizes", nargs="+", type=cli.at_least(16), default=[90, 180, 360], metavar="N", help=about)
     add("--frames", type=cli.at_least(2), default=900,
         help="of the animation in lanes on every core; on one thread and by the article's program "
         "fewer, as the table says; default: 900, the article's")  # fmt: skip

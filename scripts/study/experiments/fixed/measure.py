@@ -36,7 +36,6 @@ ARTICLE = Article(
 BITS = tuple(range(8, 29, 2))
 SAFE = "clear=lists"
 CLEARS = ("never", "corners", "safe", "lists")
-TRUTH_HEIGHT = 400  # up to which truth is drawn: its 1,920 × 1,080 would take as long as all the rest
 FIFTEENTH = 15  # of the animation's frames are timed by the article's program, but for the slowest
 
 
@@ -178,26 +177,9 @@ def clearing(sizes: Sequence[int], count: int, seed: int, phase: str) -> list[Cl
         size = scene.size(n)
         times = timed(cases, scene, size, count, seed)
         for clear, case in cases.items():
-            about: dict[str, Any] = {"clear": clear, "width": size[0], "n": n}
-            if n <= TRUTH_HEIGHT:
-                rows.append(Clearing(**about, **whole(errors(case, scene, size), times[clear])))
-            else:
-                lost, found = losses(case, cases["never"], scene, size)
-                made = whole(found, times[clear])
-                rows.append(Clearing(**about, against="never", lost_pixels=lost, **made))
+            made = whole(errors(case, scene, size), times[clear])
+            rows.append(Clearing(clear=clear, width=size[0], n=n, **made))
     return rows
-
-
-def losses(case: Case, without: Case, scene: Scene, size: Size) -> tuple[int, Picture]:
-    """What clearing took from the phase's own picture without any, for sizes at which truth is too slow."""
-    made, uncleared = (one.picture(scene, size) for one in (case, without))
-    lost = (made["cleared"] > 0) & (uncleared["id"] >= 0)
-    found = Picture(
-        cleared=float(made["cleared"].mean()),
-        wrongly_cleared_ppm=float(lost.mean() * 1e6),
-        non_finite=images.non_finite(made),
-    )
-    return int(lost.sum()), found
 
 
 def share(frames: int, article: bool, threads: int) -> int:

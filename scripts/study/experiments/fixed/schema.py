@@ -51,8 +51,7 @@ class Clearing(Picture, kw_only=True):
     clear: Annotated[str, key("", "never, by corners or by lists")]
     width: Annotated[int, key("pixels", "of the picture")]
     n: Annotated[int, key("pixels", "its height")]
-    against: Annotated[str | None, key("", "over height 400 `never`: to that picture, not truth")] = None
-    lost_pixels: Annotated[int | None, key("pixels", "that it sees and this one does not")] = None
+    against: Annotated[str | None, key("", "of earlier runs, over height 400: `never`, not truth")] = None
 
 
 class Moving(Animation, kw_only=True):

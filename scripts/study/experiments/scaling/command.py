@@ -10,7 +10,7 @@ from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.scaling import figures, laws, tables
+from study.experiments.scaling import figures, tables
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling.schema import LeftOut, Row, Scaling
 from study.experiments.scaling.series import chosen, series
@@ -88,8 +88,8 @@ def measure(args: argparse.Namespace) -> Outcome:
         scene_seed=args.scene_seed,
         rows=rows,
         left_out=left_out,
-        fits=laws.fits(rows, known.values()),
-        goals=laws.crowds(rows, [str(spec) for spec in specs]),
+        fits=scaling.fits(rows, known.values()),
+        goals=scaling.crowds(rows, [str(spec) for spec in specs]),
         axes={one.name: one.axis for one in wanted},
         titles={one.name: one.title for one in wanted},
     )
