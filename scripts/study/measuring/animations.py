@@ -22,19 +22,6 @@ QUARTER = 4  # of the frames are timed where all of them would take minutes
 Row = TypeVar("Row", bound=Animation)
 
 
-class MovedFrame(msgspec.Struct):
-    ns: int
-    warmup: bool
-    update_ns: int
-
-
-class Moved(msgspec.Struct):
-    """What the driver says of an animation."""
-
-    frames: list[MovedFrame]
-    settings: str | None = None
-
-
 def still_error(phase: str, scene: Scene, n: int, told: Told | None = None) -> FrameErrors:
     """How far the picture of the beginning is from truth, of `n` rows, STILL at most. Raises StudyError."""
     size = scene.size(min(n, STILL))
