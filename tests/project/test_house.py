@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from imports import cycle
 
 from study.core import patches, registry
 from study.core.build import build
@@ -48,15 +49,6 @@ def test_a_file_has_at_most_400_lines_and_a_function_60(path: Path) -> None:
 )
 def test_a_folder_has_at_most_20_files(folder: Path) -> None:
     assert len([path for path in folder.iterdir() if path.suffix in (".c", ".h")]) <= MOST_FILES
-
-
-def cycle(graph: dict[str, set[str]]) -> list[str]:
-    """The names along a cycle, or none."""
-    try:
-        graphlib.TopologicalSorter(graph).prepare()
-    except graphlib.CycleError as error:
-        return list(error.args[1])
-    return []
 
 
 def includes(phase: str) -> dict[str, set[str]]:

@@ -49,15 +49,6 @@ def experiment_of(name: str) -> str | None:
     return words[2] if len(words) > 2 and words[1] == "experiments" and words[2] not in BASE else None
 
 
-def circles(edges: dict[str, set[str]]) -> set[str]:
-    """Nodes that lie on a circle, or only between circles."""
-    left = {node: {other for other in others if other in edges} for node, others in edges.items()}
-    while ends := [node for node, others in left.items() if not others & left.keys()]:
-        for node in ends:
-            del left[node]
-    return set(left)
-
-
 def test_every_package_has_its_place() -> None:
     folders = {path.name for path in STUDY.iterdir() if path.is_dir() and path.name != "__pycache__"}
     assert folders == set(ORDER)
@@ -71,9 +62,7 @@ def test_imports_go_down_only() -> None:
 
 def test_no_modules_import_one_another() -> None:
     packages = {name for name in NAMES if (STUDY.parent / name.replace(".", "/")).is_dir()}
-    assert (
-        circles({name: others - packages for name, others in EDGES.items() if name not in packages}) == set()
-    )
+    assert imports.cycle({name: EDGES[name] - packages for name in NAMES - packages}) == []
 
 
 def test_an_experiment_knows_no_other_and_nothing_above_knows_one_by_name() -> None:
