@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from conformance.feature_scenes import CELLS, FLOOR, ROOM, SIZES, TURNED, scene, shape
+from conformance.feature_scenes import CELLS, FLOOR, ROOM, TURNED, scene, shape
 from study.core import registry, run, store
 from study.core.build import build
 from study.core.registry import ROOT
@@ -50,7 +50,6 @@ SCENES = {
     "ideal": scene(ROOM, light={"shadows": "ideal"}),
     "turned": scene([shape("box", repeat=CELLS, **TURNED), FLOOR]),
     "ball": scene([shape("sphere")]),
-    "glass": scene([shape("plane", normal=[0, 1, 0], offset=0, material="mirror")]),
 }
 SCENES["bare"]["shapes"][1] = MANY[1] | {"material": "plain"}
 
@@ -170,37 +169,6 @@ def test_evaluations_are_those_of_primary_rays_and_normals(counted, phase, name)
     assert calls(made, "ray_march", "on") == evals - hits
     assert calls(made, "normal_at") == calls(made, "light_at") == calls(made, "trace", "hit") == hits
     assert calls(made, "trace") == picture["id"].size
-
-
-@pytest.mark.parametrize(("name", "height"), [("many", 24), ("bare", 36)])
-@pytest.mark.parametrize("phase", SCALAR)
-def test_calls_follow_pixels_and_shapes(counted, phase, name, height):
-    made, picture = counted(phase, name, height)
-    shapes = store.read_json(ROOT / f"common/scenes/{name}.json")["shapes"] if name not in SCENES else None
-    shapes = shapes or SCENES[name]["shapes"]
-    assert calls(made, "get_direction") == picture["id"].size == made["width"] * made["height"]
-    evaluations = calls(made, "sdf")
-    for kind in SIZES:
-        assert calls(made, f"sdf_{kind}") == evaluations * sum(one["type"] == kind for one in shapes), kind
-    moves = sum(one["iterations"] for one in shapes if one["type"] == "mandelbox")
-    assert calls(made, "sdf_mandelbox", "step") == evaluations * moves
-    assert calls(made, "sdf", "shape") == calls(made, "apply_transform") == evaluations * len(shapes)
-    marches = ("ray_march", "soft_shadow", "ideal_shadow", "hard_shadow")
-    marched = sum(calls(made, march, "step") for march in marches)
-    hits = calls(made, "normal_at")
-    assert evaluations == marched + 4 * hits
-    parts = made["by_function"]["sdf_octahedron"]["parts"]
-    assert parts["edge"] + parts["face"] == parts["call"]
-    assert calls(made, "trace") == picture["id"].size + calls(made, "trace", "mirror")
-
-
-@pytest.mark.parametrize("phase", SCALAR)
-def test_each_hit_of_a_lone_mirror_bounces_once(counted, phase):
-    made, picture = counted(phase, "glass")
-    hits = int((picture["id"] >= 0).sum())
-    assert 0 < hits < picture["id"].size
-    assert calls(made, "trace", "mirror") == calls(made, "trace", "hit") == hits
-    assert calls(made, "trace") == calls(made, "ray_march") == picture["id"].size + hits
 
 
 @pytest.mark.parametrize("phase", SCALAR)

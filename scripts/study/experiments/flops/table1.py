@@ -88,12 +88,10 @@ class Term:
 
 
 def term_of(function: str) -> str:
-    for term, names in TERMS.items():
-        if function in names.split():
-            return term
-    for term, names in TERMS.items():
-        if any(fnmatch.fnmatchcase(function, name) for name in names.split()):
-            return term
+    for fits in (str.__eq__, fnmatch.fnmatchcase):
+        for term, names in TERMS.items():
+            if any(fits(function, name) for name in names.split()):
+                return term
     return OTHER
 
 
