@@ -82,10 +82,14 @@ def events_for(microarchitecture: str | None) -> Events:
     )
 
 
+def here() -> Events:
+    return events_for(machine.cpu().microarchitecture)
+
+
 def missing() -> str | None:
     """None, or why hardware counters cannot be read here, in one line."""
     try:
-        _stat(["true"], ["instructions", "cycles"], events_for(machine.cpu().microarchitecture))
+        _stat(["true"], ["instructions", "cycles"], here())
     except StudyError as error:
         return f"no hardware counters here; they would add FLOPs and instructions by hardware ({error})"
     return None
@@ -135,7 +139,7 @@ def _stat(command: list[str], names: Sequence[str], events: Events) -> dict[str,
 def measure(spec: Spec, scene: Scene, height: int, variant: str = "shipped") -> Measurement:
     """One frame by the counters of this machine; StudyError if it has none. `total` holds libm and libc too,
     and no bytes; `functions` is empty."""
-    events, flags = events_for(machine.cpu().microarchitecture), {"", *cpu_flags()}
+    events, flags = here(), {"", *cpu_flags()}
     target, (wide, high) = backend.TARGETS[variant], scene.size(height)
 
     def a_frame(names: list[str], *size: int) -> dict[str, float]:

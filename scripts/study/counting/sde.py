@@ -57,6 +57,10 @@ class Section:
     whole: bool = False
     known: Counter[str] = field(default_factory=Counter)
 
+    @property
+    def total(self) -> int:
+        return self.known["*total"]
+
 
 def _text(path: Path) -> str:
     """StudyError if there is none. Names of images and functions may be in any encoding."""
@@ -88,7 +92,7 @@ def read_mix(path: Path) -> Counts:
         if unknown:
             raise StudyError(f"{path}: {unknown[0]} of unknown width; run {TOOL} with -iform 1")
         known += one.known
-    totals = [one.known["*total"] for one in found if one.thread is None and one.whole]
+    totals = [one.total for one in found if one.thread is None and one.whole]
     # An empty one may stand before that of the whole program.
     if not totals or not known["*total"] or known["*total"] != totals[-1]:
         whole = totals[-1] if totals else "not there"

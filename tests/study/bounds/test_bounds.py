@@ -16,6 +16,7 @@ from study.bounds.profiles import Sampled
 from study.bounds.regions import Region
 from study.bounds.schema import Hotspots, Mca, Profiled, Share
 from study.core.cli import StudyError
+from study.core.run_schema import Cpu
 from study.counting import elf
 from study.experiments.hotspots import bounds_tables as bounds_page
 
@@ -219,7 +220,7 @@ def test_the_newest_models_this_cpu_or_the_nearest(
         tool.write_text(f"#!/bin/sh\necho '  LLVM version {number}.0.6'\necho '  Host CPU: {host}'\n")
         tool.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}")
-    monkeypatch.setattr(mca.machine, "cpu", lambda: {"flags": flags})
+    monkeypatch.setattr(mca.machine, "cpu", lambda: Cpu(flags=flags))
     assert mca.model.__wrapped__() == mca.Model(str(tool), release, chosen, guessed)
     monkeypatch.setenv("PATH", "/nowhere")
     assert mca.model.__wrapped__() is None

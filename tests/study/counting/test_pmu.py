@@ -10,6 +10,7 @@ import pytest
 from study.core import machine
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.registry import Spec, find_scene
+from study.core.run_schema import Cpu
 from study.counting import pmu
 
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "perf"
@@ -88,7 +89,7 @@ def stand_in(folder: Path, body: str) -> None:
 
 @pytest.fixture
 def ice_lake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    monkeypatch.setattr(pmu.machine, "cpu", lambda: {"microarchitecture": "Ice Lake"})
+    monkeypatch.setattr(pmu.machine, "cpu", lambda: Cpu(microarchitecture="Ice Lake"))
     monkeypatch.setattr(pmu, "cpu_flags", lambda: frozenset({"avx512f"}))
     monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setattr(pmu.perf, "program", pmu.perf.program.__wrapped__)

@@ -51,7 +51,7 @@ def test_opcodes_of_several_threads() -> None:
     empty section of the whole program before the whole one. By hand from it: sums 100 + 11, products 50,
     4·20 packed sums, 12 quotients; comparisons 25 + 8 + 3 scalar, 4·10 packed; x87's 5 products.
     """
-    totals = [(one.thread, one.known["*total"]) for one in sde.sections(OPCODES)]
+    totals = [(one.thread, one.total) for one in sde.sections(OPCODES)]
     assert totals == [(0, 1000), (1, 500), (None, 0), (None, 1500)]
     counts = sde.read_mix(OPCODES)
     assert counts.lanes == {

@@ -167,15 +167,14 @@ def max_share(point: Point) -> float:
 
 def draw_point(axes: Axes, point: Point, style: dict) -> None:
     """A phase, its whisker, its own least roof above."""
-    x, y, least = point.intensity, point.flops_per_core_cycle, point.least_roof
+    x, y, least, colour = point.intensity, point.flops_per_core_cycle, point.least_roof, style["color"]
     if least > 0:
-        axes.plot([x, x], [y, least], color=style["color"], linewidth=0.8, linestyle=":")
-        axes.plot(x, least, marker="_", color=style["color"], markersize=14, mew=2.2)
+        axes.plot([x, x], [y, least], color=colour, linewidth=0.8, linestyle=":")
+        axes.plot(x, least, marker="_", color=colour, markersize=14, mew=2.2)
     ends = bars_of(pd.DataFrame([point]), "flops_per_core_cycle")
-    axes.errorbar(x, y, yerr=ends, color=style["color"], capsize=3, linestyle="none")
-    face = "white" if style["hollow"] else style["color"]
-    drawn = {"color": style["color"], "markerfacecolor": face, "markersize": 9, "linestyle": "none"}
-    axes.plot(x, y, marker=style["marker"], label=style["label"], zorder=5, **drawn)
+    drawn = {"color": colour, "markerfacecolor": "white" if style["hollow"] else colour, "linestyle": "none"}
+    axes.errorbar(x, y, yerr=ends, color=colour, capsize=3, linestyle="none")
+    axes.plot(x, y, marker=style["marker"], label=style["label"], markersize=9, zorder=5, **drawn)
     if max_share(point) > 1:
         axes.plot(x, y, **RING)
 
