@@ -13,8 +13,7 @@
 //     phase_release                                  at the end
 // Every phase defines phase_unsupported, phase_prepare, phase_update, phase_render, phase_release
 // and phase_distances. The other functions are optional.
-#ifndef STEPWISE_PHASE_H
-#define STEPWISE_PHASE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -102,5 +101,3 @@ bool phase_hits(const struct prepared *prepared, const struct ray_set *rays);
 // lower and upper bound of s (both +inf on a proved miss), and the number of evaluations.
 bool phase_enclosures(const struct prepared *prepared, size_t count, const double *rays,
                       double *enclosures);
-
-#endif

@@ -1,6 +1,5 @@
 // Signed distances in double-double: for the soft shadow's estimator, fractals and phase_distances.
-#ifndef TRUTH_SDF_H
-#define TRUTH_SDF_H
+#pragma once
 
 #include "number/dd.h"
 #include "spans/ray_spans.h"
@@ -10,5 +9,3 @@ void to_frame(const struct solid *solid, const struct dd p[3], struct dd local[3
 
 // Returns the shape's signed distance at a point of the scene; a fractal's is an estimate.
 struct dd distance_to(const struct solid *solid, const struct dd p[3]);
-
-#endif

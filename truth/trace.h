@@ -1,6 +1,5 @@
 // What the files of this phase use of each other: hits, normals, shadows, shading.
-#ifndef TRUTH_TRACE_H
-#define TRUTH_TRACE_H
+#pragma once
 
 #include "scene/scene.h"
 #include "spans/ray_spans.h"
@@ -64,5 +63,3 @@ enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
 // Traces a ray, after `bounce` mirrors: hit, colours and shadows.
 void trace(const struct prepared *prepared, const struct view *view, const struct ray_q *ray,
            int bounce, struct shaded *result);
-
-#endif

@@ -128,7 +128,7 @@ def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
         include = re.match(r'#include "(.*\.[ch])"', line)
         if include:
             lines += flattened(include[1], folders, seen)
-        elif line and not line.lstrip().startswith(("//", "#line")):
+        elif line and not line.lstrip().startswith(("//", "#line", "#pragma once")):
             lines.append(line)
     return lines
 

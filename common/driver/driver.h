@@ -1,6 +1,5 @@
 // What the files of the driver share: options, the session, and the functions of each file.
-#ifndef STEPWISE_DRIVER_H
-#define STEPWISE_DRIVER_H
+#pragma once
 
 #include <jansson.h>
 #include <stdbool.h>
@@ -77,5 +76,3 @@ json_t *driver_record(const struct measured *m, const struct session *s, int ind
 // record.c: prints the object on a line of standard output and releases it. Returns false if
 // `object` is NULL or the line could not be written.
 bool driver_print(json_t *object);
-
-#endif

@@ -1,6 +1,5 @@
 // Exit statuses of the driver, and its error messages.
-#ifndef STEPWISE_DRIVER_ERRORS_H
-#define STEPWISE_DRIVER_ERRORS_H
+#pragma once
 
 enum status { OK = 0, BAD_INPUT = 2, NO_ISA = 3, UNSUPPORTED = 4, NO_MEMORY = 5 };
 
@@ -11,5 +10,3 @@ int driver_error(int status, const char *format, ...) __attribute__((format(prin
 // Flushes standard output. Returns OK, or BAD_INPUT after printing an error if any earlier output
 // could not be written.
 int driver_flush(void);
-
-#endif

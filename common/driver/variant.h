@@ -2,8 +2,7 @@
 // times, for different numbers of lanes and instruction sets (phase.json: "variants" and
 // "each_variant"; common/rules.mk). Each time LANES and VARIANT(name) are defined. The rest of the
 // phase sees only a variant's symbols of the form VARIANT(name), for example lanes16_name.
-#ifndef STEPWISE_VARIANT_H
-#define STEPWISE_VARIANT_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -22,5 +21,3 @@ struct variant variant_here(void);
 const char *variant_missing(void);
 // Returns whether STEPWISE_ISA_LIMIT is unset, empty, "avx2" or "none".
 bool variant_limit_valid(void);
-
-#endif

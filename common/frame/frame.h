@@ -1,7 +1,6 @@
 // The frame: the planes that a phase writes, the files they are stored in, and the picture as
 // displayed.
-#ifndef STEPWISE_FRAME_H
-#define STEPWISE_FRAME_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -74,5 +73,3 @@ void presenter_show(const struct presenter *presenter, const float *linear, size
 
 // Converts the frame's `rgb` to rgb8, 3 bytes per pixel, on several threads if it is large enough.
 void frame_present(const struct presenter *presenter, const struct frame *frame, uint8_t *rgb8);
-
-#endif

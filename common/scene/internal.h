@@ -1,6 +1,5 @@
 // Functions that the files of the scene reader share.
-#ifndef STEPWISE_SCENE_INTERNAL_H
-#define STEPWISE_SCENE_INTERNAL_H
+#pragma once
 
 #include "scene/reader.h"
 #include "scene/scene.h"
@@ -18,5 +17,3 @@ void path_follow(const struct path *path, const double still[3], double seconds,
 // hash.c: writes the hash of a checked scene and of the limits in use as hexadecimal text. Returns
 // false if memory is short.
 bool scene_hash(json_t *root, const struct limits *march, char hash[17]);
-
-#endif

@@ -1,6 +1,5 @@
 // Reads values from a scene's JSON and checks each. An error names the path of the wrong value.
-#ifndef STEPWISE_SCENE_READER_H
-#define STEPWISE_SCENE_READER_H
+#pragma once
 
 #include <jansson.h>
 #include <stdbool.h>
@@ -50,5 +49,3 @@ bool reader_vector(struct reader *r, json_t *object, const char *key, enum range
 
 // Returns zeroed memory for `count` elements, or NULL after reporting that memory is short.
 void *reader_allocate(struct reader *r, size_t count, size_t size);
-
-#endif

@@ -4,8 +4,7 @@
 // limits. Only the timed phase_render() gets `struct view`, camera and light, new in each frame.
 // Angles are degrees, lengths are scene units, colours are linear RGB. common/scenes/README.md
 // describes the file format.
-#ifndef STEPWISE_SCENE_H
-#define STEPWISE_SCENE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -171,5 +170,3 @@ enum aim scene_view(const struct scene *scene, double seconds, struct view *view
 // Names as in scene files.
 const char *shape_type_name(enum shape_type type);
 const char *shadows_name(enum shadows shadows);
-
-#endif

@@ -1,6 +1,5 @@
 // Vectors of three doubles.
-#ifndef STEPWISE_SCENE_VECTOR_H
-#define STEPWISE_SCENE_VECTOR_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -29,5 +28,3 @@ static inline void cross3(const double a[3], const double b[3], double out[3]) {
     out[1] = a[2] * b[0] - a[0] * b[2];
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Sixteen lanes: AVX-512 F and DQ. See simd.h.
-#ifndef SIMD_LANES16_H
-#define SIMD_LANES16_H
+#pragma once
 
 typedef __m512 vfloat;
 typedef __m512d vhalf; // doubles for half of the lanes
@@ -263,5 +262,3 @@ static inline vfloat v_from_halves(vhalf low, vhalf high) {
     return _mm512_insertf32x8(_mm512_castps256_ps512(_mm512_cvtpd_ps(low)), _mm512_cvtpd_ps(high),
                               1);
 }
-
-#endif

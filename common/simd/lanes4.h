@@ -1,6 +1,5 @@
 // Four lanes: SSE2, which every x86-64 has. See simd.h. Multiply-adds are rounded twice: SSE2 has no fused ones.
-#ifndef SIMD_LANES4_H
-#define SIMD_LANES4_H
+#pragma once
 
 typedef __m128 vfloat;
 typedef struct {
@@ -215,5 +214,3 @@ static inline void v_compress_store(vmask m, vfloat a, float to[LANES]) {
     for (unsigned rest = v_mask_bits(m); rest; rest &= rest - 1)
         *to++ = lanes[__builtin_ctz(rest)];
 }
-
-#endif

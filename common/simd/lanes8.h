@@ -1,6 +1,5 @@
 // Eight lanes: AVX2 and FMA. See simd.h.
-#ifndef SIMD_LANES8_H
-#define SIMD_LANES8_H
+#pragma once
 
 typedef __m256 vfloat;
 typedef __m256d vhalf; // doubles for half of the lanes
@@ -254,5 +253,3 @@ static inline vhalf v_half_high(vfloat a) {
 static inline vfloat v_from_halves(vhalf low, vhalf high) {
     return _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low));
 }
-
-#endif

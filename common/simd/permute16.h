@@ -1,6 +1,5 @@
 // Sixteen lanes: AVX-512 F and DQ. See simd.h.
-#ifndef SIMD_PERMUTE16_H
-#define SIMD_PERMUTE16_H
+#pragma once
 
 // A permutation is one instruction of one step; to compress or to expand is two. So the lanes' numbers are
 // compressed once, for all rows that move alike.
@@ -69,5 +68,3 @@ static inline void v_move_lanes(float *to, unsigned there, const float *from, un
     for (int i = 0; i < count; i++, to += LANES, from += LANES)
         v_store(_mm512_permutex2var_ps(v_load(to), taken, v_load(from)), to);
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Eight lanes: AVX2. See simd.h.
-#ifndef SIMD_PERMUTE8_H
-#define SIMD_PERMUTE8_H
+#pragma once
 
 // By a table: no branch predictor foresees where a loop over bits ends.
 typedef __m256i vindex;
@@ -73,5 +72,3 @@ static inline void v_move_lanes(float *to, unsigned there, const float *from, un
         for (int i = 0; i < count; i++)
             to[i * LANES + __builtin_ctz(there)] = from[i * LANES + __builtin_ctz(here)];
 }
-
-#endif

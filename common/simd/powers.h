@@ -1,6 +1,5 @@
 // log, exp and pow.. Part of simd.h.
-#ifndef SIMD_POWERS_H
-#define SIMD_POWERS_H
+#pragma once
 
 // log and exp: range reduction after Cody and Waite, "Software manual for the elementary functions"
 // (1980); polynomials by Chebyshev interpolation, derived by scripts/stepwise polynomials. Errors
@@ -37,5 +36,3 @@ static inline vfloat v_exp(vfloat a) {
 static inline vfloat v_pow(vfloat a, vfloat b) {
     return v_exp(b * v_log(a));
 }
-
-#endif

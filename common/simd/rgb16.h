@@ -1,6 +1,5 @@
 // Sixteen lanes: AVX-512 F and DQ. See simd.h.
-#ifndef SIMD_RGB16_H
-#define SIMD_RGB16_H
+#pragma once
 
 static inline void v_store_or_stream(float *to, bool stream, vfloat a) {
     if (!stream)
@@ -46,5 +45,3 @@ static inline void v_store_row(float *rgb, bool stream, vfloat r, vfloat g, vflo
         v_store_or_stream(rgb + 16 * i, stream,
                           _mm512_permutex2var_ps(_mm512_permutex2var_ps(r, rg[i], g), to_b[i], b));
 }
-
-#endif

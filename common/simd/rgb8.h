@@ -1,6 +1,5 @@
 // Eight lanes: AVX2. See simd.h.
-#ifndef SIMD_RGB8_H
-#define SIMD_RGB8_H
+#pragma once
 
 static inline void v_store_or_stream(float *to, bool stream, vfloat a) {
     if (!stream)
@@ -44,5 +43,3 @@ static inline void v_store_row(float *rgb, bool stream, vfloat r, vfloat g, vflo
     v_store_or_stream(rgb + 8, stream, _mm256_permute2f128_ps(third, first, 0x30));
     v_store_or_stream(rgb + 16, stream, _mm256_permute2f128_ps(second, third, 0x31));
 }
-
-#endif

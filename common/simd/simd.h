@@ -58,8 +58,7 @@
 //   v_store_block(rgb, stride, r, g, b)  a block of 4 x LANES/4 pixels, its rows `stride` floats apart
 //   v_load_block_row(from)             one row of neighbouring blocks that were stored one behind the other
 //   v_store_row(rgb, stream, r, g, b)  LANES pixels of a row
-#ifndef SIMD_SIMD_H
-#define SIMD_SIMD_H
+#pragma once
 
 #include <immintrin.h>
 #include <math.h>
@@ -151,5 +150,3 @@ static inline vfloat v_sqrt_below(vfloat a) {
 
 #include "simd/powers.h"
 #include "simd/vectors.h"
-
-#endif

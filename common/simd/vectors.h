@@ -1,7 +1,6 @@
 // Vectors of several rays at once: three vfloats, a structure of arrays. Fused multiply-adds are written out,
 // because contraction is off (-ffp-contract=off). Part of simd.h.
-#ifndef SIMD_VECTORS_H
-#define SIMD_VECTORS_H
+#pragma once
 
 struct vec {
     vfloat x, y, z;
@@ -138,7 +137,5 @@ static inline vdouble v_double_dot(struct vec_double a, const double b[3]) {
 static inline vfloat v_double_to_float(vdouble a) {
     return v_from_halves(a.low, a.high);
 }
-
-#endif
 
 #endif

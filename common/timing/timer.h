@@ -4,8 +4,7 @@
 //
 // Fencing: Intel SDM vol. 2 on RDTSC and RDTSCP; G. Paoloni, "How to Benchmark Code Execution Times
 // on Intel IA-32 and IA-64 Instruction Set Architectures" (Intel, 2010).
-#ifndef STEPWISE_TIMER_H
-#define STEPWISE_TIMER_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -42,5 +41,3 @@ double timer_core_hz(double tsc_hz, int samples);
 // Returns core cycles per second while FMAs keep the vector units busy, after about 2 ms of that
 // load: wide vectors can lower the clock. `bits`: 128, 256 or 512. Returns 0 if the CPU lacks them.
 double timer_core_hz_under_load(double tsc_hz, int samples, int bits);
-
-#endif

@@ -1,7 +1,6 @@
 // Embree as a reference for build/NAME/hits: the same rays in the same scene. embree.c implements
 // it; built without Embree, embree_create always fails.
-#ifndef STEPWISE_TOOLS_EMBREE_H
-#define STEPWISE_TOOLS_EMBREE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -38,5 +37,3 @@ bool embree_has_streams(const struct embree *embree);
 // not timed. The phase reads and writes plain arrays within its time, which favours Embree.
 uint64_t embree_trace(struct embree *embree, struct ray_arrays *rays, bool any,
                       enum embree_mode mode);
-
-#endif

@@ -2,8 +2,7 @@
 // query. Embree 4 passes one structure for intersection and one for occlusion, after the rays. Only
 // Embree 3 has streams: plain arrays with many rays per call, which Embree divides into packets and
 // may trace together if they are coherent.
-#ifndef STEPWISE_EMBREE_VERSIONS_H
-#define STEPWISE_EMBREE_VERSIONS_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -181,6 +180,4 @@ static inline void ray_stream_free(struct ray_stream *s) {
     free(s->reals);
     free(s->words);
 }
-#endif
-
 #endif

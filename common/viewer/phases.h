@@ -3,8 +3,7 @@
 // build/NAME/phase.o with its entry (entry.c), makes every symbol local and links the results
 // (viewer.mk). The window then runs the very machine code that build/NAME/render times. Shared
 // objects would need every phase compiled again with -fPIC: another code than the one that is timed.
-#ifndef STEPWISE_VIEWER_PHASES_H
-#define STEPWISE_VIEWER_PHASES_H
+#pragma once
 
 #include "driver/variant.h"
 #include "phase.h"
@@ -35,5 +34,3 @@ const struct viewer_phase *phases_at(int index);
 int phases_find(const char *name);
 // Returns the index of the ladder's phase `number` (0: baseline), -1 if it is not linked.
 int phases_of_number(int number);
-
-#endif

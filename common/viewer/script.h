@@ -1,6 +1,5 @@
 // Camera paths: files of one JSON object a line, recorded by the window or written by hand.
-#ifndef STEPWISE_VIEWER_SCRIPT_H
-#define STEPWISE_VIEWER_SCRIPT_H
+#pragma once
 
 #include <jansson.h>
 #include <stdio.h>
@@ -27,5 +26,3 @@ void script_free(struct script *script);
 
 // Appends a line with what is shown now. Returns false if it cannot be written.
 bool script_record(FILE *file, const struct show *show);
-
-#endif

@@ -1,6 +1,5 @@
 // What is shown: two phases of one scene, a mode, a canvas. The window and --headless share it.
-#ifndef STEPWISE_VIEWER_SHOW_H
-#define STEPWISE_VIEWER_SHOW_H
+#pragma once
 
 #include "viewer/picture/picture.h"
 #include "viewer/stage.h"
@@ -46,5 +45,3 @@ bool show_draw(struct show *show, char *error);
 void show_compose(struct show *show);
 // Returns the time of the last frame's rendering in nanoseconds: of both phases, if both were drawn.
 uint64_t show_ns(const struct show *show);
-
-#endif

@@ -1,6 +1,5 @@
 // A phase that is prepared for a scene, and the frame it draws.
-#ifndef STEPWISE_VIEWER_STAGE_H
-#define STEPWISE_VIEWER_STAGE_H
+#pragma once
 
 #include "viewer/phases.h"
 #include "viewer/world.h"
@@ -27,5 +26,3 @@ bool stage_outdated(const struct stage *stage);
 bool stage_render(struct stage *stage, const struct view *view, double seconds, int width,
                   int height, bool aov, char *error);
 void stage_close(struct stage *stage);
-
-#endif

@@ -1,6 +1,5 @@
 // The program: its options, what main.c calls, and how both tell errors (error.c).
-#ifndef STEPWISE_VIEWER_VIEWER_H
-#define STEPWISE_VIEWER_VIEWER_H
+#pragma once
 
 #include "driver/errors.h" // the exit statuses
 
@@ -21,5 +20,3 @@ int viewer_error(int status, const char *format, ...) __attribute__((format(prin
 int headless_run(const struct viewer_options *options, struct show *show);
 // Opens the window and runs until it is closed. `script_path` may be NULL. Returns an exit status.
 int window_run(const struct viewer_options *options, struct show *show);
-
-#endif

@@ -1,6 +1,5 @@
 // A scene that is looked at, and the camera in it.
-#ifndef STEPWISE_VIEWER_WORLD_H
-#define STEPWISE_VIEWER_WORLD_H
+#pragma once
 
 #include "scene/scene.h"
 
@@ -45,5 +44,3 @@ void camera_move_light(struct camera *camera, const struct view *view, const dou
 // that reading it gives the same view. Returns false with one line in `error`.
 bool world_save(const struct world *world, const struct camera *camera, const char *path,
                 char *error);
-
-#endif

@@ -1,7 +1,6 @@
 // Sets of CPUs of any size: cpu_set_t itself ends at 1,024, and the kernel refuses a set that is smaller than
 // its own.
-#ifndef WORKERS_CPUS_H
-#define WORKERS_CPUS_H
+#pragma once
 
 #include <sched.h>
 #include <stddef.h>
@@ -26,5 +25,3 @@ int cpus_pin(struct cpus *room, int cpu);
 int cpus_end(const struct cpus *cpus);
 
 void cpus_free(struct cpus *cpus);
-
-#endif

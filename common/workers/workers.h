@@ -1,7 +1,6 @@
 // A team of workers that stays from phase_prepare to phase_release: the caller and threads − 1 more, each
 // pinned to a core of its own as long as there are enough, asleep between frames. opt5_threads teaches how.
-#ifndef WORKERS_WORKERS_H
-#define WORKERS_WORKERS_H
+#pragma once
 
 #include <stddef.h>
 
@@ -21,5 +20,3 @@ struct workers *workers_start(int threads, size_t scratch_size);
 void workers_run(struct workers *workers, workers_task *task, const void *job, int tiles);
 
 void workers_end(struct workers *workers);
-
-#endif

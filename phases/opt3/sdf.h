@@ -6,8 +6,7 @@
 //
 // Where lanes take different branches, every branch is evaluated and a mask selects the result. An
 // early exit is taken only when all lanes take it.
-#ifndef OPT3_SDF_H
-#define OPT3_SDF_H
+#pragma once
 
 #include "scene/scene.h"
 #include "vec.h"
@@ -243,5 +242,3 @@ __attribute__((always_inline)) static inline vdouble sdf(struct vec p, const str
     }
     return closest;
 }
-
-#endif

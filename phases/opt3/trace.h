@@ -1,6 +1,5 @@
 // What render.c, march.c and shade.c call of each other. A packet is four rays.
-#ifndef OPT3_TRACE_H
-#define OPT3_TRACE_H
+#pragma once
 
 #include "sdf.h"
 
@@ -37,5 +36,3 @@ vdouble shadow(struct vec point, struct vec to_light, vdouble distance, vmask ac
 // lanes of `active` are valid in `result`.
 void trace(struct vec origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result);
-
-#endif

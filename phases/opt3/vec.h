@@ -3,8 +3,7 @@
 //
 // + - * / on vdouble are the compiler's operators. Fused multiply-adds are written out, because
 // contraction is off (-ffp-contract=off).
-#ifndef OPT3_VEC_H
-#define OPT3_VEC_H
+#pragma once
 
 #include <immintrin.h>
 #include <math.h>
@@ -223,5 +222,3 @@ static inline vdouble power_of(vdouble a, vdouble b) {
     COUNT(power_of, call);
     return exp_of(b * log_of(a));
 }
-
-#endif

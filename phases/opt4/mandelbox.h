@@ -1,7 +1,6 @@
 // The Mandelbox's distance estimate. The map: T. Lowe (fractalforums.com, 2010). The running derivative:
 // Buddhi and Rrrola (fractalforums.com, 2010). It is an estimate, not a bound. Included by sdf.h.
-#ifndef OPT4_MANDELBOX_H
-#define OPT4_MANDELBOX_H
+#pragma once
 
 // x reflected at the nearer of ±limit where it is beyond.
 static inline vfloat folded(vfloat x, vfloat limit) {
@@ -25,5 +24,3 @@ static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
     }
     return vec_norm(w) / dr;
 }
-
-#endif

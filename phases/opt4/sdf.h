@@ -8,8 +8,7 @@
 // local_ray). The march evaluates origin + t·direction there, with one rounding at the shape's size.
 //
 // Where lanes take different branches, every branch is evaluated and a mask selects the result.
-#ifndef OPT4_SDF_H
-#define OPT4_SDF_H
+#pragma once
 
 #include "scene/scene.h"
 #include "vec.h"
@@ -383,5 +382,3 @@ __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *
     }
     return closest;
 }
-
-#endif

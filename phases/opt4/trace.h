@@ -1,6 +1,5 @@
 // What render.c, march.c and shade.c call of each other. A packet is eight rays.
-#ifndef OPT4_TRACE_H
-#define OPT4_TRACE_H
+#pragma once
 
 #include "frame/frame.h"
 #include "sdf.h"
@@ -65,5 +64,3 @@ struct vec get_direction(int column, int row, const struct frame *frame, const s
 vmask v_mask_first(int count);
 void store(struct frame *frame, size_t pixel, int count, const struct shaded *seen);
 struct local_ray *new_local_rays(const struct prepared *prepared);
-
-#endif

@@ -3,8 +3,7 @@
 //
 // + - * / on vfloat are the compiler's operators. Fused multiply-adds are written out, because
 // contraction is off (-ffp-contract=off).
-#ifndef OPT4_VEC_H
-#define OPT4_VEC_H
+#pragma once
 
 #include <immintrin.h>
 #include <math.h>
@@ -319,5 +318,3 @@ static inline vfloat power_of(vfloat a, vfloat b) {
     COUNT(power_of, call);
     return exp_of(b * log_of(a));
 }
-
-#endif

@@ -1,10 +1,7 @@
 // Sine and cosine of an angle in degrees as quad intervals.
-#ifndef TRUTH_ANGLES_H
-#define TRUTH_ANGLES_H
+#pragma once
 
 #include "number/interval.h"
 
 // Encloses sine and cosine of the exact angle. Quarter turns give points.
 void sine_cosine_q(double degrees, struct ivq *sine, struct ivq *cosine);
-
-#endif

@@ -2,8 +2,7 @@
 // floating-point technique for extending the available precision", Numer. Math. 18 (1971); Y. Hida,
 // X. S. Li, D. H. Bailey, "Algorithms for quad-double precision floating point arithmetic" (2001).
 // For what is not proved: distances of the shadow's estimator and of fractals.
-#ifndef TRUTH_DD_H
-#define TRUTH_DD_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -143,5 +142,3 @@ static inline void dd_along(const struct dd a[3], struct dd s, const struct dd b
     for (int i = 0; i < 3; i++)
         out[i] = dd_add(a[i], dd_mul(s, b[i]));
 }
-
-#endif

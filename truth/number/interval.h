@@ -6,8 +6,7 @@
 // set-up, and libgcc's __float128 follows the same rules. An exact sum is not widened (D. E. Knuth's
 // error-free sum). Neither is a product by 0 or ±1, nor a quad product of two doubles. So what is
 // exact in a scene (axes, whole numbers) stays exact and can be decided.
-#ifndef TRUTH_INTERVAL_H
-#define TRUTH_INTERVAL_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -80,5 +79,3 @@ static inline struct ivd narrow(struct ivq a) {
 static inline struct ivq widen(struct ivd a) {
     return (struct ivq){a.lo, a.hi};
 }
-
-#endif

@@ -1,6 +1,5 @@
 // The spans of a ray inside of solids, and the first surface on it, in intervals of double and of quad.
-#ifndef TRUTH_SOLVE_H
-#define TRUTH_SOLVE_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -67,5 +66,3 @@ struct first_q first_hit_q(const struct solid *solids, int count, const struct r
 
 // Returns the s at which a ray that starts in the ball about the origin leaves it.
 struct ivq leave_ball(const struct ray_q *ray, double radius);
-
-#endif

@@ -1,6 +1,5 @@
 // Pictures as bytes: colours, false colours, differences, and the canvas that they are shown on.
-#ifndef STEPWISE_VIEWER_PICTURE_H
-#define STEPWISE_VIEWER_PICTURE_H
+#pragma once
 
 #include "frame/frame.h"
 
@@ -44,5 +43,3 @@ void canvas_text(struct canvas *canvas, int x, int y, int scale, uint32_t colour
 void canvas_shade(struct canvas *canvas, int x, int y, int width, int height);
 // Writes a PNG of 8 bits. Returns false with one line in `error` (SCENE_ERROR_SIZE bytes).
 bool canvas_write_png(const struct canvas *canvas, const char *path, char *error);
-
-#endif

@@ -1,6 +1,5 @@
 // Frame times, and the resolution that holds 60 frames a second.
-#ifndef STEPWISE_VIEWER_PACE_H
-#define STEPWISE_VIEWER_PACE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -36,5 +35,3 @@ void pace_start(struct pace *pace, int most);
 // it took. `still`: nothing moves, so that a frame may take a fifth of a second. Returns whether the
 // height has changed.
 bool pace_frame(struct pace *pace, double render_ms, double other_ms, bool still);
-
-#endif

@@ -1,6 +1,5 @@
 // PSNR of what is shown, from a reference frame that a thread draws in the background.
-#ifndef STEPWISE_VIEWER_REFERENCE_H
-#define STEPWISE_VIEWER_REFERENCE_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -29,5 +28,3 @@ bool reference_ask(struct reference *reference, const struct show *show);
 // Returns true once for each finished comparison.
 bool reference_result(struct reference *reference, struct comparison *result);
 void reference_end(struct reference *reference);
-
-#endif

@@ -1,6 +1,5 @@
 // The throttle of rod marching: what phase rods_simd leaves out to hold 60 frames a second.
-#ifndef STEPWISE_VIEWER_THROTTLE_H
-#define STEPWISE_VIEWER_THROTTLE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -24,5 +23,3 @@ bool throttle_frame(struct throttle *throttle, double render_ms, double other_ms
 bool throttle_spent(const struct throttle *throttle);
 // Says the frame's time and the settings in two lines.
 void throttle_say(const struct throttle *throttle, char *text, size_t size);
-
-#endif

@@ -1,6 +1,5 @@
 // What the files of the window share.
-#ifndef STEPWISE_VIEWER_WINDOW_H
-#define STEPWISE_VIEWER_WINDOW_H
+#pragma once
 
 #include <SDL.h>
 #include <stdio.h>
@@ -60,5 +59,3 @@ bool window_present(struct window *w);
 // Scenes are of any size: a third of the way to what one sees (the median depth of a few pixels) in a second. Where
 // nothing is seen: a tenth of the way to the light.
 double window_fitting_speed(struct show *show);
-
-#endif

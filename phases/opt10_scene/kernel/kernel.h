@@ -1,8 +1,7 @@
 // A kernel for one scene: frame/analytic_tile.c and the code below it, compiled with the scene as constants
 // (scene_kernel.h, written by kernel/generate.c) and cached by its hash. Camera, light, max_steps and
 // hit_distance stay variables, because a sweep varies them.
-#ifndef OPT10_KERNEL_H
-#define OPT10_KERNEL_H
+#pragma once
 
 #include "phase.h"
 #include "types/primitive.h"
@@ -55,6 +54,4 @@ bool cache_sealed(const char *path, const char *tag, const char *text);
 bool cache_holds(const char *path, const char *text);
 unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count);
 #define FNV_BEGIN 0xcbf29ce484222325ull
-#endif
-
 #endif

@@ -1,7 +1,6 @@
 // The ratio h(t)/t of the solid on which a shadow ray starts, at a small t. The distance itself cancels in float:
 // each form starts from h(0) = 0 and computes what h grows by (PROOFS.md, 5.).
-#ifndef OPT11_OWN_SOLID_H
-#define OPT11_OWN_SOLID_H
+#pragma once
 
 #include "shadow/widest_cone.h"
 #include "simd/simd.h"
@@ -111,5 +110,3 @@ INLINE vfloat own_ratio(const struct primitive *s, struct vec p, struct vec d, v
     }
     return v_max(h / t, zero);
 }
-
-#endif

@@ -1,6 +1,5 @@
 // A packet of soft shadow rays, and what the files of shadow/ share of it.
-#ifndef OPT11_SOFT_PACKET_H
-#define OPT11_SOFT_PACKET_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -25,5 +24,3 @@ KERNEL_SHARED vfloat widest_in_cells(int i, const struct soft_packet *w, float r
 
 // Lowers the ratios of all queued rays, in field S_LIT, by the scene's Mandelbulb.
 KERNEL_SHARED void search_bulb(const struct tile_context *work);
-
-#endif

@@ -1,8 +1,7 @@
 // The widest cone about a ray that holds nothing of a solid: the least ratio h(t)/t of the solid's distance over
 // a stretch of the ray. For a convex solid u·h(1/u) is a convex function of u = 1/t, so a root search in a
 // bracket finds its minimum (PROOFS.md, 2. and 3.). A sphere needs no step.
-#ifndef OPT11_WIDEST_CONE_H
-#define OPT11_WIDEST_CONE_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -235,5 +234,3 @@ INLINE vfloat widest_sphere(const struct cone_rays *r, const struct primitive *s
     }
     return v_select(active, v_min(best, v_max(sine, zero)), best);
 }
-
-#endif

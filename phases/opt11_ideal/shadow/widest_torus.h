@@ -1,8 +1,7 @@
 // The widest cone about a ray that holds nothing of a torus. Outside of the cylinder about its ring the distance
 // is its hull's, which is convex. Inside, the distance from the axis is a convex function of the ray, and a chord
 // above it bounds the ratio from below in closed form: branch and bound (PROOFS.md, 4.).
-#ifndef OPT11_WIDEST_TORUS_H
-#define OPT11_WIDEST_TORUS_H
+#pragma once
 
 #include "shadow/widest_cone.h"
 
@@ -95,5 +94,3 @@ INLINE vfloat widest_torus(const struct cone_rays *r, const struct primitive *s,
     best = widest_convex(&behind, s, best, v_and(inside, v_cmp_lt(out, r->far)), room, &where);
     return widest_in_ring(r, in, out, s, best, v_and(inside, v_cmp_lt(in, out)), room);
 }
-
-#endif

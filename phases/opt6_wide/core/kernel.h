@@ -1,6 +1,5 @@
 // One frame's work, and the kernels that do it: built for 8 and for 16 lanes. No lanes in here.
-#ifndef KERNEL_H
-#define KERNEL_H
+#pragma once
 
 #include "core/primitive.h"
 
@@ -20,5 +19,3 @@ struct job {
 KERNEL(lanes8)
 KERNEL(lanes16)
 #undef KERNEL
-
-#endif

@@ -3,8 +3,7 @@
 // In float, a point at |p| = 20 is known to 1e-6, which is the scene's hit distance. So nothing is evaluated in
 // world coordinates. Each ray holds, for each shape, its origin and direction in that shape's own frame. The march
 // evaluates origin + t·direction there, rounded once at the size of the shape.
-#ifndef LOCAL_RAYS_H
-#define LOCAL_RAYS_H
+#pragma once
 
 #include "core/packet_group.h"
 #include "core/shape_distances.h"
@@ -88,5 +87,3 @@ static inline void move_local_origins(vfloat by, const struct prepared *scene,
             a->power = v_madd(by, by + a->slope, a->power);
     }
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Blocks of 4 × LANES/4 pixels: the pixels of a packet. Lanes outside of the picture are masked.
-#ifndef PIXEL_BLOCK_H
-#define PIXEL_BLOCK_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -46,5 +45,3 @@ static inline void store_color(struct frame *frame, struct pixel_block block, st
 static inline int int_min(int a, int b) {
     return a < b ? a : b;
 }
-
-#endif

@@ -1,6 +1,5 @@
 // The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
-#ifndef PRIMITIVE_H
-#define PRIMITIVE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -54,5 +53,3 @@ struct prepared {
 
 // Packets of rays that march together: a group.
 enum { GROUP = 4 };
-
-#endif

@@ -1,6 +1,5 @@
 // How shapes are prepared: core/primitives.c, and the frames and sizes it uses.
-#ifndef PRIMITIVES_H
-#define PRIMITIVES_H
+#pragma once
 
 #include <math.h>
 #include <string.h>
@@ -87,5 +86,3 @@ static inline float extent_of(const struct shape *shape) {
     default: return 0.0f;
     }
 }
-
-#endif

@@ -1,7 +1,6 @@
 // Distances of a scene's shapes, for a group of packets at once, and which shapes need not be evaluated. Branches that
 // differ between lanes are evaluated for all lanes and selected by mask.
-#ifndef SDF_H
-#define SDF_H
+#pragma once
 
 #include "core/packet_group.h"
 #include "core/shape_distances.h"
@@ -183,5 +182,3 @@ static inline void start_packets(struct packet_group *group) {
             group->t[k] = v_splat(0.0f);
     }
 }
-
-#endif

@@ -3,8 +3,7 @@
 // without trigonometry, with the running derivative: I. Quilez, "mandelbulb" (iquilezles.org/articles/mandelbulb).
 // Mandelbox: T. Lowe (fractalforums.com, 2010), with the running derivative of Buddhi and Rrrola (fractalforums.com,
 // 2010). Both are estimates, not bounds.
-#ifndef SHAPE_DISTANCES_H
-#define SHAPE_DISTANCES_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -270,5 +269,3 @@ static inline vfloat wake_bound_inside(vfloat sum, const struct primitive *primi
     return v_min(wake_bound(sum, primitive),
                  v_madd(sum, v_splat(1.0f + 0x1p-18f), v_splat(-primitive->slack)));
 }
-
-#endif

@@ -1,7 +1,6 @@
 // From a ray to its colour: the data of each stage, and the functions that the stages call. core/tile.c calls trace(),
 // which calls ray_march() and then shadow(); ray_march() calls near_hit() and normal_at().
-#ifndef TRACE_H
-#define TRACE_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -59,5 +58,3 @@ struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_
 
 void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
            struct shaded *result);
-
-#endif

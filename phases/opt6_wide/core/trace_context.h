@@ -1,6 +1,5 @@
 // Rays that are traced together, and what a worker traces them with.
-#ifndef TRACE_CONTEXT_H
-#define TRACE_CONTEXT_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -17,5 +16,3 @@ struct trace_context {
     const struct view *view;
     struct packet_group *group; // of the rays being marched now
 };
-
-#endif

@@ -1,6 +1,5 @@
 // What every march needs: where a ray leaves the bounds, how small a step may be, and Newton's last step.
-#ifndef MARCH_STEP_H
-#define MARCH_STEP_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -50,5 +49,3 @@ enum { MAX_COUNTED_STEPS = 1 << 24 };
 static inline int step_cap(const struct model *model) {
     return model->march.max_steps < MAX_COUNTED_STEPS ? model->march.max_steps : MAX_COUNTED_STEPS;
 }
-
-#endif

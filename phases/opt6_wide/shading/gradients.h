@@ -1,6 +1,5 @@
 // Gradients of the shapes' distances: closed forms, and differences.
-#ifndef GRADIENTS_H
-#define GRADIENTS_H
+#pragma once
 
 #include "core/shape_distances.h"
 
@@ -106,5 +105,3 @@ static inline struct vec difference(const struct primitive *primitive,
         f[axis + 1] = moved_distance(primitive, local, live, step, axis);
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
-
-#endif

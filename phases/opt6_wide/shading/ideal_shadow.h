@@ -1,6 +1,5 @@
 // The ideal soft shadow of a group of packets.
-#ifndef IDEAL_SHADOW_H
-#define IDEAL_SHADOW_H
+#pragma once
 
 #include "simd/simd.h"
 
@@ -11,5 +10,3 @@ struct prepared;     // core/primitive.h
 // light's.
 void ideal_shadow(const vfloat *distance, struct packet_group *group, const struct prepared *scene,
                   vfloat *reach);
-
-#endif

@@ -1,6 +1,5 @@
 // The light on a hit: B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975).
-#ifndef PHONG_H
-#define PHONG_H
+#pragma once
 
 #include "core/trace.h"
 
@@ -62,5 +61,3 @@ static inline struct vec light_at(struct vec n, struct vec direction, const stru
                          v_madd(emission.z * v_madd(base.z, facing, specular), reach, color.z)};
     return vec_select(light->lit, bright, color);
 }
-
-#endif

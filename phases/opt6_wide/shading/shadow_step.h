@@ -1,6 +1,5 @@
 // One step of a packet of shadow rays, soft and hard.
-#ifndef SHADOW_STEP_H
-#define SHADOW_STEP_H
+#pragma once
 
 #include "core/packet_group.h"
 #include "march/march_step.h"
@@ -55,5 +54,3 @@ static inline vmask hard_step(struct shadow_state *ray, vfloat distance, int k,
     group->t[k] = t = v_add_where(going, t, h);
     return v_cmp_ngt_in(going, outside_of_bounds(ray->exit, t), v_splat(0.0f));
 }
-
-#endif

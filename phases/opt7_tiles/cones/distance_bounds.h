@@ -1,6 +1,5 @@
 // Lower and upper bounds of a shape's distance, as cones and bundles need them: rounding errors are taken off.
-#ifndef DISTANCE_BOUNDS_H
-#define DISTANCE_BOUNDS_H
+#pragma once
 
 #include "cones/march_scratch.h"
 #include "core/packet_group.h"
@@ -43,5 +42,3 @@ struct shape_list list_wanted(const bool *wanted, const struct prepared *scene, 
 // Lists the wanted shapes for rays that may be hit. If a fractal is wanted, the list has all shapes: its estimate
 // is no bound, and what a march finds depends on every step from the ray's origin on.
 struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *scene, int *shapes);
-
-#endif

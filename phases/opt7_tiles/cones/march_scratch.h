@@ -1,6 +1,5 @@
 // A worker's memory: rays in the frames of all shapes, and lists of shapes.
-#ifndef MARCH_SCRATCH_H
-#define MARCH_SCRATCH_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -30,5 +29,3 @@ struct march_scratch {
 
 size_t march_scratch_size(const struct model *model);
 struct march_scratch march_scratch_of(void *memory, const struct model *model);
-
-#endif

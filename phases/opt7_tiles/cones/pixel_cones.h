@@ -1,6 +1,5 @@
 // Cones around the camera rays of rectangles of pixels.
-#ifndef PIXEL_CONES_H
-#define PIXEL_CONES_H
+#pragma once
 
 #include "simd/simd.h"
 
@@ -15,5 +14,3 @@ struct pixel_rect {
 // Sets a cone for each rectangle. Returns which rectangles hold a pixel of the picture.
 vmask get_cones(const struct pixel_rect rects[LANES], const struct job *job,
                 struct cone_packet *cones);
-
-#endif

@@ -1,8 +1,7 @@
 // Cones of neighbouring camera rays, bundles of secondary rays, and the shapes that they can meet. Cones: J.
 // Amanatides, "Ray tracing with cones" (SIGGRAPH 1984); J. C. Hart, "Sphere tracing" (1996). Two points p and q differ
 // in distance by at most |p − q|: see opt7_tiles/PROOFS.md, 1 and 2.
-#ifndef TILE_CONES_H
-#define TILE_CONES_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -43,5 +42,3 @@ enum list_kind { LIST_HIT, LIST_NEAREST };
 // the least distance the same everywhere. `length` is the rays' length; NULL: to the bounds.
 void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant,
                      struct trace_context *world, int *shapes);
-
-#endif

@@ -1,6 +1,5 @@
 // Packets of rays that march together.
-#ifndef PACKET_GROUP_H
-#define PACKET_GROUP_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -80,5 +79,3 @@ __attribute__((always_inline)) static inline void update_high(struct packet_grou
     for (int k = 0; k < size; k++)
         group->high[k] = v_min(found->least[k] - group->t[k], group->high[k]);
 }
-
-#endif

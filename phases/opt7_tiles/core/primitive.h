@@ -1,6 +1,5 @@
 // The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
-#ifndef PRIMITIVE_H
-#define PRIMITIVE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -64,5 +63,3 @@ struct prepared {
 // The most packets of a group, which march together. Without a fractal SMALL_GROUP is enough: more packets would
 // share longer lists of shapes.
 enum { GROUP = 16, SMALL_GROUP = 4 };
-
-#endif

@@ -1,6 +1,5 @@
 // Rays that are traced together, and what a worker traces them with.
-#ifndef TRACE_CONTEXT_H
-#define TRACE_CONTEXT_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -20,5 +19,3 @@ struct trace_context {
     struct packet_group *group;    // of the rays being marched now
     struct march_scratch *scratch; // the worker's memory: cones/march_scratch.h
 };
-
-#endif

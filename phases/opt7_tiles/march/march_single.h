@@ -1,6 +1,5 @@
 // Marches of rays that can hit one shape only: no shape sleeps or wakes, and the shape's type is known.
-#ifndef MARCH_SINGLE_H
-#define MARCH_SINGLE_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -22,5 +21,3 @@ bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape
 // nothing done, if there is no march for its type.
 bool march_solid(struct march_state *packets, int shape, struct packet_group *group,
                  const struct prepared *scene);
-
-#endif

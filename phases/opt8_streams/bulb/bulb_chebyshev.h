@@ -1,6 +1,5 @@
 // Camera rays that are close to a Mandelbulb march on polynomials: see bulb/bulb_chebyshev.c.
-#ifndef BULB_CHEBYSHEV_H
-#define BULB_CHEBYSHEV_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -59,5 +58,3 @@ void march_outcome(vmask met, vmask reached, vfloat evals, vfloat cap, float cou
 void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat cap,
                      struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
                      struct ray_queues *queues);
-
-#endif

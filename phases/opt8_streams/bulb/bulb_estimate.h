@@ -2,8 +2,7 @@
 // "mandelbulb", iquilezles.org/articles/mandelbulb), as three squarings of two unit phasors: (ρ + iy)⁸ and (x +
 // iz)⁸/ρ⁸, ρ² = x² + z². It needs no division and no exact root. The derivative's root and quotient only scale the
 // estimate and have 14 bits: the surface stays where it is, and a step's length errs by 2⁻¹³ of itself.
-#ifndef BULB_ESTIMATE_H
-#define BULB_ESTIMATE_H
+#pragma once
 
 #include "core/numerics.h"
 #include "core/primitive.h"
@@ -166,5 +165,3 @@ __attribute__((always_inline)) static inline void bulbs(const struct primitive *
         bulb_begin(&b[k], p[k], v_not(done[k]));
     bulbs_end(s, 0, soon, exact, false, INTERLEAVED, b, p, distance);
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Approximate roots and quotients, with their costs.
-#ifndef NUMERICS_H
-#define NUMERICS_H
+#pragma once
 
 #include "simd/simd.h"
 
@@ -33,5 +32,3 @@ static inline vfloat root_and_inverse(vfloat a, float scale, vfloat *one, vfloat
     return (a * r) * v_splat(scale);
 #endif
 }
-
-#endif

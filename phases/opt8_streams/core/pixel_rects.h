@@ -1,7 +1,6 @@
 // Where tiles, squares, patches and blocks are in the picture. A strip is STRIP_TILES tiles side by side. A square is two
 // by two patches. A patch is BLOCKS blocks, each the pixels of one packet.
-#ifndef PIXEL_RECTS_H
-#define PIXEL_RECTS_H
+#pragma once
 
 #include "cones/pixel_cones.h"
 #include "core/pixel_block.h"
@@ -46,5 +45,3 @@ static inline struct pixel_block block_in_rect(const struct pixel_rect *patch, i
     return (struct pixel_block){column, row, int_min(BLOCK_WIDTH, patch->right - column),
                                 int_min(BLOCK_HEIGHT, patch->bottom - row)};
 }
-
-#endif

@@ -1,8 +1,7 @@
 // Queues of rays that wait until they fill all lanes, and the colours of a strip, to which they add their part: a
 // colour is linear in every shadow and mirror ray. Sorted, packed and refilled queues: I. Wald et al., "Active thread
 // compaction for GPU path tracing" (HPG 2011); S. Boulos et al., "Adaptive ray packet reordering" (RT 2008).
-#ifndef RAY_QUEUES_H
-#define RAY_QUEUES_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -152,5 +151,3 @@ static inline void add_light(vmask m, struct vec light, vfloat pixel, struct ray
             queues->color[k][i] += from[k][lane];
     }
 }
-
-#endif

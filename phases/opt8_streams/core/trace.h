@@ -1,7 +1,6 @@
 // From a ray to its colour: the data of each stage, and the functions that the stages call. core/tile.c calls trace(),
 // which calls ray_march() and queues shadow and mirror rays; ray_march() calls near_hit() and normal_at().
-#ifndef TRACE_H
-#define TRACE_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -51,5 +50,3 @@ struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_
 // Sets the colours of the rays, times their weight. Shadow and mirror rays are queued and add their part later.
 void trace(const struct ray_group *rays, struct trace_context *world, struct vec *color,
            struct hit *hit);
-
-#endif

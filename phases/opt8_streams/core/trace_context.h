@@ -1,6 +1,5 @@
 // Rays that are traced together, and what a worker traces them with.
-#ifndef TRACE_CONTEXT_H
-#define TRACE_CONTEXT_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -30,5 +29,3 @@ struct ray_group {
     struct shape_list others; // shapes for rays that have passed all Mandelbulbs
     int marched; // first pixel of the rays in queues->marched, if they were marched; else −1
 };
-
-#endif

@@ -1,6 +1,5 @@
 // The state of a packet's march.
-#ifndef MARCH_STATE_H
-#define MARCH_STATE_H
+#pragma once
 
 #include "core/trace.h"
 #include "core/trace_context.h"
@@ -59,5 +58,3 @@ void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside
 
 // Marches the live rays of the group until every one has ended.
 void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world);
-
-#endif

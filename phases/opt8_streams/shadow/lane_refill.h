@@ -1,8 +1,7 @@
 // Streams of rays. Near a Mandelbulb some rays take a thousand steps and most a few dozen. Lanes whose ray has ended
 // are filled again from the rays that wait, so the lanes of a packet hold rays of different age. No lane's result
 // depends on its neighbours: every bit is that of a packet which waits for its last ray.
-#ifndef LANE_REFILL_H
-#define LANE_REFILL_H
+#pragma once
 
 #include "core/packet_group.h"
 #include "march/march_step.h"
@@ -48,5 +47,3 @@ void stream_begin(struct ray_stream *stream, struct trace_context *world);
 static inline int refill_threshold(const struct ray_stream *stream, int live) {
     return stream->waiting || stream->next < stream->count ? live - REFILL : 0;
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Cones around shadow rays, and the bounds they give on a shape's distance along the ray: see PROOFS.md.
-#ifndef SHADOW_CONE_H
-#define SHADOW_CONE_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -90,5 +89,3 @@ static inline vmask plane_clears(vfloat height, vfloat slope, float q, const str
                        v_cmp_gt(v_madd(furthest, slope - v_splat(q), height), zero));
     return v_and(v_cmp_gt(height, zero), rises);
 }
-
-#endif

@@ -1,7 +1,6 @@
 // The march of rays close to a Mandelbulb, by polynomials along pieces of each ray: bulb/bulb_chebyshev.c and
 // bulb/chebyshev_pieces.c.
-#ifndef OPT9_BULB_CHEBYSHEV_H
-#define OPT9_BULB_CHEBYSHEV_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -63,5 +62,3 @@ KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limit
                                    float *steps, struct worker_scratch *scratch);
 // Computes the next pieces of the first LANES rays that wait, or fewer (bulb/chebyshev_pieces.c).
 KERNEL_SHARED void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to);
-
-#endif

@@ -6,8 +6,7 @@
 // Beyond |p| = 2^(1/7) every point escapes, and the estimate is positive. Beyond 1.15 it exceeds BULB_SHARE
 // of the distance to that sphere, for any number of iterations (PROOFS.md, 12.; the least is 0.529, near
 // 1.65).
-#ifndef OPT9_BULB_H
-#define OPT9_BULB_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -173,5 +172,3 @@ __attribute__((always_inline)) static inline void bulbs(const struct primitive *
         b[k] = bulb_begin(p[k], done[k]);
     bulbs_end(s, 0, soon, exact, false, INTERLEAVED, b, p, distance);
 }
-
-#endif

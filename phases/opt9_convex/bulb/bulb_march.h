@@ -1,6 +1,5 @@
 // Camera and mirror rays to Mandelbulbs: queue, march and take the hits (bulb/bulb_march.c).
-#ifndef OPT9_BULB_MARCH_H
-#define OPT9_BULB_MARCH_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -31,5 +30,3 @@ KERNEL_SHARED void clear_bulb_hits(struct worker_scratch *scratch, int slots);
 // Queues, marches and takes the hits of a group of packets of mirror rays.
 KERNEL_SHARED void hit_bulbs(struct shading_packet *stage, int packets,
                              const struct tile_context *work);
-
-#endif

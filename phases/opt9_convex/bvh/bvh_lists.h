@@ -1,7 +1,6 @@
 // Queries of the BVH: lists of shapes for tiles, packets and batches, and cone queries. Lists for camera and
 // mirror rays ascend, so that the first of equal hits wins, as without a BVH.
-#ifndef OPT9_BVH_LISTS_H
-#define OPT9_BVH_LISTS_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/bvh.h"
@@ -57,5 +56,3 @@ struct packet_cones {
 // into its cone. Sets `until` where there is one. *leaf: the leaf that blocked the last query, tested first.
 enum { QUERY_PACKETS = 8 };
 void bvh_cone_query(const struct bvh *tree, struct packet_cones *cones, int count, int *leaf);
-
-#endif

@@ -1,6 +1,5 @@
 // Traversals of the BVH: bvh_list() with spheres in the lanes, bvh_visit() with rays in the lanes.
-#ifndef OPT9_BVH_TRAVERSAL_H
-#define OPT9_BVH_TRAVERSAL_H
+#pragma once
 
 #include "types/bvh.h"
 #include "types/tile_context.h"
@@ -109,5 +108,3 @@ static inline vfloat radius_with_rounding(vfloat radius, struct vec v, vfloat re
     vfloat size = v_abs(v.x) + v_abs(v.y) + v_abs(v.z) + reach;
     return v_madd(v_splat(1e-6f), size, radius * v_splat(1 + 1e-5f));
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Marching and shading of packets in frames that closed forms cannot draw: called by frame/tile.c.
-#ifndef OPT9_TRACE_H
-#define OPT9_TRACE_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/sdf.h"
@@ -43,5 +42,3 @@ struct vec normal_at(struct vec direction, vmask found, const struct hit_surroun
                      const struct trace_context *world, vfloat *slope);
 void trace(struct point origin, struct vec direction, vmask active, int bounce,
            const struct trace_context *world, struct shaded *result);
-
-#endif

@@ -1,8 +1,7 @@
 // STEPWISE_PATH=list|bvh|march forces one way of drawing, for debugging and for tests that compare
 // the ways. `list`: closed forms and candidate lists over all shapes. `bvh`: the same from a BVH,
 // however few the shapes are. `march`: sphere tracing (fallback/). Unset or empty: the scene decides.
-#ifndef OPT9_DRAW_PATH_H
-#define OPT9_DRAW_PATH_H
+#pragma once
 
 #include "types/primitive.h"
 
@@ -16,5 +15,3 @@ const char *draw_path_unsupported(const struct scene *scene, bool sixteen);
 
 // Returns the setting as text for the record, NULL if no path is forced.
 const char *draw_path_setting(enum draw_path path);
-
-#endif

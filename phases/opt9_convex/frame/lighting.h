@@ -1,7 +1,6 @@
 // Light at a packet's hits (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975)), as in
 // fallback/shade.c: for any rays, and a shorter form for camera rays.
-#ifndef OPT9_LIGHTING_H
-#define OPT9_LIGHTING_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/sdf.h"
@@ -86,5 +85,3 @@ INLINE void primary_light(struct shading_packet *at, const struct surface *surfa
     at->front = v_and(at->hit.found, v_and(v_cmp_gt(along, zero), v_cmp_gt(square, zero)));
     add_phong(at, surface, shine * per, weight * per, work);
 }
-
-#endif

@@ -1,7 +1,6 @@
 // Setting up a scene and a frame, and the entry points of each lane width. No vectors here: the files that are
 // built once share this header.
-#ifndef OPT9_PREPARE_H
-#define OPT9_PREPARE_H
+#pragma once
 
 #include "types/primitive.h"
 
@@ -28,5 +27,3 @@ int tile_height(const struct prepared *prepared, int height);
 KERNEL(lanes8)
 KERNEL(lanes16)
 #undef KERNEL
-
-#endif

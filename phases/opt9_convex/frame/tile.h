@@ -1,6 +1,5 @@
 // A tile, its blocks of pixels and their camera rays, and how colours reach the picture.
-#ifndef OPT9_TILE_H
-#define OPT9_TILE_H
+#pragma once
 
 #include "types/shading_packet.h"
 #include "types/tile_context.h"
@@ -82,5 +81,3 @@ KERNEL_SHARED int count_tiles(const struct job *job);
 
 KERNEL_SHARED void draw_analytic_tile(const struct job *job, int tile,
                                       struct worker_scratch *scratch);
-
-#endif

@@ -1,6 +1,5 @@
 // The layout of a worker's memory: struct worker_scratch, and behind it the arrays that it points to.
-#ifndef OPT9_WORKER_SCRATCH_H
-#define OPT9_WORKER_SCRATCH_H
+#pragma once
 
 #include "shadow/shadow_rays.h"
 #include "types/tile_context.h"
@@ -44,5 +43,3 @@ static inline struct worker_scratch *scratch_at(void *memory, int shape_count, i
     reset_scratch(scratch);
     return scratch;
 }
-
-#endif

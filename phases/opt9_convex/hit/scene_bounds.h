@@ -1,6 +1,5 @@
 // Whether hits are within the scene's bounds. A ray beyond the bounds hits nothing.
-#ifndef OPT9_SCENE_BOUNDS_H
-#define OPT9_SCENE_BOUNDS_H
+#pragma once
 
 #include "types/shading_packet.h"
 
@@ -53,5 +52,3 @@ static inline vmask in_bounds(const struct shading_packet *at, const struct know
     return v_or(in_bounds_nearly(parts, doubtful, scene),
                 v_andnot(doubtful, v_cmp_ge(v_splat(bound), square)));
 }
-
-#endif

@@ -4,8 +4,7 @@
 //
 // Every ray first moves along itself to its nearest point to the shape's position. The rest is then rounded
 // at the size of the shape and not at that of the distance to it.
-#ifndef OPT9_SOLIDS_H
-#define OPT9_SOLIDS_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -253,5 +252,3 @@ INLINE struct vec normal_on(struct vec p, const struct primitive *s) {
     }
     }
 }
-
-#endif

@@ -1,6 +1,5 @@
 // The rectangle of the picture's plane, at distance 1, that a tile's rays pass.
-#ifndef OPT9_TILE_FRUSTUM_H
-#define OPT9_TILE_FRUSTUM_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -16,5 +15,3 @@ static inline bool plane_in_frustum(const struct tile_frustum *w, const float no
     float x = normal[0] > 0 ? w->left : w->right, y = normal[1] > 0 ? w->bottom : w->top;
     return normal[0] * x + normal[1] * y + normal[2] < 1e-6f * (1 + fabsf(x) + fabsf(y));
 }
-
-#endif

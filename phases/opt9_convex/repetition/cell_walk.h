@@ -1,7 +1,6 @@
 // The walk of rays (repetition/repeated_rays.c) and of bundles of camera rays (repetition/repeated_bundles.c)
 // from cell to cell of a repeated shape.
-#ifndef OPT9_CELL_WALK_H
-#define OPT9_CELL_WALK_H
+#pragma once
 
 #include "hit/solids.h"
 #include "repetition/repeated_rays.h"
@@ -128,5 +127,3 @@ KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block,
                              struct vec rest, unsigned away, vmask active);
 KERNEL_INLINE void hit_copy_by_all(int first, int shape, int axis, const struct cell_grid *grid,
                                    int block, struct vec o, struct vec rest);
-
-#endif

@@ -1,6 +1,5 @@
 // Rays among the copies of repeated shapes, by closed forms.
-#ifndef OPT9_REPEATED_RAYS_H
-#define OPT9_REPEATED_RAYS_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -77,5 +76,3 @@ struct block_grid {
 // leader of its grid.
 KERNEL_INLINE void hit_repeated(int first, const struct block_grid *blocks, const struct job *job,
                                 struct primary_hit *hits);
-
-#endif

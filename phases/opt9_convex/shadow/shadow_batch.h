@@ -1,7 +1,6 @@
 // Batches of shadow rays, in scenes with a BVH: up to eight packets of rays from one solid or from planes
 // march together and share an active set of the shapes near them.
-#ifndef OPT9_SHADOW_BATCH_H
-#define OPT9_SHADOW_BATCH_H
+#pragma once
 
 #include "shadow/shadow_rays.h"
 #include "types/numerics.h"
@@ -118,5 +117,3 @@ void store_lit(const struct batch_packet *w, vmask done, struct worker_scratch *
 // Moves the rays into as few packets as hold them: first the rays that march, behind them the rays that wait.
 // Rays that have ended are stored and left out. Returns whether any ray has moved.
 bool compact_packets(struct shadow_batch *batch, struct worker_scratch *scratch);
-
-#endif

@@ -1,7 +1,6 @@
 // Tests that bound a shape's distance along a shadow ray: cones about the ray, planes, and convexity
 // (PROOFS.md, 1. to 3.).
-#ifndef OPT9_SHADOW_CONE_H
-#define OPT9_SHADOW_CONE_H
+#pragma once
 
 #include "hit/solids.h"
 #include "shadow/shadow_rays.h"
@@ -159,5 +158,3 @@ INLINE vfloat entry_cosine(struct vec at, struct vec d, const struct primitive *
     vmask flat = v_cmp_ge(flat_radius(at, s) * cosine * (fall * fall), r->sharp);
     return v_select_or_zero(flat, cosine);
 }
-
-#endif

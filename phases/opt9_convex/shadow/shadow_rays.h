@@ -1,6 +1,5 @@
 // A packet of shadow rays and its march, and the functions that shading and the files of shadow/ call.
-#ifndef OPT9_SHADOW_RAYS_H
-#define OPT9_SHADOW_RAYS_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -117,5 +116,3 @@ KERNEL_SHARED void cast_shadows(const struct tile_context *work);
 void cast_batches(const struct tile_context *work);
 KERNEL_SHARED void cast_streams(const struct tile_context *work);
 KERNEL_SHARED void cast_packets(const struct tile_context *work);
-
-#endif

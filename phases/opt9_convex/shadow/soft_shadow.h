@@ -1,7 +1,6 @@
 // One step of a packet of soft shadow rays: shared by packets (shadow/soft_shadow.c), batches
 // (shadow/shadow_batch.c) and streams (shadow/bulb_shadows.c).
-#ifndef OPT9_SOFT_SHADOW_H
-#define OPT9_SOFT_SHADOW_H
+#pragma once
 
 #include "shadow/shadow_rays.h"
 #include "types/sdf.h"
@@ -85,5 +84,3 @@ static inline void load_shadow_packet(float field[][QUEUE_ROOM], int first, int 
     r->cosine = v_splat(1.0f);
     r->from_planes = false;
 }
-
-#endif

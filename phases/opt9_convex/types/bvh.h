@@ -1,8 +1,7 @@
 // A bounding volume hierarchy of spheres, 16 children per node. It is shallow, and the children of a node are
 // tested at once (H. Dammertz, J. Hanika and A. Keller, "Shallow bounding volume hierarchies for fast SIMD
 // ray tracing of incoherent rays", EGSR 2008). No vectors here.
-#ifndef OPT9_BVH_H
-#define OPT9_BVH_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -34,5 +33,3 @@ bool bvh_reserve(struct bvh *tree, int leaves);
 // Builds the BVH and leaves the leaves in its order.
 void bvh_build(struct bvh *tree, struct bvh_leaf *leaves, int count);
 void bvh_free(struct bvh *tree);
-
-#endif

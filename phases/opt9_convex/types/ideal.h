@@ -1,7 +1,4 @@
 // How shadows "ideal" are drawn: whole frames are marched (fallback/march.c).
-#ifndef OPT9_IDEAL_H
-#define OPT9_IDEAL_H
+#pragma once
 
 enum { SOFT_IS_IDEAL = 0 }; // 1: the phase's soft shadows are the ideal ones already
-
-#endif

@@ -1,6 +1,5 @@
 // A reduction, and approximate roots and quotients, with their costs.
-#ifndef OPT9_NUMERICS_H
-#define OPT9_NUMERICS_H
+#pragma once
 
 #include "simd/simd.h"
 
@@ -89,6 +88,4 @@ static inline vfloat twice_root_times(const struct rooted *a, vfloat b) {
 static inline vfloat divided_by(vfloat b, const struct rooted *a) {
     return b * a->inverse * a->inverse;
 }
-#endif
-
 #endif

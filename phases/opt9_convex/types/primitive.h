@@ -1,7 +1,6 @@
 // The prepared scene (frame/primitives.c) and one frame's job (frame/render.c). No vectors here: the files that
 // are built for 8 and for 16 lanes share this header with the files that are built once.
-#ifndef OPT9_PRIMITIVE_H
-#define OPT9_PRIMITIVE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -130,5 +129,3 @@ struct job {
     int tile_height;                    // of analytic tiles, in pixels
     bool analytic;                      // draw by frame/analytic_tile.c, else by fallback/march.c
 };
-
-#endif

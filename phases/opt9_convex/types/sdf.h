@@ -8,8 +8,7 @@
 // coordinates. Each ray has an origin and a direction in the frame of each shape, and the march evaluates
 // origin + t·direction there, rounded once at the size of the shape. Branches that differ between lanes are
 // evaluated for all lanes and selected by mask.
-#ifndef OPT9_SDF_H
-#define OPT9_SDF_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -316,5 +315,3 @@ __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *
     }
     return least;
 }
-
-#endif

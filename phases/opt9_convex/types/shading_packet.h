@@ -1,6 +1,5 @@
 // A packet of camera or mirror rays: the rays, their hits, surfaces and light.
-#ifndef OPT9_SHADING_PACKET_H
-#define OPT9_SHADING_PACKET_H
+#pragma once
 
 #include "simd/simd.h"
 #include "types/known_scene.h"
@@ -77,5 +76,3 @@ struct primary_hit {
     struct surface_hit hit;
     int only;
 };
-
-#endif

@@ -4,8 +4,7 @@
 //                     for (int k = 0; k < set_end(set); k++)
 //                         if (set_has(set, k))
 //                             visit(set_shape(set, k), ...);
-#ifndef OPT9_SHAPE_SETS_H
-#define OPT9_SHAPE_SETS_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -44,5 +43,3 @@ static inline bool set_has(const struct shape_set *set, int k) {
 static inline int set_shape(const struct shape_set *set, int k) {
     return set->index[k];
 }
-
-#endif

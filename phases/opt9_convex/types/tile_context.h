@@ -1,6 +1,5 @@
 // Sizes of tiles and queues, a worker's scratch memory, and the context of a tile.
-#ifndef OPT9_TILE_CONTEXT_H
-#define OPT9_TILE_CONTEXT_H
+#pragma once
 
 #include <string.h>
 
@@ -200,5 +199,3 @@ static inline int next_hit_shape(unsigned *left, vfloat shape, int k) {
     *left &= ~v_mask_bits(is_shape(shape, i));
     return i;
 }
-
-#endif

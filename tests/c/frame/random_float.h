@@ -1,6 +1,5 @@
 // Floats of any finite bits, the same in every run.
-#ifndef TESTS_RANDOM_FLOAT_H
-#define TESTS_RANDOM_FLOAT_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -16,5 +15,3 @@ static float random_float(uint64_t *seed) {
     } while (!isfinite(value));
     return value;
 }
-
-#endif

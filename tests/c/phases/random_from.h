@@ -1,6 +1,5 @@
 // Numbers that are the same in every run: after xorshift32 (G. Marsaglia, "Xorshift RNGs", 2003).
-#ifndef TESTS_RANDOM_FROM_H
-#define TESTS_RANDOM_FROM_H
+#pragma once
 
 #include <stdint.h>
 
@@ -12,5 +11,3 @@ static double random_from(double least, double most) {
     seed ^= seed << 5;
     return least + (most - least) * (seed * 0x1p-32);
 }
-
-#endif

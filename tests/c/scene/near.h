@@ -1,6 +1,5 @@
 // Numbers and vectors of three, compared within a tolerance.
-#ifndef TESTS_NEAR_H
-#define TESTS_NEAR_H
+#pragma once
 
 #include <math.h>
 #include <setjmp.h>
@@ -27,5 +26,3 @@ static inline void cross(const double a[3], const double b[3], double out[3]) {
 static inline double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
-
-#endif

@@ -1,7 +1,6 @@
 // A scene that uses every key of the format, edited and loaded from a temporary file. Each program of tests/c/scene
 // runs with make_file() and remove_file() as set-up and tear-down.
-#ifndef TESTS_SCENE_FILE_H
-#define TESTS_SCENE_FILE_H
+#pragma once
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -146,5 +145,3 @@ static inline void load_whole(void) {
     assert_true(load_json(root, 0));
     json_decref(root);
 }
-
-#endif

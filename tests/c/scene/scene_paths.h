@@ -1,6 +1,5 @@
 // The paths of all values in WHOLE ("shapes[3].radius"), and each value's type in JSON.
-#ifndef TESTS_SCENE_PATHS_H
-#define TESTS_SCENE_PATHS_H
+#pragma once
 
 #include "scene_file.h"
 
@@ -43,5 +42,3 @@ static inline bool ends_in(const char *text, const char *ending) {
     size_t length = strlen(text), end = strlen(ending);
     return length >= end && strcmp(text + length - end, ending) == 0;
 }
-
-#endif
