@@ -3,8 +3,6 @@
 
 // A permutation is one instruction of one step; to compress or to expand is two. So the lanes' numbers are
 // compressed once, for all rows that move alike.
-typedef __m512i vindex;
-
 static inline __m512i v_lane_index(void) {
     return _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
 }
@@ -15,10 +13,6 @@ static inline vindex v_compress_index(vmask m) {
 
 static inline void v_permute_store(vindex index, vfloat a, float to[LANES]) {
     _mm512_storeu_ps(to, _mm512_permutexvar_ps(index, a));
-}
-
-static inline void v_compress_store(vmask m, vfloat a, float to[LANES]) {
-    v_permute_store(v_compress_index(m), a, to);
 }
 
 static inline void v_compress_store_int(vmask m, const int from[LANES], int to[LANES]) {

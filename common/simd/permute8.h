@@ -2,8 +2,6 @@
 #pragma once
 
 // By a table: no branch predictor foresees where a loop over bits ends.
-typedef __m256i vindex;
-
 #define SIMD_PACK_LANE(m, lane)                                                                    \
     ((m) >> (lane) & 1 ? (lane##ull) << 8 * __builtin_popcount((m) & ((1u << (lane)) - 1)) : 0)
 #define SIMD_PACK_1(m)                                                                             \
@@ -24,10 +22,6 @@ static inline vindex v_compress_index(vmask m) {
 
 static inline void v_permute_store(vindex index, vfloat a, float to[LANES]) {
     _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(a, index));
-}
-
-static inline void v_compress_store(vmask m, vfloat a, float to[LANES]) {
-    v_permute_store(v_compress_index(m), a, to);
 }
 
 static inline void v_compress_store_int(vmask m, const int from[LANES], int to[LANES]) {

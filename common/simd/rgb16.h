@@ -1,17 +1,6 @@
 // Sixteen lanes: AVX-512 F and DQ. See simd.h.
 #pragma once
 
-static inline void v_store_or_stream(float *to, bool stream, vfloat a) {
-    if (!stream)
-        _mm512_storeu_ps(to, a);
-    else
-#if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__ // they do not see a streaming store
-        *(vfloat *)to = a;
-#else
-        _mm512_stream_ps(to, a);
-#endif
-}
-
 static inline void v_store_block(float *rgb, size_t stride, vfloat r, vfloat g, vfloat b) {
     const __m512i rg = _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 0, 0, 0, 0);
     const __m512i to_b = _mm512_setr_epi32(0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 0, 0, 0, 0);

@@ -1,17 +1,6 @@
 // Eight lanes: AVX2. See simd.h.
 #pragma once
 
-static inline void v_store_or_stream(float *to, bool stream, vfloat a) {
-    if (!stream)
-        _mm256_storeu_ps(to, a);
-    else
-#if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__ // they do not see a streaming store
-        *(vfloat *)to = a;
-#else
-        _mm256_stream_ps(to, a);
-#endif
-}
-
 static inline void v_store_block(float *rgb, size_t stride, vfloat r, vfloat g, vfloat b) {
     // In each half of a register (a row) r0 r2 g0 g2, g1 g3 b1 b3, b0 b2 r1 r3.
     vfloat rg = _mm256_shuffle_ps(r, g, _MM_SHUFFLE(2, 0, 2, 0));

@@ -81,29 +81,9 @@
 #error "LANES: 4, 8 or 16; common/rules.mk sets it for the files of each_variant in phase.json"
 #endif
 
-#if LANES != 16
-static inline vmask v_cmp_lt_in(vmask m, vfloat a, vfloat b) {
-    return v_and(m, v_cmp_lt(a, b));
-}
-
-static inline vmask v_cmp_gt_in(vmask m, vfloat a, vfloat b) {
-    return v_and(m, v_cmp_gt(a, b));
-}
-
-static inline vmask v_cmp_ge_in(vmask m, vfloat a, vfloat b) {
-    return v_and(m, v_cmp_ge(a, b));
-}
-
-static inline vmask v_cmp_nlt_in(vmask m, vfloat a, vfloat b) {
-    return v_and(m, v_cmp_nlt(a, b));
-}
-
-static inline vmask v_cmp_ngt_in(vmask m, vfloat a, vfloat b) {
-    return v_and(m, v_cmp_ngt(a, b));
-}
-
-static inline vmask v_cmp_nge_in(vmask m, vfloat a, vfloat b) {
-    return v_and(m, v_cmp_nge(a, b));
+#if LANES != 4
+static inline void v_compress_store(vmask m, vfloat a, float to[LANES]) {
+    v_permute_store(v_compress_index(m), a, to);
 }
 #endif
 
