@@ -13,7 +13,7 @@ $(BUILD)/tests/test_active_set: phases/opt9_convex/shadow/active_set.c
 $(BUILD)/tests/test_interval: truth/number/angles.c
 
 $(C_TESTS): $(BUILD)/tests/%: $$(wildcard tests/c/*/$$*.c) $(SCENE_OBJECTS) \
-    $(wildcard tests/c/*/*.h common/*.h common/*/*.[ch] common/*/*/*.[ch] phases/*/*.h phases/*/*/*.h) tests/c/tests.mk
+    $(wildcard tests/c/*.h tests/c/*/*.h common/*.h common/*/*.[ch] common/*/*/*.[ch] phases/*/*.h phases/*/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)
 	$(CC) $(COMMON_CFLAGS) -I. $$(sed -n '1s|^// flags: ||p' $<) \
 	    $< $(SCENE_OBJECTS) $(LIBS) -lcmocka -o $@

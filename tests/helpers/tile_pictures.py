@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import copy
-import json
-import os
-import subprocess
 from pathlib import Path
 
 import numpy as np
+import phase_pictures
 import pytest
 from emulated import TRUE
 
 from conformance.feature_scenes import FEATURES, SIZES
 from study.core import registry
-from study.core.build import build
-from study.pictures import images
 
 SMALL = (48, 27)
 WIDTHS = ({"16 lanes": {}} if TRUE else {}) | {"8 lanes": {"STEPWISE_ISA_LIMIT": "avx2"}}
@@ -25,16 +21,7 @@ EACH_WIDTH = [pytest.param("16 lanes", marks=LACKING), "8 lanes"]
 
 def picture(phase: str, scene: Path | dict, folder: Path, size=SMALL, *arguments: object, **env: str):
     """Every plane of the scene's picture."""
-    if isinstance(scene, dict):
-        (folder / "scene.json").write_text(json.dumps(scene))
-        scene = folder / "scene.json"
-    out = folder / "picture.exr"
-    command = [build(phase), scene, "-w", size[0], "-n", size[1], "--aov", "-o", out, *arguments]
-    done = subprocess.run(
-        [str(word) for word in command], capture_output=True, text=True, env=os.environ | env, timeout=300
-    )
-    assert done.returncode == 0 and done.stderr == "", done.stderr
-    return images.read(out)
+    return phase_pictures.picture(phase, scene, folder, *arguments, size=size, **env)
 
 
 def check_starts(phase: str, scene: dict, folder: Path, where: str, size=SMALL) -> tuple[float, float]:

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+from phase_pictures import needs, picture
 
 from study.core import patches, registry
-from study.core.build import build
 from study.pictures import images
 
 PHASES = ("opt8_streams", "opt9_convex")  # each with its own copy
@@ -88,22 +87,14 @@ def test_polynomials_are_the_first_iteration(phase: str) -> None:
         assert (np.abs(told - true) / true).max() < off
 
 
-@pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASES[0]])), reason=f"the CPU lacks what {PHASES[0]} needs"
-)
-@pytest.mark.parametrize("phase", PHASES[:2])
+@needs(PHASES[0])
+@pytest.mark.parametrize("phase", PHASES)
 def test_a_camera_within_the_bounding_sphere(phase: str, tmp_path: Path) -> None:
     """Its picture is baseline's, in depth as much as opt4's is, averaged over 4 × 4 as well."""
     scene = json.loads(registry.scenes()["mandelbulb_closeup"].path.read_text())
     scene["camera"]["position"] = [0.09, 0.31, 4.93]  # 1.12 from the centre
     scene["camera"]["look_at"] = [-0.06, 0.21, 6.7]
-    path = tmp_path / "near.json"
-    path.write_text(json.dumps(scene))
-    pictures = {}
-    for name in ("baseline", "opt4", phase):
-        out = tmp_path / f"{name}.exr"
-        subprocess.run([build(name), path, "-n", "64", "--aov", "-o", out], check=True, capture_output=True)
-        pictures[name] = images.read(out)
+    pictures = {name: picture(name, scene, tmp_path, size=(114, 64)) for name in ("baseline", "opt4", phase)}
     base = pictures.pop("baseline")
     assert (base["id"] >= 0).sum() > 5000
 

@@ -8,16 +8,15 @@ from other origins (shadow/shadow_batch.h), so that their colours differ by roun
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 from pathlib import Path
 
 import numpy as np
+import phase_pictures
 import pytest
+from phase_pictures import needs, render
 
 from conformance.feature_scenes import FLOOR, scene, shape
 from study.core import registry
-from study.core.build import build
 from study.core.registry import Scene, Spec
 from study.experiments.accuracy import command
 from study.pictures import gate, images
@@ -30,12 +29,7 @@ VARIABLE = "STEPWISE_PATH"
 PATHS = ("list", "bvh", "march")
 HEIGHT = 36
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
-    ),
-]
+pytestmark = [pytest.mark.slow, needs(PHASE)]
 
 
 def spheres(count: int, shadows: str = "soft") -> dict:
@@ -70,22 +64,8 @@ def subject(name: str, folder: Path) -> Scene:
     return Scene(path.stem, path, RANDOM[name], False)
 
 
-def render(
-    data: dict, folder: Path, path: str | None = None, phase: str = PHASE, **more: str
-) -> subprocess.CompletedProcess[str]:
-    """The driver's run; its picture is folder/out.exr."""
-    file = folder / "scene.json"
-    file.write_text(json.dumps(data))
-    environment = {key: value for key, value in os.environ.items() if key != VARIABLE}
-    environment |= {"STEPWISE_UNTIMED": "1"} | more | ({VARIABLE: path} if path is not None else {})
-    words = [build(phase), file, "-n", "61", "-w", "107", "--aov", "--json", "-o", folder / "out.exr"]
-    return subprocess.run(list(map(str, words)), env=environment, capture_output=True, text=True, timeout=60)
-
-
-def picture(data: dict, folder: Path, path: str | None = None, **more: str) -> images.Picture:
-    done = render(data, folder, path, **more)
-    assert done.returncode == 0, done.stderr
-    return images.read(folder / "out.exr")
+def picture(data: dict, folder: Path, path: str = "", **more: str) -> images.Picture:
+    return phase_pictures.picture(PHASE, data, folder, **{VARIABLE: path}, **more)
 
 
 def same(a: images.Picture, b: images.Picture, planes: str = "R G B Z id evals N.x N.y N.z") -> bool:
@@ -146,12 +126,13 @@ def test_a_forced_path_has_no_generated_kernel(path: str, tmp_path: Path) -> Non
     """The record says which path drew, and why no kernel did; the picture is opt9_convex's."""
     data = RANDOM["5 spheres"]
     expected = picture(data, tmp_path, path)
-    done = render(data, tmp_path, path, GENERATOR, STEPWISE_CC="gcc", STEPWISE_CACHE=str(tmp_path / "cache"))
+    words = {VARIABLE: path, "STEPWISE_CC": "gcc", "STEPWISE_CACHE": str(tmp_path / "cache")}
+    done = render(GENERATOR, data, tmp_path, **words)
     record = json.loads(done.stdout)
     assert record["settings"] == f"path={path}" and done.stderr == ""
     assert record["kernel"].startswith(f"general: {VARIABLE} ") and record["kernel_compile_ns"] == 0
     assert not (tmp_path / "cache").exists()
-    assert same(expected, images.read(tmp_path / "out.exr"))
+    assert same(expected, images.read(tmp_path / "picture.exr"))
 
 
 WIDE = scene([shape("sphere", radius=200, position=[0, -201.5, 0]), shape("sphere")])
@@ -174,13 +155,12 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_refused(name: str, phase: str, tmp_path: Path) -> None:
     data, path = REFUSED[name]
-    done = render(data, tmp_path, path, phase)
+    done = render(phase, data, tmp_path, **{VARIABLE: path})
     assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1
     assert f": {VARIABLE}" in done.stderr
-    assert not (tmp_path / "out.exr").exists()
+    assert not (tmp_path / "picture.exr").exists()
 
 
-@pytest.mark.parametrize("path", ["", None])
-def test_unset_or_empty_the_scene_decides(path: str | None, tmp_path: Path) -> None:
-    done = render(RANDOM["5 spheres"], tmp_path, path)
+def test_empty_the_scene_decides(tmp_path: Path) -> None:
+    done = render(PHASE, RANDOM["5 spheres"], tmp_path, **{VARIABLE: ""})
     assert done.returncode == 0 and json.loads(done.stdout)["settings"] is None

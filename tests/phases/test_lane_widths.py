@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 from emulated import WORD, needs_sixteen, sixteen
+from phase_pictures import check_bits, needs, picture, render
 
-from conformance.feature_scenes import FEATURES
 from study.core import registry
 from study.core.build import build
-from study.pictures import images
 
 PHASE, PARENT = "opt6_wide", "opt5_threads"
 NAMES = ["everything", "shapes_64_turned", "camera_within_a_shape", "nothing_to_see", "mirrors_facing_6"]
@@ -22,44 +18,14 @@ WIDEST = registry.cpu_flags() >= {"avx512f", "avx512dq"}
 # Part of a block, of a tile, of nothing; smaller where 16 lanes are emulated, a hundred times as slow.
 SIZES = [(61, 33), (1, 1), (5, 300), (257, 3)] if WIDEST else [(37, 17), (1, 1), (5, 75), (133, 3)]
 
-pytestmark = pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt6_wide needs"
-)
-
-
-def scene(name: str, folder: Path) -> Path:
-    if name in registry.scenes():
-        return registry.scenes()[name].path
-    path = folder / f"{name}.json"
-    path.write_text(json.dumps(FEATURES[name]))
-    return path
-
-
-def call(program: Path, *arguments: object, limit: str = "") -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"STEPWISE_ISA_LIMIT": limit}
-    return subprocess.run(
-        [program, *map(str, arguments)], capture_output=True, text=True, env=environment, timeout=300
-    )
-
-
-def picture(program: Path, path: Path, folder: Path, *arguments: object, limit: str = "") -> dict:
-    """Every plane, and the record's first lines as `record`."""
-    out = folder / "picture.exr"
-    done = call(program, path, "--aov", "--json", "-o", out, *arguments, limit=limit)
-    assert done.returncode == 0 and not done.stderr, done.stderr
-    return {**images.read(out), "record": json.loads(done.stdout)}
-
-
-def check_same(mine: dict, other: dict, where: object) -> None:
-    assert mine.keys() == other.keys()
-    for name in mine.keys() - {"record"}:
-        assert np.array_equal(mine[name].view(np.uint32), other[name].view(np.uint32)), f"{where}: {name}"
+pytestmark = needs(PHASE)
+EIGHT = {"STEPWISE_ISA_LIMIT": "avx2"}
 
 
 def test_the_record_says_which_lanes_ran(tmp_path) -> None:
-    path = scene("trio", tmp_path)
     for limit, lanes in [("avx2", 8), ("", 16 if WIDEST else 8)]:
-        record = picture(build(PHASE), path, tmp_path, "-n", 8, limit=limit)["record"]
+        done = render(PHASE, "trio", tmp_path, STEPWISE_ISA_LIMIT=limit)
+        record = json.loads(done.stdout)
         assert record["lanes"] == lanes
         assert ("avx512f" in record["isa"]) == (lanes == 16)
         assert ("-mavx512f" in record["flags"]) == (lanes == 16)
@@ -68,23 +34,19 @@ def test_the_record_says_which_lanes_ran(tmp_path) -> None:
 @needs_sixteen
 @pytest.mark.parametrize("name", [pytest.param(i, id=f"{i}, {WORD}") for i in (*registry.scenes(), *NAMES)])
 def test_sixteen_lanes_draw_what_eight_draw(name, tmp_path) -> None:
-    path = scene(name, tmp_path)
-    for width, height in SIZES:
-        size = ("-w", width, "-n", height)
-        eight = picture(build(PHASE), path, tmp_path, *size, limit="avx2")
-        check_same(picture(sixteen(PHASE), path, tmp_path, *size), eight, (WORD, name, width, height))
+    for size in SIZES:
+        eight = picture(PHASE, name, tmp_path, size=size, **EIGHT)
+        check_bits(picture(sixteen(PHASE), name, tmp_path, size=size), eight, (WORD, name, size))
 
 
 @needs_sixteen
 @pytest.mark.parametrize("steps", [1, 7, 40])
 def test_the_step_cap_is_each_rays_own(steps, tmp_path) -> None:
     """Rays that march on from a hit count on, whatever their neighbours had."""
-    size = ("-w", 61, "-n", 33, "--max-steps", steps)
     for name in ("cubes", "mandelbulb"):
-        path = scene(name, tmp_path)
-        eight = picture(build(PHASE), path, tmp_path, *size, limit="avx2")
-        wide = picture(sixteen(PHASE), path, tmp_path, *size)
-        check_same(wide, eight, (WORD, name, steps))
+        capped = (name, tmp_path, "--max-steps", steps)
+        wide = picture(sixteen(PHASE), *capped, size=(61, 33))
+        check_bits(wide, picture(PHASE, *capped, size=(61, 33), **EIGHT), (WORD, name, steps))
         assert np.nanmax(wide["evals"]) == steps
 
 
@@ -95,18 +57,17 @@ def test_the_step_cap_is_each_rays_own(steps, tmp_path) -> None:
 )
 def test_a_sleeping_shape_changes_not_one_bit(name, limit, tmp_path) -> None:
     """Against the same source with every shape evaluated at every step."""
-    path, size = scene(name, tmp_path), ("-w", 61, "-n", 33)
-    every = picture(build(f"{PHASE}+awake"), path, tmp_path, *size, limit=limit)
-    check_same(
-        {**picture(build(PHASE), path, tmp_path, *size, limit=limit), "record": every["record"]}, every, name
+    mine, every = (
+        picture(program, name, tmp_path, STEPWISE_ISA_LIMIT=limit)
+        for program in (PHASE, build(f"{PHASE}+awake"))
     )
+    check_bits(mine, every, name)
 
 
 @pytest.mark.parametrize("name", ["scene0", "scene0_plain", "trio", "cubes", "spheres40", "two_spheres"])
 def test_it_draws_its_parents_picture(name, tmp_path) -> None:
     """Same hits and evaluations; t and the shadow's terms are rounded in another order."""
-    path, size = scene(name, tmp_path), ("-w", 160, "-n", 90)
-    mine, parents = (picture(build(phase), path, tmp_path, *size) for phase in (PHASE, PARENT))
+    mine, parents = (picture(phase, name, tmp_path, size=(160, 90)) for phase in (PHASE, PARENT))
     for plane in ("id", "evals", "N.x", "N.y", "N.z"):
         assert np.array_equal(mine[plane], parents[plane]), plane
     hit = parents["id"] >= 0

@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import phase_pictures
 import pytest
+from phase_pictures import check_bits, needs
 
 from study.core import generated_scenes as scaling_scenes
-from study.core import registry, run
-from study.core.build import build
+from study.core import registry
 from study.pictures import images
 
 PHASE, MARCHED = "opt9_convex", "opt6_wide"
 
-pytestmark = pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
-)
+pytestmark = needs(PHASE)
 
 
-def picture(phase: str, data: dict[str, Any], tmp_path: Path, n: int = 48, **more: Any) -> images.Picture:
-    path = tmp_path / "scene.json"
-    path.write_text(json.dumps(data))
-    build(phase)
-    out = tmp_path / f"{phase}.exr"
-    run.render(phase, path, n, aov=True, out=out, timed=False, **more)
-    return images.read(out)
+def picture(
+    phase: str, data: dict[str, Any], tmp_path: Path, n: int = 48, *options: object
+) -> images.Picture:
+    return phase_pictures.picture(phase, data, tmp_path, *options, size=(round(16 * n / 9), n))
 
 
 def crowd(count: int, shadows: str = "soft", floor: bool = False, mirrors: float = 0.0) -> dict[str, Any]:
@@ -80,10 +74,7 @@ def test_a_light_near_by_of_little_strength(strength: float, tmp_path: Path) -> 
     data = crowd(40)
     data["light"] |= {"position": [4.0, 2.0, 24.0], "shadow_strength": strength}
     all_asked = picture(MARCHED, data, tmp_path, 240)
-    out = tmp_path / "mine.exr"
-    command = [build(PHASE), tmp_path / "scene.json", "-n", "240", "-o", out]
-    subprocess.run(command, check=True, capture_output=True, timeout=60)
-    assert psnr(images.read(out), all_asked) >= 50
+    assert psnr(picture(PHASE, data, tmp_path, 240), all_asked) >= 50
 
 
 @pytest.mark.parametrize("steps", [3, 10, 50])
@@ -110,8 +101,8 @@ def test_coincident_shapes(tmp_path: Path) -> None:
 
 def test_threads(tmp_path: Path) -> None:
     data = crowd(300, "soft", True, 0.5)
-    one, three = (picture(PHASE, data, tmp_path, threads=threads) for threads in (1, 3))
-    assert all(np.array_equal(one[plane], three[plane]) for plane in one)
+    one, three = (picture(PHASE, data, tmp_path, 48, "--threads", threads) for threads in (1, 3))
+    check_bits(one, three)
 
 
 def against_truth(data: dict[str, Any], tmp_path: Path) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import itertools
 import json
-import subprocess
 
 import numpy as np
 import pytest
+from phase_pictures import check_bits, picture, render
 
 from conformance.feature_scenes import CELLS, TURNED, scene, shape
 from conformance.harness import call, distances
@@ -70,26 +70,18 @@ def test_its_nearest_copy_is_the_cells_own():
     assert np.abs(least - described(p)).max() == 0
 
 
-def drawn(phase, whole, folder, target="render", size=(48, 27)):
-    path, out = folder / "scene.json", folder / "picture.exr"
-    path.write_text(json.dumps(whole))
-    command = [build(phase, target), path, "-n", size[1], "-w", size[0], "--aov", "-o", out, "--json"]
-    done = subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=60)
-    return images.read(out), json.loads(done.stdout)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("phase", ["baseline", "opt4"])
 def test_none_costs_nothing(phase, tmp_path):
     """A rounding of 0 is none: not a bit, and not a count, is different."""
-    plain, none = (
-        drawn(phase, scene([shape("box", repeat=CELLS, **TURNED, **more)]), tmp_path, "render-count", (16, 9))
-        for more in ({}, {"rounding": 0})
-    )
-    for name, plane in plain[0].items():
-        assert np.array_equal(plane, none[0][name], equal_nan=True), name
-    assert plain[1]["by_function"] == none[1]["by_function"]
-    assert not none[1]["by_function"].get("sdf_rounded_box", {}).get("calls")
+    planes, records = [], []
+    for more in ({}, {"rounding": 0}):
+        box = scene([shape("box", repeat=CELLS, **TURNED, **more)])
+        done = render(build(phase, "render-count"), box, tmp_path, size=(16, 9))
+        planes.append(images.read(tmp_path / "picture.exr"))
+        records.append(json.loads(done.stdout)["by_function"])
+    check_bits(*planes)
+    assert records[0] == records[1] and not records[1].get("sdf_rounded_box", {}).get("calls")
 
 
 @pytest.mark.parametrize(("rounding", "half"), [(1e-9, 1), (1e-4, 1), (0.5, 1e-9), (5, 0.1)])
@@ -97,7 +89,7 @@ def test_extremes_against_truth(rounding, half, tmp_path):
     """Rounding that float does not see, boxes that are nearly balls: where solids are hit in closed form."""
     whole = scene([shape("box", half_size=[half] * 3, rounding=rounding, rotation_degrees=[30, 40, 0])])
     whole["camera"]["position"] = [0.4, 1.1, -4 * (half + rounding)]
-    mine, exact = (drawn(phase, whole, tmp_path)[0] for phase in ("opt9_convex", "truth"))
+    mine, exact = (picture(phase, whole, tmp_path, size=(48, 27)) for phase in ("opt9_convex", "truth"))
     assert np.array_equal(mine["id"], exact["id"]) and 0.05 < (exact["id"] >= 0).mean() < 0.9
     hit = exact["id"] >= 0
     assert np.abs(mine["Z"][hit] - exact["Z"][hit]).max() <= 4e-6 * exact["Z"][hit].max()

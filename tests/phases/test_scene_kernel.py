@@ -12,8 +12,10 @@ import time
 from pathlib import Path
 
 import numpy as np
+import phase_pictures
 import pytest
 from emulated import TRUE, made_in, needs_sixteen, sixteen
+from phase_pictures import check_bits
 
 from conformance.feature_scenes import FEATURES
 from study.core import registry
@@ -21,13 +23,11 @@ from study.core.build import build
 from study.pictures import images
 
 PHASE = "opt10_scene"
-SIZE = ["-n", "61", "-w", "112"]  # rows past the caches; opt9_convex has odd ones in opt9_pictures
+SIZE = (112, 61)  # rows past the caches; opt9_convex has odd ones in opt9_pictures
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(
-        bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
-    ),
+    phase_pictures.needs(PHASE),
     pytest.mark.skipif(not shutil.which("gcc"), reason="gcc would compile kernels"),
 ]
 
@@ -35,15 +35,9 @@ pytestmark = [
 def facts_of(output: str | bytes) -> dict:
     """What a record says of its kernel."""
     record = json.loads(output)
-    kernel, hash_, compile_ns = (record[key] for key in ("kernel", "kernel_hash", "kernel_compile_ns"))
-    generated = kernel == "generated"
-    return {
-        "generated": generated,
-        "cached": generated and compile_ns == 0,
-        "reason": kernel,
-        "hash": hash_,
-        "compile_ns": compile_ns,
-    }
+    facts = {key: record[f"kernel_{key}"] for key in ("hash", "compile_ns")} | {"reason": record["kernel"]}
+    facts["generated"] = record["kernel"] == "generated"
+    return facts | {"cached": facts["generated"] and facts["compile_ns"] == 0}
 
 
 class Workshop:
@@ -65,27 +59,21 @@ class Workshop:
         path.chmod(0o755)
         return path
 
-    def command(self, scene: str | Path, *more: str) -> list[str]:
-        path = registry.scenes()[scene].path if isinstance(scene, str) else scene
-        return [*map(str, (build(PHASE), path, *SIZE, "--json", *more))]
+    def words(self, **changes: str) -> dict[str, str]:
+        return {"STEPWISE_CC": str(self.compiler), "STEPWISE_CACHE": str(self.cache)} | changes
 
-    def environment(self, changes: dict[str, str]) -> dict[str, str]:
-        return os.environ | {"STEPWISE_CC": str(self.compiler), "STEPWISE_CACHE": str(self.cache)} | changes
+    def start(self, scene: str, **how) -> subprocess.Popen:
+        words = [build(PHASE), registry.scenes()[scene].path, "-w", SIZE[0], "-n", SIZE[1], "--json"]
+        return subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, **how)
 
     def run(
-        self, scene: str | Path, *more: str, program: Path | None = None, seconds: float = 90, **changes: str
+        self, scene: str | Path | dict, *more: str, program: Path | None = None, size=SIZE, **changes: str
     ) -> tuple[dict, str, dict[str, np.ndarray]]:
         """What the record says of the kernel, standard error, the picture."""
-        out = self.folder / "picture.exr"
-        done = subprocess.run(
-            [str(program or build(PHASE)), *self.command(scene, *more)[1:], "--aov", "-o", str(out)],
-            env=self.environment(changes),
-            capture_output=True,
-            text=True,
-            timeout=seconds,
-        )
+        words = self.words(**changes)
+        done = phase_pictures.render(program or PHASE, scene, self.folder, *more, size=size, **words)
         assert done.returncode == 0, done.stderr
-        return facts_of(done.stdout), done.stderr, images.read(out)
+        return facts_of(done.stdout), done.stderr, images.read(self.folder / "picture.exr")
 
 
 @pytest.fixture(scope="module")
@@ -93,54 +81,37 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Workshop:
     return Workshop(tmp_path_factory.mktemp("kernels"))
 
 
-def same(a: dict[str, np.ndarray], b: dict[str, np.ndarray], within: float = 0.0) -> None:
+def same(a: dict[str, np.ndarray], b: dict[str, np.ndarray], within: float = 0.0, where: str = "") -> None:
     for name, values in a.items():
         allowed = within if name in "RGB" else 0.0
         with np.errstate(invalid="ignore"):
             apart = np.abs(np.where(values == b[name], 0, values - b[name]))
-        assert (apart <= allowed).all(), (name, np.nanmax(apart))
+        assert (apart <= allowed).all(), (where, name, np.nanmax(apart))
 
 
-def scene_of(name: str, shop: Workshop) -> str | Path:
-    """A scene or its path; twenty: of spheres40, more than are written out and fewer than a crowd."""
-    if name in FEATURES:
-        path = shop.folder / f"{name}.json"
-        path.write_text(json.dumps(FEATURES[name]))
-        return path
-    if name == "two materials":  # of copies, whose bundles meet one, or both
-        scene = json.loads(registry.scenes()["lattice"].path.read_text())
-        scene["materials"]["red"] = {"color": [0.7, 0.1, 0.1], "reflectivity": 0, "shininess": 20}
-        scene["shapes"][1]["material"] = "red"
-        path = shop.folder / "two.json"
-        path.write_text(json.dumps(scene))
-        return path
-    if name != "twenty":
-        return name
-    scene = json.loads(registry.scenes()["spheres40"].path.read_text())
-    path = shop.folder / "twenty.json"
-    path.write_text(json.dumps(scene | {"shapes": scene["shapes"][:20]}))
-    return path
+def data_of(name: str) -> dict:
+    return json.loads(registry.scenes()[name].path.read_text())
+
+
+TWO_MATERIALS = data_of("lattice")  # of copies, whose bundles meet one, or both
+TWO_MATERIALS["materials"]["red"] = {"color": [0.7, 0.1, 0.1], "reflectivity": 0, "shininess": 20}
+TWO_MATERIALS["shapes"][1]["material"] = "red"
+# More than are written out and fewer than a crowd.
+TWENTY = data_of("spheres40") | {"shapes": data_of("spheres40")["shapes"][:20]}
+SCENES = {"two materials": TWO_MATERIALS, "twenty": TWENTY}
 
 
 # A whole shininess is a row of products in a kernel, else a logarithm and an exponential: 15 · 2^-24 apart.
-@pytest.mark.parametrize(
-    "scene",
-    [
-        "scene0",
-        "twenty",
-        "mandelbulb",
-        "mirrors_facing_6",
-        "two materials",
-    ],
-)
+@pytest.mark.parametrize("scene", ["scene0", "twenty", "mandelbulb", "mirrors_facing_6", "two materials"])
 def test_kernel_and_general_code_agree(scene: str, shop: Workshop) -> None:
-    facts, said, generated = shop.run(scene_of(scene, shop))
+    data = SCENES.get(scene, scene)
+    facts, said, generated = shop.run(data)
     assert facts["generated"], facts
     assert not said and facts["compile_ns"] > 0 and not facts["cached"]
-    general, said, picture = shop.run(scene_of(scene, shop), STEPWISE_CC="none")
+    general, said, picture = shop.run(data, STEPWISE_CC="none")
     assert not general["generated"] and "none" in general["reason"]
     same(picture, generated, 4e-6)
-    again, _, picture = shop.run(scene_of(scene, shop), "--threads", "2")
+    again, _, picture = shop.run(data, "--threads", "2")
     assert again["cached"] and again["compile_ns"] == 0 and again["hash"] == facts["hash"]
     same(picture, generated)
 
@@ -156,16 +127,12 @@ def test_kernels_of_features(shop: Workshop, tmp_path: Path) -> None:
     names = names[:: 1 if os.environ.get("STEPWISE_EVERY_KERNEL") else 4]
     generated = 0
     for name in names:
-        size = ("-w", "48", "-n", "27")
-        facts, said, by_kernel = shop.run(scene_of(name, shop), *size, **words)
+        facts, said, by_kernel = shop.run(name, size=(48, 27), **words)
         assert not said, (name, said)
         if facts["generated"]:
             generated += 1
-            _, _, general = shop.run(scene_of(name, shop), *size, STEPWISE_CC="none")
-            try:
-                same(general, by_kernel, 4e-6)
-            except AssertionError as error:
-                raise AssertionError(f"{name}: {error}") from error
+            _, _, general = shop.run(name, size=(48, 27), STEPWISE_CC="none")
+            same(general, by_kernel, 4e-6, name)
     assert generated >= 0.75 * len(names), f"{generated} of {len(names)} scenes have a kernel"
 
 
@@ -174,30 +141,26 @@ def test_a_kernel_under_sanitizers_draws_the_same_bits(scene: str, shop: Worksho
     """The program hands its own sanitizers on to its kernels: an address out of bounds or undefined behaviour
     would end it."""
     words = {"STEPWISE_CC": "gcc", "STEPWISE_CC_SECONDS": "270", "STEPWISE_CACHE": str(tmp_path / "cache")}
-    facts, said, sanitized = shop.run(
-        scene_of(scene, shop), program=made_in("asan", PHASE, "SANITIZE=1"), seconds=300, **words
-    )
+    facts, said, sanitized = shop.run(scene, program=made_in("asan", PHASE, "SANITIZE=1"), **words)
     assert facts["generated"] and not said
     kernel = next((tmp_path / "cache").glob("*.so")).read_bytes()
     assert b"__asan_" in kernel and b"__ubsan_" in kernel, "the kernel was sanitized"
-    same(shop.run(scene_of(scene, shop))[2], sanitized)
+    same(shop.run(scene)[2], sanitized)
 
 
 @pytest.mark.skipif(not shutil.which("clang"), reason="clang would compile kernels")
 @pytest.mark.parametrize("scene", ["scene0", "mandelbulb"])
 def test_clang_makes_kernels_too(scene: str, shop: Workshop, tmp_path: Path) -> None:
     words = {"STEPWISE_CC": "clang", "STEPWISE_CACHE": str(tmp_path / "cache")}
-    facts, said, by_clang = shop.run(scene_of(scene, shop), **words)
+    facts, said, by_clang = shop.run(scene, **words)
     assert facts["generated"] and not said, said
-    same(shop.run(scene_of(scene, shop))[2], by_clang, 4e-6)
+    same(shop.run(scene)[2], by_clang, 4e-6)
 
 
 def test_a_kernel_ends_when_shapes_move(shop: Workshop, tmp_path: Path) -> None:
     """Its constants are of one place: general code draws an animation, and no kernel is compiled for it."""
-    scene = json.loads(registry.scenes()["scene0"].path.read_text())
-    moving = shop.folder / "moving.json"
-    scene["shapes"][0]["path"] = {"type": "line", "to": [0.5, 1, 0], "period": 1}
-    moving.write_text(json.dumps(scene))
+    moving = data_of("scene0")
+    moving["shapes"][0]["path"] = {"type": "line", "to": [0.5, 1, 0], "period": 1}
     words = ("--frames", "31", "--first-frame", "30")
     facts, said, picture = shop.run(moving, *words, STEPWISE_CACHE=str(tmp_path / "cache"))
     assert not facts["generated"] and facts["compile_ns"] == 0 and not said
@@ -212,29 +175,26 @@ def test_eight_lanes(shop: Workshop) -> None:
     compiler = shop.compiler if TRUE else shop.script("quick", f'exec {shop.compiler} "$@" -O1')
     # and on a busy machine longer than a kernel's usual limit of 60 s: then the picture is the general code's
     patient = {"STEPWISE_CC": str(compiler), "STEPWISE_CC_SECONDS": "270"}
-    wide, said, a = shop.run("scene0", program=sixteen(PHASE), seconds=300, **patient)
+    wide, said, a = shop.run("scene0", program=sixteen(PHASE), **patient)
     assert wide["generated"], said
-    narrow, said, b = shop.run("scene0", seconds=300, STEPWISE_ISA_LIMIT="avx2", **patient)
+    narrow, said, b = shop.run("scene0", STEPWISE_ISA_LIMIT="avx2", **patient)
     assert narrow["generated"], said
     assert wide["hash"] != narrow["hash"]
     same(a, b)
 
 
-def test_hash_is_the_scenes(shop: Workshop, tmp_path: Path) -> None:
+def test_hash_is_the_scenes(shop: Workshop) -> None:
     """A length changes it; camera, light and the limits that a sweep varies do not."""
     first, _, _ = shop.run("scene0")
-    scene = json.loads(registry.scenes()["scene0"].path.read_text())
+    scene = data_of("scene0")
     scene["camera"]["position"] = [0.5, 0.25, -1]
     scene["light"]["position"] = [3, 90, 2]
-    moved = tmp_path / "moved.json"
-    moved.write_text(json.dumps(scene))
-    facts, _, picture = shop.run(moved, "--max-steps", "2000", "--hit-distance", "2e-6")
+    limits = ("--max-steps", "2000", "--hit-distance", "2e-6")
+    facts, _, picture = shop.run(scene, *limits)
     assert facts["cached"] and facts["hash"] == first["hash"]
-    _, _, general = shop.run(moved, "--max-steps", "2000", "--hit-distance", "2e-6", STEPWISE_CC="none")
-    same(general, picture, 4e-6)
+    same(shop.run(scene, *limits, STEPWISE_CC="none")[2], picture, 4e-6)
     scene["shapes"][2]["radius"] = 2.75
-    moved.write_text(json.dumps(scene))
-    assert shop.run(moved)[0]["hash"] != first["hash"]
+    assert shop.run(scene)[0]["hash"] != first["hash"]
 
 
 TRAP = """
@@ -263,34 +223,21 @@ def trapped(shop: Workshop, folder: Path) -> dict[str, str]:
     return {"STEPWISE_CC": str(compiler), "STEPWISE_CACHE": str(folder / "cache")}
 
 
-def from_inside(folder: Path) -> Path:
-    """scene0 from within its sphere: a kernel is made for it, and none draws it."""
-    scene = json.loads(registry.scenes()["scene0"].path.read_text())
-    scene["camera"] = scene["camera"] | {"position": [0, 0, 20], "look_at": [0, 0, 30]}
-    path = folder / "inside.json"
-    path.write_text(json.dumps(scene))
-    return path
-
-
 def test_a_camera_within_a_shape_is_drawn_by_opt9s_code(shop: Workshop, tmp_path: Path) -> None:
     """There is a kernel, of the scene; but its frame is marched, which a kernel is not made for."""
-    inside = from_inside(tmp_path)
+    inside = data_of("scene0")
+    inside["camera"] |= {"position": [0, 0, 20], "look_at": [0, 0, 30]}
     facts, _, picture = shop.run(inside)
     assert facts["generated"]
     trap = trapped(shop, tmp_path)
     facts, said, other = shop.run(inside, **trap)
     assert facts["generated"] and not said, "the trap was loaded and not drawn by"
     same(other, picture)
-    drawn = subprocess.run(shop.command("scene0"), env=shop.environment(trap), capture_output=True)
+    drawn = phase_pictures.render(PHASE, "scene0", tmp_path, size=SIZE, **shop.words(**trap))
     assert drawn.returncode == -signal.SIGABRT, "from outside the kernel draws"
-    done = subprocess.run(
-        [build("opt9_convex"), inside, *SIZE, "--aov", "-o", tmp_path / "opt9.exr"], capture_output=True
-    )
-    assert done.returncode == 0, done.stderr
-    opt9 = images.read(tmp_path / "opt9.exr")
-    assert opt9.keys() == picture.keys() and (opt9["id"] >= 0).any()
-    for name in opt9:
-        assert np.array_equal(opt9[name].view(np.uint32), picture[name].view(np.uint32)), name
+    opt9 = phase_pictures.picture("opt9_convex", inside, tmp_path, size=SIZE)
+    assert (opt9["id"] >= 0).any()
+    check_bits(opt9, picture)
 
 
 @pytest.mark.parametrize("scene", ["spheres40", "mandelbox"])
@@ -347,24 +294,23 @@ def test_a_folder_that_others_may_write_to_is_not_trusted(shop: Workshop, tmp_pa
     assert not facts["generated"] and str(tmp_path) in said
 
 
-def test_kernels_unused_for_30_days_go(shop: Workshop, tmp_path: Path) -> None:
-    tmp_path.chmod(0o700)
-    ages = {"0" * 16 + ".so": 31, "1" * 16 + ".c": 31, "2" * 16 + ".so": 29, "notes.c": 9999}
-    for name, days in ages.items():
-        (tmp_path / name).write_text("")
-        os.utime(tmp_path / name, (time.time() - days * 24 * 3600,) * 2)
-    assert shop.run("two_spheres", STEPWISE_CACHE=str(tmp_path))[0]["generated"]
-    assert [name for name in ages if (tmp_path / name).exists()] == ["2" * 16 + ".so", "notes.c"]
+def test_old_kernels_and_leftovers_go(shop: Workshop, tmp_path: Path) -> None:
+    """Kernels unused for 30 days, and what killed processes left an hour ago and before: younger files may
+    be of a process that compiles."""
+    folder = tmp_path / "cache"
+    folder.mkdir(0o700)
+    go = {"0" * 16 + ".so": 31, "1" * 16 + ".c": 31, ".00ff-7.so": 0.05}
+    stay = {"2" * 16 + ".so": 29, "notes.c": 9999, ".00ff-8.c.log": 0, ".keep": 9999}
+    for name, days in (go | stay).items():
+        (folder / name).write_text("")
+        os.utime(folder / name, (time.time() - days * 24 * 3600,) * 2)
+    assert shop.run("two_spheres", STEPWISE_CACHE=str(folder))[0]["generated"]
+    assert {name for name in go | stay if (folder / name).exists()} == set(stay)
 
 
 def test_two_at_once(shop: Workshop, tmp_path: Path) -> None:
-    environment = shop.environment({"STEPWISE_CACHE": str(tmp_path / "cache")})
-    both = [
-        subprocess.Popen(
-            shop.command("two_spheres"), env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
-        for _ in range(2)
-    ]
+    environment = os.environ | shop.words(STEPWISE_CACHE=str(tmp_path / "cache"))
+    both = [shop.start("two_spheres", env=environment) for _ in range(2)]
     for one in both:
         out, said = one.communicate(timeout=90)
         assert one.returncode == 0 and not said
@@ -382,20 +328,6 @@ def test_read_only_cache_serves_what_it_has(shop: Workshop, tmp_path: Path) -> N
     assert again["cached"] and again["hash"] == facts["hash"] and not said
 
 
-def test_leftovers_of_killed_processes_go(shop: Workshop, tmp_path: Path) -> None:
-    """Of an hour ago and older: younger ones may be of a process that compiles."""
-    folder = tmp_path / "cache"
-    folder.mkdir(0o700)
-    old, young, other = (folder / n for n in (".00ff-7.so", ".00ff-8.c.log", ".keep"))
-    for path in (old, young, other):
-        path.write_text("")
-    for path in (old, other):
-        os.utime(path, (1e9, 1e9))
-    facts, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
-    assert facts["generated"]
-    assert not old.exists() and young.exists() and other.exists()
-
-
 def living(group: int) -> list[str]:
     """Processes of that group that run or sleep."""
     found = []
@@ -408,27 +340,21 @@ def living(group: int) -> list[str]:
 
 def test_what_ends_it_ends_its_compiler(shop: Workshop, tmp_path: Path) -> None:
     """The compiler has a process group of its own; neither it nor a file is left behind."""
-    number = signal.SIGINT
-    slow = shop.script(
-        f"slow{number}", f'echo $$ > "{tmp_path}/pid.new"; mv "{tmp_path}/pid.new" "{tmp_path}/pid"\nsleep 60'
-    )
     folder, told = tmp_path / "cache", tmp_path / "pid"
-    environment = shop.environment({"STEPWISE_CACHE": str(folder), "STEPWISE_CC": str(slow)})
-    with subprocess.Popen(
-        shop.command("two_spheres"),
-        env=environment,
-        stdout=subprocess.DEVNULL,
-        preexec_fn=lambda: signal.signal(
-            number, signal.SIG_DFL
-        ),  # a shell's & has it ignored, and that stays
-    ) as renderer:
+    slow = shop.script("slow", f'echo $$ > "{told}.new"; mv "{told}.new" "{told}"\nsleep 60')
+    environment = os.environ | shop.words(STEPWISE_CACHE=str(folder), STEPWISE_CC=str(slow))
+
+    def interruptible() -> None:  # a shell's & has it ignored, and that stays
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    with shop.start("two_spheres", env=environment, preexec_fn=interruptible) as renderer:
         for _ in range(600):
             if told.exists():
                 break
             time.sleep(0.05)
         assert list(folder.iterdir()), "it has begun"
-        renderer.send_signal(number)
-        assert renderer.wait(timeout=20) == -number
+        renderer.send_signal(signal.SIGINT)
+        assert renderer.wait(timeout=20) == -signal.SIGINT
     assert not list(folder.iterdir())
     group = int(told.read_text())
     for _ in range(200):
@@ -458,17 +384,15 @@ def test_a_compiler_that_does_not_know_how_gcc_copies(shop: Workshop, tmp_path: 
 @pytest.mark.parametrize(
     ("read", "compiles"),
     [
-        ("KNOWN(p)->model.march.bounds_radius", True),
-        ("KNOWN(p)->primitives[0].bound", True),
-        ("KNOWN(p)->model.march.max_steps", False),
-        ("KNOWN(p)->primitives[0].bvh_rank", False),
+        ("model.march.bounds_radius", True),
+        ("primitives[0].bound", True),
+        ("model.march.max_steps", False),
+        ("primitives[0].bvh_rank", False),
     ],
 )
 def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: bool, tmp_path: Path) -> None:
-    """What a generated scene leaves out would be 0 there: it is no member of what KNOWN gives.
-
-    It is one of what the general code reads.
-    """
+    """What a generated scene leaves out would be 0 there: it is no member of what KNOWN gives, but one of
+    what the general code reads."""
     folder = registry.phases()[PHASE].file("types/known_scene.h").parents[1]
     include = ["-I", registry.ROOT / "common", "-iquote", folder]
     source = tmp_path / "known.c"
@@ -479,8 +403,6 @@ def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: b
         command = ["gcc", "-std=c11", "-fsyntax-only", *include, source]
         return subprocess.run(command, capture_output=True, text=True)
 
-    done = compiled(read)
+    done = compiled(f"KNOWN(p)->{read}")
     assert (done.returncode == 0) == compiles and ("no member" in done.stderr) != compiles, done.stderr
-    general = read.replace("KNOWN(p)->primitives", "p->primitives" if compiles else "p->extras")
-    done = compiled(general.replace("KNOWN(p)->", "p->"))
-    assert done.returncode == 0, done.stderr
+    assert compiled("p->" + (read if compiles else read.replace("primitives", "extras"))).returncode == 0

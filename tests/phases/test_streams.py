@@ -10,7 +10,8 @@ import copy
 
 import numpy as np
 import pytest
-from soft_shadows import SHARP, STRENGTH, bound, clamped
+from phase_pictures import needs
+from soft_shadows import SHARP, clamped
 from tile_pictures import (
     EACH_WIDTH,
     WIDTHS,
@@ -28,14 +29,7 @@ from study.pictures import images
 
 PHASE, PARENT = "opt8_streams", "opt7_tiles"
 
-pytestmark = pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
-)
-
-
-def test_slope_of_scene0s_cones() -> None:
-    """The least that tells a ray lit; test_soft_shadow_proofs.py tries the bound on random marches."""
-    assert bound(0.3458) * STRENGTH == pytest.approx(1, abs=1e-3)
+pytestmark = needs(PHASE)
 
 
 @pytest.mark.parametrize("width", EACH_WIDTH)

@@ -6,6 +6,7 @@ the system can refuse (a thread, a CPU, memory) is refused by a few lines of C b
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import shutil
@@ -14,9 +15,10 @@ import time
 from pathlib import Path
 
 import needs
-import numpy as np
 import pytest
 from emulated import made_in
+from phase_pictures import check_bits, picture, render
+from phase_pictures import needs as needs_cpu
 
 from conformance.feature_scenes import DEEPEST, FEATURES, STANDING
 from study.core import registry
@@ -27,50 +29,15 @@ from study.pictures import images
 PHASE, PARENT = "opt5_threads", "opt4"
 CPUS = sorted(os.sched_getaffinity(0))
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt5_threads needs"
-    ),
-]
+pytestmark = [pytest.mark.slow, needs_cpu(PHASE)]
 
-
-def scene(name: str, folder: Path) -> Path:
-    """A scene of the study by its name, one of conformance's features, or one made here."""
-    if name in registry.scenes():
-        return registry.scenes()[name].path
-    features = FEATURES | {"shapes_4096": coincident(), "mirrors_deepest": DEEPEST, "standing": STANDING}
-    path = folder / f"{name}.json"
-    path.write_text(json.dumps(features[name]))
-    return path
-
-
-def coincident() -> dict:
-    """4,096 spheres in one place."""
-    whole = FEATURES["shapes_same_place"]
-    return whole | {"shapes": [whole["shapes"][0]] * 4096}
-
-
-def call(program: Path, *arguments: object, preload: Path | None = None) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | ({"LD_PRELOAD": str(preload)} if preload else {})
-    return subprocess.run(
-        [program, *map(str, arguments)], capture_output=True, text=True, env=environment, timeout=300
-    )
-
-
-def picture(program: Path, path: Path, folder: Path, *arguments: object, said: str = "", **how: Path):
-    """Every plane, as bits; `said`: what standard error must hold, in one line."""
-    out = folder / "picture.exr"
-    done = call(program, path, "--aov", "-o", out, *arguments, **how)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("\n") == bool(said) and said in done.stderr, done.stderr
-    return {name: plane.view(np.uint32) for name, plane in images.read(out).items()}
-
-
-def check_same(mine: dict, other: dict, where: object) -> None:
-    assert mine.keys() == other.keys()
-    for name in other:
-        assert np.array_equal(mine[name], other[name]), f"{where}: channel {name}"
+COINCIDENT = FEATURES["shapes_same_place"]
+MORE = {
+    "shapes_4096": COINCIDENT | {"shapes": [COINCIDENT["shapes"][0]] * 4096},  # in one place
+    "mirrors_deepest": DEEPEST,
+    "standing": STANDING,
+}
+call = functools.partial(subprocess.run, capture_output=True, text=True, timeout=300)
 
 
 @pytest.mark.parametrize(
@@ -89,12 +56,11 @@ def check_same(mine: dict, other: dict, where: object) -> None:
     ],
 )
 def test_any_number_of_threads_draws_opt4s_bits(name, size, threads, tmp_path) -> None:
-    path = scene(name, tmp_path)
-    shape = ("-w", size[0], "-n", size[1])
-    parents = picture(build(PARENT), path, tmp_path, *shape)
+    scene = MORE.get(name, name)
+    parents = picture(PARENT, scene, tmp_path, size=size)
     for count in threads:
-        mine = picture(build(PHASE), path, tmp_path, *shape, "--threads", count, "--reps", 2)
-        check_same(mine, parents, f"{name} {size}, {count} threads")
+        mine = picture(PHASE, scene, tmp_path, "--threads", count, "--reps", 2, size=size)
+        check_bits(mine, parents, f"{name} {size}, {count} threads")
 
 
 # --- where workers are, and what they do between frames
@@ -210,19 +176,17 @@ def refusing(what: str, folder: Path) -> Path:
 
 @pytest.mark.parametrize(("what", "said"), [("NO_PINS", "4 of 5"), ("TWO_THREADS", "3 of 5")])
 def test_what_is_refused_is_stated_once_and_drawn_without(what, said, tmp_path) -> None:
-    path, shape = scene("trio", tmp_path), ("-w", 97, "-n", 41)
-    alone = picture(build(PARENT), path, tmp_path, *shape)
-    arguments = (*shape, "--threads", 5, "--reps", 4)
-    library = refusing(what, tmp_path)
-    mine = picture(build(PHASE), path, tmp_path, *arguments, said=f"workers: {said}", preload=library)
-    check_same(mine, alone, what)
+    alone, library = picture(PARENT, "trio", tmp_path), str(refusing(what, tmp_path))
+    done = render(PHASE, "trio", tmp_path, "--threads", 5, "--reps", 4, LD_PRELOAD=library)
+    assert done.returncode == 0 and done.stderr.count("\n") == 1
+    assert f"workers: {said}" in done.stderr
+    check_bits(images.read(tmp_path / "picture.exr"), alone, what)
 
 
 def test_a_worker_without_memory_ends_it(tmp_path) -> None:
-    arguments = (scene("trio", tmp_path), "-n", 9, "--threads", 3)
-    done = call(build(PHASE), *arguments, preload=refusing("NO_MEMORY", tmp_path))
-    assert (done.returncode, done.stdout) == (5, "")
-    assert done.stderr.count("\n") == 1
+    library = str(refusing("NO_MEMORY", tmp_path))
+    done = render(PHASE, "trio", tmp_path, "--threads", 3, LD_PRELOAD=library)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (5, "", 1)
 
 
 # --- data races
@@ -235,8 +199,8 @@ def sanitized(phase: str, folder: Path) -> Path:
     """Its driver under ThreadSanitizer; where that does not run the test is left out."""
     probe = folder / "probe"
     (folder / "probe.c").write_text("int main(void) { return 0; }\n")
-    made = shutil.which("gcc") and call("gcc", "-fsanitize=thread", folder / "probe.c", "-o", probe)
-    if not made or made.returncode or call(probe).returncode:
+    made = shutil.which("gcc") and call(["gcc", "-fsanitize=thread", folder / "probe.c", "-o", probe])
+    if not made or made.returncode or call([probe]).returncode:
         pytest.skip(SANITIZER)
     return made_in("tsan", phase, "SANITIZE=thread")
 
@@ -250,27 +214,19 @@ def sanitized(phase: str, folder: Path) -> Path:
         pytest.param("packets", "spheres40", None, id="packets"),
     ],
 )
-def test_no_data_race_in_a_picture_of(phase, name, compiler, tmp_path, monkeypatch) -> None:
+def test_no_data_race_in_a_picture_of(phase, name, compiler, tmp_path) -> None:
     """ThreadSanitizer over a few frames of a tiny picture, to the bit one thread's of the plain build."""
     needs.cpu_for(phase)
-    program, path, shape = sanitized(phase, tmp_path), scene(name, tmp_path), ("-w", 97, "-n", 41)
-    monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path / "plain"))
-    monkeypatch.setenv("STEPWISE_CC", compiler or "none")
-    plain = picture(build(phase), path, tmp_path, *shape)
-    if compiler == "gcc":
-        monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path / "cache"))
-        monkeypatch.setenv("STEPWISE_CC", str(sanitizing(tmp_path)))
-    mine = picture(program, path, tmp_path, *shape, "--threads", 3, "--reps", 3)
-    check_same(mine, plain, f"{phase}, {name}")
+    program, scene = sanitized(phase, tmp_path), MORE.get(name, name)
+    general = {"STEPWISE_CACHE": str(tmp_path / "plain"), "STEPWISE_CC": compiler or "none"}
+    plain = picture(phase, scene, tmp_path, size=(97, 41), **general)
+    kernels = tmp_path / "cc"  # a compiler of kernels, under ThreadSanitizer, too
+    kernels.write_text('#!/bin/sh\nexec gcc "$@" -fsanitize=thread -g1 -O1\n')
+    kernels.chmod(0o755)
+    words = {"STEPWISE_CACHE": str(tmp_path / "cache"), "STEPWISE_CC": str(kernels)} if compiler else {}
+    mine = picture(program, scene, tmp_path, "--threads", 3, "--reps", 3, size=(97, 41), **words)
+    check_bits(mine, plain, f"{phase}, {name}")
     assert (compiler == "gcc") == bool(list(tmp_path.glob("cache/*.so"))), "the kernel was generated"
-
-
-def sanitizing(folder: Path) -> Path:
-    """A compiler of kernels, under ThreadSanitizer, too."""
-    script = folder / "cc"
-    script.write_text('#!/bin/sh\nexec gcc "$@" -fsanitize=thread -g1 -O1\n')
-    script.chmod(0o755)
-    return script
 
 
 POOL = """
@@ -303,13 +259,15 @@ def test_each_tile_is_drawn_once_without_a_race(tmp_path) -> None:
     source, program = tmp_path / "pool.c", tmp_path / "pool"
     source.write_text(POOL)
     made = call(
-        *("gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", "-g1", "-fsanitize=thread", "-pthread"),
-        *("-I", ROOT / "common", source, *sorted(ROOT.glob("common/workers/*.c")), "-o", program),
+        [
+            *("gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", "-g1", "-fsanitize=thread", "-pthread"),
+            *("-I", ROOT / "common", source, *sorted(ROOT.glob("common/workers/*.c")), "-o", program),
+        ]
     )
     if "tsan" in made.stderr:
         pytest.skip(SANITIZER)
     assert made.returncode == 0, made.stderr
     for workers in (1, 2, 3, 8):
         for tiles in (1, 7, 2999):
-            done = call(program, workers, tiles)
+            done = call([program, str(workers), str(tiles)])
             assert (done.returncode, done.stdout) == (0, ""), done.stderr

@@ -13,6 +13,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from phase_pictures import needs
 from tile_pictures import (
     EACH_WIDTH,
     SMALL,
@@ -31,9 +32,7 @@ from study.core.build import build
 
 PHASE, PARENT = "opt7_tiles", "opt6_wide"
 
-pytestmark = pytest.mark.skipif(
-    bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt7_tiles needs"
-)
+pytestmark = needs(PHASE)
 
 
 def views(scene: dict) -> dict[str, dict]:

@@ -1,10 +1,5 @@
 // The frame's planes, EXR written and read back bit for bit, and what happens when a disk refuses.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -63,8 +58,7 @@ static struct frame random_frame(int width, int height, bool aov) {
     return frame;
 }
 
-static void planes_are_preset(void **state) {
-    (void)state;
+TEST(planes_are_preset) {
     for (int aov = 0; aov < 2; aov++) {
         struct frame frame;
         assert_true(frame_create(&frame, 17, 5, aov, NULL));
@@ -154,8 +148,7 @@ static void same_in_the_file(const struct frame *frame) {
     free(back);
 }
 
-static void exr_keeps_every_bit(void **state) {
-    (void)state;
+TEST(exr_keeps_every_bit) {
     static const int sizes[][2] = {{1, 1}, {17, 5}, {3, 16}, {5, 17}, {64, 40}};
     for (int i = 0; i < 10; i++) {
         struct frame frame = random_frame(sizes[i / 2][0], sizes[i / 2][1], i % 2);
@@ -165,8 +158,7 @@ static void exr_keeps_every_bit(void **state) {
 }
 
 // Pictures of 72 bytes, with more and more of their bits zero. Some do not get shorter when they are compressed.
-static void exr_keeps_what_hardly_compresses(void **state) {
-    (void)state;
+TEST(exr_keeps_what_hardly_compresses) {
     for (int round = 0; round < 18 * 24; round++) {
         struct frame frame = random_frame(2, 1, true);
         float *planes[] = {frame.rgb, frame.normal, frame.depth, frame.id, frame.evals};
@@ -195,8 +187,7 @@ static void refused(const char *path, const char *reason) {
     frame_free(&frame);
 }
 
-static void unwritable_places_are_refused(void **state) {
-    (void)state;
+TEST(unwritable_places_are_refused) {
     refused("/nowhere/a.exr", "No such file or directory");
     refused("/proc/a.exr", "No such file or directory");
     refused("/dev/null/a.exr", "Not a directory");
@@ -232,8 +223,7 @@ static void write_that_must_fail(const char *path) {
 }
 
 // A write that fails half way does not change the old picture. Here it exceeds the limit of a file's size.
-static void failed_write_keeps_the_old_picture(void **state) {
-    (void)state;
+TEST(failed_write_keeps_the_old_picture) {
     struct frame small = random_frame(3, 2, false);
     assert_true(frame_write_exr(&small, file_name, error));
     struct rlimit old;
@@ -249,13 +239,4 @@ static void failed_write_keeps_the_old_picture(void **state) {
     frame_free(&small);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(planes_are_preset),
-        cmocka_unit_test(exr_keeps_every_bit),
-        cmocka_unit_test(exr_keeps_what_hardly_compresses),
-        cmocka_unit_test(unwritable_places_are_refused),
-        cmocka_unit_test(failed_write_keeps_the_old_picture),
-    };
-    return cmocka_run_group_tests_name("frame_files", tests, make_folder, remove_folder);
-}
+RUN_TESTS(make_folder, remove_folder)

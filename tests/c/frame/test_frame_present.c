@@ -1,11 +1,6 @@
 // Presenting a frame, gamma and 8 bits: compared with the formula for every float. Every instruction set gives the same
 // bytes.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -53,8 +48,7 @@ static void shower_free(struct shower *s) {
 // where the formula does, which is compared on NEIGHBOURS floats either side of each change. Between
 // two changes the formula is constant too: one float's step moves 255·c^0.4545 by a relative 2.7e-8,
 // and pow errs by 1e-16.
-static void present_is_the_formula_for_every_float(void **state) {
-    (void)state;
+TEST(present_is_the_formula_for_every_float) {
     struct shower s = shower_create();
     int last = 0, changes = 0;
     uint32_t change[256] = {0};
@@ -88,8 +82,7 @@ static void present_is_the_formula_for_every_float(void **state) {
     shower_free(&s);
 }
 
-static void present_outside_the_range(void **state) {
-    (void)state;
+TEST(present_outside_the_range) {
     static const struct {
         float value;
         uint8_t shown;
@@ -97,7 +90,7 @@ static void present_outside_the_range(void **state) {
                  {-0.0f, 0}, {-1e-30f, 0},      {-1, 0},        {1e-45f, 0},
                  {1, 255},   {1.0000001f, 255}, {3.4e38f, 255}, {0.9999999f, 254},
                  {0.5f, 186}};
-    enum { CASES = sizeof cases / sizeof *cases };
+    enum { CASES = LENGTH(cases) };
     struct shower s = shower_create();
     for (int i = 0; i < BATCH; i++)
         s.frame.rgb[i] = cases[i % CASES].value;
@@ -109,8 +102,7 @@ static void present_outside_the_range(void **state) {
 }
 
 // A check of the exhaustive test above, which compares only near changes: the formula itself on random floats.
-static void present_on_samples(void **state) {
-    (void)state;
+TEST(present_on_samples) {
     struct shower s = shower_create();
     uint64_t seed = 7;
     for (int round = 0; round < 5; round++) {
@@ -127,8 +119,7 @@ static void present_on_samples(void **state) {
 
 // Each instruction set gives the formula's bytes: around every change, on random floats, and for any number of pixels.
 // Not a byte is written beyond the last.
-static void every_width_shows_the_same_bytes(void **state) {
-    (void)state;
+TEST(every_width_shows_the_same_bytes) {
     static const char *const limits[] = {"none", "avx2", NULL};
     uint64_t seed = 11;
     struct shower s = shower_create();
@@ -144,7 +135,7 @@ static void every_width_shows_the_same_bytes(void **state) {
             s.frame.rgb[i] = not_finite[i / 13 % 4];
         expected[i] = (uint8_t)formula(s.frame.rgb[i]);
     }
-    for (size_t k = 0; k < sizeof limits / sizeof *limits; k++) {
+    for (size_t k = 0; k < LENGTH(limits); k++) {
         limits[k] ? setenv("STEPWISE_ISA_LIMIT", limits[k], 1) : unsetenv("STEPWISE_ISA_LIMIT");
         struct presenter *presenter = presenter_create(
             3); // three threads share the whole frame; a small part is too small to share
@@ -173,12 +164,4 @@ static void every_width_shows_the_same_bytes(void **state) {
     shower_free(&s);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(present_is_the_formula_for_every_float),
-        cmocka_unit_test(present_outside_the_range),
-        cmocka_unit_test(present_on_samples),
-        cmocka_unit_test(every_width_shows_the_same_bytes),
-    };
-    return cmocka_run_group_tests_name("frame_present", tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

@@ -1,11 +1,6 @@
 // Presenting a frame leaves the upper halves of vector registers as a program of SSE alone has them. Sanitizers change
 // what a compiler puts there: tests/study/core/test_build.py runs this program as the renderers are built, too.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <cpuid.h>
 #include <immintrin.h>
@@ -37,8 +32,7 @@ __attribute__((target("avx"))) static void clear_upper_halves(void) {
 }
 
 // Else scalar frames that are timed after a presented one take up to ten times as long (present.c).
-static void present_leaves_no_upper_half_in_use(void **state) {
-    (void)state;
+TEST(present_leaves_no_upper_half_in_use) {
     unsigned eax = 0, ebx, ecx, edx;
     if (!__builtin_cpu_supports("avx2") || !__get_cpuid_count(0xd, 1, &eax, &ebx, &ecx, &edx) ||
         !(eax & 4)) {
@@ -51,7 +45,7 @@ static void present_leaves_no_upper_half_in_use(void **state) {
     assert_true(
         frame_create(&frame, 21, 1, false, NULL)); // 63 samples: a tail behind eights and sixteens
     uint8_t shown[63];
-    for (size_t k = 0; k < sizeof limits / sizeof *limits; k++) {
+    for (size_t k = 0; k < LENGTH(limits); k++) {
         limits[k] ? setenv("STEPWISE_ISA_LIMIT", limits[k], 1) : unsetenv("STEPWISE_ISA_LIMIT");
         struct presenter *presenter = presenter_create(1);
         assert_non_null(presenter);
@@ -63,7 +57,4 @@ static void present_leaves_no_upper_half_in_use(void **state) {
     frame_free(&frame);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(present_leaves_no_upper_half_in_use)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

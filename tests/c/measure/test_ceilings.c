@@ -1,40 +1,30 @@
 // What common/ceilings makes of its samples. Its kernels are tested by tests/common/test_ceilings.py.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include "common/ceilings/samples.c"
 #include "common/ceilings/working_sets.c"
 
-#define COUNT(V) ((int)(sizeof(V) / sizeof *(V)))
-
 // A clock taken for too low gives figures that are too high, and never twice the same.
-static void a_ceiling_repeats_itself(void **state) {
-    (void)state;
+TEST(a_ceiling_repeats_itself) {
     const double scattered[] = {8, 15, 15.9, 15.95, 16, 17, 22, 40};
-    assert_float_equal(repeated(scattered, COUNT(scattered)), 16, 0);
+    assert_float_equal(repeated(scattered, LENGTH(scattered)), 16, 0);
     const double twice[] = {1, 2, 3, 4, 15.9, 16, 16, 82, 82.1};
-    assert_float_equal(repeated(twice, COUNT(twice)), 16, 0);
+    assert_float_equal(repeated(twice, LENGTH(twice)), 16, 0);
     const double alike[] = {16, 16, 16};
-    assert_float_equal(repeated(alike, COUNT(alike)), 16, 0);
+    assert_float_equal(repeated(alike, LENGTH(alike)), 16, 0);
 }
 
-static void without_a_repetition_it_is_the_median(void **state) {
-    (void)state;
+TEST(without_a_repetition_it_is_the_median) {
     const double odd[] = {1, 2, 4, 8, 16};
-    assert_float_equal(repeated(odd, COUNT(odd)), 4, 0);
+    assert_float_equal(repeated(odd, LENGTH(odd)), 4, 0);
     const double even[] = {1, 2, 4, 8};
-    assert_float_equal(repeated(even, COUNT(even)), 3, 0);
+    assert_float_equal(repeated(even, LENGTH(even)), 3, 0);
     const double low[] = {1, 1, 1, 2, 4, 8, 16}; // what repeats below the median is no ceiling
-    assert_float_equal(repeated(low, COUNT(low)), 2, 0);
+    assert_float_equal(repeated(low, LENGTH(low)), 2, 0);
 }
 
 // n = 30: order statistics 10 and 21 of the binomial interval, as Conover's table of 95 % has them.
-static void the_interval_of_the_median_is_the_binomials(void **state) {
-    (void)state;
+TEST(the_interval_of_the_median_is_the_binomials) {
     static struct samples samples;
     samples.count = 30;
     for (int i = 0; i < 30; i++) { // in disorder
@@ -49,19 +39,10 @@ static void the_interval_of_the_median_is_the_binomials(void **state) {
     assert_float_equal(summary.worst, 1, 0);
 }
 
-static void working_sets_are_powers_of_two_and_fit(void **state) {
-    (void)state;
+TEST(working_sets_are_powers_of_two_and_fit) {
     assert_int_equal(power_of_two(24576), 16384);
     assert_int_equal(power_of_two(16384), 16384);
     assert_int_equal(power_of_two(16383), 8192);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_ceiling_repeats_itself),
-        cmocka_unit_test(without_a_repetition_it_is_the_median),
-        cmocka_unit_test(the_interval_of_the_median_is_the_binomials),
-        cmocka_unit_test(working_sets_are_powers_of_two_and_fit),
-    };
-    return cmocka_run_group_tests_name("ceilings", tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

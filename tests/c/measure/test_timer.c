@@ -1,12 +1,7 @@
 // The clocks against each other. None of these is a test of speed: each compares two ways of
 // measuring the same thing, by the best of many tries, since what a noisy machine does only ever
 // adds time.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <math.h>
 #include <sched.h>
@@ -27,8 +22,7 @@ static int stay_on_this_cpu(void **state) {
     return 0;
 }
 
-static void clocks_never_run_backwards(void **state) {
-    (void)state;
+TEST(clocks_never_run_backwards) {
     uint64_t tsc = timer_tsc_begin(), ns = timer_ns();
     for (int i = 0; i < 100000; i++) {
         uint64_t begin = timer_tsc_begin(), end = timer_tsc_end(), now = timer_ns();
@@ -38,8 +32,7 @@ static void clocks_never_run_backwards(void **state) {
     }
 }
 
-static void ns_is_the_raw_monotonic_clock(void **state) {
-    (void)state;
+TEST(ns_is_the_raw_monotonic_clock) {
     for (int i = 0; i < 1000; i++) {
         struct timespec now;
         uint64_t before = timer_ns();
@@ -52,8 +45,7 @@ static void ns_is_the_raw_monotonic_clock(void **state) {
 // The same stretches of time by TSC and by clock_gettime. What lies between the two readings at
 // either end (about 50 ns) is the error: 1e-5 of 5 ms. Over 1e-3 in each of 20 tries is a wrong
 // rate, no noise.
-static void tsc_agrees_with_clock_gettime(void **state) {
-    (void)state;
+TEST(tsc_agrees_with_clock_gettime) {
     double least = INFINITY;
     for (int i = 0; i < 20; i++) {
         uint64_t ns = timer_ns(), tsc = timer_tsc_begin(), now;
@@ -66,8 +58,7 @@ static void tsc_agrees_with_clock_gettime(void **state) {
     assert_true(least < 1e-3);
 }
 
-static void calibration_is_repeatable(void **state) {
-    (void)state;
+TEST(calibration_is_repeatable) {
     double least = INFINITY;
     for (int milliseconds = 1; milliseconds <= 10; milliseconds++)
         least = fmin(least, fabs(timer_tsc_hz(milliseconds) / tsc_hz - 1));
@@ -75,8 +66,7 @@ static void calibration_is_repeatable(void **state) {
     assert_true(tsc_hz > 1e8 && tsc_hz < 1e11);
 }
 
-static void overhead_is_positive(void **state) {
-    (void)state;
+TEST(overhead_is_positive) {
     uint64_t overhead = timer_overhead_cycles();
     print_message("an empty pair takes %d TSC cycles\n", (int)overhead);
     assert_in_range(overhead, 1, 100000); // a hypervisor that traps RDTSC needs some thousands
@@ -104,8 +94,7 @@ static uint64_t multiplications(void) {
 // A dependent 64-bit multiplication takes 3 cycles on every Intel core since Nehalem and every AMD
 // core since Zen: so many must the clock of the chain of adds make of it. Fastest of each, taken in
 // turn, until they agree; 5 % for a clock that moves meanwhile.
-static void core_clock_counts_cycles(void **state) {
-    (void)state;
+TEST(core_clock_counts_cycles) {
     double fastest_hz = 0, least_seconds = INFINITY, cycles = 0;
     for (int i = 0; i < 2000 && !(fabs(cycles - 3) < 0.03); i++) {
         fastest_hz = fmax(fastest_hz, timer_core_hz(tsc_hz, 2));
@@ -116,8 +105,7 @@ static void core_clock_counts_cycles(void **state) {
     assert_true(fabs(cycles - 3) < 0.15);
 }
 
-static void core_clock_under_load(void **state) {
-    (void)state;
+TEST(core_clock_under_load) {
     double idle = timer_core_hz(tsc_hz, 50);
     assert_true(idle > 2e8 && idle < 1e10);
     __builtin_cpu_init();
@@ -134,15 +122,4 @@ static void core_clock_under_load(void **state) {
     }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(clocks_never_run_backwards),
-        cmocka_unit_test(ns_is_the_raw_monotonic_clock),
-        cmocka_unit_test(tsc_agrees_with_clock_gettime),
-        cmocka_unit_test(calibration_is_repeatable),
-        cmocka_unit_test(overhead_is_positive),
-        cmocka_unit_test(core_clock_counts_cycles),
-        cmocka_unit_test(core_clock_under_load),
-    };
-    return cmocka_run_group_tests_name("timer", tests, stay_on_this_cpu, NULL);
-}
+RUN_TESTS(stay_on_this_cpu, NULL)

@@ -1,11 +1,6 @@
 // A Mandelbulb's operations of opt9_convex (opt10_scene has the same files) against doubles: test_bulb_8.c and
 // test_bulb_16.c, each for one number of lanes.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #pragma GCC diagnostic ignored "-Wunused-function" // of what is included
 #include "bulb/bulb_chebyshev.c"
@@ -25,8 +20,7 @@ static void assert_near(double found, double expected, double most) {
 }
 
 // 2^-20: some ulp of a float, where a guess alone has 2^-14 and 2^-11.
-static void test_roots_and_quotients_are_to_some_ulp(void **state) {
-    (void)state;
+TEST(test_roots_and_quotients_are_to_some_ulp) {
     float a[LANES], b[LANES], m[LANES], product[LANES], slope[LANES], found[3][LANES];
     for (int round = 0; round < ROUNDS / LANES; round++) {
         for (int lane = 0; lane < LANES; lane++) {
@@ -102,8 +96,7 @@ static void random_point(int which, float p[3]) {
 
 // A float's rounding of the point and of the first iteration moves the surface by some 1e-7 of the point; the
 // derivative's small summand has 14 and 11 bits.
-static void test_the_estimate_is_the_map_of_baseline(void **state) {
-    (void)state;
+TEST(test_the_estimate_is_the_map_of_baseline) {
     static const float bailouts[] = {256.0f, 10000.0f};
     const double rough = LANES == 16 ? 0x1p-13 : 0x1p-11;
     for (int exact = 0; exact < 2; exact++)
@@ -143,8 +136,7 @@ static void test_the_estimate_is_the_map_of_baseline(void **state) {
 }
 
 // The first iteration on a piece of a ray: chebyshev_orbit() from the polynomials of store_pieces().
-static void test_pieces_are_the_first_iteration(void **state) {
-    (void)state;
+TEST(test_pieces_are_the_first_iteration) {
     for (int round = 0; round < 400; round++) {
         struct ray_pieces pieces;
         struct chebyshev_lanes lanes;
@@ -199,11 +191,4 @@ static void test_pieces_are_the_first_iteration(void **state) {
     }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_roots_and_quotients_are_to_some_ulp),
-        cmocka_unit_test(test_the_estimate_is_the_map_of_baseline),
-        cmocka_unit_test(test_pieces_are_the_first_iteration),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

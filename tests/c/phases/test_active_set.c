@@ -1,12 +1,7 @@
 // flags: -iquote phases/opt9_convex -DLANES=8 -mavx2 -mfma -ffp-contract=off
 // opt9_convex's falling bounds (shadow/active_set.c): no shape may sleep where it is as near as the nearest shape so far.
 // Distances to the bounding sphere are computed in double.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include "random_from.h"
 #include "shadow/active_set.c"
@@ -103,29 +98,19 @@ static void check(double least, double most, double beside) {
     }
 }
 
-static void early_on_the_way(void **state) {
-    (void)state;
+TEST(early_on_the_way) {
     check(0.001, 1, 0);
     check(0.001, 1, 0.02);
 }
 
-static void far_on_the_way(void **state) {
-    (void)state;
+TEST(far_on_the_way) {
     check(16, 32, 0);
     check(16, 32, 0.02);
 }
 
-static void at_the_bounds(void **state) {
-    (void)state;
+TEST(at_the_bounds) {
     check(100, 128, 0);
     check(100, 128, 0.02);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(early_on_the_way),
-        cmocka_unit_test(far_on_the_way),
-        cmocka_unit_test(at_the_bounds),
-    };
-    return cmocka_run_group_tests_name("active set", tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

@@ -1,14 +1,10 @@
 // flags: -iquote phases/opt9_convex
 // opt9_convex's BVH (bvh/bvh.c): every shape is a leaf once, every node's sphere holds its children's, and the root's
 // sphere holds every leaf. Checked in double.
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
+#include "tests/c/testing.h"
 
-#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
 
 #include "bvh/bvh.c"
 
@@ -65,17 +61,13 @@ static void check(int count, float spread, float size) {
     bvh_free(&tree);
 }
 
-static void every_sphere_holds_what_is_below(void **state) {
-    (void)state;
+TEST(every_sphere_holds_what_is_below) {
     const int counts[] = {1, 2, 16, 17, 255, 256, 257, 1000, MOST};
-    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
+    for (size_t k = 0; k < LENGTH(counts); k++) {
         check(counts[k], 10, 0.2f);
         check(counts[k], 0, 1); // all at one place
         check(counts[k], 1e-3f, 20);
     }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(every_sphere_holds_what_is_below)};
-    return cmocka_run_group_tests_name("tree", tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

@@ -1,12 +1,7 @@
 // flags: -O2 -iquote truth
 // Double-doubles of truth (shadow estimator, Mandelbulb) against __float128, which has nine bits
 // more: sums, products and quotients directly, roots by their squares, logarithms by Taylor's series.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// Before cmocka.h, as it asks for.
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include "truth/number/dd.h"
 
@@ -39,8 +34,7 @@ static bool near(struct dd found, __float128 known, int power) {
            found.hi + found.lo == found.hi;
 }
 
-static void test_arithmetic(void **unused) {
-    (void)unused;
+TEST(test_arithmetic) {
     for (int i = 0; i < ROUNDS; i++) {
         struct dd a = number(), b = number();
         __float128 x = quad(a), y = quad(b);
@@ -61,8 +55,7 @@ static void test_arithmetic(void **unused) {
 }
 
 // What cancels: the low parts are all that is left, and exactly.
-static void test_cancellation(void **unused) {
-    (void)unused;
+TEST(test_cancellation) {
     for (int i = 0; i < ROUNDS; i++) {
         struct dd a = number(), b = {a.hi, a.lo * 0.75};
         assert_true(quad(dd_sub(a, b)) == (__float128)a.lo - b.lo);
@@ -74,8 +67,7 @@ static void test_cancellation(void **unused) {
 
 // Sums whose leading 20 to 51 bits cancel, and whose low parts do not fit one double: what is left is
 // known to its own last bits, and fits a __float128.
-static void test_cancelled_sum(void **unused) {
-    (void)unused;
+TEST(test_cancelled_sum) {
     for (int i = 0; i < ROUNDS; i++) {
         double hi = 1 + (double)(bits() >> 12) * 0x1p-52,
                part = ldexp(1, -(int)(20 + (bits() & 31)));
@@ -85,8 +77,7 @@ static void test_cancelled_sum(void **unused) {
     }
 }
 
-static void test_order(void **unused) {
-    (void)unused;
+TEST(test_order) {
     struct dd one = dd_from(1), above = {1, 0x1p-80}, below = {1, -0x1p-80};
     assert_true(dd_less(below, one) && dd_less(one, above) && !dd_less(one, one));
     assert_true(dd_min(above, below).lo == below.lo && dd_min(below, above).lo == below.lo);
@@ -110,8 +101,7 @@ static __float128 exponential(__float128 x) {
     return sum + 1;
 }
 
-static void test_logarithm(void **unused) {
-    (void)unused;
+TEST(test_logarithm) {
     for (int i = 0; i < 2000; i++) {
         struct dd a = dd_abs(number());
         if (a.hi != 0)
@@ -120,11 +110,4 @@ static void test_logarithm(void **unused) {
     assert_true(quad(dd_log(dd_from(1))) == 0);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_arithmetic),    cmocka_unit_test(test_cancellation),
-        cmocka_unit_test(test_cancelled_sum), cmocka_unit_test(test_order),
-        cmocka_unit_test(test_logarithm),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

@@ -1,12 +1,7 @@
 // flags: -O1 -iquote systems/fixed
 // The fixed-point arithmetic of phase fixed over its stated ranges: products against 128-bit integers, roots against
 // long doubles, whose own error is 2^-64.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <math.h>
 
@@ -37,8 +32,7 @@ static int64_t floor_shift(wide a, int by) {
     return (int64_t)(down - (down * unit > a));
 }
 
-static void products_are_floors(void **state) {
-    (void)state;
+TEST(products_are_floors) {
     for (int bits = 8; bits <= 28; bits++) {
         const struct format f = {.bits = bits};
         for (int i = 0; i < 20000; i++) {
@@ -73,8 +67,7 @@ static void check_inverse(int64_t a, int steps) {
         fail_msg("%lld as a mantissa is %Lg", (long long)a, again);
 }
 
-static void inverse_roots_over_the_whole_range(void **state) {
-    (void)state;
+TEST(inverse_roots_over_the_whole_range) {
     for (int steps = 1; steps <= 4; steps++) {
         for (int64_t a = 1; a < 3000; a++)
             check_inverse(a, steps);
@@ -87,8 +80,7 @@ static void inverse_roots_over_the_whole_range(void **state) {
     }
 }
 
-static void roots_over_the_whole_range(void **state) {
-    (void)state;
+TEST(roots_over_the_whole_range) {
     for (int steps = 1; steps <= 4; steps++)
         for (int bits = 8; bits <= 28; bits++) {
             const struct format f = {.bits = bits, .newton_steps = steps};
@@ -105,8 +97,7 @@ static void roots_over_the_whole_range(void **state) {
 }
 
 // (1 + m/2)/√(1 + m) and (1.5 + m/2)/√(2 + 2m) for m from 0 to 1 are from 1 to 1.5/√2 = 1.0607.
-static void the_articles_root(void **state) {
-    (void)state;
+TEST(the_articles_root) {
     for (int bits = 8; bits <= 20; bits++) {
         const struct format f = {.bits = bits, .sqrt_whole_bits = 23 - bits};
         for (int64_t a = 1; a < 1 << 23; a += 1 + a / 500) {
@@ -131,8 +122,7 @@ static struct format article_format(int bits, int wide) {
 }
 
 // Two steps, and what is cut off in them: a last bit of each of three products, the second times a·y/2 = 1/(2y).
-static void the_articles_inverse_root(void **state) {
-    (void)state;
+TEST(the_articles_inverse_root) {
     for (int bits = 8; bits <= 22; bits++)
         for (int wide = 5; wide <= 31 - bits; wide++) { // 5: the camera's directions, below 16
             const struct format f = article_format(bits, wide);
@@ -151,8 +141,7 @@ static void the_articles_inverse_root(void **state) {
         }
 }
 
-static void vectors_become_unit(void **state) {
-    (void)state;
+TEST(vectors_become_unit) {
     for (int steps = 3; steps <= 4; steps++)
         for (int bits = 8; bits <= 28; bits++) {
             const struct format f = {.bits = bits, .newton_steps = steps};
@@ -184,14 +173,4 @@ static void vectors_become_unit(void **state) {
         }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(products_are_floors),
-        cmocka_unit_test(inverse_roots_over_the_whole_range),
-        cmocka_unit_test(roots_over_the_whole_range),
-        cmocka_unit_test(the_articles_root),
-        cmocka_unit_test(the_articles_inverse_root),
-        cmocka_unit_test(vectors_become_unit),
-    };
-    return cmocka_run_group_tests_name("fixed", tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

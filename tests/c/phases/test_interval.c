@@ -1,12 +1,7 @@
 // flags: -O2 -iquote truth
 // Intervals of truth against exact results: of double intervals in __float128, where sums and
 // products of doubles fit, of quad intervals as sums of doubles without error; random and nasty numbers.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// Before cmocka.h, as it asks for.
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include "truth/number/angles.c"
 #include "truth/number/dd.h"
@@ -48,8 +43,7 @@ static bool holds(struct ivd a, quad x) {
     return (quad)a.lo <= x && x <= (quad)a.hi;
 }
 
-static void test_double(void **unused) {
-    (void)unused;
+TEST(test_double) {
     for (int i = 0; i < ROUNDS; i++) {
         struct ivd a = interval(), b = interval();
         double x = of(a), y = of(b);
@@ -71,8 +65,7 @@ static void test_double(void **unused) {
 }
 
 // Not wider than they must be: a unit or two of the last place for points, nothing for what is exact.
-static void test_tight(void **unused) {
-    (void)unused;
+TEST(test_tight) {
     for (int i = 0; i < ROUNDS; i++) {
         double x = number(), y = number();
         if (x == 0 || y == 0)
@@ -88,8 +81,7 @@ static void test_tight(void **unused) {
 }
 
 // The exact sum of quads is beyond any type at hand: (a + b) − a − b in quad intervals must hold 0.
-static void test_quad(void **unused) {
-    (void)unused;
+TEST(test_quad) {
     for (int i = 0; i < ROUNDS / 4; i++) {
         quad tail = (quad)number() * (quad)0x1p-60;
         struct ivq a = {(quad)number() + tail, 0}, b = {(quad)number() * (quad)number(), 0};
@@ -110,8 +102,7 @@ static void test_quad(void **unused) {
 }
 
 // A quad sum against error-free parts: x + y + z with x ≫ y ≫ z, known as three doubles.
-static void test_quad_sum(void **unused) {
-    (void)unused;
+TEST(test_quad_sum) {
     for (int i = 0; i < ROUNDS / 4; i++) {
         double x = ldexp(1 + (double)(bits() >> 12) * 0x1p-52, 0);
         double y = ldexp(number(), -80), z = ldexp(number(), -160);
@@ -122,8 +113,7 @@ static void test_quad_sum(void **unused) {
     }
 }
 
-static void test_angles(void **unused) {
-    (void)unused;
+TEST(test_angles) {
     // s² + c² = 1, sin 30° = 1/2, quarter turns exact; addition against the same angle elsewhere.
     for (int i = 0; i < 20000; i++) {
         double degrees = ldexp(number(), -20);
@@ -154,8 +144,7 @@ static void test_angles(void **unused) {
     assert_true(s.hi >= (known - 1) / unit * (1 - (quad)0x1p-110));
 }
 
-static void test_special(void **unused) {
-    (void)unused;
+TEST(test_special) {
     struct ivd all = div_d(point_d(1), (struct ivd){-1, 1});
     assert_true(all.lo == -INFINITY && all.hi == INFINITY);
     struct ivd tiny = mul_d(point_d(0x1p-600), point_d(0x1p-600)); // below the smallest number
@@ -166,11 +155,4 @@ static void test_special(void **unused) {
     assert_true(sqrt_d((struct ivd){-1, 4}).lo == 0 && sqrt_d((struct ivd){-1, 4}).hi >= 2);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_double), cmocka_unit_test(test_tight),
-        cmocka_unit_test(test_quad),   cmocka_unit_test(test_quad_sum),
-        cmocka_unit_test(test_angles), cmocka_unit_test(test_special),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

@@ -1,12 +1,8 @@
 // flags: -mavx2 -mfma -ffp-contract=off
 // opt3's log and exp against the C library's long double ones, on stratified samples.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+#include "tests/c/testing.h"
 
-#include <cmocka.h>
+#include <string.h>
 
 #include "phases/opt3/vec.h"
 
@@ -29,8 +25,7 @@ static double weyl(uint32_t i) {
 
 enum { SAMPLES = 2000000 };
 
-static void test_log(void **state) {
-    (void)state;
+TEST(test_log) {
     double near_one = 0, all = 0;
     for (uint32_t i = 0; i < SAMPLES; i++) {
         double x = 0.5 + 1.5 * weyl(i); // 0.5 … 2: cancellation
@@ -48,8 +43,7 @@ static void test_log(void **state) {
     assert_true(all <= 2);
 }
 
-static void test_exp(void **state) {
-    (void)state;
+TEST(test_exp) {
     double worst = 0, small = 0;
     for (uint32_t i = 0; i < SAMPLES; i++) {
         double x = -708.0 + 1417.0 * weyl(i), tiny = ldexp(weyl(i) - 0.5, -(int)(i % 60));
@@ -65,10 +59,9 @@ static void test_exp(void **state) {
     assert_true(small <= 2);
 }
 
-static void test_ends(void **state) {
-    (void)state;
+TEST(test_ends) {
     const double inputs[] = {0.0, 4.9e-324, 2.3e-308, 1.7e308, -1e300, 1e300};
-    for (size_t i = 0; i < sizeof inputs / sizeof *inputs; i++) {
+    for (size_t i = 0; i < LENGTH(inputs); i++) {
         assert_true(isfinite(lane0(exp_of(v_splat(inputs[i])))));
         if (inputs[i] >= 0)
             assert_true(isfinite(lane0(log_of(v_splat(inputs[i])))));
@@ -78,8 +71,4 @@ static void test_ends(void **state) {
     assert_true(fabs(lane0(power_of(v_splat(0.5), v_splat(15.0))) * 32768.0 - 1) < 1e-14);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_log), cmocka_unit_test(test_exp),
-                                       cmocka_unit_test(test_ends)};
-    return cmocka_run_group_tests_name("math of opt3", tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

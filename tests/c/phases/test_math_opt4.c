@@ -1,12 +1,8 @@
 // flags: -mavx2 -mfma -ffp-contract=off
 // opt4's log and exp against the C library's double ones, over every float of their ranges.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+#include "tests/c/testing.h"
 
-#include <cmocka.h>
+#include <string.h>
 
 #include "phases/opt4/vec.h"
 
@@ -47,8 +43,7 @@ static double largest_error(vfloat (*f)(vfloat), exact_function exact, uint32_t 
 
 // Every float of one octave and a stratified 1 in 61 (a prime) of the rest: all of them take
 // minutes.
-static void test_log(void **state) {
-    (void)state;
+TEST(test_log) {
     double near_one =
         largest_error(log_of, log, 0x3f000000, 0x40000000, 1); // 0.5 … 2: cancellation
     double all = largest_error(log_of, log, 0x00800000, 0x7f7fffff, 61);
@@ -58,8 +53,7 @@ static void test_log(void **state) {
     assert_true(all <= 1.5);
 }
 
-static void test_exp(void **state) {
-    (void)state;
+TEST(test_exp) {
     double negative = largest_error(exp_of, exp, 0x80000000, 0xc2ae0000, 61); // −0 … −87
     double positive = largest_error(exp_of, exp, 0x00000000, 0x42b00000, 61); // 0 … 88
     print_message("opt4 exp: %.3f ulp in -87 to 0, %.3f ulp in 0 to 88\n", negative, positive);
@@ -71,11 +65,10 @@ static float lane0(vfloat a) {
     return _mm256_cvtss_f32(a);
 }
 
-static void test_ends(void **state) {
-    (void)state;
+TEST(test_ends) {
     // What a renderer may feed them: never NaN or infinity out of finite arguments.
     const float inputs[] = {0.0f, 1e-45f, 1e-38f, 3.4e38f, -1e30f, 1e30f};
-    for (size_t i = 0; i < sizeof inputs / sizeof *inputs; i++) {
+    for (size_t i = 0; i < LENGTH(inputs); i++) {
         assert_true(isfinite(lane0(exp_of(v_splat(inputs[i])))));
         if (inputs[i] >= 0)
             assert_true(isfinite(lane0(log_of(v_splat(inputs[i])))));
@@ -88,8 +81,7 @@ static void test_ends(void **state) {
 
 // place_at keeps what float drops: the end point of origin + (t + dt)·direction to 2^-44 of its
 // size.
-static void test_place(void **state) {
-    (void)state;
+TEST(test_place) {
     uint32_t random = 12345;
     double worst = 0;
     for (int i = 0; i < 1000000; i++) {
@@ -114,8 +106,4 @@ static void test_place(void **state) {
     assert_true(worst <= 0x1p-43);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_log), cmocka_unit_test(test_exp),
-                                       cmocka_unit_test(test_ends), cmocka_unit_test(test_place)};
-    return cmocka_run_group_tests_name("math of opt4", tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

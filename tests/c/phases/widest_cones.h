@@ -1,15 +1,11 @@
 // opt11_ideal's widest cones about rays (shadow/widest_cone.h, widest_torus.h) against the least ratio in double: of
 // convex solids by ternary search in u = 1/t (u·h(1/u) is convex), of a torus by branch and bound (h falls no faster than
 // t grows). STEPWISE_RAYS: rays of each solid.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "tests/c/testing.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "random_from.h"
 #include "shadow/own_solid.h"
@@ -336,20 +332,14 @@ static const struct {
     {"sphere", SHAPE_SPHERE},         {"box", SHAPE_BOX},   {"rounded box", SHAPE_ROUNDED_BOX},
     {"octahedron", SHAPE_OCTAHEDRON}, {"cone", SHAPE_CONE}, {"torus", SHAPE_TORUS}};
 
-static void test_widest_cones(void **state) {
-    (void)state;
+TEST(test_widest_cones) {
     for (int i = 0; i < 6; i++)
         cones_are_the_widest(solids[i].type, solids[i].name);
 }
 
-static void test_own_solids(void **state) {
-    (void)state;
+TEST(test_own_solids) {
     for (int i = 0; i < 6; i++)
         own_ratios_are_right(solids[i].type, solids[i].name);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_widest_cones),
-                                       cmocka_unit_test(test_own_solids)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

@@ -1,14 +1,10 @@
 // Numbers and vectors of three, compared within a tolerance.
 #pragma once
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "tests/c/testing.h"
 
-#include <cmocka.h>
+#include <math.h>
+#include <stdbool.h>
 
 static inline bool near(double a, double b, double tolerance) {
     if (!(fabs(a - b) <= tolerance)) {

@@ -2,12 +2,7 @@
 // runs with make_file() and remove_file() as set-up and tear-down.
 #pragma once
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <jansson.h>
 #include <stdio.h>
@@ -16,8 +11,6 @@
 #include <unistd.h>
 
 #include "scene/scene.h"
-
-#define COUNT(array) (sizeof(array) / sizeof *(array))
 
 static const char WHOLE[] =
     "{'camera':{'position':[1,2,3],'look_at':[4,-1,9],'up':[0.1,1,0.2],'vertical_fov_degrees':40,"

@@ -9,8 +9,7 @@ static double random_number(uint64_t *seed) {
 }
 
 // The frame is orthonormal. `forward` points to look_at, and right = normalize(up × forward): x grows to the right.
-static void camera_frames(void **state) {
-    (void)state;
+TEST(camera_frames) {
     uint64_t seed = 1;
     for (int i = 0; i < 200; i++) {
         double p[3], q[3], up[3], length = pow(10, 4 * random_number(&seed)), c[3];
@@ -47,8 +46,7 @@ static void camera_frames(void **state) {
 
 // The camera may be very close to look_at. The square of 3e-161 is denormal: a length computed from it would be wrong in
 // the third digit.
-static void a_tiny_step_to_look_at_is_still_a_direction(void **state) {
-    (void)state;
+TEST(a_tiny_step_to_look_at_is_still_a_direction) {
     for (int e = 0; e >= -300; e -= 20) {
         json_t *root = parse(WHOLE);
         json_t *camera = json_pack("{s:[i,i,i], s:[f,i,f], s:[i,i,i], s:f}", "position", 0, 0, 0,
@@ -65,8 +63,7 @@ static void a_tiny_step_to_look_at_is_still_a_direction(void **state) {
 }
 
 // The camera goes to the line's other end and back. It looks at the same point from everywhere.
-static void the_camera_follows_its_path(void **state) {
-    (void)state;
+TEST(the_camera_follows_its_path) {
     json_t *root = parse(WHOLE);
     assert_true(load_json(root, 0));
     json_decref(root);
@@ -99,8 +96,7 @@ static void the_camera_follows_its_path(void **state) {
 }
 
 // A line through look_at, and one to a place from where the camera looks along `up`.
-static void a_path_without_a_direction_is_told(void **state) {
-    (void)state;
+TEST(a_path_without_a_direction_is_told) {
     struct view view;
     assert_true(accepted("camera.path.to", "[7,-4,15]")); // look_at is halfway
     assert_int_equal(scene_view(&scene, 1, &view), AIM_AT_ITSELF);
@@ -112,12 +108,4 @@ static void a_path_without_a_direction_is_told(void **state) {
     scene_free(&scene);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_camera_follows_its_path),
-        cmocka_unit_test(a_path_without_a_direction_is_told),
-        cmocka_unit_test(camera_frames),
-        cmocka_unit_test(a_tiny_step_to_look_at_is_still_a_direction),
-    };
-    return cmocka_run_group_tests_name("scene_camera", tests, make_file, remove_file);
-}
+RUN_TESTS(make_file, remove_file)

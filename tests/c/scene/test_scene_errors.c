@@ -7,8 +7,7 @@
 
 // A value that is left out is reported at its path. So are a value of the wrong type and a number beyond the largest.
 // Every object refuses an unknown key.
-static void every_value_is_checked(void **state) {
-    (void)state;
+TEST(every_value_is_checked) {
     static struct paths paths;
     collect_whole(&paths);
     for (size_t i = 0; i < paths.count; i++) {
@@ -39,8 +38,7 @@ static void every_value_is_checked(void **state) {
 }
 
 // Broken JSON is refused with the place of the error: file:line:column.
-static void broken_json(void **state) {
-    (void)state;
+TEST(broken_json) {
     static const struct {
         const char *text;
         int line, column;
@@ -52,7 +50,7 @@ static void broken_json(void **state) {
         {"{\n  \"fog\": 1e999\n}", 2, 14},
         {"{\n  \"fog\": 1\n}\nmore", 4, 4},
     };
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < LENGTH(cases); i++) {
         assert_false(load_bytes(cases[i].text, strlen(cases[i].text), NULL));
         char expected[SCENE_ERROR_SIZE];
         snprintf(expected, sizeof expected, "%s:%d:%d: ", file_name, cases[i].line,
@@ -70,19 +68,11 @@ static void broken_json(void **state) {
     assert_non_null(strstr(error, ".json: $: an array where an object is required"));
 }
 
-static void unreadable_files(void **state) {
-    (void)state;
+TEST(unreadable_files) {
     assert_false(scene_load("/nowhere/scene.json", NULL, &scene, error));
     assert_non_null(strstr(error, "/nowhere/scene.json: "));
     assert_false(scene_load("/tmp", NULL, &scene, error));
     assert_non_null(strstr(error, "/tmp: "));
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_value_is_checked),
-        cmocka_unit_test(broken_json),
-        cmocka_unit_test(unreadable_files),
-    };
-    return cmocka_run_group_tests_name("scene_errors", tests, make_file, remove_file);
-}
+RUN_TESTS(make_file, remove_file)

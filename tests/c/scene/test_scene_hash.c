@@ -13,8 +13,7 @@ static void hash_of(const json_t *root, size_t flags, const struct scene_overrid
     assert_int_equal(strspn(hash, "0123456789abcdef"), 16);
 }
 
-static void hash_follows_content(void **state) {
-    (void)state;
+TEST(hash_follows_content) {
     char plain[17], other[17];
     json_t *root = parse(WHOLE), *reversed = json_object();
     hash_of(root, JSON_COMPACT, NULL, plain);
@@ -22,7 +21,7 @@ static void hash_follows_content(void **state) {
     assert_string_equal(plain, other); // white space and the order of keys do not matter
     static const char *const keys[] = {"shapes",     "materials", "march", "fog",
                                        "background", "light",     "camera"};
-    for (size_t i = 0; i < COUNT(keys); i++)
+    for (size_t i = 0; i < LENGTH(keys); i++)
         json_object_set(reversed, keys[i], json_object_get(root, keys[i]));
     hash_of(reversed, 0, NULL, other);
     assert_string_equal(plain, other);
@@ -33,7 +32,7 @@ static void hash_follows_content(void **state) {
         bool same;
     } cases[] = {{{0, 0}, true},     {{1e-6, 0}, true}, {{0, 300}, true},    {{1e-6, 300}, true},
                  {{2e-6, 0}, false}, {{0, 301}, false}, {{2e-6, 301}, false}};
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < LENGTH(cases); i++) {
         hash_of(root, 0, &cases[i].overrides, other);
         assert_int_equal(strcmp(plain, other) == 0, cases[i].same);
     }
@@ -62,9 +61,4 @@ static void hash_follows_content(void **state) {
     assert_true(changed > 40);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(hash_follows_content),
-    };
-    return cmocka_run_group_tests_name("scene_hash", tests, make_file, remove_file);
-}
+RUN_TESTS(make_file, remove_file)

@@ -1,8 +1,7 @@
 // Limits of the values in a scene. A value beyond a limit is refused with its path; the limit itself is accepted.
 #include "scene_file.h"
 
-static void values_beyond_a_limit_are_refused(void **state) {
-    (void)state;
+TEST(values_beyond_a_limit_are_refused) {
     static const char *const cases[][3] = {
         // path, value, and where the line points if not there
         {"camera.vertical_fov_degrees", "0.99"},
@@ -77,12 +76,11 @@ static void values_beyond_a_limit_are_refused(void **state) {
         {"camera.path.to", "[1,2,3]"},
         {"shapes[1].path.to", "[0,-0.0,0]"},
     };
-    for (size_t i = 0; i < COUNT(cases); i++)
+    for (size_t i = 0; i < LENGTH(cases); i++)
         refused(cases[i][0], cases[i][1], cases[i][2], NULL);
 }
 
-static void limits_themselves_are_accepted(void **state) {
-    (void)state;
+TEST(limits_themselves_are_accepted) {
     static const char *const cases[][2] = {
         {"camera.vertical_fov_degrees", "1"},
         {"camera.vertical_fov_degrees", "170"},
@@ -123,15 +121,14 @@ static void limits_themselves_are_accepted(void **state) {
         {"shapes[1].rounding", "1e-9"},
         {"shapes[1].rounding", "1e9"},
     };
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < LENGTH(cases); i++) {
         if (!accepted(cases[i][0], cases[i][1]))
             fail_msg("%s := %s was refused: %s", cases[i][0], cases[i][1], error);
         scene_free(&scene);
     }
 }
 
-static void counts_of_shapes(void **state) {
-    (void)state;
+TEST(counts_of_shapes) {
     for (int count = 4095; count <= 5000; count += count < 4097 ? 1 : 903) {
         json_t *root = edited("shapes", "[]");
         for (int i = 0; i < count; i++)
@@ -149,11 +146,4 @@ static void counts_of_shapes(void **state) {
     }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(values_beyond_a_limit_are_refused),
-        cmocka_unit_test(limits_themselves_are_accepted),
-        cmocka_unit_test(counts_of_shapes),
-    };
-    return cmocka_run_group_tests_name("scene_limits", tests, make_file, remove_file);
-}
+RUN_TESTS(make_file, remove_file)

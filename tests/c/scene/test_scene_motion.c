@@ -4,8 +4,7 @@
 
 // At quarters of a period the places are worked out by hand. Between them they are compared with a rotation and a cosine
 // of this test. Times before 0 are included.
-static void shapes_follow_their_paths(void **state) {
-    (void)state;
+TEST(shapes_follow_their_paths) {
     json_t *root = parse(WHOLE);
     assert_true(load_json(root, 0));
     json_decref(root);
@@ -19,7 +18,7 @@ static void shapes_follow_their_paths(void **state) {
         {4, -1, 0, 3, 0, 0, 0},   {6, 1, 0, 3, 0, 0, 0},       {-2, 1, 0, 3, 0, 0, 0},
         {802, -1, 2, 3, 0, 0, 0}, {0.5, 0, 0, 0, 2, -4, 0.25},
     };
-    for (size_t i = 0; i < COUNT(by_hand); i++) {
+    for (size_t i = 0; i < LENGTH(by_hand); i++) {
         const double *row = by_hand[i];
         model_move(still, row[0], &moved);
         if (row[3] != 0)
@@ -49,8 +48,7 @@ static void shapes_follow_their_paths(void **state) {
 }
 
 // The axis is slanted and does not go through the origin. The shape keeps its distance to the axis and its place along it.
-static void a_circle_keeps_its_distance(void **state) {
-    (void)state;
+TEST(a_circle_keeps_its_distance) {
     json_t *root = edited("shapes[0].path.axis", "[1,-2,2]");
     assert_true(load_json(root, 0));
     json_decref(root);
@@ -79,8 +77,7 @@ static void a_circle_keeps_its_distance(void **state) {
 }
 
 // A zero that is written as -0 is read as +0. The shape is at its place at time 0 to the bit, as scene.h promises.
-static void a_negative_zero_is_zero(void **state) {
-    (void)state;
+TEST(a_negative_zero_is_zero) {
     json_t *root = edited("shapes[0].position", "[1,-0.0,-1e-400]");
     assert_true(load_json(root, 0));
     json_decref(root);
@@ -94,11 +91,4 @@ static void a_negative_zero_is_zero(void **state) {
     scene_free(&scene);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_negative_zero_is_zero),
-        cmocka_unit_test(shapes_follow_their_paths),
-        cmocka_unit_test(a_circle_keeps_its_distance),
-    };
-    return cmocka_run_group_tests_name("scene_motion", tests, make_file, remove_file);
-}
+RUN_TESTS(make_file, remove_file)

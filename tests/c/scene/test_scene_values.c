@@ -2,8 +2,7 @@
 #include "near.h"
 #include "scene_file.h"
 
-static void types_and_materials_of_shapes_arrive(void **state) {
-    (void)state;
+TEST(types_and_materials_of_shapes_arrive) {
     load_whole();
     const struct model *m = &scene.model;
     static const enum shape_type types[] = {SHAPE_SPHERE,     SHAPE_ROUNDED_BOX, SHAPE_TORUS,
@@ -19,8 +18,7 @@ static void types_and_materials_of_shapes_arrive(void **state) {
     scene_free(&scene);
 }
 
-static void places_and_paths_of_shapes_arrive(void **state) {
-    (void)state;
+TEST(places_and_paths_of_shapes_arrive) {
     load_whole();
     const struct shape *s = scene.model.shapes;
     assert_memory_equal(s[0].position, ((double[]){1, 2, 3}), sizeof s->position);
@@ -42,8 +40,7 @@ static void places_and_paths_of_shapes_arrive(void **state) {
     scene_free(&scene);
 }
 
-static void sizes_of_shapes_arrive(void **state) {
-    (void)state;
+TEST(sizes_of_shapes_arrive) {
     load_whole();
     const struct shape *s = scene.model.shapes;
     assert_true(s[0].sphere.radius == 1.5 && s[4].octahedron.radius == 1.25);
@@ -63,8 +60,7 @@ static void sizes_of_shapes_arrive(void **state) {
     scene_free(&scene);
 }
 
-static void values_beside_shapes_arrive(void **state) {
-    (void)state;
+TEST(values_beside_shapes_arrive) {
     load_whole();
     const struct model *m = &scene.model;
     const struct view *v = &scene.view;
@@ -87,8 +83,7 @@ static void values_beside_shapes_arrive(void **state) {
     scene_free(&scene);
 }
 
-static void features_are_found(void **state) {
-    (void)state;
+TEST(features_are_found) {
     static const struct {
         const char *path, *value;
         bool rotation, repetition, mirrors, fog;
@@ -104,7 +99,7 @@ static void features_are_found(void **state) {
         {"materials.unused", "{'color':[1,1,1],'reflectivity':1,'shininess':1}", true, true, true,
          true},
     };
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < LENGTH(cases); i++) {
         assert_true(accepted(cases[i].path, cases[i].value));
         const struct features *f = &scene.model.features;
         if (f->rotation != cases[i].rotation || f->repetition != cases[i].repetition ||
@@ -124,10 +119,9 @@ static void features_are_found(void **state) {
 }
 
 // A box without rounding has the plain type, so no phase spends time on rounding that is not there.
-static void a_box_without_rounding_is_plain(void **state) {
-    (void)state;
+TEST(a_box_without_rounding_is_plain) {
     static const char *const none[] = {NULL, "0", "0.0", "-0.0"};
-    for (size_t i = 0; i < COUNT(none); i++) {
+    for (size_t i = 0; i < LENGTH(none); i++) {
         assert_true(accepted("shapes[1].rounding", none[i]));
         assert_int_equal(scene.model.shapes[1].type, SHAPE_BOX);
         assert_true(scene.model.shapes[1].box.rounding == 0);
@@ -137,8 +131,7 @@ static void a_box_without_rounding_is_plain(void **state) {
     }
 }
 
-static void overrides_replace(void **state) {
-    (void)state;
+TEST(overrides_replace) {
     json_t *root = parse(WHOLE);
     char *text = json_dumps(root, 0);
     json_decref(root);
@@ -148,15 +141,4 @@ static void overrides_replace(void **state) {
     scene_free(&scene);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(types_and_materials_of_shapes_arrive),
-        cmocka_unit_test(places_and_paths_of_shapes_arrive),
-        cmocka_unit_test(sizes_of_shapes_arrive),
-        cmocka_unit_test(values_beside_shapes_arrive),
-        cmocka_unit_test(features_are_found),
-        cmocka_unit_test(a_box_without_rounding_is_plain),
-        cmocka_unit_test(overrides_replace),
-    };
-    return cmocka_run_group_tests_name("scene_values", tests, make_file, remove_file);
-}
+RUN_TESTS(make_file, remove_file)

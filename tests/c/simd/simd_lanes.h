@@ -1,11 +1,6 @@
 // common/simd against scalar arithmetic, with NaN, infinities, zeros of both signs and denormals in the lanes:
 // test_simd_4.c, test_simd_8.c and test_simd_16.c, each for one number of lanes.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -51,8 +46,7 @@ static void assert_mask(const char *what, vmask found, const bool expected[LANES
 }
 
 // Ordered comparisons are false of a NaN, unordered ones true: each by its name, with a mask and without.
-static void test_comparisons(void **state) {
-    (void)state;
+TEST(test_comparisons) {
     for (int first = 0; first < PAIRS; first += LANES) {
         float a[LANES], b[LANES];
         pairs(first, a, b);
@@ -92,8 +86,7 @@ static float fused(float a, float b, float c) {
     return LANES == 4 ? a * b + c : fmaf(a, b, c);
 }
 
-static void test_arithmetic(void **state) {
-    (void)state;
+TEST(test_arithmetic) {
     for (int first = 0; first < PAIRS; first += LANES) {
         float a[LANES], b[LANES], found[LANES];
         pairs(first, a, b);
@@ -124,8 +117,7 @@ static void test_arithmetic(void **state) {
     }
 }
 
-static void test_masks(void **state) {
-    (void)state;
+TEST(test_masks) {
     const unsigned all = (1u << LANES) - 1;
     float a[LANES], b[LANES], found[LANES];
     assert_int_equal(v_mask_bits(v_mask_none()), 0);
@@ -166,8 +158,7 @@ static void test_masks(void **state) {
     }
 }
 
-static void test_fields_and_reductions(void **state) {
-    (void)state;
+TEST(test_fields_and_reductions) {
     float a[LANES], found[LANES], exponent[LANES];
     for (int round = 0; round < 2000; round++) {
         float least = INFINITY, most = -INFINITY;
@@ -211,8 +202,7 @@ static void test_fields_and_reductions(void **state) {
     }
 }
 
-static void test_compress(void **state) {
-    (void)state;
+TEST(test_compress) {
     float a[LANES], found[LANES + LANES];
     for (int lane = 0; lane < LANES; lane++)
         a[lane] = (float)(lane + 1);
@@ -248,8 +238,7 @@ static void test_compress(void **state) {
 }
 
 #if LANES > 4
-static void test_points_and_pictures(void **state) {
-    (void)state;
+TEST(test_points_and_pictures) {
     vfloat error, sum = v_two_sum(v_splat(1.0f), v_splat(0x1p-30f), &error);
     assert_true(v_lane0(sum) == 1.0f && v_lane0(error) == 0x1p-30f);
     vdouble third =
@@ -274,15 +263,5 @@ int main(void) {
         printf("skipped: the CPU lacks what %d lanes need\n", LANES);
         return 0;
     }
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_comparisons),
-        cmocka_unit_test(test_arithmetic),
-        cmocka_unit_test(test_masks),
-        cmocka_unit_test(test_fields_and_reductions),
-        cmocka_unit_test(test_compress),
-#if LANES > 4
-        cmocka_unit_test(test_points_and_pictures),
-#endif
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(registered, NULL, NULL);
 }

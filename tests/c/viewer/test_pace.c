@@ -1,15 +1,9 @@
 // Percentiles of frame times, and the adaptive resolution against phases of known cost.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include "viewer/window/pace.c"
 
-static void percentiles_are_nearest_ranks(void **state) {
-    (void)state;
+TEST(percentiles_are_nearest_ranks) {
     struct times times = {0};
     assert_int_equal(times_percentile(&times, 50), 0);
     for (uint64_t i = 100; i >= 1; i--) // the last 60 are 60 … 1
@@ -26,8 +20,7 @@ static void percentiles_are_nearest_ranks(void **state) {
     assert_int_equal(times_percentile(&few, 50), 2);
 }
 
-static void the_rate_is_of_the_last_second(void **state) {
-    (void)state;
+TEST(the_rate_is_of_the_last_second) {
     struct times times = {0};
     assert_true(times_rate(&times) == 0);
     for (int i = 0; i < 100; i++)
@@ -53,8 +46,7 @@ static double play(struct pace *pace, double ns, int frames, bool still) {
     return longest;
 }
 
-static void sixty_frames_a_second_are_held(void **state) {
-    (void)state;
+TEST(sixty_frames_a_second_are_held) {
     const double costs[] = {20, 50, 200, 500, 2000};
     for (int i = 0; i < 5; i++) {
         struct pace pace = {.adaptive = true};
@@ -69,8 +61,7 @@ static void sixty_frames_a_second_are_held(void **state) {
     }
 }
 
-static void a_fast_phase_is_shown_in_full(void **state) {
-    (void)state;
+TEST(a_fast_phase_is_shown_in_full) {
     struct pace pace = {.adaptive = true};
     pace_start(&pace, 720);
     play(&pace, 5, 200, false);
@@ -78,8 +69,7 @@ static void a_fast_phase_is_shown_in_full(void **state) {
     assert_string_equal(pace.says, "full");
 }
 
-static void a_slow_phase_is_said_to_be_too_slow(void **state) {
-    (void)state;
+TEST(a_slow_phase_is_said_to_be_too_slow) {
     struct pace pace = {.adaptive = true};
     pace_start(&pace, 720);
     play(&pace, 27000, 200, false);
@@ -87,8 +77,7 @@ static void a_slow_phase_is_said_to_be_too_slow(void **state) {
     assert_non_null(strstr(pace.says, "out of reach"));
 }
 
-static void at_rest_a_frame_has_a_fifth_of_a_second(void **state) {
-    (void)state;
+TEST(at_rest_a_frame_has_a_fifth_of_a_second) {
     struct pace pace = {.adaptive = true};
     pace_start(&pace, 720);
     play(&pace, 500, 200, false);
@@ -101,8 +90,7 @@ static void at_rest_a_frame_has_a_fifth_of_a_second(void **state) {
     assert_true(pace.height <= moving + 9);
 }
 
-static void without_adaption_a_frame_has_a_second(void **state) {
-    (void)state;
+TEST(without_adaption_a_frame_has_a_second) {
     struct pace pace = {.adaptive = false};
     pace_start(&pace, 720);
     play(&pace, 500, 200, false); // 461 ms
@@ -112,15 +100,4 @@ static void without_adaption_a_frame_has_a_second(void **state) {
     assert_non_null(strstr(pace.says, "a second"));
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(percentiles_are_nearest_ranks),
-        cmocka_unit_test(the_rate_is_of_the_last_second),
-        cmocka_unit_test(sixty_frames_a_second_are_held),
-        cmocka_unit_test(a_fast_phase_is_shown_in_full),
-        cmocka_unit_test(a_slow_phase_is_said_to_be_too_slow),
-        cmocka_unit_test(at_rest_a_frame_has_a_fifth_of_a_second),
-        cmocka_unit_test(without_adaption_a_frame_has_a_second),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

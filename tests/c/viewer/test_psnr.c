@@ -1,10 +1,5 @@
 // PSNR and the amplified difference of pictures whose answers are known by arithmetic.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <math.h>
 
@@ -20,8 +15,7 @@ static struct frame filled(float value) {
     return frame;
 }
 
-static void psnr_is_of_clamped_colours(void **state) {
-    (void)state;
+TEST(psnr_is_of_clamped_colours) {
     struct frame a = filled(0.5f), b = filled(0.4f);
     assert_true(fabs(picture_psnr(&a, &b) - 20) < 1e-5); // an error of 0.1 everywhere
     for (int i = 0; i < SAMPLES; i++)
@@ -38,8 +32,7 @@ static void psnr_is_of_clamped_colours(void **state) {
     frame_free(&b);
 }
 
-static void differences_are_amplified_and_end_at_255(void **state) {
-    (void)state;
+TEST(differences_are_amplified_and_end_at_255) {
     const uint8_t a[4] = {10, 20, 200, 0}, b[4] = {12, 17, 0, 0};
     uint8_t out[4];
     picture_difference(a, b, 4, 16, out);
@@ -47,10 +40,4 @@ static void differences_are_amplified_and_end_at_255(void **state) {
     assert_memory_equal(out, expected, 4);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(psnr_is_of_clamped_colours),
-        cmocka_unit_test(differences_are_amplified_and_end_at_255),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

@@ -1,10 +1,5 @@
 // The throttle of rod marching against programs whose time depends on the level alone.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/c/testing.h"
 
 #include <string.h>
 
@@ -18,8 +13,7 @@ static int play(struct throttle *throttle, const double ms[LAST + 1], int frames
     return changes;
 }
 
-static void the_finest_level_that_fits_is_taken_and_kept(void **state) {
-    (void)state;
+TEST(the_finest_level_that_fits_is_taken_and_kept) {
     const double slow[] = {50, 40, 30, 12, 4}, fast[] = {2, 1, 1, 1, 1};
     struct throttle throttle = {.on = true};
     assert_int_equal(play(&throttle, slow, 200, true), 3);
@@ -32,8 +26,7 @@ static void the_finest_level_that_fits_is_taken_and_kept(void **state) {
 }
 
 // From there the finer ones are tried, as ever.
-static void the_coarsest_is_taken_at_once_where_a_frame_is_far_too_slow(void **state) {
-    (void)state;
+TEST(the_coarsest_is_taken_at_once_where_a_frame_is_far_too_slow) {
     const double slow[] = {700, 600, 500, 400, 300}, mixed[] = {700, 30, 12, 5, 4};
     struct throttle throttle = {.on = true};
     assert_int_equal(play(&throttle, slow, 1, true), 1);
@@ -44,8 +37,7 @@ static void the_coarsest_is_taken_at_once_where_a_frame_is_far_too_slow(void **s
     assert_int_equal(throttle.level, 2);
 }
 
-static void the_settings_and_the_time_are_said(void **state) {
-    (void)state;
+TEST(the_settings_and_the_time_are_said) {
     const double ms[] = {90, 80, 70, 60, 50};
     struct throttle throttle = {.on = true};
     char text[256];
@@ -61,8 +53,7 @@ static void the_settings_and_the_time_are_said(void **state) {
     assert_true(throttle_spent(&throttle));
 }
 
-static void each_level_is_coarser_than_the_one_before(void **state) {
-    (void)state;
+TEST(each_level_is_coarser_than_the_one_before) {
     for (int i = 1; i <= LAST; i++) {
         const struct level *fine = &LEVELS[i - 1], *coarse = &LEVELS[i];
         assert_true(coarse->least >= fine->least && coarse->size >= fine->size);
@@ -73,12 +64,4 @@ static void each_level_is_coarser_than_the_one_before(void **state) {
     }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_finest_level_that_fits_is_taken_and_kept),
-        cmocka_unit_test(the_coarsest_is_taken_at_once_where_a_frame_is_far_too_slow),
-        cmocka_unit_test(the_settings_and_the_time_are_said),
-        cmocka_unit_test(each_level_is_coarser_than_the_one_before),
-    };
-    return cmocka_run_group_tests_name("throttle", tests, NULL, NULL);
-}
+RUN_TESTS(NULL, NULL)

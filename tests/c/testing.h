@@ -1,0 +1,26 @@
+// cmocka with what it needs. TEST(name) { … } defines and registers a test, RUN_TESTS(set_up, tear_down) is main.
+#pragma once
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#define LENGTH(array) (sizeof(array) / sizeof *(array))
+
+static struct CMUnitTest registered[16];
+static size_t registered_count;
+
+#define TEST(name)                                                                                 \
+    static void name(void **state);                                                                \
+    __attribute__((constructor)) static void register_##name(void) {                               \
+        registered[registered_count++] = (struct CMUnitTest)cmocka_unit_test(name);                \
+    }                                                                                              \
+    static void name(__attribute__((unused)) void **state)
+
+#define RUN_TESTS(set_up, tear_down)                                                               \
+    int main(void) {                                                                               \
+        return cmocka_run_group_tests(registered, set_up, tear_down);                              \
+    }
