@@ -11,8 +11,8 @@
 //     phase_update                                   before each frame of an animation; timed
 //     phase_render                                   once per frame; timed
 //     phase_release                                  at the end
-// Every phase defines phase_unsupported, phase_prepare, phase_update, phase_render, phase_release
-// and phase_distances. The other functions are optional.
+// Every phase defines phase_prepare, phase_update, phase_render, phase_release and phase_distances.
+// The other functions are optional.
 #pragma once
 
 #include <stdbool.h>
@@ -24,12 +24,12 @@
 // Each phase defines this type for itself: the scene in the form that its renderer needs.
 struct prepared;
 
-// Returns NULL if the phase renders this scene correctly, else the reason in one sentence. The
-// driver prints the reason and refuses the scene: a phase never draws a wrong picture.
-const char *phase_unsupported(const struct scene *scene);
+// Optional. Returns NULL if the phase renders this scene correctly, else the reason in one sentence.
+// The driver prints the reason and refuses the scene: a phase never draws a wrong picture.
+const char *phase_unsupported(const struct scene *scene) __attribute__((weak));
 
 // Optional. Returns NULL if the phase renders this scene at width × height pixels, else the reason
-// in one sentence. Called only if phase_unsupported returned NULL. For phases whose number range
+// in one sentence. Called only if phase_unsupported gave none. For phases whose number range
 // limits the picture's size (see systems/fixed).
 const char *phase_picture_unsupported(const struct scene *scene, int width, int height)
     __attribute__((weak));

@@ -12,11 +12,6 @@
 
 enum { TILE = 16 };
 
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
-}
-
 // Whether two shapes are the same surface. The first in the scene then owns every hit, as in every phase's ties.
 static bool same_surface(const struct shape *a, const struct shape *b) {
     if (a->type != b->type || memcmp(a->position, b->position, sizeof a->position) != 0 ||

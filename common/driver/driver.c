@@ -3,7 +3,6 @@
 #include "driver/driver.h"
 
 #include <errno.h>
-#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -215,7 +214,7 @@ static bool same_file(const char *a, const char *b) {
 static int check(const struct session *s) {
     const struct options *o = &s->options;
     char error[SCENE_ERROR_SIZE];
-    const char *unsupported = phase_unsupported(&s->scene);
+    const char *unsupported = phase_unsupported ? phase_unsupported(&s->scene) : NULL;
     if (!unsupported && phase_picture_unsupported)
         unsupported = phase_picture_unsupported(&s->scene, o->width, o->height);
     if (unsupported)

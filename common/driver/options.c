@@ -97,53 +97,38 @@ static const struct option KNOWN_OPTIONS[] = {{"height", required_argument, 0, '
                                               {"help", no_argument, 0, 'h'},
                                               {0, 0, 0, 0}};
 
+// Options whose value is a whole number: what is required, and where it is kept.
+static const struct {
+    int option, least, most;
+    const char *wanted;
+    size_t at;
+} WHOLE[] = {
+    {'n', 1, MAX_SIDE, "-n: a height of 1 to 32768 pixels", offsetof(struct options, height)},
+    {'w', 1, MAX_SIDE, "-w: a width of 1 to 32768 pixels", offsetof(struct options, width)},
+    {THREADS, 1, 4096, "--threads: 1 to 4096", offsetof(struct options, threads)},
+    {REPS, 1, 1000000, "--reps: 1 to 1000000", offsetof(struct options, reps)},
+    {WARMUP, 0, 1000000, "--warmup: 0 to 1000000", offsetof(struct options, warmup)},
+    {FRAMES, 1, MAX_FRAMES, "--frames: 1 to 1000000", offsetof(struct options, frames)},
+    {FIRST, 0, MAX_FRAMES, "--first-frame: 0 to 1000000", offsetof(struct options, first_frame)},
+    {STEPS, 1, 1000000000, "--max-steps: 1 to 1000000000",
+     offsetof(struct options, overrides.max_steps)},
+};
+
 // Stores an option's value in `o`. Returns NULL, or the text of what is required instead.
 static const char *parse_value(int option, const char *value, struct options *o) {
-    bool good = true;
+    double *hit = &o->overrides.hit_distance;
     char *end;
-    const char *wanted = "";
-    switch (option) {
-    case 'n':
-        good = parse_whole(value, 1, MAX_SIDE, &o->height);
-        wanted = "-n: a height of 1 to 32768 pixels";
-        break;
-    case 'w':
-        good = parse_whole(value, 1, MAX_SIDE, &o->width);
-        wanted = "-w: a width of 1 to 32768 pixels";
-        break;
-    case 'o': o->out = value; break;
-    case THREADS:
-        good = parse_whole(value, 1, 4096, &o->threads);
-        wanted = "--threads: 1 to 4096";
-        break;
-    case REPS:
-        good = parse_whole(value, 1, 1000000, &o->reps);
-        wanted = "--reps: 1 to 1000000";
-        break;
-    case WARMUP:
-        good = parse_whole(value, 0, 1000000, &o->warmup);
-        wanted = "--warmup: 0 to 1000000";
-        break;
-    case FRAMES:
-        good = parse_whole(value, 1, MAX_FRAMES, &o->frames);
-        wanted = "--frames: 1 to 1000000";
-        break;
-    case FIRST:
-        good = parse_whole(value, 0, MAX_FRAMES, &o->first_frame);
-        wanted = "--first-frame: 0 to 1000000";
-        break;
-    case HIT:
-        o->overrides.hit_distance = strtod(value, &end);
-        good = end != value && !*end && o->overrides.hit_distance >= 1e-9 &&
-               o->overrides.hit_distance <= 1e9;
-        wanted = "--hit-distance: a length of 1e-9 to 1e9";
-        break;
-    case STEPS:
-        good = parse_whole(value, 1, 1000000000, &o->overrides.max_steps);
-        wanted = "--max-steps: 1 to 1000000000";
-        break;
-    }
-    return good ? NULL : wanted;
+    if (option == 'o')
+        o->out = value;
+    for (size_t i = 0; i < sizeof WHOLE / sizeof *WHOLE; i++)
+        if (WHOLE[i].option == option &&
+            !parse_whole(value, WHOLE[i].least, WHOLE[i].most, (int *)((char *)o + WHOLE[i].at)))
+            return WHOLE[i].wanted;
+    if (option != HIT)
+        return NULL;
+    *hit = strtod(value, &end);
+    bool good = end != value && !*end && *hit >= 1e-9 && *hit <= 1e9;
+    return good ? NULL : "--hit-distance: a length of 1e-9 to 1e9";
 }
 
 int driver_parse(int argc, char **argv, struct options *o) {

@@ -2,7 +2,6 @@
 #include <gnu/libc-version.h>
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "driver/driver.h"
 

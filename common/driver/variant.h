@@ -1,7 +1,6 @@
-// Which variant of a phase runs on this CPU. A phase can have some of its files compiled several
-// times, for different numbers of lanes and instruction sets (phase.json: "variants" and
-// "each_variant"; common/rules.mk). Each time LANES and VARIANT(name) are defined. The rest of the
-// phase sees only a variant's symbols of the form VARIANT(name), for example lanes16_name.
+// Which variant of a phase runs on this CPU. Files of "each_variant" (phase.json) are compiled once per
+// variant, with LANES and VARIANT(name), e.g. lanes16_name, defined: the rest of the phase sees only those
+// symbols.
 #pragma once
 
 #include <stdbool.h>
@@ -16,8 +15,7 @@ struct variant {
 struct variant variant_here(void);
 
 // Returns the first instruction set that the phase needs and the CPU lacks, NULL if it lacks none.
-// The environment variable STEPWISE_ISA_LIMIT hides features, for tests of smaller CPUs: "avx2"
-// hides AVX-512, "none" hides everything beyond x86-64.
+// STEPWISE_ISA_LIMIT hides features, for tests: "avx2" hides AVX-512, "none" hides everything beyond x86-64.
 const char *variant_missing(void);
 // Returns whether STEPWISE_ISA_LIMIT is unset, empty, "avx2" or "none".
 bool variant_limit_valid(void);

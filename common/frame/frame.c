@@ -96,9 +96,8 @@ struct compressor {
     exr_result_t (*compress)(exr_encode_pipeline_t *encoder);
 };
 
-// Works around a fault of OpenEXR 3.1. By the file format, a chunk of the uncompressed size is stored
-// uncompressed. OpenEXR 3.1 writes the compressed bytes even if they have exactly that size, which
-// happens with small pictures, and no reader can read them.
+// Works around a fault of OpenEXR 3.1: a chunk whose compressed bytes have exactly the uncompressed size must
+// be stored uncompressed, or no reader can read it. It happens with small pictures.
 static exr_result_t compress_or_store(exr_encode_pipeline_t *encoder) {
     const struct compressor *original = encoder->encoding_user_data;
     exr_result_t result = original->compress(encoder);

@@ -22,9 +22,8 @@ struct frame {
     int plane_count; // number of the phase's own planes (phase.json: "planes"), 0 without --aov
     float *planes[FRAME_MAX_PLANES];
     const char *const *plane_names; // EXR channel of each
-    // For a picture that is only displayed, by a phase whose phase.json says "display": all planes
-    // above are NULL. The phase passes finished linear samples to `show`, which writes one byte of
-    // `shown` per sample.
+    // For a picture that is only displayed, by a phase with "display" in phase.json: the planes above are
+    // NULL, and the phase passes linear samples to `show`, which writes a byte of `shown` for each.
     uint8_t *shown; // 3 per pixel
     const struct presenter *presenter;
     void (*show)(const struct presenter *presenter, const float *linear, size_t samples,
@@ -57,9 +56,8 @@ bool frame_write_ppm(int width, int height, const uint8_t *rgb8, const char *pat
 // before a long render.
 bool frame_writable(const char *path, char *error);
 
-// The presenter turns linear samples into displayed bytes: trunc(255·min(1, c^0.4545)) for a
-// positive c, and 0 for negative numbers and NaN. Every byte equals that formula in double
-// precision.
+// The presenter turns linear samples into displayed bytes: exactly trunc(255·min(1, c^0.4545)) in double
+// precision for a positive c, 0 for negative numbers and NaN.
 
 // Returns a presenter, or NULL if memory is short. frame_present will use up to `threads` threads,
 // on the CPUs that the calling thread may run on now.

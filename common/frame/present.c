@@ -1,11 +1,7 @@
-// Gamma and 8 bits by one table look-up and one addition per sample, exactly as the formula in
-// double precision.
-//
-// The displayed byte is the number of the 255 thresholds that a sample reaches. The bits of a
-// positive float grow with its value, so their upper half selects a bin of a table. A bin is 1/128
-// of its start wide and the closest thresholds are 1.1 % apart, so a bin contains at most one
-// threshold. The table word makes the addition carry out of the lower half exactly from that
-// threshold on. This is 5 % faster than polynomials for log2 and 2^x (Zen 3, AVX2).
+// Gamma and 8 bits by one table look-up and one addition per sample, exactly as the formula in double precision.
+// The byte is the number of the 255 thresholds that a sample reaches. The upper half of a positive float's bits
+// selects a bin, 1/128 of its start wide; the closest thresholds are 1.1 % apart, so a bin contains at most one. The
+// table word makes the addition carry out of the lower half exactly from that threshold on.
 #include <immintrin.h>
 #include <math.h>
 #include <pthread.h>
@@ -135,10 +131,9 @@ __attribute__((target("avx512f"))) static inline void convert_16(const uint32_t 
         __m512i byte = _mm512_srli_epi32(_mm512_add_epi32(bits, bin), HALF);
         _mm_storeu_si128((__m128i *)(shown + i), _mm512_cvtepi32_epi8(byte));
     }
-    // Required: gcc 12 omits vzeroupper before a tail call in a file that is not compiled for AVX. With
-    // dirty upper halves every SSE instruction depends on its register's last writer (Intel
-    // optimization manual, "Mixing AVX code with SSE code"). Scalar frames then took 3 to 10 times
-    // as long on Emerald Rapids (tests/c/frame/test_upper_halves.c).
+    // Required: gcc 12 omits vzeroupper before a tail call in a file that is not compiled for AVX. With dirty
+    // upper halves scalar frames took 3 to 10 times as long on Emerald Rapids
+    // (tests/c/frame/test_upper_halves.c).
     _mm256_zeroupper();
     convert_scalar(bins, linear + i, samples - i, shown + i);
 }

@@ -1,5 +1,4 @@
 // A scene's hash. It depends on the values only, not on how the file writes them.
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -153,9 +153,8 @@ bool scene_load(const char *path, const struct scene_overrides *overrides, struc
                 char *error);
 void scene_free(struct scene *scene);
 
-// Points the camera, whose position is set, at `look_at`: sets right, up and forward of the view.
-// Unless it returns AIM_OK, look_at is the position, or `up` is zero or parallel to the direction of
-// view. The three vectors are then of no use.
+// Points the camera, whose position is set, at `look_at`: sets right, up and forward. Unless it returns
+// AIM_OK, look_at is the position, or `up` is zero or along the view, and the three are of no use.
 enum aim { AIM_OK, AIM_AT_ITSELF, AIM_ALONG_UP };
 enum aim view_aim(struct view *view, const double look_at[3], const double up[3]);
 

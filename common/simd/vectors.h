@@ -14,6 +14,10 @@ static inline struct vec vec_from_doubles(const double a[3]) {
     return (struct vec){v_splat((float)a[0]), v_splat((float)a[1]), v_splat((float)a[2])};
 }
 
+static inline struct vec vec_sub(struct vec a, struct vec b) {
+    return (struct vec){a.x - b.x, a.y - b.y, a.z - b.z};
+}
+
 static inline vfloat vec_dot(struct vec a, struct vec b) {
     return v_madd(a.x, b.x, v_madd(a.y, b.y, a.z * b.z));
 }

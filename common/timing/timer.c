@@ -60,9 +60,8 @@ static uint64_t chain(void) {
     return timer_tsc_end() - begin;
 }
 
-// The same chain with one FMA next to each add. One FMA per cycle keeps the vector unit busy. The FMAs
-// use eight accumulators in turn, more than their latency of 4 or 5 cycles, so that the adds stay
-// the critical path.
+// The same chain with one FMA next to each add, which keeps the vector unit busy. Eight accumulators in turn
+// are more than the FMAs' latency of 4 or 5 cycles, so the adds stay the critical path.
 #define ADD_FMA(K) "add %9, %8\n\tvfmadd231ps %" #K ", %" #K ", %" #K "\n\t"
 #define LOADED_CHAIN(NAME, TARGET, TYPE, IN_OUT)                                                   \
     __attribute__((target(TARGET))) static uint64_t NAME(int links) {                              \

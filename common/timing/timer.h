@@ -1,12 +1,8 @@
-// Three clocks. Wall time comes from clock_gettime, in nanoseconds. TSC cycles have a constant rate;
-// reads are fenced. Core cycles follow the core's varying clock, which is estimated from a chain of
-// dependent register adds. Every reported number names its clock.
-//
-// Fencing: Intel SDM vol. 2 on RDTSC and RDTSCP; G. Paoloni, "How to Benchmark Code Execution Times
-// on Intel IA-32 and IA-64 Instruction Set Architectures" (Intel, 2010).
+// Three clocks: wall time by clock_gettime, in nanoseconds; TSC cycles, of a constant rate, by fenced reads (Intel
+// SDM vol. 2 on RDTSC and RDTSCP; G. Paoloni, "How to Benchmark Code Execution Times on Intel IA-32 and IA-64
+// Instruction Set Architectures", Intel, 2010); core cycles, estimated from a chain of dependent register adds.
 #pragma once
 
-#include <stdbool.h>
 #include <stdint.h>
 
 // Returns the TSC at the start of a timed region. The lfence before it waits for all earlier

@@ -17,9 +17,8 @@ struct ray_arrays {
 
 struct embree; // Embree's scene, and a chunk of rays in its own form
 
-// Builds the scene for Embree: spheres as points with a radius, planes as squares of four times the
-// scene's bounds. `coherent`: tells Embree that the rays go in similar directions. Returns NULL, with
-// the text in `reason`, if Embree is not available or the scene has other shapes.
+// Builds the scene for Embree: spheres as points, planes as squares of four times the bounds. `coherent`: the
+// rays go in similar directions. Returns NULL, with `reason`, without Embree or with other shapes.
 struct embree *embree_create(const struct model *model, bool coherent, const char **reason);
 void embree_destroy(struct embree *embree); // NULL is allowed
 

@@ -1,7 +1,5 @@
-// Hides the differences between Embree 3 and 4. Embree 3 passes one context before the rays of a
-// query. Embree 4 passes one structure for intersection and one for occlusion, after the rays. Only
-// Embree 3 has streams: plain arrays with many rays per call, which Embree divides into packets and
-// may trace together if they are coherent.
+// Hides the differences between Embree 3 and 4, which pass a query's context before and after the rays. Only
+// Embree 3 has streams: plain arrays with many rays per call.
 #pragma once
 
 #include <stdbool.h>

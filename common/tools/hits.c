@@ -1,19 +1,14 @@
 // hits SCENE.json [--any] [--embree] [--coherent] [--reps R] [-o FILE] <rays
 //
-// Traces rays by a phase with closed-form intersections, and times it. With --embree, Intel's Embree
-// traces the same rays in the same run, in turns with the phase.
+// Traces rays, float32 septuples (origin, unit direction, far) in their order on one thread, by a phase with
+// closed-form intersections and, with --embree, by Intel's Embree in turns with it, and times both. --any: occlusion
+// queries up to `far`. --coherent: tells Embree, not the phase, that the rays go in similar directions.
 //
-// Reads float32 septuples (origin, unit direction, far) from standard input until its end, and traces
-// them in this order on one thread. --any: occlusion queries up to `far` instead of first hits.
-// --coherent: tells Embree that the rays go in similar directions; the phase gets no such hint.
-//
-// FILE gets float32 pairs (t, shape) of the phase, then those of Embree. With --any, t is −inf for an
-// occluded ray and shape is 0. Standard output gets one JSON object with the nanoseconds of each
-// repetition. If Embree is missing or the scene has shapes that it lacks, "embree" gives the reason.
+// FILE gets float32 pairs (t, shape) of the phase, then Embree's; with --any t is −inf for an occluded ray. Standard
+// output gets one JSON object with the nanoseconds of each repetition; "embree": why it did not run.
 #include <getopt.h>
 #include <jansson.h>
 #include <limits.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -220,7 +215,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "hits: %s\n", error);
         return 2;
     }
-    if ((no = phase_unsupported(&scene)))
+    if ((no = phase_unsupported ? phase_unsupported(&scene) : NULL))
         fprintf(stderr, "hits: %s\n", no);
     options.reps = (int)reps;
     int status = no ? 4 : run(&scene, &options);

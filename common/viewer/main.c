@@ -129,7 +129,7 @@ static int choose_reference(const char *name, const struct world *world, struct 
         return viewer_error(BAD_INPUT, "--reference: \"%s\" is no phase here; viewer --list", name);
     for (int number = 3; !name && index < 0 && number >= 0; number--) {
         int at = phases_of_number(number);
-        if (at >= 0 && !phases_at(at)->missing() && !phases_at(at)->unsupported(&world->scene))
+        if (at >= 0 && !phases_at(at)->missing() && !why_unsupported(phases_at(at), &world->scene))
             index = at;
     }
     show->reference = index >= 0 ? phases_at(index) : show->left.phase;

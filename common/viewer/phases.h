@@ -1,8 +1,6 @@
-// All phases in one program. Each phase defines the same symbols (phase.h), and its objects are
-// compiled for a program, not for a shared library. So the build joins, for each phase,
-// build/NAME/phase.o with its entry (entry.c), makes every symbol local and links the results
-// (viewer.mk). The window then runs the very machine code that build/NAME/render times. Shared
-// objects would need every phase compiled again with -fPIC: another code than the one that is timed.
+// All phases in one program. Each defines the same symbols (phase.h), so the build joins build/NAME/phase.o
+// with its entry (entry.c), makes every symbol local and links the results (viewer.mk). The window then runs
+// the very machine code that build/NAME/render times.
 #pragma once
 
 #include "driver/variant.h"
@@ -15,8 +13,8 @@ struct viewer_phase {
     const char *const *planes; // its own, ending with NULL
     const char *(*missing)(void);
     struct variant (*variant)(void);
-    const char *(*unsupported)(const struct scene *scene);
-    const char *(*picture_unsupported)(const struct scene *scene, int width, int height); // or NULL
+    const char *(*unsupported)(const struct scene *scene); // or NULL, as the next
+    const char *(*picture_unsupported)(const struct scene *scene, int width, int height);
     struct prepared *(*prepare)(const struct model *model, int threads);
     bool (*update)(struct prepared *prepared, const struct model *model);
     bool (*render)(const struct prepared *prepared, const struct view *view, struct frame *frame);
@@ -24,6 +22,11 @@ struct viewer_phase {
     const struct kernel_facts *(*kernel)(
         const struct prepared *prepared); // or NULL: generates none
 };
+
+static inline const char *why_unsupported(const struct viewer_phase *phase,
+                                          const struct scene *scene) {
+    return phase->unsupported ? phase->unsupported(scene) : NULL;
+}
 
 // Sorts the phases: the ladder first, then the others by name. Called once, before the functions below.
 void phases_sort(void);

@@ -50,7 +50,7 @@ static bool open_alone(struct stage *stage, const struct viewer_phase *phase,
                  missing);
         return false;
     }
-    const char *unsupported = phase->unsupported(&world->scene);
+    const char *unsupported = why_unsupported(phase, &world->scene);
     if (unsupported)
         return refused(stage, unsupported, error);
     const struct model *model = &world->scene.model;

@@ -9,11 +9,6 @@ struct prepared {
     struct model model;
 };
 
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
-}
-
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
     struct prepared *prepared = malloc(sizeof *prepared);

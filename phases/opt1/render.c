@@ -5,11 +5,6 @@
 #include "phase.h"
 #include "trace.h"
 
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
-}
-
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     for (int i = 0; i < model->shape_count; i++) {

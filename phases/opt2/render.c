@@ -1,15 +1,9 @@
 // The phase's entry points (common/phase.h) and its loop over pixels: one ray through the centre of
 // each.
 #include <stdlib.h>
-#include <string.h>
 
 #include "phase.h"
 #include "trace.h"
-
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
-}
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one

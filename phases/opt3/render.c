@@ -6,11 +6,6 @@
 #include "phase.h"
 #include "trace.h"
 
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
-}
-
 // The rotations about x, then y, then z as one matrix. Each takes (u, v) to (c·u − s·v, s·u + c·v),
 // on (y,z), then (x,z), then (x,y).
 static void rotation_matrix(const double *degrees, double m[3][3]) {

@@ -1,7 +1,5 @@
-// Double-double arithmetic: a number as the sum of two doubles, about 104 bits. T. J. Dekker, "A
-// floating-point technique for extending the available precision", Numer. Math. 18 (1971); Y. Hida,
-// X. S. Li, D. H. Bailey, "Algorithms for quad-double precision floating point arithmetic" (2001).
-// For what is not proved: distances of the shadow's estimator and of fractals.
+// Double-double arithmetic, about 104 bits, for what is not proved: T. J. Dekker, Numer. Math. 18 (1971); Y.
+// Hida, X. S. Li, D. H. Bailey, "Algorithms for quad-double precision floating point arithmetic" (2001).
 #pragma once
 
 #include <math.h>

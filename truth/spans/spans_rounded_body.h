@@ -1,6 +1,5 @@
-// The span of a ray inside of a rounded box. The box is the union of three boxes, each wider along one axis, a cylinder
-// about each edge of the inner box, and a ball about each corner. The union is convex, so the ray has one span in it.
-// Included by ray_spans.c, once in doubles and once in quads.
+// The span of a ray inside of a rounded box: the convex union of three boxes, each wider along one axis, a cylinder
+// about each edge and a ball about each corner. Included by ray_spans.c, once in doubles and once in quads.
 
 // Joins a span to the one of the convex union.
 static void FN(join_span)(struct FN(span) * all, struct FN(span) span) {

@@ -1,6 +1,5 @@
-// The spans of a ray inside of a torus, from the roots of its quartic. Roots are isolated by the signs of the polynomial
-// and of its derivative over intervals (Taylor forms about the middle: R. E. Moore, "Interval Analysis", 1966, chapter
-// 6), then refined by interval Newton. Included by ray_spans.c, once in doubles and once in quads.
+// The spans of a ray inside of a torus: roots of a quartic, isolated by signs over intervals (R. E. Moore, "Interval
+// Analysis", 1966, chapter 6), then by interval Newton. Included by ray_spans.c, once in doubles and once in quads.
 
 struct FN(quartic) {
     struct IV f[5]; // G² − H, by rising powers of s

@@ -12,10 +12,9 @@ enum mode mode_find(const char *name);
 // Returns whether the mode needs the frame's planes beside its colours.
 bool mode_needs_planes(enum mode mode);
 
-// Writes 3 bytes per pixel. Evaluations: black 0, then blue, cyan, green, yellow, red at 256 and
-// more, on a logarithmic scale. Depth: white at the nearest hit, dark at the farthest, between
-// them by 1/depth, black on a miss. Normals: (n + 1)/2 as red, green, blue. Ids: one colour for each shape. `rgb8` of
-// MODE_COLOURS and MODE_DIFFERENCE is the displayed picture.
+// Writes 3 bytes per pixel. Evaluations: black 0, then blue, cyan, green, yellow, red at 256, logarithmic.
+// Depth: white at the nearest hit, dark at the farthest, between by 1/depth, black on a miss. Normals: (n +
+// 1)/2. Ids: a colour each.
 void picture_paint(enum mode mode, const struct frame *frame, const struct presenter *presenter,
                    uint8_t *rgb8);
 // Writes min(255, times * |a - b|) for each of `samples` bytes.

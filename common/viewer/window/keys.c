@@ -1,6 +1,5 @@
 // What keys and mouse do. docs/view.md lists them.
 #include <math.h>
-#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -32,7 +31,7 @@ static void next_phase(struct window *w, int step, bool as_reference) {
     do
         index = (index + step + count) % count;
     while (phases_at(index)->missing() ||
-           (phases_at(index) != now && phases_at(index)->unsupported(&w->show->world->scene)));
+           (phases_at(index) != now && why_unsupported(phases_at(index), &w->show->world->scene)));
     choose_phase(w, index, as_reference);
 }
 

@@ -31,7 +31,6 @@ struct pace {
 
 // Starts at the least height: what a frame of the phase costs is not known yet.
 void pace_start(struct pace *pace, int most);
-// Learns from a frame. `render_ms`: its rendering, which grows with its pixels; `other_ms`: what else
-// it took. `still`: nothing moves, so that a frame may take a fifth of a second. Returns whether the
-// height has changed.
+// Learns from a frame: milliseconds of its rendering, which grows with its pixels, and of the rest. `still`:
+// a frame may take a fifth of a second. Returns whether the height has changed.
 bool pace_frame(struct pace *pace, double render_ms, double other_ms, bool still);

@@ -11,9 +11,8 @@
 
 #include "kernel/kernel.h"
 
-// Returns the 64-bit FNV-1a hash (G. Fowler, L. C. Noll, K.-P. Vo). It names files and detects damage. It
-// does not protect against an attacker who can write to the folder, so the folder must belong to the user
-// alone.
+// Returns the 64-bit FNV-1a hash (G. Fowler, L. C. Noll, K.-P. Vo). It detects damage, not an attacker who
+// can write to the folder.
 unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count) {
     const unsigned char *b = bytes;
     for (size_t i = 0; i < count; i++)

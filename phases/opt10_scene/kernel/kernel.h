@@ -1,6 +1,5 @@
-// A kernel for one scene: frame/analytic_tile.c and the code below it, compiled with the scene as constants
-// (scene_kernel.h, written by kernel/generate.c) and cached by its hash. Camera, light, max_steps and
-// hit_distance stay variables, because a sweep varies them.
+// A kernel for one scene: frame/analytic_tile.c and below, compiled with the scene as constants and cached by
+// its hash. Camera, light, max_steps and hit_distance stay variables, because a sweep varies them.
 #pragma once
 
 #include "phase.h"

@@ -79,8 +79,7 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
 // Sets how far the rays go, and the ratio of a lit ray.
 static void begin_soft_packet(struct soft_packet *w, const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
-    struct vec l = {v_splat(work->light[0]) - w->point.x, v_splat(work->light[1]) - w->point.y,
-                    v_splat(work->light[2]) - w->point.z};
+    struct vec l = vec_sub(vec_set(work->light), w->point);
     w->near = v_splat((float)model->march.surface_offset);
     w->far = vec_norm(l);
     w->active = v_and(w->active, v_cmp_lt(w->near, w->far));
@@ -103,22 +102,15 @@ static bool list_for_packet(const struct soft_packet *w, vmask rays, float q,
                             const struct tile_context *work) {
     vfloat infinite = v_splat(INFINITY);
     const vfloat at[3] = {w->point.x, w->point.y, w->point.z};
-    float centre[3], to_light[3], square = 0, distance = 0;
+    float low[3], high[3];
     for (int k = 0; k < 3; k++) {
-        float low = v_reduce_min(v_select(rays, at[k], infinite));
-        float high = v_reduce_max(v_select(rays, at[k], v_splat(-INFINITY)));
-        centre[k] = 0.5f * (low + high);
-        square += 0.25f * (high - low) * (high - low);
-        to_light[k] = work->light[k] - centre[k];
-        distance += to_light[k] * to_light[k];
+        low[k] = v_reduce_min(v_select(rays, at[k], infinite));
+        high[k] = v_reduce_max(v_select(rays, at[k], v_splat(-INFINITY)));
     }
-    distance = sqrtf(distance);
-    float radius = sqrtf(square) * (1 + 1e-4f);
-    if (!(radius < 0.25f * distance))
+    struct light_bundle bundle;
+    if (!light_bundle_of(low, high, work->light, &bundle))
         return false;
-    for (int k = 0; k < 3; k++)
-        to_light[k] /= distance;
-    bvh_list_towards_light(centre, radius, to_light, q + radius / (distance - radius), work);
+    bvh_list_towards_light(&bundle, q, work);
     return true;
 }
 

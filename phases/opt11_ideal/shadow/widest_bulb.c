@@ -24,9 +24,8 @@ struct search_packet {
     unsigned held;
 };
 
-// Loads a packet of queued rays, from `first` on. Where no cone of slope `best` meets the Mandelbulb, its estimate is
-// above `best`: it is BULB_SHARE of the distance to the bounding sphere or more. So a ray begins where that cone
-// enters the sphere, and ends where it leaves.
+// Loads a packet of queued rays, from `first` on. A ray begins and ends where a cone of slope `best` enters and leaves
+// the bounding sphere: elsewhere the estimate, BULB_SHARE of the way to the sphere or more, is above `best`.
 INLINE void load_search(int first, int i, const struct tile_context *work,
                         struct search_packet *to) {
     const struct primitive *s = &KNOWN(work->scene)->primitives[i];
@@ -36,7 +35,7 @@ INLINE void load_search(int first, int i, const struct tile_context *work,
     vmask self = is_shape(v_load(&field[S_SHAPE][first]), i);
     struct vec o = vec_select(self, load_vec(field + S_LOCAL, first), to_local(s, point));
     struct vec d = turned(s, load_vec(field + S_TO_LIGHT, first));
-    struct vec l = {light.x - point.x, light.y - point.y, light.z - point.z};
+    struct vec l = vec_sub(light, point);
     vfloat zero = v_splat(0.0f), radius = v_splat(s->bound);
     vfloat near = v_splat((float)KNOWN(work->scene)->model.march.surface_offset);
     vfloat best = v_load(&field[S_LIT][first]), q = best * v_splat(1.0f / BULB_SHARE);

@@ -1,10 +1,8 @@
 // How shapes are prepared: core/primitives.c, and the frames and sizes it uses.
 #pragma once
 
-#include <math.h>
-#include <string.h>
-
 #include "core/primitive.h"
+#include "scene/vector.h"
 
 // Returns a shape in the form that the march needs. `index` is its number in the scene.
 struct primitive prepare_shape(int index, const struct shape *shape, const struct limits *limits);
@@ -15,21 +13,6 @@ void list_shapes(struct prepared *prepared);
 // Memory for as many shapes as the model has. Returns false if it is short. shapes_release() frees it in any case.
 bool shapes_reserve(struct prepared *prepared, const struct model *model);
 void shapes_release(struct prepared *prepared);
-
-// Rotation about x, then y, then z as one matrix. Each turns (u, v) to (c·u − s·v, s·u + c·v), on (y,z), then (x,z),
-// then (x,y).
-static inline void rotation_matrix(const double *degrees, double m[3][3]) {
-    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
-    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
-    for (int axis = 0; axis < 3; axis++) {
-        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
-        for (int k = 0; k < 3; k++) {
-            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
-            *u = c * old - s * *v;
-            *v = s * old + c * *v;
-        }
-    }
-}
 
 static inline void to_floats(const double from[3], float to[3]) {
     for (int i = 0; i < 3; i++)

@@ -1,11 +1,6 @@
 // Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/primitives.h"
 
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
-}
-
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     for (int i = 0; i < model->shape_count; i++)

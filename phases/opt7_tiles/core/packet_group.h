@@ -17,9 +17,8 @@ struct packet_rays {
     vfloat high;
 };
 
-// Packets of a group march together, one instruction of each after the other. The operations of a step depend on each
-// other, so a single packet would wait several times longer than it takes to issue them. The packets also share the
-// choice of shapes: a shape that one of them needs is evaluated for all.
+// Packets of a group march together, one instruction of each after the other, because a single packet would wait for
+// its own operations. They share the choice of shapes: one that any of them needs is evaluated for all.
 struct packet_group {
     struct packet_rays packet[GROUP];
     vfloat t[GROUP], distance[GROUP]; // of the last step

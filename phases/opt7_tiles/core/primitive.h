@@ -2,7 +2,6 @@
 #pragma once
 
 #include <stdbool.h>
-#include <stddef.h>
 
 #include "phase.h"
 
@@ -16,10 +15,9 @@ static inline void split(double a, float *hi, float *lo) {
 // that is not repeated. POWER: its power, a polynomial in t, for a sphere wider than the bounds.
 enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
-// What a shape's distance bounds. BOUND_LIPSCHITZ: two points p and q differ in distance by at most |p − q|.
-// BOUND_BALL: it is an estimate, but nothing is hit outside of a ball of radius `a`, and there it is at least half of
-// the distance to the ball. BOUND_NONE: it jumps at the walls of its cells, or it is an
-// estimate of another kind.
+// What a shape's distance bounds. BOUND_LIPSCHITZ: two points differ in it by at most their distance. BOUND_BALL:
+// nothing is hit outside of a ball of radius `a`, where it is at least half of the way to the ball. BOUND_NONE: it
+// jumps.
 enum bound_kind { BOUND_LIPSCHITZ, BOUND_BALL, BOUND_NONE };
 
 // A shape in the form that the march evaluates.

@@ -11,10 +11,9 @@
 
 #include <stdlib.h>
 
-// One worker draws a tile. Cones march first, one in each lane: those of squares of PATCH << TOP_LEVEL pixels. Then,
-// quarter by quarter, those of the four squares in each of them, down to the patches. A patch is one group of packets
-// (two with 8 lanes). 32 pixels of a row are whole cache lines of every plane if the picture's width is a multiple of
-// 32.
+// One worker draws a tile. Cones march first, one in each lane: those of squares of PATCH << TOP_LEVEL pixels, then,
+// quarter by quarter, those of the four squares in each, down to the patches. A patch is one group of packets (two
+// with 8 lanes).
 enum { PATCH = 8, PATCHES_ACROSS = 4 };
 enum { PATCHES_DOWN = LANES / PATCHES_ACROSS, TOP_LEVEL = CONE_LEVELS - 1 };
 enum {

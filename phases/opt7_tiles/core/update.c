@@ -23,11 +23,6 @@ static void prepare_bounds(struct primitive *p, const struct shape *shape,
     p->error = 0x1p-18f * fmaxf(extent_of(shape), shape->type == SHAPE_PLANE ? fabsf(p->a) : 1.0f);
 }
 
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
-}
-
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     for (int i = 0; i < model->shape_count; i++) {

@@ -47,17 +47,11 @@ static inline int march_cap(const struct march_state *at, const struct model *mo
 
 // Returns how many steps every live ray still has before its cap. Rays that march on from a hit have used some.
 static inline int steps_left(const struct march_state *at, vmask live, int cap) {
-    float evals[LANES];
-    v_store(v_select_or_zero(live, at->evals), evals);
-    int had = 0;
-    for (int lane = 0; lane < LANES; lane++)
-        had = (int)evals[lane] > had ? (int)evals[lane] : had;
-    return cap - had;
+    return cap + (int)v_reduce_min(v_select_or_zero(live, v_splat(0.0f) - at->evals));
 }
 
-// Ends the rays of packet k that have left `going` (they have reached a surface) or `inside` (they have left the
-// bounds), and those that have used up their steps. `step` counts from 1. Each ray has its own cap, so its
-// neighbours in the packet do not matter.
+// Ends the rays of packet k that have left `going` (at a surface) or `inside` (the bounds), and those that have used
+// up their steps, whatever their neighbours had. `step` counts from 1.
 void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside,
               struct packet_group *group, int cap);
 

@@ -6,9 +6,8 @@
 
 struct ray_queues; // core/ray_queues.h
 
-// A ray is close below CLOSE_ESTIMATE, and stays so until its estimate is above LEAVE_ESTIMATE at the end of its
-// piece. The step does not decide, because it may be short over a plane: far out, where the first iteration has
-// escaped, chebyshev_orbit()'s estimate is too short.
+// A ray is close below CLOSE_ESTIMATE, until its estimate is above LEAVE_ESTIMATE at the end of its piece. The step
+// does not decide: over a plane it may be short far out, where chebyshev_orbit()'s estimate is too short.
 #define CLOSE_ESTIMATE 5e-3f
 enum { CLOSE_TERMS = 6, CLOSE_VALUES = 4 }; // x, y, z and the derivative
 

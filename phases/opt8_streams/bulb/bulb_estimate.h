@@ -68,12 +68,11 @@ static inline void bulb_grow(struct scaled_orbit *b, vfloat bailout) {
 
 // Returns 1/√a for the derivative's sum.
 static inline vfloat derivative_root(vfloat a, bool exact) {
-    return exact ? rough_inverse_root(a) : root_guess(a);
+    return exact ? v_rsqrt_newton(a) : v_rsqrt_approx(a);
 }
 
-// Takes an iteration. With A = ρ² − y², the real part of (ρ + iy)⁴ is R = 2·A² − m². That of (ρ + iy)⁸ is 2·R² − m⁴,
-// and its imaginary part 8·ρ·y·A·R. The phasor (x + iz)²/ρ² is halved and its square in eighths, so k is 128 times its
-// factor.
+// Takes an iteration. With A = ρ² − y², (ρ + iy)⁴ has the real part R = 2·A² − m², (ρ + iy)⁸ has 2·R² − m⁴ and
+// 8·ρ·y·A·R. The phasor (x + iz)²/ρ² is halved and its square in eighths, so k is 128 times its factor.
 static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int first, bool exact,
                              vfloat bailout) {
     ACTIVE(v_count(b->on));
@@ -118,10 +117,10 @@ static inline vfloat rough_log(vfloat a) {
 static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool tiny) {
     vfloat all = b->m * b->product, root_of_both; // ¼·√m/dz·ln m, √m/√product = m/√all
     if (tiny) {
-        root_of_both = rough_inverse_root(b->m) * rough_inverse_root(b->product);
+        root_of_both = v_rsqrt_newton(b->m) * v_rsqrt_newton(b->product);
         all = b->product;
     } else {
-        root_of_both = rough_inverse_root(all);
+        root_of_both = v_rsqrt_newton(all);
     }
     vfloat distance = b->m * root_of_both * rough_inverse(b->slope) * rough_log(b->m);
     distance = v_select_or_zero(v_cmp_gt(all, v_splat(0x1p-124f)),

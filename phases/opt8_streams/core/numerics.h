@@ -3,16 +3,6 @@
 
 #include "simd/simd.h"
 
-// Returns 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
-static inline vfloat root_guess(vfloat a) {
-    return v_rsqrt_approx(a);
-}
-
-// Returns 1/√a to more than 14 bits, for normal a > 0: the approximation and one Newton step.
-static inline vfloat rough_inverse_root(vfloat a) {
-    return v_rsqrt_newton(a);
-}
-
 // Returns 1/a by the approximation and one Newton step.
 static inline vfloat rough_inverse(vfloat a) {
     vfloat r = v_rcp_approx(a);
@@ -27,7 +17,7 @@ static inline vfloat root_and_inverse(vfloat a, float scale, vfloat *one, vfloat
     *other = v_madd(r, error, r);
     return h * v_madd(error, v_splat(0.5f * scale), v_splat(scale));
 #else
-    vfloat r = rough_inverse_root(a);
+    vfloat r = v_rsqrt_newton(a);
     *one = *other = r;
     return (a * r) * v_splat(scale);
 #endif

@@ -1,9 +1,7 @@
-// Draws the tiles of a picture. A tile's pixels are drawn in blocks, four wide, with one ray through the middle of each
-// pixel. Lanes of a block that lie outside the picture are masked, so the picture may have any size.
-//
-// One worker draws a strip of tiles. Cones march first, one in each lane: those of the strip's squares, which are two by
-// two patches. Then, tile by tile, those of the patches. A patch is a group of packets (two of eight lanes). 32 pixels
-// of a row are whole cache lines of every plane if the picture's width is a multiple of 32.
+// Draws the tiles of a picture in blocks, four pixels wide, one ray through the middle of each. Lanes outside the
+// picture are masked. One worker draws a strip of tiles: cones of the strip's squares of two by two patches march
+// first, one in each lane, then, tile by tile, those of the patches. A patch is a group of packets (two of eight
+// lanes).
 #include "cones/distance_bounds.h"
 #include "cones/tile_cones.h"
 #include "core/camera_rays.h"

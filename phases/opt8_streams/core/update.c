@@ -77,10 +77,9 @@ static float lit_slope_hard(const struct limits *limits) {
     return (float)fmax(1e-3, 2.0 * limits->hit_distance / limits->surface_offset);
 }
 
-// Sets the shape's shadow cone. Outside of its ball a Mandelbulb's estimate is at least half of the distance to the
-// ball, so hard shadows need twice the slope. No cone clears a soft shadow past a Mandelbulb: its estimate is less
-// than the distance, so h may grow by more than a step's length, which the proof (PROOFS.md, 1) excludes for
-// distances.
+// Sets the shape's shadow cone. Outside of its ball a Mandelbulb's estimate is at least half of the way to the ball,
+// so hard shadows need twice the slope. It clears no soft shadow: its estimate may grow by more than a step
+// (PROOFS.md, 1).
 static void prepare_cone(struct primitive *p, float q, bool soft) {
     p->slope_lit = p->type == SHAPE_MANDELBULB ? (soft ? 1 : fminf(2 * q, 1)) : q;
     p->slope_bound = p->slope_lit * p->bound;
@@ -104,11 +103,6 @@ static bool is_single_bulb(const struct prepared *prepared) {
             return false;
     }
     return prepared->bulbs == 1 && planes <= 1 && model->march.hit_distance < BULB_SINGLE_HIT;
-}
-
-const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
 }
 
 bool phase_update(struct prepared *prepared, const struct model *model) {

@@ -31,10 +31,9 @@ static inline struct step_result step_to_plane(struct plane_ray *line, vfloat hi
 
 enum { UNCHECKED_STEPS = 4 };
 
-// Takes UNCHECKED_STEPS steps of all packets, and tests only then whether a ray has reached the plane or left the
-// bounds. One test at the end is enough. The last t is the largest, and the hit test grows with t, so the least
-// distance is held against the strictest test. The bounds are convex: between two places inside, the ray is inside.
-// Returns false and changes nothing if a ray of these may have ended.
+// Takes UNCHECKED_STEPS steps of all packets, and tests only then. The last t is the largest, so the least distance is
+// held against the strictest hit test, and the bounds are convex. Returns false and changes nothing if a ray of these
+// may have ended.
 static bool step_unchecked(struct plane_ray line[GROUP], vfloat hit_distance) {
     vfloat t[GROUP], least[GROUP];
     for (int k = 0; k < GROUP; k++) {

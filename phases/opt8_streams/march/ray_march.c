@@ -15,10 +15,9 @@ __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
     *shape = v_select(deep, inside, *shape);
 }
 
-// Makes each hit the origin of its ray, in the frames of all shapes. There a distance is rounded at the size of a
-// shape, not of the path to it. A hit may still be further than twice the hit distance from any shape: the march has
-// rounding errors, and its test may be wider than the scene's. Such a ray marches on. Returns whether there is one.
-// Hits in `settled` were landed by an earlier call.
+// Makes each hit the origin of its ray in the frames of all shapes, where a distance is rounded at a shape's size. A
+// hit further than twice the hit distance from any shape marches on. Returns whether there is one. Hits in `settled`
+// were landed by an earlier call.
 static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
                       const struct prepared *scene, struct packet_rays *packet, vmask *live) {
     if (!v_any(at->found))

@@ -22,13 +22,11 @@ static inline vmask cone_misses(struct shadow_cone cone, const struct primitive 
 }
 
 static inline struct vec to_centre(const struct primitive *s, struct vec p) {
-    return (struct vec){v_splat(s->position[0]) - p.x, v_splat(s->position[1]) - p.y,
-                        v_splat(s->position[2]) - p.z};
+    return vec_sub(vec_set(s->position), p);
 }
 
-// How flat a surface must be for two steps of a shadow's march to depend on its normal and curvature only. A radius of
-// curvature must be FLAT_OFFSETS times surface_offset, which is 0.05 % (32²/2). An edge may be nearer by EDGE_FACTOR,
-// because the two steps are no longer than 1.4 offsets.
+// How flat a surface must be for a shadow's first two steps to depend on its normal and curvature only (error 0.05 %):
+// FLAT_OFFSETS times surface_offset. An edge may be nearer by EDGE_FACTOR: two steps are no longer than 1.4 offsets.
 #define FLAT_OFFSETS 32.0f
 #define EDGE_FACTOR 16.0f
 
@@ -58,10 +56,9 @@ static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
     }
 }
 
-// Whether a shape's own shadow is known where the ray starts on it. A convex solid lies below its tangent plane, so
-// its distance grows by at least `facing`, and ever faster. A torus does too where the point is on its hull. Where
-// `facing` is too small for the ray to be lit, the first two steps of a march decide (self_shadow()), if the surface
-// is flat enough for them.
+// Whether a shape's own shadow is known where the ray starts on it. A convex solid (a torus: on its hull) lies below
+// its tangent plane, so its distance grows by at least `facing`. If that is too small, the first two steps of a march
+// decide (self_shadow()), where the surface is flat enough.
 static inline vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                                 const struct prepared *scene) {
     if (is_fractal(s->type))

@@ -1,7 +1,5 @@
 // Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
-// steps of a march by the distance h to the whole scene, with y = h²/(2·previous h). It depends on the steps, so a
-// shape that only touches the march changes it. But for most rays a cone around the ray decides. PROOFS.md has the
-// proofs.
+// steps of a march by the distance h to the scene, y = h²/(2·previous h). For most rays a cone decides it (PROOFS.md).
 #include "core/packet_group.h"
 #include "core/ray_queues.h"
 #include "core/shape_distances.h"

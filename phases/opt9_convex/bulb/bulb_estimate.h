@@ -74,7 +74,7 @@ static inline void bulb_grow(struct scaled_orbit *b, vfloat bailout) {
 
 // Returns 1/√a for the derivative's sum.
 static inline vfloat derivative_root(vfloat a, bool exact) {
-    return exact ? rough_inverse_root(a) : root_guess(a);
+    return exact ? v_rsqrt_newton(a) : v_rsqrt_approx(a);
 }
 
 // One iteration of an orbit. With A = ρ² − y², (ρ + iy)⁴ has the real part k1 = 2·A² − m² and the imaginary
@@ -127,7 +127,7 @@ static inline vfloat rough_log(vfloat a) {
 static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool tiny) {
     vfloat all = b->product, times = b->m;
     if (tiny)
-        times = times * rough_inverse_root(b->m);
+        times = times * v_rsqrt_newton(b->m);
     else
         all = b->m * all;
     vfloat distance = twice_over_root(times * rough_log(b->m), all, b->slope);

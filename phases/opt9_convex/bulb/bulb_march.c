@@ -1,9 +1,6 @@
-// Marches of camera and mirror rays to a Mandelbulb. Its estimate is no bound: a march may leap over thin
-// parts, so what it finds depends on its steps. These are the steps of a march from the ray's origin by the
-// lesser of the estimate and the height over the scene's first plane; no other shape shortens them. Rays that
-// miss the bounding sphere take none.
-//
-// The last digits of a ray's steps decide where it ends. So t is two floats, and near the surface
+// Marches of camera and mirror rays to a Mandelbulb. Its estimate is no bound, so what a march finds depends
+// on its steps: by the lesser of the estimate and the height over the scene's first plane, from the ray's
+// origin. The last digits decide where a ray ends. So t is two floats, and near the surface
 // bulb/bulb_chebyshev.c takes over. Packets march in turns, and ended lanes are refilled from the queue.
 #include <string.h>
 

@@ -29,7 +29,7 @@ struct frustum_query {
 
 static inline vmask sphere_in_frustum(struct vec centre, vfloat radius, const void *with) {
     const struct frustum_query *w = with;
-    struct vec v = {centre.x - w->eye.x, centre.y - w->eye.y, centre.z - w->eye.z};
+    struct vec v = vec_sub(centre, w->eye);
     vfloat x = vec_dot(v, w->right), y = vec_dot(v, w->up), z = vec_dot(v, w->ahead);
     vfloat r = radius_with_rounding(radius, v, w->reach);
     vmask in = v_cmp_gt(z, v_splat(0.0f) - r);
@@ -113,22 +113,9 @@ struct bundle_cone {
     vfloat radius, reach, q, a; // a: 1 − q²
 };
 
-// A cone of slope 1 or more also meets shapes behind its rays: nothing is left out then.
-static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to_light,
-                                                float radius, vfloat reach, float q) {
-    bool wide = !(q < 1);
-    return (struct bundle_cone){centre,
-                                to_light,
-                                v_splat(radius),
-                                reach,
-                                v_splat(wide ? INFINITY : q),
-                                v_splat(wide ? 0 : 1 - q * q)};
-}
-
 static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, const void *with) {
     const struct bundle_cone *cone = with;
-    struct vec v = {centre.x - cone->centre.x, centre.y - cone->centre.y,
-                    centre.z - cone->centre.z};
+    struct vec v = vec_sub(centre, cone->centre);
     vfloat r = radius_with_rounding(radius, v, cone->reach) + cone->radius;
     vfloat b = v_madd(cone->q, r, vec_dot(v, cone->to_light));
     vfloat c = v_nmadd(r, r, vec_dot(v, v));
@@ -137,28 +124,33 @@ static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, cons
     return v_not(v_and(v_cmp_gt(c, v_splat(0.0f)), misses));
 }
 
-static struct bundle_cone bundle_cone_from(const float centre[3], float radius,
-                                           const float to_light[3], float q) {
-    float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
-    return bundle_cone_of(vec_set(centre), vec_set(to_light), radius, v_splat(size), q);
+// A cone of slope 1 or more also meets shapes behind its rays: nothing is left out then.
+static struct bundle_cone bundle_cone_of(const struct light_bundle *bundle, float q) {
+    const float *c = bundle->centre;
+    bool wide = !(q < 1);
+    return (struct bundle_cone){vec_set(c),
+                                vec_set(bundle->to_light),
+                                v_splat(bundle->radius),
+                                v_splat(fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2])),
+                                v_splat(wide ? INFINITY : q),
+                                v_splat(wide ? 0 : 1 - q * q)};
 }
 
-void bvh_list_towards_light(const float centre[3], float radius, const float to_light[3], float q,
+void bvh_list_towards_light(const struct light_bundle *bundle, float q,
                             const struct tile_context *work) {
-    struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
+    struct bundle_cone shaft = bundle_cone_of(bundle, q + bundle->spread);
     struct shape_set *shading = &work->scratch->occluders;
     int count = bvh_list(&work->scene->bvh, sphere_in_bundle_cone, &shaft, shading->index);
     shading->count = append_planes(work->scene, shading->index, count);
 }
 
-void bvh_list_for_batch(const float centre[3], float radius, const float to_light[3], float q,
-                        const struct tile_context *work) {
+void bvh_list_for_batch(const struct light_bundle *bundle, const struct tile_context *work) {
     const struct prepared *scene = work->scene;
     struct worker_scratch *scratch = work->scratch;
     scratch->batch_count = -1;
-    if (radius > scene->bvh.spacing)
+    if (bundle->radius > scene->bvh.spacing)
         return;
-    struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
+    struct bundle_cone shaft = bundle_cone_of(bundle, bundle->spread);
     int count = bvh_list(&scene->bvh, sphere_in_bundle_cone, &shaft, scratch->entry_list);
     if (count > BATCH_CANDIDATES_ROOM)
         return;
@@ -172,10 +164,9 @@ void bvh_list_for_batch(const float centre[3], float radius, const float to_ligh
     }
 }
 
-void bvh_list_for_packet(const float centre[3], float radius, const float to_light[3], float q,
-                         const struct tile_context *work) {
+void bvh_list_for_packet(const struct light_bundle *bundle, const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
-    struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
+    struct bundle_cone shaft = bundle_cone_of(bundle, bundle->spread);
     scratch->entries = 0;
     if (scratch->batch_count < 0) {
         scratch->entries =
@@ -203,8 +194,7 @@ struct packet_query {
 
 static inline bool sphere_met_by_ray(const float centre[3], float radius, void *with) {
     const struct packet_query *rays = with;
-    struct vec v = {v_splat(centre[0]) - rays->origin.x, v_splat(centre[1]) - rays->origin.y,
-                    v_splat(centre[2]) - rays->origin.z};
+    struct vec v = vec_sub(vec_set(centre), rays->origin);
     vfloat along = vec_dot(v, rays->direction), square = vec_dot(v, v);
     vfloat c = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
     vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, c));

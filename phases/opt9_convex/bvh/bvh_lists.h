@@ -19,19 +19,39 @@ void bvh_list_in_frustum(const struct tile_frustum *frustum, const struct job *j
 void bvh_list_in_row(const struct tile_frustum *row, float across, const struct job *job,
                      struct worker_scratch *scratch);
 
-// Sets scratch->occluders for a bundle of shadow rays: they start in a ball, and their directions differ from
-// to_light by less than the widening in q. Lists solids that a cone of slope q about such a ray can meet, and
-// all planes.
-void bvh_list_towards_light(const float centre[3], float radius, const float to_light[3], float q,
+// A bundle of shadow rays: they start in a ball, and their directions differ from to_light by at most `spread`.
+struct light_bundle {
+    float centre[3], radius, to_light[3], spread;
+};
+
+// Sets the bundle of rays from a box to the light. Returns false if the box is too large for the distance to the light,
+// or infinite or NaN.
+static inline bool light_bundle_of(const float low[3], const float high[3], const float light[3],
+                                   struct light_bundle *bundle) {
+    float square = 0, distance = 0;
+    for (int k = 0; k < 3; k++) {
+        bundle->centre[k] = 0.5f * (low[k] + high[k]);
+        square += 0.25f * (high[k] - low[k]) * (high[k] - low[k]);
+        bundle->to_light[k] = light[k] - bundle->centre[k];
+        distance += bundle->to_light[k] * bundle->to_light[k];
+    }
+    distance = sqrtf(distance);
+    bundle->radius = sqrtf(square) * (1 + 1e-4f);
+    bundle->spread = bundle->radius / (distance - bundle->radius);
+    for (int k = 0; k < 3; k++)
+        bundle->to_light[k] /= distance;
+    return bundle->radius < 0.25f * distance;
+}
+
+// Sets scratch->occluders for a bundle, whose rays are cones of slope q: the solids that one of them can meet, and all
+// planes.
+void bvh_list_towards_light(const struct light_bundle *bundle, float q,
                             const struct tile_context *work);
 
 // The same for a batch: sets scratch->batch_count, batch_shape and batch_sphere. Then, for one of its
 // packets, scratch->entry_list and entries, from the batch's list if that has room, else from the BVH.
-void bvh_list_for_batch(const float centre[3], float radius, const float to_light[3], float q,
-                        const struct tile_context *work);
-
-void bvh_list_for_packet(const float centre[3], float radius, const float to_light[3], float q,
-                         const struct tile_context *work);
+void bvh_list_for_batch(const struct light_bundle *bundle, const struct tile_context *work);
+void bvh_list_for_packet(const struct light_bundle *bundle, const struct tile_context *work);
 
 // Lists the shapes whose bounding spheres the rays start in or meet, and all planes. Returns their number.
 // `list` has room for LANES more than the scene has shapes.

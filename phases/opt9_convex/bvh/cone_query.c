@@ -10,7 +10,7 @@
 static inline vmask cone_meets_sphere(const struct ray_cone *cone, struct vec centre, vfloat radius,
                                       vfloat *b, vfloat *discriminant) {
     vfloat zero = v_splat(0.0f);
-    struct vec v = {centre.x - cone->point.x, centre.y - cone->point.y, centre.z - cone->point.z};
+    struct vec v = vec_sub(centre, cone->point);
     vfloat square = vec_dot(v, v);
     vfloat c = v_msub(square, v_splat(1 - 2e-6f), radius * radius * v_splat(1 + 1e-5f));
     *b = v_madd(cone->q, radius, vec_dot(v, cone->to_light));
@@ -44,10 +44,8 @@ static struct query_bundle query_bundle_of(struct packet_cones *cones, int count
         c->now = v_mask_none(); // of the previous bundle
         if (!v_any(c->open))
             continue;
-        struct vec v = {c->rays.point.x - centre.x, c->rays.point.y - centre.y,
-                        c->rays.point.z - centre.z};
-        struct vec l = {c->rays.to_light.x - to.x, c->rays.to_light.y - to.y,
-                        c->rays.to_light.z - to.z};
+        struct vec v = vec_sub(c->rays.point, centre);
+        struct vec l = vec_sub(c->rays.to_light, to);
         vfloat square = vec_dot(v, v);
         vmask itself = i == chosen ? v_mask_of_bits(1u << one) : v_mask_none();
         c->now = v_or(itself, v_and(c->open, v_cmp_lt(square, reach)));
@@ -62,7 +60,7 @@ static struct query_bundle query_bundle_of(struct packet_cones *cones, int count
                                  sqrtf(most_lane(away)) * (1 + 1e-4f),
                                  sqrtf(most_lane(turned)) * 1.01f + 1e-4f,
                                  most_lane(q),
-                                 least_lane(from)};
+                                 v_reduce_min(from)};
 }
 
 // Tests a leaf against the rays `now`, and sets `until` of those that it blocks. Returns whether it blocks
@@ -114,7 +112,7 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
                 continue;
             if (level > 0) {
                 vfloat order = v_select(meets, v_splat(0.0f) - b, v_splat(INFINITY));
-                unsigned last = v_mask_bits(v_cmp_ge(v_splat(least_lane(order)), order)) & which;
+                unsigned last = v_mask_bits(v_cmp_ge(v_splat(v_reduce_min(order)), order)) & which;
                 last &= 0u - last;
                 count += push_nodes(v_andnot(v_mask_of_bits(last), meets), level, first,
                                     waiting + count);

@@ -36,9 +36,8 @@ static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
     return v_cmp_lt(distance, v_max(hit_distance, t * v_splat(0x1p-24f)));
 }
 
-// Returns Newton's last step to the surface. Where a ray grazes, more than h is left to go: 33 times h on
-// scene0's plane at the horizon. Only for an h that rounding may leave: what a larger hit_distance leaves is
-// the scene's choice.
+// Returns Newton's last step to the surface: a grazing ray has up to 33 times h to go. Only for an h that
+// rounding may leave: what a larger hit_distance leaves is the scene's choice.
 static inline vfloat newton(vfloat h, vfloat slope, vfloat marched) {
     vmask rounding = v_cmp_lt(v_abs(h), marched * v_splat(0x1p-21f));
     return v_select_or_zero(rounding, h / v_max(slope, v_splat(0x1p-9f)));
@@ -101,9 +100,8 @@ static int fewest(vfloat evals, vmask on) {
     return least;
 }
 
-// Completes hits at the end of a march: normal, shape and exact distance. deep: rays that started inside a
-// shape, `inside`. Precondition: the hits are the origins of world->local_rays, and `near` describes their
-// surroundings.
+// Completes hits at the end of a march: normal, shape and exact distance. deep: rays that started in a shape,
+// `inside`. Precondition: the hits are the origins of world->local_rays, and `near` their surroundings.
 __attribute__((always_inline)) static inline void
 finish_hits(const struct march_state *at, struct vec direction, vmask deep, vfloat inside,
             struct hit_surroundings near, const struct trace_context *world, struct hit *hit) {
@@ -126,9 +124,8 @@ finish_hits(const struct march_state *at, struct vec direction, vmask deep, vflo
     move_local_rays(more, scene, world->local_rays);
 }
 
-// Each hit becomes an origin in the frames of all shapes: there the distance is rounded at the size of a
-// shape, not at that of the distance marched. A hit further than twice the hit distance from its shape
-// marches on from there: the march erred, or its test was wider than the scene's.
+// Each hit becomes an origin in the frames of all shapes, where the distance is rounded at a shape's size. A
+// hit further than twice the hit distance from its shape marches on from there.
 void ray_march(struct point origin, struct vec direction, vmask active,
                const struct trace_context *world, struct hit *hit) {
     const struct prepared *scene = world->scene;
@@ -213,11 +210,10 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
     return least;
 }
 
-// Returns the ideal soft shadow, 0 ... 1: the least strength·h(t)/t up to the light. It is slow.
-// The distance h falls no faster than t grows. So no ratio h/t is below `goal` within the next
-// (h − goal·t)/(1 + goal). The goal is so little below the least ratio found that the result is at
-// most ROOM too light. At a smooth minimum the steps are about ROOM·t, so the error is about ROOM².
-// A Mandelbulb's h is an estimate: nothing is proved there.
+// Returns the ideal soft shadow, 0 ... 1: the least strength·h(t)/t up to the light. As h falls no faster
+// than t grows, no ratio is below `goal` within (h − goal·t)/(1 + goal). goal: so little below the least
+// ratio found that the result is at most ROOM too light (about ROOM² at a smooth minimum). Nothing is proved
+// of a Mandelbulb.
 #define ROOM (1.0f / 64)
 #define LEAST_STEP 0x1p-16f // of t, for strengths that ask for less
 static vfloat ideal_shadow(vfloat distance, vmask active, const struct trace_context *world) {

@@ -1,11 +1,9 @@
 // Normals of marched hits: gradients in closed form, or differences of distances.
 #include "fallback/trace.h"
 
-// The scene asks for forward differences of its distance over normal_step. In float these are noise in the
-// third digit. So the closed-form gradient of the shape that was hit is used where both agree to that noise.
-// Near an edge the shape's difference is used; where another shape is within the step, the difference of the
-// whole scene. The Mandelbulb has only differences. Gradients are in world axes and need not be of unit
-// length.
+// The scene asks for forward differences over normal_step, which in float are noise in the third digit. So
+// the gradient of the shape hit is used where both agree to that noise, its difference near an edge, and the
+// whole scene's where another shape is within the step. In world axes, of any length.
 static struct vec box_gradient(struct vec p, const struct primitive *s) {
     vfloat zero = v_splat(0.0f);
     vfloat x = v_abs(p.x) - v_splat(s->size[0]);
@@ -168,9 +166,8 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     return vec_select(edge, rounded, exact);
 }
 
-// Returns unit normals towards the rays, once for each shape that the packet hit. *slope: how fast the
-// distance falls along the ray, from a closed form; 1e30 where a difference was used, which is no slope to
-// divide by at an edge.
+// Returns unit normals towards the rays. *slope: how fast the distance falls along the ray, from a closed
+// form; 1e30 where a difference was used, which is no slope to divide by at an edge.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct trace_context *world, vfloat *slope) {
     float id[LANES], step = (float)world->scene->model.march.normal_step;

@@ -51,7 +51,7 @@ INLINE void light_surfaces(struct shading_packet *at, const struct surface *surf
     at->color = vec_select(at->hit.found, vec_scale(base, weight * v_splat(0.01f)),
                            background(ray->weight, model)); // ambient
     const float *light = work->light;
-    struct vec l = {v_splat(light[0]) - p.x, v_splat(light[1]) - p.y, v_splat(light[2]) - p.z};
+    struct vec l = vec_sub(vec_set(light), p);
     vfloat square = vec_dot(l, l), per = v_splat(1.0f) / v_sqrt(square);
     l = vec_scale(l, per);
     vfloat facing = axis ? add_dot(axis, l) : vec_dot(n, l);

@@ -2,17 +2,14 @@
 #include <math.h>
 
 #include "frame/prepare.h"
-
-static double dot(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+#include "scene/vector.h"
 
 // Sets the camera relative to the copy in its cell. Returns whether it is outside the box about that copy.
 static bool camera_beside_copies(const struct primitive *p, const double from[3], double far,
                                  struct local_camera *camera) {
     bool outside = false;
     for (int k = 0; k < 3; k++) {
-        double at = dot(p->row[k], from);
+        double at = dot3(p->row[k], from);
         at -= p->wide_cell[k] * floor(at * p->wide_per_cell[k] + 0.5);
         split(at, &camera->at[k], &camera->at_low[k]);
         outside = outside || fabs(at) > (double)p->box[k] + far;
@@ -24,7 +21,7 @@ static bool camera_beside_copies(const struct primitive *p, const double from[3]
 // every bounding sphere (repeated shapes: box).
 static bool set_each(const struct prepared *prepared, const struct view *view) {
     double radius = prepared->model.march.bounds_radius, far = prepared->model.march.hit_distance;
-    bool clear = dot(view->position, view->position) < radius * radius;
+    bool clear = dot3(view->position, view->position) < radius * radius;
     for (int i = 0; i < prepared->model.shape_count; i++) {
         const struct primitive *p = &prepared->primitives[i];
         struct local_camera *camera = &prepared->cameras[i];
@@ -33,29 +30,29 @@ static bool set_each(const struct prepared *prepared, const struct view *view) {
             from[k] = view->position[k] - p->centre[k];
         const double *axis[3] = {view->right, view->up, view->forward};
         if (p->eval == EVAL_LINEAR) {
-            double height = dot(p->row[0], from) - p->offset;
+            double height = dot3(p->row[0], from) - p->offset;
             camera->height = (float)height;
             for (int k = 0; k < 3; k++)
-                camera->centre[k] = (float)dot(p->row[0], axis[k]);
+                camera->centre[k] = (float)dot3(p->row[0], axis[k]);
             clear = clear && height > far;
             continue;
         }
         if (p->repeated) {
             clear = clear && camera_beside_copies(p, from, far, camera);
             for (int k = 0; k < 3; k++) {
-                camera->centre[k] = (float)-dot(p->row[k], view->position);
+                camera->centre[k] = (float)-dot3(p->row[k], view->position);
                 for (int j = 0; j < 3; j++)
-                    camera->axis[j][k] = (float)dot(p->row[k], axis[j]);
+                    camera->axis[j][k] = (float)dot3(p->row[k], axis[j]);
             }
             continue;
         }
         for (int k = 0; k < 3; k++) {
-            camera->at[k] = (float)dot(p->row[k], from);
-            camera->centre[k] = (float)-dot(from, axis[k]);
+            camera->at[k] = (float)dot3(p->row[k], from);
+            camera->centre[k] = (float)-dot3(from, axis[k]);
         }
         // Rays to a Mandelbulb are marched from anywhere outside it: see camera_in_bulb().
         clear = clear &&
-                (p->type == SHAPE_MANDELBULB || sqrt(dot(from, from)) > (double)p->bound + far);
+                (p->type == SHAPE_MANDELBULB || sqrt(dot3(from, from)) > (double)p->bound + far);
     }
     return clear;
 }

@@ -5,22 +5,8 @@
 #include <string.h>
 
 #include "frame/prepare.h"
+#include "scene/vector.h"
 #include "types/ideal.h"
-
-// Sets the matrix of a rotation about x, then y, then z. Each turns (u, v) to (c·u − s·v, s·u + c·v), on
-// (y,z), (x,z) and (x,y).
-static void rotation_matrix(const double *degrees, double m[3][3]) {
-    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
-    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
-    for (int axis = 0; axis < 3; axis++) {
-        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
-        for (int k = 0; k < 3; k++) {
-            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
-            *u = c * old - s * *v;
-            *v = s * old + c * *v;
-        }
-    }
-}
 
 static void to_floats(const double from[3], float to[3]) {
     for (int i = 0; i < 3; i++)
@@ -202,9 +188,8 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
                        p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
 }
 
-// Returns the lit slope: the least q such that a ray with h(t) ≥ q·t all along is lit, whatever its steps.
-// Solves strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) = 1 by bisection (PROOFS.md, 1.). Both terms rise
-// with q.
+// Returns the least q such that a ray with h(t) ≥ q·t all along is lit, whatever its steps: by bisection of
+// strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) = 1 (PROOFS.md, 1.), whose terms rise with q.
 static float lit_slope(double strength) {
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {

@@ -3,7 +3,6 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "counting/flops.h"
 #include "driver/variant.h"
 #include "frame/draw_path.h"
 #include "frame/prepare.h"

@@ -177,9 +177,7 @@ static inline void cull_shadows(struct shading_packet *at, const struct tile_con
         at->open = trivially_lit(&at->point, &at->hit.local, &at->to_light, at->facing,
                                  at->hit.shape, at->front, work);
     else if (model->shadows == SHADOWS_HARD) {
-        struct vec to = {v_splat((float)work->view->light_position[0]) - at->point.x,
-                         v_splat((float)work->view->light_position[1]) - at->point.y,
-                         v_splat((float)work->view->light_position[2]) - at->point.z};
+        struct vec to = vec_sub(vec_from_doubles(work->view->light_position), at->point);
         at->open = reaches_light(at->point, at->hit.local, at->to_light, at->hit.shape,
                                  vec_norm(to), at->front, work);
     }

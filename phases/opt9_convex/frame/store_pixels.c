@@ -20,7 +20,7 @@ static inline void display_samples(const struct frame *frame, int row, int colum
     frame->show(frame->presenter, linear, 3 * (size_t)pixels, frame->shown + 3 * first);
 }
 
-KERNEL_SHARED void display_block(const struct frame *frame, struct pixel_block block,
+static inline void display_block(const struct frame *frame, struct pixel_block block,
                                  struct vec color) {
     float lanes[3][LANES], line[3 * BLOCK_WIDTH];
     v_store(color.x, lanes[0]);
@@ -43,7 +43,7 @@ KERNEL_SHARED void store_hit(struct frame *frame, struct pixel_block block,
     store_plane(frame->evals, 1, frame, block, v_splat(1.0f));
 }
 
-static inline void store_block_of(struct frame *frame, struct pixel_block block, struct vec color) {
+KERNEL_SHARED void store_block(struct frame *frame, struct pixel_block block, struct vec color) {
     if (frame->shown) {
         display_block(frame, block, color);
         return;
@@ -59,15 +59,14 @@ static inline void store_block_of(struct frame *frame, struct pixel_block block,
 }
 
 KERNEL_SHARED void store_colors(struct frame *frame, struct pixel_block block, const float *color) {
-    store_block_of(
+    store_block(
         frame, block,
         (struct vec){v_load(color), v_load(color + COLOR_ROOM), v_load(color + 2 * COLOR_ROOM)});
 }
 
-// Returns whether rows of the picture are whole cache lines. If so, stores bypass the caches, because the
-// picture is read only after the frame. Other threads see these stores in time: workers_run() ends with a
-// lock, and x86 instructions with LOCK wait for write-combining buffers (Intel SDM vol. 3, "Buffering of
-// Write Combining Memory Locations"; AMD APM vol. 2). A fence per tile would cost all of the gain.
+// Returns whether rows of the picture are whole cache lines. If so, stores bypass the caches. Other threads
+// see them in time: workers_run() ends with a lock, and x86 instructions with LOCK wait for write-combining
+// buffers (Intel SDM vol. 3, "Buffering of Write Combining Memory Locations"; AMD APM vol. 2).
 static bool past_caches(const struct frame *frame) {
     return frame->width % 16 == 0 && (uintptr_t)frame->rgb % 64 == 0;
 }

@@ -40,13 +40,7 @@ static struct vec get_direction(struct pixel_block block, const struct frame *fr
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
                                const struct shaded *seen) {
-    if (frame->shown) {
-        display_block(frame, block, seen->color);
-        return;
-    }
-    store_plane(frame->rgb, 3, frame, block, seen->color.x);
-    store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
-    store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
+    store_block(frame, block, seen->color);
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;

@@ -39,13 +39,11 @@ static inline void set_camera_ray(const struct tile *tile, struct vec direction,
     ray->local = (struct vec){zero, zero, zero};
 }
 
-// frame/store_pixels.c: lanes of a block into one channel; a block as displayed; a block's depth, shape,
-// normal and evaluations; a block from worker_scratch.color; whole rows of a tile, if is_whole_lines(); a
-// tile of background.
+// frame/store_pixels.c: lanes of a block into one channel, its colours, its other channels, its colours from
+// worker_scratch.color; whole rows of a tile, if is_whole_lines(); a tile of background.
 KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
                                struct pixel_block block, vfloat values);
-KERNEL_SHARED void display_block(const struct frame *frame, struct pixel_block block,
-                                 struct vec color);
+KERNEL_SHARED void store_block(struct frame *frame, struct pixel_block block, struct vec color);
 KERNEL_SHARED void store_hit(struct frame *frame, struct pixel_block block,
                              const struct surface_hit *hit, struct vec normal);
 KERNEL_SHARED void store_colors(struct frame *frame, struct pixel_block block, const float *color);

@@ -7,10 +7,9 @@ static double dot3(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// Returns which of the doubtful hits are within the bounds, in doubles. Near the bounds, |origin +
-// t·direction|² and radius² agree in all digits of a float, and a plane's t has to be recomputed. parts:
-// origin, direction, t, shape. Keep one caller per translation unit: inlined, it saves 1.6 % of the
-// instructions of scene0's kernel.
+// Returns which of the doubtful hits are within the bounds, in doubles; a plane's t is recomputed. parts:
+// origin, direction, t, shape. Keep one caller per translation unit: inlined, it saves 1.6 % of scene0's
+// instructions.
 static vmask in_bounds_nearly(const vfloat parts[8], vmask doubtful,
                               const struct known_scene *scene) {
     double radius = scene->model.march.bounds_radius;

@@ -24,8 +24,7 @@ static inline struct vec inverses_of(struct vec d) {
 }
 
 // Clips rays to the space between two planes at distance `half` from the origin. c: the rays' position across
-// the planes; per: the inverse of their direction's component. Rounding may make both ends equal, but `in`
-// never exceeds `out`.
+// the planes; per: the inverse of their direction's component. `in` never exceeds `out`.
 INLINE void slab(vfloat c, vfloat per, float half, vfloat *in, vfloat *out) {
     vfloat middle = c * per, width = v_splat(half) * v_abs(per);
     *in = v_max(*in, v_splat(0.0f) - middle - width);
@@ -41,10 +40,9 @@ INLINE vmask enter_box(struct vec c, struct vec per, const struct primitive *s, 
     return v_cmp_ge(out, *t);
 }
 
-// Newton's steps, from where the ray enters the box with sharp edges. They solve square of the distance to
-// the inner box = square of the rounding. That is convex along a ray, so no step goes too far, and a ray that
-// comes no nearer has missed. A flat part is met without a step. away (may be NULL): from the inner box to
-// the entry point.
+// Newton's steps from where the ray enters the box with sharp edges, for the square of the distance to the
+// inner box = the square of the rounding. That is convex along a ray: no step goes too far, and a ray that
+// comes no nearer has missed. away (may be NULL): from the inner box to the entry point.
 INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
                                const struct primitive *s, vmask near, vfloat *t, struct vec *away) {
     vfloat zero = v_splat(0.0f), out = v_splat(INFINITY), at = v_splat(-INFINITY);

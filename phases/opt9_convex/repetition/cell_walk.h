@@ -96,9 +96,8 @@ struct bundle_walk {
     struct cell_walk walk;
 };
 
-// Bounds of bundles at the copy in their cells. The nearest shape that all rays of a bundle enter: they do so
-// between lo and hi (infinite: no such shape), through the face across `axis`. Another shape may be entered
-// from t = others on.
+// Bounds of bundles at the copy in their cells. All rays enter the nearest shape between lo and hi (infinite:
+// no such shape), through the face across `axis`. Another shape may be entered from t = others on.
 struct bundle_bounds {
     struct vec o; // the camera, in the copy's frame
     vfloat before, square,

@@ -189,7 +189,7 @@ INLINE vfloat bundle_ends(const struct cell_grid *grid, int from, unsigned open)
         }
         if (!all)
             continue;
-        float far = -least_lane(v_splat(0.0f) - furthest);
+        float far = most_lane(furthest);
         ends[lane] = far < ends[lane] ? far : ends[lane];
     }
     return v_load(ends);

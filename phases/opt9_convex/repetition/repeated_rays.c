@@ -1,9 +1,7 @@
 // Rays among the copies of a repeated shape. Every lane walks from cell to cell (J. Amanatides and A. Woo, "A
 // fast voxel traversal algorithm for ray tracing", Eurographics 1987) until it meets the box about the copy
-// there. When all lanes have met one, or have ended, the shape's closed form is evaluated.
-//
-// Precondition: the shape lies in its cell and is its own mirror image (fits_its_cells() in
-// frame/primitives.c), so the wrapped distance is the distance to all copies.
+// there. When all have met one, or have ended, the closed form is evaluated. Precondition: fits_its_cells()
+// in frame/primitives.c.
 #include "repetition/repeated_rays.h"
 #include "hit/solids.h"
 #include "repetition/cell_walk.h"

@@ -66,17 +66,15 @@ void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vf
 }
 
 static inline struct vec offset_from_candidate(const struct candidate *c, struct vec at) {
-    return (struct vec){at.x - v_splat(c->centre[0]), at.y - v_splat(c->centre[1]),
-                        at.z - v_splat(c->centre[2])};
+    return vec_sub(at, vec_set(c->centre));
 }
 
-// Returns the distance to a bounding sphere whose centre is √square away, rounded down by 2^-10 for the
-// approximate root. Sets the falling bound: a distance to a convex set is convex along a ray, so it stays
-// above its tangent.
+// Returns the distance to a bounding sphere whose centre is √square away, rounded down by 2^-10 for the root.
+// Sets the falling bound: a distance to a convex set is convex along a ray, so it stays above its tangent.
 static inline vfloat sphere_bound(const struct candidate *c, const struct batch_packet *w,
                                   struct vec from, vfloat square, struct falling_bound *below) {
     square = v_max(square, v_splat(1e-30f));
-    vfloat guess = root_guess(square);
+    vfloat guess = v_rsqrt_approx(square);
     vfloat far = square * guess * v_splat(1 - 0x1p-10f) - v_splat(c->bound);
     below->slope = v_msub(vec_dot(from, w->rays.to_light), guess, v_splat(0x1p-10f));
     below->intercept = v_nmadd(below->slope + v_splat(0x1p-18f), w->march.t, far);

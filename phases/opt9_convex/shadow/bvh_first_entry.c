@@ -8,8 +8,7 @@ static void end_behind_bvh(struct shadow_rays *r, const struct prepared *scene) 
     const struct bvh *tree = &scene->bvh;
     float q = scene->known.lit_slope;
     vfloat a = v_splat(float_max(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
-    struct vec v = {v_splat(tree->centre[0]) - r->point.x, v_splat(tree->centre[1]) - r->point.y,
-                    v_splat(tree->centre[2]) - r->point.z};
+    struct vec v = vec_sub(vec_set(tree->centre), r->point);
     vfloat b = vec_dot(v, r->to_light) + v_splat(q * tree->radius);
     vfloat c = vec_dot(v, v) - v_splat(tree->radius * tree->radius * (1 + 1e-5f));
     vfloat discriminant = v_msub(b, b, a * c);
@@ -26,8 +25,7 @@ static void end_behind_bvh(struct shadow_rays *r, const struct prepared *scene) 
 // are left out.
 static inline vmask may_enter_sphere(const struct primitive *s, int i,
                                      const struct shadow_rays *r) {
-    struct vec v = {v_splat(s->position[0]) - r->point.x, v_splat(s->position[1]) - r->point.y,
-                    v_splat(s->position[2]) - r->point.z};
+    struct vec v = vec_sub(vec_set(s->position), r->point);
     vfloat along = vec_dot(v, r->to_light), square = vec_dot(v, v);
     vfloat c = v_msub(square, v_splat(1 - 2e-6f), v_splat(s->bound * s->bound * (1 + 1e-5f)));
     vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, c));

@@ -11,15 +11,8 @@
 // The slope of the cone about a hard shadow ray: it covers rounding.
 #define HARD_SHADOW_SLOPE 1e-3f
 
-// A bundle of shadow rays. They start in the ball, and their directions differ from to_light by at most
-// `spread`.
-struct light_bundle {
-    float centre[3], radius, to_light[3], spread;
-};
-
-// Sets the bundle of all shadow rays of a group. Returns false if the ball is too large for the distance to
-// the light, or if no hit faces it.
-static bool light_bundle_of(const struct shading_packet *stage, int count, const struct view *view,
+// Sets the bundle of all shadow rays of a group. Returns false if it is too wide, or if no hit faces the light.
+static bool bundle_of_group(const struct shading_packet *stage, int count, const float light[3],
                             struct light_bundle *ball) {
     struct vec least = {v_splat(INFINITY), v_splat(INFINITY), v_splat(INFINITY)};
     struct vec most = {v_splat(-INFINITY), v_splat(-INFINITY), v_splat(-INFINITY)};
@@ -33,22 +26,9 @@ static bool light_bundle_of(const struct shading_packet *stage, int count, const
                             v_select(front, v_max(p.y, most.y), most.y),
                             v_select(front, v_max(p.z, most.z), most.z)};
     }
-    const vfloat low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
-    float square = 0, distance = 0;
-    for (int k = 0; k < 3; k++) {
-        float a = least_lane(low[k]), b = -least_lane(v_splat(0.0f) - high[k]);
-        ball->centre[k] = 0.5f * (a + b);
-        square += 0.25f * (b - a) * (b - a);
-        ball->to_light[k] = (float)view->light_position[k] - ball->centre[k];
-        distance += ball->to_light[k] * ball->to_light[k];
-    }
-    distance = sqrtf(distance);
-    ball->radius = sqrtf(square) * (1 + 1e-4f);
-    ball->spread = ball->radius / (distance - ball->radius);
-    for (int k = 0; k < 3; k++)
-        ball->to_light[k] /= distance;
-    return ball->radius <
-           0.25f * distance; // false if nothing faces the light: the radius is infinite or NaN
+    float low[3] = {v_reduce_min(least.x), v_reduce_min(least.y), v_reduce_min(least.z)};
+    float high[3] = {most_lane(most.x), most_lane(most.y), most_lane(most.z)};
+    return light_bundle_of(low, high, light, ball);
 }
 
 // Returns whether no cone of slope q about a ray of the bundle meets the shape's bounding sphere.
@@ -80,11 +60,11 @@ INLINE void add_occluder(int i, const struct light_bundle *ball, const struct ti
 KERNEL_SHARED void list_occluders(const struct shading_packet *stage, int count,
                                   const struct tile_context *work) {
     struct light_bundle ball;
-    bool known = light_bundle_of(stage, count, work->view, &ball);
+    bool known = bundle_of_group(stage, count, work->light, &ball);
     if (HAS_BVH(work->scene) && known) {
         const struct known_scene *scene = KNOWN(work->scene);
         float q = scene->model.shadows == SHADOWS_HARD ? HARD_SHADOW_SLOPE : scene->lit_slope;
-        bvh_list_towards_light(ball.centre, ball.radius, ball.to_light, q + ball.spread, work);
+        bvh_list_towards_light(&ball, q, work);
         return;
     }
     clear_set(&work->scratch->occluders);

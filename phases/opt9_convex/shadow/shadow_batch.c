@@ -37,7 +37,7 @@ static bool renew_active_set(struct shadow_batch *batch, const struct tile_conte
         struct batch_packet *w = &batch->packet[i];
         if (v_all(w->march.done))
             continue;
-        float t = least_lane(v_select(w->march.done, v_splat(INFINITY), w->march.t));
+        float t = v_reduce_min(v_select(w->march.done, v_splat(INFINITY), w->march.t));
         if (!last || t < rear) {
             last = w;
             rear = t;
@@ -104,9 +104,7 @@ static void load_batch_packet(struct batch_packet *w, int first, int end,
     w->solid = work->scene->primitives[shape].eval == EVAL_LINEAR ? -1 : shape;
     w->local_to =
         w->solid < 0 ? w->rays.to_light : turned(&work->scene->primitives[shape], w->rays.to_light);
-    w->start =
-        (struct vec){w->rays.point.x - v_splat(origin[0]), w->rays.point.y - v_splat(origin[1]),
-                     w->rays.point.z - v_splat(origin[2])};
+    w->start = vec_sub(w->rays.point, vec_set(origin));
 }
 
 static void begin_batch_packet(struct batch_packet *w, const struct tile_context *work) {
@@ -126,13 +124,7 @@ static void add_batch_light(int first, int end, struct worker_scratch *scratch) 
     }
 }
 
-// A bundle of rays: the ball in which they start, a direction to the light, and how far the others differ
-// from it.
-struct batch_bundle {
-    float centre[3], to_light[3], radius, spread;
-};
-
-static struct batch_bundle bundle_of_packets(const struct batch_packet *packet, int packets) {
+static struct light_bundle bundle_of_packets(const struct batch_packet *packet, int packets) {
     struct vec low = packet->rays.point, high = low;
     for (int i = 1; i < packets; i++) {
         struct vec p = packet[i].rays.point;
@@ -140,17 +132,15 @@ static struct batch_bundle bundle_of_packets(const struct batch_packet *packet, 
         high = (struct vec){v_max(high.x, p.x), v_max(high.y, p.y), v_max(high.z, p.z)};
     }
     struct vec to = packet->rays.to_light;
-    struct batch_bundle bundle = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
-                                   0.5f * (least_lane(low.y) + most_lane(high.y)),
-                                   0.5f * (least_lane(low.z) + most_lane(high.z))},
-                                  {v_lane0(to.x), v_lane0(to.y), v_lane0(to.z)},
-                                  0,
-                                  0};
+    struct light_bundle bundle = {.centre = {0.5f * (v_reduce_min(low.x) + most_lane(high.x)),
+                                             0.5f * (v_reduce_min(low.y) + most_lane(high.y)),
+                                             0.5f * (v_reduce_min(low.z) + most_lane(high.z))},
+                                  .to_light = {v_lane0(to.x), v_lane0(to.y), v_lane0(to.z)}};
     struct vec c = vec_set(bundle.centre), t = vec_set(bundle.to_light);
     vfloat away = v_splat(0.0f), turned = away;
     for (int i = 0; i < packets; i++) {
         struct vec p = packet[i].rays.point, l = packet[i].rays.to_light;
-        struct vec v = {p.x - c.x, p.y - c.y, p.z - c.z}, d = {l.x - t.x, l.y - t.y, l.z - t.z};
+        struct vec v = vec_sub(p, c), d = vec_sub(l, t);
         away = v_max(away, vec_dot(v, v));
         turned = v_max(turned, vec_dot(d, d));
     }
@@ -185,11 +175,11 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
     do // at least one packet
         load_batch_packet(&batch.packet[batch.count++], at, end, &batch, work);
     while ((at += LANES) < end);
-    struct batch_bundle bundle = bundle_of_packets(batch.packet, batch.count);
-    bvh_list_for_batch(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
+    struct light_bundle bundle = bundle_of_packets(batch.packet, batch.count);
+    bvh_list_for_batch(&bundle, work);
     for (int i = 0; i < batch.count; i++) {
         bundle = bundle_of_packets(&batch.packet[i], 1);
-        bvh_list_for_packet(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
+        bvh_list_for_packet(&bundle, work);
         begin_batch_packet(&batch.packet[i], work);
     }
     // Limits steps and active sets together. An active set in which no ray can step, as with a place that is

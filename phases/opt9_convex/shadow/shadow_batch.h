@@ -66,7 +66,7 @@ struct shadow_batch {
 
 // Returns the vector from the active set's segment to a point.
 static inline struct vec offset_from_segment(const struct active_set *v, struct vec at) {
-    struct vec to = {at.x - v->start.x, at.y - v->start.y, at.z - v->start.z};
+    struct vec to = vec_sub(at, v->start);
     vfloat along = v_min(v_max(vec_dot(to, v->along), v_splat(0.0f)), v_splat(v->length));
     return (struct vec){v_nmadd(along, v->along.x, to.x), v_nmadd(along, v->along.y, to.y),
                         v_nmadd(along, v->along.z, to.z)};

@@ -6,9 +6,8 @@
 #include "shadow/shadow_rays.h"
 #include "types/sdf.h"
 
-// A cone of slope q about a ray, against a sphere of radius R; v: from the ray's origin to the centre, l: the
-// direction. The cone meets the sphere where a·t² − 2·b·t + c ≤ 0, a = 1 − q². It misses if |v − t·l| ≥ R +
-// q·t for all t ≥ 0.
+// A cone of slope q about a ray of direction l; v: to the centre of a sphere of radius R. It meets the sphere
+// where a·t² − 2·b·t + c ≤ 0, a = 1 − q², and misses it if |v − t·l| ≥ R + q·t for all t ≥ 0.
 struct shadow_cone {
     vfloat along, b, c; // v·l, v·l + q·R, |v|² − R²
 };
@@ -38,8 +37,7 @@ INLINE vfloat cone_exit(struct shadow_cone cone, float q) {
 
 // Returns the vector from p to the shape's position.
 INLINE struct vec to_centre(const struct primitive *s, struct vec p) {
-    return (struct vec){v_splat(s->position[0]) - p.x, v_splat(s->position[1]) - p.y,
-                        v_splat(s->position[2]) - p.z};
+    return vec_sub(vec_set(s->position), p);
 }
 
 // Returns the support of a solid in direction n of its frame: the maximum of p·n over its points p. length:

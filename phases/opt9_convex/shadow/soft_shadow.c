@@ -160,9 +160,8 @@ static void end_packet(const struct packet_march *c, struct worker_scratch *scra
               v_load(&field[S_PIXEL][c->first]), scratch);
 }
 
-// Marches PACKETS_IN_WORK packets in turns: a step waits for several roots in a row, and the CPU works on the
-// other packets meanwhile. With REFILL_PACKETS, a packet that ends is replaced at once. Else all end first,
-// and add their light in the queue's order.
+// Marches PACKETS_IN_WORK packets in turns: a step waits for several roots in a row. With REFILL_PACKETS, a
+// packet that ends is replaced at once. Else all end first, and add their light in the queue's order.
 void cast_packets(const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     const struct prepared *scene = work->scene;

@@ -3,23 +3,9 @@
 
 #include "simd/simd.h"
 
-// Returns the minimum of all lanes.
-static inline float least_lane(vfloat a) {
-    return v_reduce_min(a);
-}
-
+// Returns the maximum of all lanes.
 static inline float most_lane(vfloat x) {
-    return -least_lane(v_splat(0.0f) - x);
-}
-
-// Returns 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
-static inline vfloat root_guess(vfloat a) {
-    return v_rsqrt_approx(a);
-}
-
-// Returns 1/√a to more than 14 bits, for normal a > 0: the approximation and one Newton step.
-static inline vfloat rough_inverse_root(vfloat a) {
-    return v_rsqrt_newton(a);
+    return -v_reduce_min(v_splat(0.0f) - x);
 }
 
 // Returns 1/√a for normal a > 0, to an ulp or two.
@@ -66,7 +52,7 @@ static inline vfloat divided_by(vfloat b, const struct rooted *a) {
 static inline vfloat twice_over_root(vfloat times, vfloat a, vfloat b) {
     vfloat per = v_rcp_approx(b);
     per = per * v_nmadd(b, per, v_splat(2.0f));
-    return (times + times) * rough_inverse_root(a) * per;
+    return (times + times) * v_rsqrt_newton(a) * per;
 }
 
 // √a of a normal a > 0 and its inverse, to a few ulp. Two values only: AVX2 has 16 registers.
@@ -75,7 +61,7 @@ struct rooted {
 };
 
 static inline struct rooted rooted(vfloat a) {
-    vfloat r = rough_inverse_root(a);
+    vfloat r = v_rsqrt_newton(a);
     return (struct rooted){r, a * r};
 }
 

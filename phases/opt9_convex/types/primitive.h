@@ -3,7 +3,6 @@
 #pragma once
 
 #include <stdbool.h>
-#include <stddef.h>
 
 #include "scene/scene.h"
 #include "types/bvh.h"
@@ -16,9 +15,8 @@ static inline void split(double a, float *hi, float *lo) {
     *lo = (float)(a - *hi);
 }
 
-// How a shape's distance is evaluated along a ray. POINT: at a point in the shape's frame. LINEAR: a plane
-// that is not repeated, whose distance is linear in t. POWER: a sphere wider than the bounds, by its power,
-// quadratic in t.
+// How a shape's distance is evaluated. POINT: at a point in its frame. LINEAR: a plane that is not repeated,
+// linear in t. POWER: a sphere wider than the bounds, by its power, quadratic in t.
 enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
 // A shape in the form that the renderer evaluates. Lengths are in scene units.
@@ -40,9 +38,8 @@ struct primitive {
     bool convex;
     float box
         [3]; // repeated: half of a box that holds the shape, and the rounding of a walk through its cells
-    // Repeated shapes with the same frame and cells share a grid. `leader` is the first of them (the shape
-    // itself if it is not repeated), next_same_grid the next one (−1: none). The leader's box_of_grid holds
-    // them all.
+    // Repeated shapes with the same frame and cells share a grid. `leader`: the first of them, itself if not
+    // repeated; next_same_grid: the next, −1: none. The leader's box_of_grid holds them all.
     int next_same_grid;
     bool follows_same_grid; // the shape is not the leader of its grid
     int leader;
@@ -62,9 +59,8 @@ struct primitive_extra {
     int bvh_rank;         // with a BVH: the solid's index among the leaves
 };
 
-// The part of a scene that a generated kernel has as constants (opt10_scene). A type of its own: what may
-// vary between runs of one kernel (max_steps, hit_distance) is no member, so reading it through KNOWN() does
-// not compile.
+// What a generated kernel has as constants (opt10_scene). What may vary between runs of one kernel
+// (max_steps, hit_distance) is no member, so that reading it through KNOWN() does not compile.
 struct known_limits {
     double bounds_radius, normal_step, surface_offset;
     int max_bounces;

@@ -53,8 +53,7 @@ INLINE struct vec turned_back(const struct primitive *s, struct vec v) {
 
 // Returns the point p in the shape's frame, in float.
 INLINE struct vec to_local(const struct primitive *s, struct vec p) {
-    return turned(s, (struct vec){p.x - v_splat(s->position[0]), p.y - v_splat(s->position[1]),
-                                  p.z - v_splat(s->position[2])});
+    return turned(s, vec_sub(p, vec_set(s->position)));
 }
 
 // Returns the height of p over a linear plane.

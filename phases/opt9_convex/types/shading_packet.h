@@ -68,8 +68,7 @@ static inline struct vec background(vfloat weight, const struct known_model *mod
 }
 
 // A packet of camera rays and its nearest hits so far. only: the shape that all its rays hit, −1: not known.
-// In scenes without secondary rays (needs_no_secondary()), hit.local is the normal in world axes, of either
-// sign.
+// Without secondary rays (needs_no_secondary()), hit.local is the normal in world axes, of either sign.
 struct primary_hit {
     struct vec direction;
     vmask active;

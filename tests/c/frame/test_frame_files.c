@@ -2,7 +2,6 @@
 #include "tests/c/testing.h"
 
 #include <dirent.h>
-#include <errno.h>
 #include <math.h>
 #include <openexr.h>
 #include <signal.h>
