@@ -22,6 +22,12 @@ def lit(kind: str, position: list[float]) -> dict:
     return {"position": position, "shadows": kind, "emission": [9, 9, 9]}
 
 
+def decibels(mine: np.ndarray, wanted: np.ndarray, where: np.ndarray) -> float:
+    """PSNR of linear colours, clamped, in the pixels `where`."""
+    error = (np.clip(mine, 0, 1) - np.clip(wanted, 0, 1))[where].astype(float)
+    return float(-10 * np.log10(max(float((error**2).mean()), 1e-15)))
+
+
 def clamped(made: dict[str, np.ndarray]) -> np.ndarray:
     return np.clip(images.rgb(made), 0, 1).astype(float)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from conformance.feature_scenes import FLOOR, scene, shape
-from study.core import store
+from study.core import registry, store
 from study.core.registry import Scene
 from study.measuring import hits
 
@@ -24,17 +24,9 @@ AWAKE = {
     "rods_simd": ("STEPWISE_RODS", ""),
     "packets": ("STEPWISE_PACKETS", ""),
 }
-LADDER = (
-    "baseline",
-    "opt4",
-    "opt5_threads",
-    "opt6_wide",
-    "opt7_tiles",
-    "opt8_streams",
-    "opt9_convex",
-    "opt10_scene",
-    "opt11_ideal",
-)
+LADDER = [
+    name for name in registry.phases() if name.startswith("opt") and name not in ("opt1", "opt2", "opt3")
+]
 
 
 def expected() -> np.ndarray:
@@ -70,7 +62,7 @@ def draw(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("phase", [*AWAKE, *LADDER])
+@pytest.mark.parametrize("phase", [*AWAKE, "baseline", *LADDER])
 def test_they_are_one_sphere_and_the_first(draw, phase):
     needs.cpu_for(phase)
     there = expected()
@@ -85,7 +77,7 @@ def test_they_are_one_sphere_and_the_first(draw, phase):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["octahedron", "box", "sphere"])
-@pytest.mark.parametrize("phase", [phase for phase in LADDER if phase not in ("baseline", "opt4")])
+@pytest.mark.parametrize("phase", LADDER[1:])
 def test_mirrors_in_one_place_in_soft_light(phase: str, kind: str, tmp_path: Path) -> None:
     """4,095 of them and one, over a floor that has their shadow and that they mirror: the same hits and
     colours. (opt5_threads is opt4's code; baseline would take minutes.)"""

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from _pytest.mark import ParameterSet
+from soft_shadows import decibels
 
 from conformance import harness
 from conformance.feature_scenes import FLOOR, scene, shape
@@ -78,8 +79,7 @@ def nearness(picture: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> fl
     """PSNR to truth's picture where both hit the same shape, dB of linear RGB."""
     same = picture["id"] == truth["id"]
     assert same.mean() > 0.999
-    error = np.clip(images.rgb(picture), 0, 1) - np.clip(images.rgb(truth), 0, 1)
-    return float(-10 * np.log10(max(float((error[same].astype(float) ** 2).mean()), 1e-15)))
+    return decibels(images.rgb(picture), images.rgb(truth), same)
 
 
 @pytest.mark.parametrize(
@@ -123,8 +123,7 @@ def test_a_mandelbulb_shades_the_floor(phase: str) -> None:
     mine, truth = bulb(phase), bulb("truth")
     floor = (mine["id"] == 0) & (truth["id"] == 0)
     assert floor.mean() > 0.3
-    error = (np.clip(images.rgb(mine), 0, 1) - np.clip(images.rgb(truth), 0, 1))[floor].astype(float)
-    assert -10 * np.log10((error**2).mean()) >= LEAST_DB
+    assert decibels(images.rgb(mine), images.rgb(truth), floor) >= LEAST_DB
 
 
 @pytest.mark.slow
@@ -138,8 +137,7 @@ def test_eight_lanes_draw_it_too(phase: str, name: str, monkeypatch: pytest.Monk
 def test_a_phase_that_draws_the_ideal_draws_soft_and_ideal_alike() -> None:
     ideal = drawn("opt11_ideal", "above")
     path = harness.keep(
-        "ideal_scene_as_soft",
-        SCENES["above"] | {"light": SCENES["above"]["light"] | {"shadows": "soft"}},
+        "ideal_scene_as_soft", SCENES["above"] | {"light": SCENES["above"]["light"] | {"shadows": "soft"}}
     )
     soft = harness.render("opt11_ideal", path, WIDTH, HEIGHT).picture
     assert all(np.array_equal(ideal[name], soft[name]) for name in images.AOVS)

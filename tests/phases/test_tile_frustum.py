@@ -22,20 +22,8 @@ def test_plane_in_frustum(tmp_path: Path) -> None:
         "    return plane_in_frustum(&w, normal);\n}\n"
     )
     library = tmp_path / "frustum.so"
-    subprocess.run(
-        [
-            "gcc",
-            "-std=c11",
-            "-O2",
-            "-ffp-contract=off",
-            "-shared",
-            "-fPIC",
-            tmp_path / "frustum.c",
-            "-o",
-            library,
-        ],
-        check=True,
-    )
+    words = ["gcc", "-std=c11", "-O2", "-ffp-contract=off", "-shared", "-fPIC"]
+    subprocess.run([*words, tmp_path / "frustum.c", "-o", library], check=True)
     asked = ctypes.CDLL(str(library)).asked
 
     def is_in(corner: np.ndarray, normal: np.ndarray) -> bool:

@@ -2,7 +2,6 @@
 // opt3's log and exp against the C library's long double ones, on stratified samples.
 #include "tests/c/testing.h"
 
-
 #include "phases/opt3/vec.h"
 
 static double ulps(double got, long double exact) {

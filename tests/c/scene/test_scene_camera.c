@@ -1,22 +1,16 @@
 // The camera's frame: three unit vectors, made of the camera's position, the point it looks at and its `up` vector.
 #include "near.h"
 #include "scene_file.h"
-
-// Returns a number from -1 to 1, the same in every run (Knuth's MMIX LCG).
-static double random_number(uint64_t *seed) {
-    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
-    return (double)(int64_t)*seed / 9223372036854775808.0;
-}
+#include "tests/c/phases/random_from.h"
 
 // The frame is orthonormal. `forward` points to look_at, and right = normalize(up × forward): x grows to the right.
 TEST(camera_frames) {
-    uint64_t seed = 1;
     for (int i = 0; i < 200; i++) {
-        double p[3], q[3], up[3], length = pow(10, 4 * random_number(&seed)), c[3];
+        double p[3], q[3], up[3], length = pow(10, 4 * random_from(-1, 1)), c[3];
         for (int k = 0; k < 3; k++) {
-            p[k] = 10 * random_number(&seed);
-            q[k] = p[k] + length * random_number(&seed);
-            up[k] = random_number(&seed);
+            p[k] = 10 * random_from(-1, 1);
+            q[k] = p[k] + length * random_from(-1, 1);
+            up[k] = random_from(-1, 1);
         }
         json_t *root = parse(WHOLE);
         json_t *camera = json_pack("{s:[f,f,f], s:[f,f,f], s:[f,f,f], s:f}", "position", p[0], p[1],
@@ -26,20 +20,20 @@ TEST(camera_frames) {
         assert_true(load_json(root, JSON_REAL_PRECISION(17)));
         json_decref(root);
         const struct view *v = &scene.view;
-        assert_true(near(dot(v->right, v->right), 1, 1e-14) && near(dot(v->up, v->up), 1, 1e-12));
-        assert_true(near(dot(v->forward, v->forward), 1, 1e-14));
-        assert_true(near(dot(v->right, v->up), 0, 1e-12) &&
-                    near(dot(v->right, v->forward), 0, 1e-12));
-        cross(v->forward, v->right,
-              c); // the frame is (right, up, forward) with up = forward × right
+        assert_true(near(dot3(v->right, v->right), 1, 1e-14) && near(dot3(v->up, v->up), 1, 1e-12));
+        assert_true(near(dot3(v->forward, v->forward), 1, 1e-14));
+        assert_true(near(dot3(v->right, v->up), 0, 1e-12) &&
+                    near(dot3(v->right, v->forward), 0, 1e-12));
+        cross3(v->forward, v->right,
+               c); // the frame is (right, up, forward) with up = forward × right
         for (int k = 0; k < 3; k++)
             assert_true(near(v->up[k], c[k], 1e-15));
-        cross(up, v->forward, c);
-        double size = sqrt(dot(c, c));
+        cross3(up, v->forward, c);
+        double size = sqrt(dot3(c, c));
         for (int k = 0; k < 3; k++)
             assert_true(near(v->right[k], c[k] / size, 1e-10));
         double d[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]};
-        assert_true(near(dot(d, v->forward), sqrt(dot(d, d)), 1e-12 * length));
+        assert_true(near(dot3(d, v->forward), sqrt(dot3(d, d)), 1e-12 * length));
         scene_free(&scene);
     }
 }
@@ -85,8 +79,8 @@ TEST(the_camera_follows_its_path) {
             assert_true(near(view.position[i], place, 1e-14));
             ahead[i] = look_at[i] - place;
         }
-        assert_true(near(dot(ahead, view.forward), sqrt(dot(ahead, ahead)), 1e-13));
-        assert_true(near(dot(view.right, view.forward), 0, 1e-15));
+        assert_true(near(dot3(ahead, view.forward), sqrt(dot3(ahead, ahead)), 1e-13));
+        assert_true(near(dot3(view.right, view.forward), 0, 1e-15));
     }
     scene_free(&scene);
     assert_true(accepted("camera.path", NULL));

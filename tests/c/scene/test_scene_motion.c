@@ -63,14 +63,14 @@ TEST(a_circle_keeps_its_distance) {
         double from[3], off[3], ahead[3];
         for (int i = 0; i < 3; i++)
             from[i] = shapes[0].position[i] - centre[i];
-        assert_true(near(dot(from, axis), along, 1e-14));
+        assert_true(near(dot3(from, axis), along, 1e-14));
         for (int i = 0; i < 3; i++)
             off[i] = from[i] - along * axis[i];
-        assert_true(near(sqrt(dot(off, off)), distance, 1e-14));
+        assert_true(near(sqrt(dot3(off, off)), distance, 1e-14));
         for (int i = 0; i < 3; i++)
             turned[i] = from[i] - before[i];
-        cross(axis, off, ahead); // right-hand rule: the shape moves along axis × off
-        assert_true(t == 0 || dot(turned, ahead) > 0);
+        cross3(axis, off, ahead); // right-hand rule: the shape moves along axis × off
+        assert_true(t == 0 || dot3(turned, ahead) > 0);
         memcpy(before, from, sizeof before);
     }
     scene_free(&scene);
