@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import shutil
@@ -16,6 +15,7 @@ import phase_pictures
 import pytest
 from emulated import TRUE, made_in, needs_sixteen, sixteen
 from phase_pictures import check_bits
+from processes import children, ends
 
 from conformance.feature_scenes import FEATURES
 from study.core import registry
@@ -328,16 +328,6 @@ def test_read_only_cache_serves_what_it_has(shop: Workshop, tmp_path: Path) -> N
     assert again["cached"] and again["hash"] == facts["hash"] and not said
 
 
-def living(group: int) -> list[str]:
-    """Processes of that group that run or sleep."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):  # it has ended
-            state, _, its_group, *_ = path.read_text().rpartition(")")[2].split()
-            found += [path.parent.name] * (int(its_group) == group and state not in "ZX")
-    return found
-
-
 def test_what_ends_it_ends_its_compiler(shop: Workshop, tmp_path: Path) -> None:
     """The compiler has a process group of its own; neither it nor a file is left behind."""
     folder, told = tmp_path / "cache", tmp_path / "pid"
@@ -353,15 +343,11 @@ def test_what_ends_it_ends_its_compiler(shop: Workshop, tmp_path: Path) -> None:
                 break
             time.sleep(0.05)
         assert list(folder.iterdir()), "it has begun"
+        started = [int(told.read_text()), *children(int(told.read_text()))]
         renderer.send_signal(signal.SIGINT)
         assert renderer.wait(timeout=20) == -signal.SIGINT
     assert not list(folder.iterdir())
-    group = int(told.read_text())
-    for _ in range(200):
-        if not living(group):
-            break
-        time.sleep(0.05)  # what was killed, on a busy CPU; left alone, `sleep` takes a minute
-    assert not living(group)
+    assert all(map(ends, started))
 
 
 def test_a_compiler_that_does_not_know_how_gcc_copies(shop: Workshop, tmp_path: Path) -> None:

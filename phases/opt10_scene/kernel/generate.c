@@ -1,8 +1,11 @@
-// Writes a scene as C constants. Floats are hexadecimal, so that every bit is kept.
+// Writes a kernel's source: the sources embedded in the program (embedded.h, by common/build/phase_info.py from
+// phase.json's "embedded"), and the scene as C constants. Floats are hexadecimal, so that every bit is kept.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "embedded.h"
 #include "kernel/kernel.h"
 
 // With more shapes, loops over shapes stay loops: unrolled, they would not fit the instruction cache and
@@ -110,13 +113,8 @@ static bool one_material(const struct prepared *p) {
     return true;
 }
 
-char *generate_scene(const struct prepared *p) {
-    char *text = NULL;
-    size_t size = 0;
+static void write_scene(FILE *to, const struct prepared *p) {
     const struct known_scene *k = &p->known;
-    FILE *to = open_memstream(&text, &size);
-    if (!to)
-        return NULL;
     fprintf(to, "// %d shapes: the constants of the scene.\n#include <math.h>\n#define SHAPES %d\n",
             p->model.shape_count, p->model.shape_count);
     fprintf(to, "enum { WHOLE_SHININESS = %d, ONE_MATERIAL = %d };\n", whole_shininess(p),
@@ -131,6 +129,19 @@ char *generate_scene(const struct prepared *p) {
             "    .primitives = scene_shapes, .repeats = %d, .plane = %d, .bulbs = %d, .lit_slope = "
             "%af};\n",
             k->repeats, k->plane, k->bulbs, (double)k->lit_slope);
+}
+
+char *kernel_source(const struct prepared *prepared) {
+    char *text = NULL;
+    size_t size = 0;
+    FILE *to = open_memstream(&text, &size);
+    if (!to)
+        return NULL;
+    for (size_t i = 0; i < sizeof embedded_lines / sizeof *embedded_lines; i++)
+        if (strstr(embedded_lines[i], "\"scene_kernel.h\""))
+            write_scene(to, prepared);
+        else
+            fputs(embedded_lines[i], to);
     bool sound = !ferror(to);
     if (fclose(to) != 0 || !sound) {
         free(text);

@@ -28,10 +28,8 @@ void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
                  struct loaded_kernel *loaded);
 void kernel_unload(struct loaded_kernel *loaded);
 
-// kernel/generate.c: returns the text of scene_kernel.h, to be freed; NULL: memory is short.
-char *generate_scene(const struct prepared *prepared);
-// kernel/sources.c: returns the kernel's whole source, to be freed; NULL: memory is short.
-char *kernel_source(const char *scene_text);
+// kernel/generate.c: returns the kernel's whole source, to be freed; NULL: memory is short.
+char *kernel_source(const struct prepared *prepared);
 
 // kernel/compile.c. Sets the compiler's path, or an empty string and the reason.
 void find_compiler(char path[4096], char reason[256]);

@@ -6,16 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "kernel/kernel.h"
-
-static uint64_t now_ns(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
+#include "timing/timer.h"
 
 // Returns a kernel's whole text: its source behind a line with the flags and the identity of the compiler's
 // file. To be freed; NULL: memory is short.
@@ -105,7 +99,7 @@ static void find_or_make(const char *text, int lanes, const char *flags, const c
     snprintf(loaded->hash, sizeof loaded->hash, "%016llx", fnv(FNV_BEGIN, text, strlen(text)));
     snprintf(object, sizeof object, "%s/%s.so", folder, tag);
     snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
-    uint64_t begin = now_ns();
+    uint64_t begin = timer_ns();
     cache_used(kept); // before it is opened, so that a concurrent sweep keeps it
     cache_used(object);
     bool same = cache_holds(kept, text);
@@ -114,36 +108,34 @@ static void find_or_make(const char *text, int lanes, const char *flags, const c
             say_why_not(object, loaded);               // the folder may forbid execution
             return;
         }
-        uint64_t compile = now_ns();
+        uint64_t compile = timer_ns();
         bool made =
             make_object(text, folder, compiler, flags, lanes, tag, object, kept, loaded->reason);
-        begin = now_ns();
+        begin = timer_ns();
         loaded->facts.compile_ns = begin - compile; // recorded even if it failed
         if (!made)
             return;
         if (!open_object(object, tag, text, loaded))
             say_why_not(object, loaded);
     }
-    loaded->facts.load_ns = now_ns() - begin;
+    loaded->facts.load_ns = timer_ns() - begin;
 }
 
 void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
                  struct loaded_kernel *loaded) {
     *loaded = (struct loaded_kernel){0};
-    uint64_t begin = now_ns();
+    uint64_t begin = timer_ns();
     char compiler[4096];
     find_compiler(compiler, loaded->reason);
-    char *scene = *compiler ? generate_scene(prepared) : NULL;
-    char *source = scene ? kernel_source(scene) : NULL;
+    char *source = *compiler ? kernel_source(prepared) : NULL;
     char *text = source ? text_of(source, flags, lanes, compiler) : NULL;
-    loaded->facts.generate_ns = now_ns() - begin;
+    loaded->facts.generate_ns = timer_ns() - begin;
     if (text)
         find_or_make(text, lanes, flags, compiler, loaded);
     else if (!*loaded->reason)
         snprintf(loaded->reason, sizeof loaded->reason, "memory is short");
     free(text);
     free(source);
-    free(scene);
     struct kernel_facts *facts = &loaded->facts;
     facts->generated = loaded->kernel != NULL;
     facts->reason = facts->generated ? NULL : loaded->reason;
