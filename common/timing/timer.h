@@ -3,6 +3,7 @@
 // Instruction Set Architectures", Intel, 2010); core cycles, estimated from a chain of dependent register adds.
 #pragma once
 
+#include <stdbool.h>
 #include <stdint.h>
 
 // Returns the TSC at the start of a timed region. The lfence before it waits for all earlier

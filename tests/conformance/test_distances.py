@@ -177,7 +177,10 @@ def of_many(name: str) -> Case:
     return case(name, FEATURES[name], points_around(np.random.default_rng(4), FEATURES[name]))
 
 
-@pytest.mark.parametrize("name", ["shapes_64", "shapes_64_turned", "shapes_overlap", "shapes_same_place"])
+MANY = ["shapes_64", "shapes_64_turned", "shapes_overlap", "shapes_same_place"]
+
+
+@pytest.mark.parametrize("name", [*MANY, "rounded", "rounded_turned_repeated"])
 def test_many_shapes(phase: str, name: str) -> None:
     check_distances(phase, of_many(name))
 

@@ -41,7 +41,6 @@ SLANTED = {
     "offset": 0.0474869430957483,
 }
 
-
 ASIDE = {
     "camera": {"position": [2.2659, 7.9264, -7.2588], "look_at": [0, 1.3337, 0], "vertical_fov_degrees": 40},
     "light": {"position": [-8.7047, 3.2413, -4.6591], "emission": [40] * 3},

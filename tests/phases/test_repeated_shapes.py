@@ -15,13 +15,8 @@ pytestmark = needs_opt9
 
 
 GRID = [4.4, 4.2, 5]
-
-
 LATTICE = shape("box", repeat=GRID, **TURNED)
-
-
 AGLOW = {"light": {"emission": [90, 80, 70]}, "background": [0.9, 0.5, 0.1]}
-
 
 # Repeated shapes, held against truth, which walks through the cells by proofs of its own.
 REPEATED = {
@@ -93,11 +88,7 @@ def narrow(shapes: list[dict], eye: list[float], light: list[float], **more) -> 
 
 
 ROUND = {"rounding": 0.1, "half_size": [1, 0.9, 1.1]}
-
-
 TWO_GRIDS = (("box", ROUND, GRID), ("sphere", {"radius": 0.7}, [3.1, 4.3, 3.7]), ("torus", {}, [7, 5, 6]))
-
-
 REPEATED |= {
     "bundles, the light at the camera": narrow(
         [shape("box", repeat=GRID, **ROUND, **TURNED), shape("sphere", radius=1.3, repeat=GRID, **TURNED)],

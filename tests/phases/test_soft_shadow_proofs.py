@@ -76,10 +76,7 @@ ONE_BELOW = [
     shape("box", half_size=[1, 1, 1], position=[0, -6, 20]),
 ]
 
-
 DOWN = {"position": [0, 0, 0], "look_at": [0, 0, 1], "vertical_fov_degrees": 30}
-
-
 WIDTHS = ("opt8_streams", PHASE, "opt10_scene")
 
 
@@ -127,11 +124,7 @@ def test_what_is_outside_of_the_bounds_casts_no_shadow(count: int, phase: str, t
 # What is told by a plane between ray and solid, and rays that end once they are past the one solid in their
 # way, as they may not where there are two, or a torus, which a ray can pass twice. BRIGHT: a pixel's light.
 BRIGHT = 2.5
-
-
 ROW = range(-2, 3)
-
-
 IN_THE_WAY = {
     "slim and flat solids": scene(
         [

@@ -17,7 +17,6 @@ from tile_pictures import (
     WIDTHS,
     check_bits,
     check_same,
-    check_starts,
     crowd,
     flat_scenes,
     picture,
@@ -223,8 +222,3 @@ def test_stretches_of_two_bulbs_over_two_planes(shadows, width, tmp_path) -> Non
     mine, parents = (picture(phase, scene, tmp_path, (96, 54), **WIDTHS[width]) for phase in (PHASE, PARENT))
     assert set(np.unique(parents["id"])) >= {0, 1, 2, 3}
     check_same(mine, parents, f"two bulbs, {shadows}, {width}")
-
-
-def test_no_start_past_the_true_hit(tmp_path) -> None:
-    for name in ("trio", "mandelbulb"):
-        check_starts(PHASE, registry.scenes()[name].data, tmp_path, name)

@@ -23,7 +23,6 @@ from phase_pictures import needs as needs_cpu
 from conformance.feature_scenes import DEEPEST, FEATURES, STANDING
 from study.core import registry
 from study.core.build import build
-from study.core.registry import ROOT
 from study.pictures import images
 
 PHASE, PARENT = "opt5_threads", "opt4"
@@ -227,47 +226,3 @@ def test_no_data_race_in_a_picture_of(phase, name, compiler, tmp_path) -> None:
     mine = picture(program, scene, tmp_path, "--threads", 3, "--reps", 3, size=(97, 41), **words)
     check_bits(mine, plain, f"{phase}, {name}")
     assert (compiler == "gcc") == bool(list(tmp_path.glob("cache/*.so"))), "the kernel was generated"
-
-
-POOL = """
-#include <stdio.h>
-#include <stdlib.h>
-#include "workers/workers.h"
-enum { MOST = 3000 };
-static int drawn[MOST]; // plain: two workers at one tile are a data race
-static void render_tile(const void *job, int tile, void *own) {
-    (void)job;
-    drawn[tile]++;
-    ++*(int *)own;
-}
-int main(int argc, char **argv) {
-    int frames = 20, tiles = atoi(argv[argc - 1]);
-    struct workers *workers = workers_start(atoi(argv[1]), sizeof(int));
-    for (int frame = 0; frame < frames; frame++)
-        workers_run(workers, render_tile, NULL, tiles);
-    workers_end(workers);
-    for (int tile = 0; tile < MOST; tile++)
-        if (drawn[tile] != (tile < tiles ? frames : 0))
-            return printf("tile %d: %d times\\n", tile, drawn[tile]), 1;
-    return 0;
-}
-"""
-
-
-def test_each_tile_is_drawn_once_without_a_race(tmp_path) -> None:
-    """The pool alone, under ThreadSanitizer, for any number of workers and tiles, fewer than them too."""
-    source, program = tmp_path / "pool.c", tmp_path / "pool"
-    source.write_text(POOL)
-    made = call(
-        [
-            *("gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", "-g1", "-fsanitize=thread", "-pthread"),
-            *("-I", ROOT / "common", source, *sorted(ROOT.glob("common/workers/*.c")), "-o", program),
-        ]
-    )
-    if "tsan" in made.stderr:
-        pytest.skip(SANITIZER)
-    assert made.returncode == 0, made.stderr
-    for workers in (1, 2, 3, 8):
-        for tiles in (1, 7, 2999):
-            done = call([program, str(workers), str(tiles)])
-            assert (done.returncode, done.stdout) == (0, ""), done.stderr

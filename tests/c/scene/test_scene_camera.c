@@ -58,9 +58,7 @@ TEST(a_tiny_step_to_look_at_is_still_a_direction) {
 
 // The camera goes to the line's other end and back. It looks at the same point from everywhere.
 TEST(the_camera_follows_its_path) {
-    json_t *root = parse(WHOLE);
-    assert_true(load_json(root, 0));
-    json_decref(root);
+    load_whole();
     struct view view;
     for (int period = -1; period < 3; period++) {
         assert_int_equal(scene_view(&scene, 4.0 * period, &view), AIM_OK);
