@@ -9,7 +9,6 @@ import json
 import os
 import random
 import signal
-import statistics
 import subprocess
 import tempfile
 import threading
@@ -228,11 +227,6 @@ def frames(
 def compiled_by(compiler: str) -> dict[str, str]:
     """What tells a driver to compile by that compiler what it generates for a scene."""
     return {} if os.environ.get("STEPWISE_CC") == "none" else {"STEPWISE_CC": compiler}
-
-
-def median_ms(record: Mapping[str, Any]) -> float:
-    """Of a launch's timed frames."""
-    return statistics.median(one["ns"] for one in record["frames"] if not one["warmup"]) / 1e6
 
 
 @contextlib.contextmanager

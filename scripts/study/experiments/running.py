@@ -11,7 +11,7 @@ from typing import Any
 
 from study.core import cli, commands, machine, registry, store
 from study.core.cli import Outcome
-from study.experiments.section import Part
+from study.experiments.section import Part, where
 from study.pictures.draw import Drawing
 
 
@@ -69,10 +69,16 @@ def end(
     parts: Sequence[Part],
     drawings: Mapping[str, Drawing] | None = None,
     images: Sequence[Path] = (),
-    remarks: Sequence[str] = (),
+    remarks: Sequence[str] | None = None,
     failed: Sequence[str] = (),
 ) -> Outcome:
-    """Writes the result and its figures: how the command ends. For people: the first table, and the files."""
+    """Writes the result and its figures: how the command ends. For people: the first table, the files, and
+    what was left out unless `remarks` say that."""
+    if remarks is None:
+        some = getattr(result, "left_out", [])
+        remarks = [
+            f"left out {' '.join(filter(None, (one.phase, where(one))))}: {one.reason}" for one in some
+        ]
     store.write_json(file, cli.plain(result))
     drawn = draw(file.parent, drawings or {})
     lines = [*(one.markdown for one in parts[:1]), *images, *drawn, file]

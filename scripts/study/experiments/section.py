@@ -141,6 +141,19 @@ def chapters(
     return lambda data: chapter(name, title, data.path / file, kind.load_if_there, found, rows)
 
 
+def where(row: Any) -> str:
+    """Of what was left out: the scene, and its view or hit distance."""
+    more = getattr(row, "view", None) or getattr(row, "hit", None)
+    return " ".join(filter(None, (row.scene, more)))
+
+
+def left_out(name: str, rows: Sequence[Any]) -> list[Part]:
+    """The table of what was not measured."""
+    reason = Column("", "why", lambda row: row.reason)
+    columns = [Column("", "phase", show.word("phase")), Column("", "scene", lambda row: where(row) or "all")]
+    return part(name, "Not measured", rows, [*columns, reason])
+
+
 def part(
     name: str,
     caption: str,

@@ -8,7 +8,7 @@ from typing import Any
 
 from study.core import show
 from study.core.show import Column
-from study.measuring.schema import HitErrors, TimedErrors
+from study.measuring.schema import HitErrors
 
 JUDGED = 0.9995  # of the pixels: less is said
 TRUTH = "to ground truth"
@@ -81,6 +81,6 @@ _COLUMNS = {
 }
 
 
-def not_finite(rows: Sequence[tuple[str, HitErrors | TimedErrors]]) -> list[str]:
+def not_finite(rows: Sequence[tuple[str, Any]]) -> list[str]:
     """Sentences for the named rows whose pictures have samples that are not finite."""
     return [f"{name}: {row.non_finite} samples are not finite" for name, row in rows if row.non_finite]

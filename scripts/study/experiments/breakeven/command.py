@@ -12,6 +12,7 @@ from study.experiments import running
 from study.experiments.breakeven import measure as breakeven
 from study.experiments.breakeven import tables
 from study.experiments.breakeven.schema import Breakeven
+from study.measuring import hit_tables
 
 DESCRIPTION = """\
 opt10_scene compiles a kernel for each scene. Its set-up, from an empty cache, and its frames against
@@ -53,11 +54,5 @@ def measure(args: argparse.Namespace) -> Outcome:
         rows=rows,
         left_out=left_out,
     )
-    failed = [
-        f"{row.scene}: {row.error.non_finite} samples not finite"
-        for row in rows
-        if row.error and row.error.non_finite
-    ]
-    remarks = [f"left out {row.scene}: {row.reason}" for row in left_out]
-    parts = tables.found(result).parts
-    return running.end(folder / FILE, result, parts, remarks=remarks, failed=failed)
+    failed = hit_tables.not_finite([(row.scene, row.error) for row in rows if row.error])
+    return running.end(folder / FILE, result, tables.found(result).parts, failed=failed)

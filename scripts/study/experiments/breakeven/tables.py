@@ -10,7 +10,7 @@ from study.core import show
 from study.core.show import Column
 from study.experiments.breakeven.measure import SMALL
 from study.experiments.breakeven.schema import Breakeven, Row
-from study.experiments.section import Found, part
+from study.experiments.section import Found, left_out, part
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
@@ -100,7 +100,7 @@ def found(result: Breakeven) -> Found:
     parts = [
         *part("breakeven", caption, made, columns(result.against), FOOT),
         *part("breakeven-none", "No kernel: the general code runs", without, [*NONE, NEVER]),
-        *part("breakeven-left-out", "Not measured", result.left_out, NONE),
+        *left_out("breakeven-left-out", result.left_out),
     ]
     if not made:
         return Found(parts)

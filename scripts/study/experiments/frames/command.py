@@ -46,6 +46,5 @@ def measure(args: argparse.Namespace) -> Outcome:
         for row in result.rows
         if row.non_finite or row.displayed_otherwise
     ]
-    left = [f"left out {one.phase} {one.scene or ''}: {one.reason}" for one in result.left_out]
     made = tables.found(result)
-    return running.end(folder / FILE, result, made.parts, made.drawn, remarks=left, failed=bad)
+    return running.end(folder / FILE, result, made.parts, made.drawn, failed=bad)

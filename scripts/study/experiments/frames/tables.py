@@ -12,7 +12,7 @@ from study.core import show
 from study.core.show import Column
 from study.experiments.frames.measure import HALF, PHASE
 from study.experiments.frames.schema import Frames, Row
-from study.experiments.section import Found, part
+from study.experiments.section import Found, left_out, part
 from study.pictures.draw import Drawing, plain_log
 
 FIGURE = "frames"
@@ -63,11 +63,6 @@ RATES = [
         "depth agrees ",
         lambda r: show.share(r.to_own and r.to_own.depth_agree_fraction),
     ),
-]
-LEFT_OUT = [
-    Column("", "phase", lambda r: r.phase),
-    Column("", "scene", lambda r: f"{r.scene}, {r.hit}" if r.scene else "all"),
-    Column("", "why", lambda r: r.reason),
 ]
 
 
@@ -147,5 +142,5 @@ def found(result: Frames) -> Found:
     """Finished frames a second on every core, presenting included."""
     caption = "Finished frames a second on every core, gamma and 8 bits included"
     parts = part("frames", caption, result.rows, RATES, COARSE)
-    parts += part("frames-left-out", "Not measured", result.left_out, LEFT_OUT)
+    parts += left_out("frames-left-out", result.left_out)
     return Found(parts, answer(result), drawings(result))

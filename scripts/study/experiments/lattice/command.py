@@ -15,7 +15,7 @@ from study.core.registry import Spec
 from study.experiments import running
 from study.experiments.lattice import tables
 from study.experiments.lattice.schema import FILE, SCENE, Lattice, Program, Row
-from study.measuring import hits, launches
+from study.measuring import hit_tables, hits, launches
 from study.measuring.launches import Size
 from study.measuring.schema import HitErrors
 from study.truth import truth
@@ -109,6 +109,5 @@ def measure(args: argparse.Namespace) -> Outcome:
         error_size=[*error_size],
         rows=[row(point, ms, errors) for point, ms in times.items()],
     )
-    bad = [name for name, found in errors.items() if found.non_finite]
-    failed = [f"{name} on {SCENE}: samples that are not finite" for name in bad]
+    failed = hit_tables.not_finite([(f"{name} on {SCENE}", found) for name, found in errors.items()])
     return running.end(folder / FILE, result, tables.parts(result), failed=failed)

@@ -8,10 +8,11 @@ import math
 from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
+from study.experiments.section import where
 from study.experiments.views import gains, tables
 from study.experiments.views import measure as viewing
 from study.experiments.views.schema import LeftOut, Views
-from study.measuring import views
+from study.measuring import hit_tables, views
 
 DESCRIPTION = """\
 Was a phase tuned to one view? Its constants may suit the own views of scene0 and mandelbulb alone. Here every
@@ -68,8 +69,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         left_out=left_out + plan.left_out,
         failures=plan.failures,
     )
-    failed = [tables.failed(row) for row in rows if row.non_finite]
-    failed += [f"{one.phase} on {tables.where(one)}: {one.reason}" for one in plan.failures]
-    remarks = [f"left out {one.phase} {tables.where(one)}: {one.reason}" for one in result.left_out]
+    failed = hit_tables.not_finite([(f"{row.phase} on {row.scene} {row.view}", row) for row in rows])
+    failed += [f"{one.phase} on {where(one)}: {one.reason}" for one in plan.failures]
     made = tables.found(result)
-    return running.end(folder / FILE, result, made.parts, made.drawn, remarks=remarks, failed=failed)
+    return running.end(folder / FILE, result, made.parts, made.drawn, failed=failed)

@@ -11,9 +11,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.section import Found, Part, part
+from study.experiments.section import Found, Part, left_out, part
 from study.experiments.views.gains import ALONE, BASE, EVERYWHERE, MEDIAN
-from study.experiments.views.schema import Furthest, Gain, LeftOut, Row, Views, decibels
+from study.experiments.views.schema import Furthest, Gain, Views, decibels
 from study.measuring.views import CLEAR
 from study.numbers.schema import Interval
 from study.pictures.draw import Drawing
@@ -76,25 +76,15 @@ POINTS = [
     Column("error", "wrong hit, ppm", show.plain("wrong_ppm")),
     Column("error", "depth agrees", lambda r: show.share(r.depth_agree_fraction)),
 ]
-LEFT_OUT = [
-    Column("", "program", lambda r: r.phase),
-    Column("", "scene and view", lambda r: where(r) or "all"),
-    Column("", "why", lambda r: r.reason),
-]
-
-
-def where(row: LeftOut) -> str:
-    return f"{row.scene} {row.view}" if row.scene else ""
 
 
 def parts(result: Views) -> list[Part]:
     size = f"times at n = {result.n}, errors at n = {result.error_n}"
     caption = f"Each phase against its parent, on views it was not tuned on; {size}"
-    left_out = [*result.failures, *result.left_out]
     return [
         *part("views", caption, result.rungs, GAINS),
         *part("views-points", "Every program on every view", result.rows, POINTS),
-        *part("views-left-out", "Not measured", left_out, LEFT_OUT),
+        *left_out("views-left-out", [*result.failures, *result.left_out]),
     ]
 
 
@@ -175,7 +165,3 @@ def note(result: Views) -> str:
 
 def found(result: Views) -> Found:
     return Found(parts(result), answer(result), drawings(result))
-
-
-def failed(row: Row) -> str:
-    return f"{row.phase} on {row.scene} {row.view}: {row.non_finite} samples not finite"
