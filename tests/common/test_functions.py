@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import shutil
@@ -136,29 +135,6 @@ def test_newton_squares_the_error(rows: list[Entry]) -> None:
     second = relative_errors(entry(rows, "rsqrt", "rsqrtps + 1", "SSE")).max()
     assert second <= 1.5 * first**2 + 0.5 * first**3 + 4 * 2**-24
     assert second >= 1.5 * first**2
-
-
-# --- Tables of rsqrt
-
-
-def test_rsqrt_tables(rows: list[Entry]) -> None:
-    """Intel SDM vol. 2: |relative error| ≤ 1.5·2⁻¹² and < 2⁻¹⁴. One table behind all widths of rsqrtps."""
-    tables = {t.instruction: t for t in functions.rsqrt_tables(rows)}
-    assert set(tables) == set(functions.TABLES)
-    narrow = [t for name, t in tables.items() if not name.startswith("vrsqrt14") and t.sha256]
-    assert len(narrow) >= 2
-    assert len({t.sha256 for t in narrow}) == 1
-    for table in narrow:
-        assert 2**-13 < table.max_relative_error <= 1.5 * 2**-12
-    # The same arguments another way: 1 + k/2²³, then 2 + k/2²².
-    k = np.arange(1 << 23) / 2.0**23
-    values = functions.evaluate(
-        entry(rows, "rsqrt", "rsqrtps + 0", "SSE"), np.concatenate((1 + k, 2 + 2 * k))
-    )
-    assert hashlib.sha256(values).hexdigest() == narrow[0].sha256
-    for name in ("vrsqrt14ps", "vrsqrt14pd"):
-        wide = tables[name]
-        assert wide.missing or (wide.max_relative_error < 2**-14 and wide.sha256 != narrow[0].sha256)
 
 
 # --- Edges

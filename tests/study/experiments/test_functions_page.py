@@ -10,14 +10,12 @@ import msgspec
 import pytest
 
 from study.core import cli, commands, show, store
-from study.core.run_schema import Context, Cpu
 from study.experiments.functions import edge_tables, experiment, figures, tables
 from study.experiments.functions import measure as functions
-from study.experiments.functions.schema import FILE, Edge, Entry, Functions, Table
+from study.experiments.functions.schema import FILE, Edge, Entry, Functions
 from study.measuring import function_bench
 from study.numbers.schema import Range
 
-CPU = Cpu(model="Example CPU", vendor="Example Inc", family=6, model_number=7, stepping=2)
 ASKED = (("0", "∞"), ("−1", "NaN"), ("∞", "0"))  # 1/√x, by IEEE 754's rSqrt
 
 
@@ -44,10 +42,7 @@ NOISE = entry("noise", "SSE", 3.0, -0.1, 0.4)  # nearest; its latency is within 
 
 
 def result(*entries: Entry) -> Functions:
-    rsqrt = [Table(instruction="rsqrtss", isa="scalar", precision="float", sha256="ab" * 32)]
-    return Functions(
-        schema=1, quick=True, context=Context(cpu=CPU), entries=list(entries), rsqrt_tables=rsqrt
-    )
+    return Functions(schema=1, quick=True, entries=list(entries))
 
 
 def test_front() -> None:
@@ -87,7 +82,6 @@ def test_edges_show_only_who_differs_and_where(tmp_path: Path) -> None:
     marks = [["bad" in mark.split() for _, mark in row[2:]] for row in table.cells]
     assert marks == [[False, False], [True, False], [True, True]]
     assert "1 of 4" in parts["functions-edges"].caption
-    assert parts["rsqrt"].table.cells[0][1][0] == "Example CPU; Example Inc, family 6, model 7, stepping 2"
     alone = result(LIBM)
     assert all(edge_tables.rows(alone, of) == [] for of in edge_tables.TABLES.values())
     values = {"−5.3419e-155": "−5.34e−155", "0.0049620": "0.00496", "NaN": "NaN", "−∞": "−∞", "−0": "−0"}

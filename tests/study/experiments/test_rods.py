@@ -49,8 +49,6 @@ def test_the_articles_figures_beside_ours() -> None:
         ("100×", "12.0×", "0.120×"),
     ]
     assert [part.name for part in found.parts] == ["rods", "rods-trade"]
-    (drawing,) = found.drawn.values()
-    assert [len(panel.lines) for panel in drawing.make().axes] == [7, 7]
 
 
 def test_colours_by_hand() -> None:
@@ -84,6 +82,5 @@ def test_from_pictures_to_its_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
         (16, 1, "safe"),
     ]
     assert (tmp_path / "images" / f"{pictures.PICTURES}.png").exists()
-    assert (tmp_path / "figures" / f"{tables.TRADE}.svg").exists()
     assert [p.name for p in systems.section(tmp_path).parts] == ["systems", "rods", "rods-trade"]
     assert find_scene("trio").name in str(outcome.lines)

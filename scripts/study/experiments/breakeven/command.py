@@ -16,8 +16,7 @@ from study.measuring import hit_tables
 
 DESCRIPTION = """\
 opt10_scene compiles a kernel for each scene. Its set-up, from an empty cache, and its frames against
-opt9_convex's, interleaved, each launch a process of its own: how many frames until it has paid. Scenes
-without a kernel are named."""
+opt9_convex's: how many frames until it has paid. Scenes without a kernel are named."""
 STATUSES = {cli.FAILED: "a kernel's picture has samples that are not finite"}
 FILE = "breakeven.json"
 SECONDS = 90

@@ -13,10 +13,8 @@ from study.experiments.fixed.schema import FILE, Fixed
 from study.measuring import hit_tables
 
 DESCRIPTION = """\
-spheres40 by the integer ray tracer: the article's way, one lane, 8 and 16, and the same in floats, timed in
-interleaved launches with the error of each to truth; bits of fraction from 8 to 28 with the article's
-roots, two Newton steps and three; which pixels the article's four-corner test clears wrongly; and the frame
-times of the animation beside the article's 14.29 ms on 35 cores."""
+spheres40 by the integer ray tracer, one lane, 8 and 16, and the same in floats: interleaved times, errors to
+truth. Then bits of fraction × roots, blocks that are cleared wrongly, and an animation's frame times."""
 STATUSES = {1: "a picture has samples that are not finite"}
 
 

@@ -12,9 +12,8 @@ from study.experiments.frames import tables
 from study.experiments.frames.schema import FILE, Frames
 
 DESCRIPTION = """\
-Whole frames: rendering on every core, then gamma and 8 bits. scene0 is drawn at 1920×1080 and mandelbulb at
-1280×720, each with the scene's own hit distance and with half a pixel's footprint. The newest phases come
-first. What does not fit the time is named."""
+Whole frames: rendering on every core, then gamma and 8 bits. scene0 at 1920×1080 and mandelbulb at 1280×720,
+each with the scene's own hit distance and with half a pixel's. The newest phases come first."""
 SECONDS = 60
 
 

@@ -1,4 +1,4 @@
-"""Approximations of functions: speed against ulp, vectors normalised, tables of roots."""
+"""Approximations of functions: speed against ulp, vectors normalised."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ def found(result: Functions) -> Found:
     parts += edge_tables.parts(result)
     foot = figures.normalise_note(result) if result.normalise else ""
     parts += part("normalise", "Vectors normalised", result.normalise, tables.NORMALISE, foot)
-    caption = "Approximate reciprocal roots, by CPU: IEEE does not say what they are"
-    parts += part("rsqrt", caption, result.rsqrt_tables, tables.rsqrt_tables(result))
     parts += part("functions-all", "Every implementation", result.entries, tables.ENTRIES)
     return Found(parts, tables.answer(result), figures.drawings(result))
 

@@ -8,7 +8,6 @@ of a chain in which each waits for the last (less what the waiting itself costs:
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ import numpy as np
 
 from study.core import cli, machine
 from study.experiments.functions import edges
-from study.experiments.functions.schema import Entry, Functions, Table
+from study.experiments.functions.schema import Entry, Functions
 from study.measuring.function_bench import ARTICLE, bench, median, normalise
 from study.numbers.schema import Range
 
@@ -26,13 +25,6 @@ FUNCTIONS = ("sqrt", "rsqrt", "exp", "log", "pow", "sin", "cos", "atan2", "acos"
 ROUNDS, QUICK_ROUNDS = 25, 7
 NORMALISE_ROUNDS = 11
 QUICK_VECTORS = 16_384
-TABLES = {  # instruction: instruction set, precision
-    "rsqrtss": ("scalar", "float"),
-    "rsqrtps": ("SSE", "float"),
-    "vrsqrtps": ("AVX2", "float"),
-    "vrsqrt14ps": ("AVX-512", "float"),
-    "vrsqrt14pd": ("AVX-512", "double"),
-}
 WITHOUT_MPFR = "MPFR's header (libmpfr-dev) is not installed: no errors of the double entries"
 
 
@@ -82,29 +74,6 @@ def add_times(rows: Sequence[Entry], rounds: int, seed: int, cpu: int | None) ->
     return {f"core_hz_{bits}": median(values) for bits, values in clocks.items()}
 
 
-def rsqrt_tables(rows: Sequence[Entry]) -> list[Table]:
-    """SHA-256 of each instruction's results for all 2²⁴ floats in [1, 4), little-endian, in order.
-
-    That of doubles gets the same arguments, as doubles. Whose CPU it was is the file's `context`.
-    """
-    bits = np.arange(1 << 24, dtype=np.uint32) + np.uint32(0x3F800000)
-    arguments = bits.view(np.float32)
-    exact = 1 / np.sqrt(arguments.astype(np.float64))
-    known = {(row.name, row.isa, *row.kind): row for row in rows}
-    found = []
-    for instruction, (isa, precision) in TABLES.items():
-        entry = known.get((f"{instruction.removeprefix('v')} + 0", isa, "rsqrt", precision))
-        table = Table(instruction=instruction, isa=isa, precision=precision)
-        found.append(table)
-        if entry is None or entry.missing:
-            table.missing = entry.missing if entry else "no such entry"
-            continue
-        values = evaluate(entry, arguments)
-        table.sha256 = hashlib.sha256(values).hexdigest()
-        table.max_relative_error = float(np.max(np.abs(values.astype(np.float64) / exact - 1)))
-    return found
-
-
 def add_edges(rows: Sequence[Entry]) -> None:
     """`edges` to each entry that runs."""
     for row in rows:
@@ -143,9 +112,8 @@ def study(quick: bool, rounds: int, vectors: int, threads: int, seed: int, cpu: 
     lacking = without(rows, mpfr)
     cli.say("\n".join([*lacking, "errors …"]))
     add_errors(rows, quick, threads, seed)
-    cli.say("edge cases and tables of rsqrt …")
+    cli.say("edge cases …")
     add_edges(rows)
-    tables = rsqrt_tables(rows)
     cli.say("times …")
     clocks = add_times(rows, rounds, seed, cpu)
     normalised = normalise(vectors, min(rounds, NORMALISE_ROUNDS), seed, cpu)
@@ -154,7 +122,7 @@ def study(quick: bool, rounds: int, vectors: int, threads: int, seed: int, cpu: 
     kept = [row for row in rows if row.function != "link"]
     found = {"clocks": clocks, "entries": kept, "normalise": normalised}
     about = {"context": machine.context(), "article": ARTICLE}
-    return Functions(schema=1, **settings, **about, **found, rsqrt_tables=tables, without=lacking)
+    return Functions(schema=1, **settings, **about, **found, without=lacking)
 
 
 def wrong(rows: Sequence[Entry]) -> list[str]:

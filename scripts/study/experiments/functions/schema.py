@@ -65,17 +65,6 @@ class Entry(Record, kw_only=True):
         return all(edge.right for edge in self.edges)
 
 
-class Table(Record, kw_only=True):
-    """Results of an instruction for the 2²⁴ floats in [1, 4). They differ by CPU maker."""
-
-    instruction: Annotated[str, key("", "its name")]
-    isa: Annotated[str, key("", "instruction set")]
-    precision: Annotated[str, key("", "float or double")]
-    sha256: Annotated[str | None, key("", "of all results")] = None
-    max_relative_error: Annotated[float | None, key("", "largest relative error")] = None
-    missing: Annotated[str | None, key("", "why there are none; else null")] = None
-
-
 class Functions(Measured, kw_only=True):
     """Roots, exp, log, pow, sin …: time against ulp, values at the edges.
 
@@ -92,7 +81,6 @@ class Functions(Measured, kw_only=True):
     entries: Annotated[list[Entry], key("", "implementations", min_length=1)]
     normalise: Annotated[list[Normalise], key("", "vectors normalised")] = []
     article: Annotated[Article | None, key("", "figures beside it")] = None
-    rsqrt_tables: Annotated[list[Table], key("", "what this CPU's approximate roots give")] = []
     without: Annotated[list[str], key("", "libraries that are not here")] = []
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-import msgspec
-
 from study.core import show
 from study.core.show import Column
 from study.experiments.functions import measure as functions
@@ -90,25 +88,6 @@ NORMALISE = [
     Column("", "time of loads and stores alone", lambda r: show.percent(r.share_of_memory)),
     Column("error", "largest, ulp", show.plain("max_ulp")),
 ]
-
-
-def rsqrt_tables(result: Functions) -> list[Column]:
-    """Of the approximate reciprocal roots, with the CPU whose they are: maker, family, model, stepping."""
-    cpu = result.context.cpu if result.context else None
-    about = ["unknown CPU"]
-    if cpu:
-        about = [cpu.model or "unknown CPU", cpu.microarchitecture or ""]
-        signature = cpu.vendor, cpu.family, cpu.model_number, cpu.stepping
-        if None not in signature and msgspec.UNSET not in signature:
-            about.append("{}, family {}, model {}, stepping {}".format(*signature))
-    name = "; ".join(part for part in about if part)
-    results = "SHA-256 of its results for the 2²⁴ floats in [1, 4)"
-    return [
-        Column("", "instruction", lambda r: r.instruction),
-        Column("", "CPU", lambda r: name),
-        Column("", results, lambda r: r.sha256 or r.missing),
-        Column("", "largest relative error", show.plain("max_relative_error", 6)),
-    ]
 
 
 def answer(result: Functions) -> str:

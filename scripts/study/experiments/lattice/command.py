@@ -21,9 +21,8 @@ from study.measuring.schema import HitErrors
 from study.truth import truth
 
 DESCRIPTION = """\
-Every phase of the ladder on the scene `lattice` at 1000×562 and 1280×720, on one thread and on all CPUs, in
-interleaved launches; the error of each to truth; beside the figures of CPU-RTRM's own program, which were
-measured on another machine."""
+Every phase of the ladder on the scene `lattice`, on one thread and on all CPUs, in interleaved launches; the
+error of each to truth; beside figures of CPU-RTRM's own program, which are of another machine."""
 STATUSES = {cli.FAILED: "a picture has samples that are not finite"}
 SIZES = ((1000, 562), (1280, 720))
 PROGRAM = Program(size=[1280, 720], ms={"1": 57.7, "2": 33.1}, machine="a 2-core Zen 5 VM at 4.27 GHz")

@@ -13,10 +13,8 @@ from study.experiments.packets.schema import FILE, Packets
 from study.measuring.function_bench import VECTORS
 
 DESCRIPTION = """\
-Rays a second of phase packets: of the camera, to the light, mirrored, in any direction; by tree, number of
-lanes and root; beside Embree, where it was there to build with, on the same rays by turns, hit by hit
-compared. The article's own benchmark, normalising vectors. Ray tracing against sphere tracing on the same
-scenes: time to equal error."""
+Rays a second of phase packets by tree, lanes and root, beside Embree on the same rays, hit by hit compared;
+the article's own benchmark, normalising vectors; ray tracing against sphere tracing: time to equal error."""
 STATUSES = {1: "a picture has samples that are not finite, or hits differ"}
 
 

@@ -13,9 +13,8 @@ from study.experiments.rods.schema import FILE, Rods
 from study.measuring import hit_tables
 
 DESCRIPTION = """\
-The article's two pictures by rods and by rays: two_spheres, 800×800, 20 steps. Launches are interleaved and
-time the march alone. Also: evaluations, the error of both to ground truth, the same on every scene, and the
-trade-off that the article left open (number of starting rods and step cap against time and error)."""
+The article's two pictures by rods and by rays: two_spheres, 800×800, 20 steps; the same on every scene; and
+the number of starting rods and the step cap against time and error. Launches time the march alone."""
 STATUSES = {1: "a picture has samples that are not finite"}
 
 
@@ -24,7 +23,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: all")
     running.height(parser, 180, "height of every scene's pictures")
     running.height(parser, rods.ARTICLE.size, "of the article's", "--article-n")
-    running.options(parser, f"{FILE}, images/, figures/", "systems", 2, "the order")
+    running.options(parser, f"{FILE}, images/", "systems", 2, "the order")
 
 
 def measure(args: argparse.Namespace) -> Outcome:
@@ -38,5 +37,5 @@ def measure(args: argparse.Namespace) -> Outcome:
     result = Rods(**running.about(args), **found)
     ways = [(f"rods on {row.scene}", one) for row in (own, *rows) for one in (row.rods, row.pixels)]
     made = pictures.write_pictures(folder, args.article_n)
-    drawn, failed = tables.drawings(result), hit_tables.not_finite(ways)
-    return running.end(folder / FILE, result, tables.parts(result), drawn, made, failed=failed)
+    failed = hit_tables.not_finite(ways)
+    return running.end(folder / FILE, result, tables.parts(result), images=made, failed=failed)

@@ -1,10 +1,8 @@
-"""Rod marching as tables and a figure, from rods.json alone."""
+"""Rod marching as tables, from rods.json alone."""
 
 from __future__ import annotations
 
 from pathlib import Path
-
-from matplotlib.figure import Figure
 
 from study.core import show
 from study.core.show import Column
@@ -13,9 +11,7 @@ from study.experiments.rods.pictures import CAPTION, PICTURES
 from study.experiments.rods.schema import FILE, Rods
 from study.experiments.section import Claim, Part, System, part
 from study.measuring.hit_tables import depth_error, gain, ms, to_truth, within
-from study.pictures.draw import COLOURS, Drawing, plain_log
 
-TRADE = "rods-trade"
 ALONE = "ms, the march alone [95 %]"
 EVALUATIONS = "evaluations a pixel"
 HITS = ("false hits", "false misses", "wrong shape")
@@ -41,9 +37,8 @@ TRADES = [
     *to_truth("wrong hits", "dt 50", "dt 99"),
 ]
 NOTE = (
-    "The article marches two spheres without perspective, and says neither its camera nor their sizes: our "
-    "scene has its size in pixels, its number of spheres and its step cap. Times are of the march alone, "
-    "which its pictures show; PSNR is of pictures shaded as every phase's are."
+    "The article says neither its camera nor its spheres' sizes: our scene has its size in pixels, its number "
+    "of spheres and its step cap. Times are of the march alone; PSNR is of pictures shaded as every phase's."
 )
 
 
@@ -75,7 +70,7 @@ def parts(result: Rods) -> list[Part]:
     title = "Rod marching: starting rods × step cap on two_spheres"
     return [
         *part("rods", caption, result.rows, SCENES, NOTE),
-        *part(TRADE, title, result.trade, TRADES, foot),
+        *part("rods-trade", title, result.trade, TRADES, foot),
     ]
 
 
@@ -86,39 +81,4 @@ def system(run: Path) -> System | None:
         return None
     note = f"P4: {result.article.cpu}; its evaluations are fewer by “two orders of magnitude”."
     images = {run / "images" / f"{PICTURES}.png": CAPTION}
-    return System(claims(result), parts(result), note, drawings(result), images)
-
-
-def draw(result: Rods) -> Figure:
-    """Time against wrong hits and |Δt|, a line for each number of starting rods along the step caps."""
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    labels = {
-        "wrong_ppm": "wrong hits to ground truth, ppm",
-        "dt_p99": "|Δt| to ground truth, 99 %, scene units",
-    }
-    own = result.own.pixels
-    lines = [*((down, "whole") for down in rods.DOWN), (rods.ARTICLE.down, "safe")]
-    panels = figure.subplots(1, 2)
-    for panel, (key, label) in zip(panels, labels.items(), strict=True):
-        for number, (down, step) in enumerate(lines):
-            mine = [r for r in result.trade if (r.down, r.step, r.least) == (down, step, 1)]
-            mine = sorted((r for r in mine if getattr(r, key)), key=lambda r: r.max_steps)
-            style = {"color": COLOURS[number], "linestyle": "--" if step == "safe" else "-", "marker": "o"}
-            about = f"{down} down" + (", step less the radius" if step == "safe" else "")
-            points = [r.ms for r in mine], [getattr(r, key) for r in mine]
-            panel.plot(*points, markersize=4, label=about, **style)
-            place = {"xytext": (4, 4), "textcoords": "offset points", "fontsize": 8}
-            for r in mine if (down, step) == (rods.ARTICLE.down, "whole") and panel is panels[0] else []:
-                panel.annotate(f"{r.max_steps} steps", (r.ms, getattr(r, key)), **place)
-        panel.plot([own.ms], [getattr(own, key)], "k*", markersize=11, label="per pixel, 20 steps")
-        panel.set(xscale="log", yscale="log", xlabel="ms, the march alone", ylabel=label)
-        plain_log(panel.xaxis)
-    handles, names = panels[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=4, frameon=False, fontsize=9)
-    return figure
-
-
-def drawings(result: Rods) -> dict[str, Drawing]:
-    caption = "Starting rods × step cap: time against error (lower left is better)"
-    note = f"{rods.SCENE}, {result.own.width}×{result.own.n}; along a line the step cap grows."
-    return {TRADE: Drawing(caption, note, lambda: draw(result))}
+    return System(claims(result), parts(result), note, images=images)

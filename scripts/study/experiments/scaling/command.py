@@ -16,9 +16,8 @@ from study.experiments.scaling.schema import LeftOut, Row, Scaling
 from study.experiments.scaling.series import chosen, series
 
 DESCRIPTION = """\
-How time grows: each program is timed over picture height, number of shapes, step cap, bounces and threads, in
-interleaved launches. Scenes of many shapes are made to order and cover the same share of the picture. Power
-laws are fitted and set beside the paper's O(K·T·N²). What does not fit the time is left out and named."""
+Each program is timed over picture height, number of shapes, step cap, bounces and threads, in interleaved
+launches. Power laws are fitted and set beside the paper's O(K·T·N²). What does not fit the time is named."""
 STATUSES = {cli.FAILED: "a picture has samples that are not finite"}
 FILE = "scaling.json"
 SECONDS, FULL_SECONDS = 540.0, 14400.0

@@ -15,10 +15,8 @@ from study.experiments.views.schema import LeftOut, Views
 from study.measuring import hit_tables, views
 
 DESCRIPTION = """\
-Was a phase tuned to one view? Its constants may suit the own views of scene0 and mandelbulb alone. Here every
-scene is drawn from four places, and each phase is timed in interleaved launches with its parent. A phase that
-is faster where it was tuned and not elsewhere is named. The newest phases come first; what does not fit the
-time is named too."""
+Was a phase tuned to one view? Every scene is drawn from four places, and each phase is timed in interleaved
+launches with its parent. A phase that is faster where it was tuned and not elsewhere is named."""
 STATUSES = {cli.FAILED: "a program crashed, or a picture has samples that are not finite"}
 FILE = "views.json"
 SECONDS = 150
