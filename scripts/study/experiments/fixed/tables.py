@@ -75,11 +75,11 @@ ANIMATION = [
     ),
 ]
 NOTE = (
-    "The article's program shades otherwise (no shadow, no falloff, mirrors of full weight) and moves its "
-    "spheres otherwise. Here is this house's shading, so that ground truth can judge it. Its time is the mean of "
-    "900 frames on 35 cores of a CPU without vectors. On one core and by the article's program fewer frames are "
-    "timed, from the first on; what they show drifts: compare programs by the mean of the frames that all rows "
-    f"have. They are measured one after the other. {animations.NOTE}"
+    "The article's program shades otherwise (no shadow, no falloff, mirrors of full weight) and moves "
+    "its spheres otherwise. Here is this house's shading, so that ground truth can judge it. Its time "
+    "is the mean of 900 frames on 35 cores of a CPU without vectors. On one core and by the article's "
+    "program fewer frames are timed, from the first on; what they show drifts: compare programs by the "
+    f"mean of the frames that all rows have. They are measured one after the other. {animations.NOTE}"
 )
 
 

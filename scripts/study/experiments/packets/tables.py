@@ -139,14 +139,15 @@ DRAWN = [
     Column(hit_tables.TRUTH, "wrong hits, ppm", show.plain("wrong_ppm")),
 ]
 BESIDE = (
-    "Rays go through both tracers on one thread, in one order, by turns in one process; Embree's time is of its "
-    "tracing alone. Ours gets all rays in one call and shares a frustum among up to 256; Embree gets packets of "
-    "16, single rays, or (Embree 3) 256 a call, and is told which rays go the same way. trio_balls is a handful "
-    "of spheres and planes: no test of a tree. spheres4096 is one."
+    "Rays go through both tracers on one thread, in one order, by turns in one process; Embree's time "
+    "is of its tracing alone. Ours gets all rays in one call and shares a frustum among up to 256; "
+    "Embree gets packets of 16, single rays, or (Embree 3) 256 a call, and is told which rays go the "
+    "same way. trio_balls is a handful of spheres and planes: no test of a tree. spheres4096 is one."
 )
 NOTE = (
-    "Equal error: each marching phase by the hit distance and the cap of steps with which it is fastest among "
-    "those that reach the PSNR of packets, or 80 dB. Where none does, by those that come nearest."
+    "Equal error: each marching phase by the hit distance and the cap of steps with which it is fastest"
+    " among those that reach the PSNR of packets, or 80 dB. Where none does, by those that come "
+    "nearest."
 )
 
 

@@ -37,8 +37,9 @@ TRADES = [
     *to_truth("wrong hits", "dt 50", "dt 99"),
 ]
 NOTE = (
-    "The article says neither its camera nor its spheres' sizes: our scene has its size in pixels, its number "
-    "of spheres and its step cap. Times are of the march alone; PSNR is of pictures shaded as every phase's."
+    "The article says neither its camera nor its spheres' sizes: our scene has its size in pixels, its "
+    "number of spheres and its step cap. Times are of the march alone; PSNR is of pictures shaded as "
+    "every phase's."
 )
 
 
