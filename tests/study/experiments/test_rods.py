@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import made_up
 import numpy as np
 import pytest
 
 from study.core import commands
-from study.core.registry import find_scene
 from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures, tables
 from study.experiments.rods.schema import FILE, Rods
-from study.experiments.systems import tables as systems
+from study.experiments.systems import experiment as systems
 from study.measuring.schema import HitErrors
 
 
@@ -82,5 +82,8 @@ def test_from_pictures_to_its_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
         (16, 1, "safe"),
     ]
     assert (tmp_path / "images" / f"{pictures.PICTURES}.png").exists()
-    assert [p.name for p in systems.section(tmp_path).parts] == ["systems", "rods", "rods-trade"]
-    assert find_scene("trio").name in str(outcome.lines)
+    assert [p.name for p in systems.section(SimpleNamespace(path=tmp_path)).parts] == [
+        "systems",
+        "rods",
+        "rods-trade",
+    ]

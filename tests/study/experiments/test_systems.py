@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import made_up
 import numpy as np
@@ -12,17 +13,17 @@ import pytest
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments import experiment
+from study.experiments.systems import experiment as systems
 from study.experiments.systems import pictures
-from study.experiments.systems import tables as systems
 
 
 def test_a_run_without_systems_says_what_makes_them(tmp_path: Path) -> None:
-    section = systems.section(tmp_path)
+    section = systems.section(SimpleNamespace(path=tmp_path))
     assert section.parts == [] and section.images == {} and section.lacking == "make systems"
 
 
 def test_every_system_has_its_claims_and_tables() -> None:
-    section = systems.section(made_up.RUN)
+    section = systems.section(SimpleNamespace(path=made_up.RUN))
     claims, *others = section.parts
     ours = [one.system(made_up.RUN) for one in experiment.find_all().values() if one.system]
     assert claims.name == "systems" and len(claims.rows) == sum(len(one.claims) for one in ours if one)
@@ -36,22 +37,25 @@ def test_every_system_has_its_claims_and_tables() -> None:
 
 def test_the_published_page_has_the_table_of_its_run() -> None:
     text = (ROOT / "results" / "reference" / "systems.md").read_text(encoding="utf-8")
-    assert systems.section(made_up.RUN).parts[0].markdown in text and made_up.RUN.name in text
+    assert (
+        systems.section(SimpleNamespace(path=made_up.RUN)).parts[0].markdown in text
+        and made_up.RUN.name in text
+    )
 
 
 def test_the_sheet_is_on_the_page_once_it_is_there(tmp_path: Path) -> None:
     shutil.copy(made_up.RUN / "rods.json", tmp_path)
     path = tmp_path / "images" / f"{pictures.PICTURES}.png"
-    assert path not in systems.section(tmp_path).images
+    assert path not in systems.section(SimpleNamespace(path=tmp_path)).images
     path.parent.mkdir()
     path.touch()
-    assert next(iter(systems.section(tmp_path).images)) == path
+    assert next(iter(systems.section(SimpleNamespace(path=tmp_path)).images)) == path
 
 
 def test_a_broken_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "rods.json").write_text('{"rows": [1]}')
     with pytest.raises(StudyError, match=r"rods\.json"):
-        systems.section(tmp_path)
+        systems.section(SimpleNamespace(path=tmp_path))
 
 
 def test_a_sheet_shows_the_difference_to_truth_or_where_rays_begin(
