@@ -48,10 +48,3 @@ def test_a_test_of_reframe_is_one_interleaved_sweep(reframe: Path, tmp_path: Pat
     order = list(dict.fromkeys((row["launch"], row["phase"]) for row in rows))
     assert [launch for launch, _ in order] == [0, 0, 1, 1]  # each round launches both
     assert registry.phases().keys() >= {phase for _, phase in order}
-
-
-@pytest.mark.slow
-def test_a_sweep_that_fails_fails_the_test(reframe: Path, tmp_path: Path) -> None:
-    done = run(reframe, tmp_path, phases="opt99", scenes="trio", height=16, launches=2)
-    assert done.returncode == 1 and "FAILED" in done.stdout
-    assert "status 2" in done.stdout
