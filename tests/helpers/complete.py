@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import functools
 import json
+import types
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
@@ -20,11 +21,20 @@ def schemas() -> dict[str, type[File]]:
     return {name: kind for one in experiment.find_all().values() for name, kind in one.schemas.items()}
 
 
+def alternatives(kind: Any) -> list[Any]:
+    """The types that a value may have, without what a key says of itself, and null."""
+    if get_origin(kind) is Annotated:
+        return alternatives(get_args(kind)[0])
+    if get_origin(kind) in (Union, types.UnionType):
+        return [one for each in get_args(kind) for one in alternatives(each)]
+    return [] if kind is type(None) else [kind]
+
+
 def blank(kind: Any, least: int = 0) -> Any:
     """A value of the type: null where it may be, else the least; of a list so many entries."""
     if type(None) in get_args(kind):
         return None
-    (one, *_) = schema.alternatives(kind)
+    (one, *_) = alternatives(kind)
     if get_origin(one) is Literal:
         return get_args(one)[0]
     if schema.is_record(one):
@@ -36,7 +46,7 @@ def blank(kind: Any, least: int = 0) -> Any:
 
 def filled(data: Any, kind: Any) -> Any:
     """`data` with what the type requires beside it."""
-    for one in schema.alternatives(kind):
+    for one in alternatives(kind):
         if isinstance(data, dict) and schema.is_record(one):
             known = {name: inner for name, inner, _ in schema.fields(one)}
             least = {name: about.min_length or 0 for name, _, about in schema.fields(one)}

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from types import TracebackType
 from typing import Any, TypeVar
 
 from tqdm import tqdm
@@ -28,7 +27,7 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
 
 
-class Progress:
+class Progress(contextlib.AbstractContextManager["Progress"]):
     """Of `about`; `total` steps, None where that is not known. `share`: in percent, and the end is said.
 
     Lines come every PAUSE seconds, so that work of a few seconds says nothing.
@@ -43,12 +42,7 @@ class Progress:
         if sys.stderr.isatty():
             self.bar = tqdm(total=total, desc=self.about, leave=share, dynamic_ncols=True, **form)
 
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self.bar is not None:
             self.bar.close()
         elif self.share and not kind:

@@ -7,10 +7,9 @@ them (study.experiments.keys).
 from __future__ import annotations
 
 import contextlib
-import types
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -73,15 +72,6 @@ def fields(kind: type[Record]) -> Iterator[tuple[str, Any, msgspec.Meta]]:
         if get_origin(hint) is not Annotated or not found:
             raise TypeError(f"{kind.__name__}.{one.name} does not say its unit and meaning")
         yield one.encode_name, get_args(hint)[0], found[0]
-
-
-def alternatives(kind: Any) -> list[Any]:
-    """The types that a value may have, without what a key says of itself, and null."""
-    if get_origin(kind) is Annotated:
-        return alternatives(get_args(kind)[0])
-    if get_origin(kind) in (Union, types.UnionType):
-        return [one for each in get_args(kind) for one in alternatives(each)]
-    return [] if kind is type(None) else [kind]
 
 
 def is_record(kind: Any) -> bool:

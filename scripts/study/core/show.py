@@ -12,16 +12,8 @@ import pandas as pd
 from study.core.cli import StudyError
 
 NOTHING = "–"
-LONG = (
-    "in its words",
-    "in words",
-    "why",
-    "what",
-    "without the idea",
-    "added or removed",
-    "to test it",
-    "here",
-)
+LONG = ["in its words", "in words", "why", "what", "without the idea", "added or removed"]
+LONG += ["to test it", "here"]
 MOST_DB = 150  # of a PSNR: floats in [0, 1] are rounded at 2^-25 of themselves, 150 dB
 Row = Any  # of a table: a mapping, or a record with these attributes
 
@@ -36,6 +28,16 @@ def cells(row: Row) -> Mapping[str, Any]:
     if hasattr(row, "__struct_fields__"):
         return {name: getattr(row, name) for name in row.__struct_fields__}
     return row if isinstance(row, Mapping) else vars(row)
+
+
+def gone(value: Any) -> bool:
+    """Whether there is none: None, NaN or pandas's NA."""
+    return value is None or bool(pd.isna(value))
+
+
+def yes(value: Any) -> bool:
+    """Whether a cell is true: Python's or NumPy's, not None and not NaN."""
+    return not gone(value) and bool(value)
 
 
 @dataclass(frozen=True)
@@ -58,15 +60,12 @@ class Column:
         return self.name in LONG
 
 
-def yes(value: Any) -> bool:
-    """Whether a cell is true: Python's or NumPy's, not None and not NaN."""
-    return value is not None and not pd.isna(value) and bool(value)
-
-
 def number(value: Any, digits: int = 3) -> str:
     """Significant digits, never fewer than those before the point; – for none, ∞ for infinity."""
-    if value is None or isinstance(value, str) or pd.isna(value):
-        return value if isinstance(value, str) else NOTHING
+    if isinstance(value, str):
+        return value
+    if gone(value):
+        return NOTHING
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     if 0 < abs(value) < 1e-3:
@@ -80,15 +79,16 @@ def _places(value: float, digits: int) -> int:
 
 
 def interval(row: Row, name: str, digits: int = 4, unit: str = "") -> str:
-    """`12.3 [12.1, 12.6]`, or the value and "insufficient" when the launches were too few.
+    """`12.3 [12.1, 12.6]`, or the value and "insufficient" when the launches were too few."""
+    return _interval(*(cell(row, key) for key in (name, f"{name}_low", f"{name}_high")), digits, unit)
 
-    A line may break before the brackets only.
-    """
-    value, low, high = (cell(row, key) for key in (name, f"{name}_low", f"{name}_high"))
-    if value is None or pd.isna(value):
+
+def _interval(value: Any, low: Any, high: Any, digits: int, unit: str) -> str:
+    """A line may break before the brackets only."""
+    if gone(value):
         return "not measured"
     places = _places(value, digits)
-    ends = "insufficient" if pd.isna(low) else f"[{low:,.{places}f},\u00a0{high:,.{places}f}]"
+    ends = "insufficient" if gone(low) else f"[{low:,.{places}f},\u00a0{high:,.{places}f}]"
     return f"{value:,.{places}f}{unit} {ends}"
 
 
@@ -97,9 +97,8 @@ def spread(found: Any, digits: int = 3, unit: str = "") -> str:
     None: –."""
     if found is None:
         return NOTHING
-    some = cells(found)
-    ends = {f"v{end}": some[key] for end, key in (("", "value"), ("_low", "low"), ("_high", "high"))}
-    return interval({k: math.nan if v is None else v for k, v in ends.items()}, "v", digits, unit)
+    value, low, high = (cell(found, name) for name in ("value", "low", "high"))
+    return _interval(value, low, high, digits, unit)
 
 
 def spread_of(name: str, unit: str = "", digits: int = 3) -> Callable[[Row], str]:
@@ -108,27 +107,26 @@ def spread_of(name: str, unit: str = "", digits: int = 3) -> Callable[[Row], str
 
 def speedup(name: str, base: str) -> Callable[[Row], str]:
     """Text of a speed-up; the base itself has none."""
-    return lambda row: (
-        "base" if (row.get(base), row["threads"]) == (row["phase"], 1) else interval(row, name, 3, "×")
-    )
+
+    def text(row: Row) -> str:
+        is_base = (cell(row, base), cell(row, "threads")) == (cell(row, "phase"), 1)
+        return "base" if is_base else interval(row, name, 3, "×")
+
+    return text
 
 
 def times(value: Any) -> str:
     """A speed-up as somebody printed it: no digits are added."""
-    return NOTHING if value is None or pd.isna(value) else f"{value:.3g}×"
+    return NOTHING if gone(value) else f"{value:.3g}×"
 
 
 def percent(value: Any) -> str:
-    return (
-        NOTHING
-        if value is None or pd.isna(value)
-        else f"{float(number(100 * value).replace(',', '')):.10g}\u00a0%"
-    )
+    return NOTHING if gone(value) else f"{float(number(100 * value).replace(',', '')):.10g}\u00a0%"
 
 
 def share(value: Any) -> str:
     """A percentage near 100, where the digits that count are the last ones."""
-    if value is None or pd.isna(value):
+    if gone(value):
         return NOTHING
     texts = (f"{100 * value:.{digits}g}" for digits in range(5, 18))
     text = next(text for text in texts if value >= 1 or float(text) < 100)  # only all of it is 100 %
@@ -136,12 +134,12 @@ def share(value: Any) -> str:
 
 
 def psnr(row: Row, name: str) -> str:
-    if yes(row.get("is_reference")):
+    if yes(cell(row, "is_reference")):
         return "reference"
-    value = row.get(name)
-    if value is None or pd.isna(value):
+    value = cell(row, name)
+    if gone(value):
         return NOTHING
-    if value > MOST_DB and not (math.isinf(value) and yes(row.get("identical"))):
+    if value > MOST_DB and not (math.isinf(value) and yes(cell(row, "identical"))):
         return f"> {MOST_DB}"
     return "identical" if math.isinf(value) else number(value)
 
@@ -159,24 +157,22 @@ def error_psnr(error: Row | None) -> str:
 
 def decibels(text: str) -> str:
     """A PSNR's cell in a sentence: `60.9 (4×4 means)` is `60.9 dB (4×4 means)`; words stay words."""
-    value, _, means = text.partition(" (")
-    if not value[:1].isdigit():
-        return text
-    return f"{value} dB ({means}" if means else f"{value} dB"
+    value, bracket, means = text.partition(" (")
+    return f"{value} dB{bracket}{means}" if value[:1].isdigit() else text
 
 
 def gate(row: Row) -> str:
     """In words and a sign, so that colour is not needed to tell."""
-    if yes(row.get("is_reference")):
+    if yes(cell(row, "is_reference")):
         return "reference"
-    within = row.get("within_tolerance")
-    if within is None or pd.isna(within):
-        return "by ground truth alone" if isinstance(row.get("left_to"), str) else "not verified"
-    height = row.get("error_height")
-    other = "" if pd.isna(height) or height == row.get("height") else f" (at n = {height:.0f})"
+    within = cell(row, "within_tolerance")
+    if gone(within):
+        return "by ground truth alone" if isinstance(cell(row, "left_to"), str) else "not verified"
+    height = cell(row, "error_height")
+    other = "" if gone(height) or height == cell(row, "height") else f" (at n = {height:.0f})"
     if within:
         return f"✓ within{other}"
-    failed = row.get("failed") or "no reason recorded"
+    failed = cell(row, "failed") or "no reason recorded"
     return f"✗ OUTSIDE: {'none declared' if failed == 'tolerance' else failed}{other}"
 
 
@@ -186,12 +182,10 @@ def gate_mark(row: Row) -> str:
 
 def rerun(row: Row) -> str:
     """The authors' own program: never its speed without its error."""
-    if row.get("rerun") is None or pd.isna(row["rerun"]):
-        return NOTHING
-    error = row.get("rerun_psnr_display_db")
-    if row["phase"] == "baseline" or pd.isna(error):
-        return times(row["rerun"])
-    return f"{times(row['rerun'])} ({'identical' if math.isinf(error) else number(error) + ' dB'})"
+    speed, error = cell(row, "rerun"), cell(row, "rerun_psnr_display_db")
+    if gone(speed) or cell(row, "phase") == "baseline" or gone(error):
+        return times(speed)
+    return f"{times(speed)} ({'identical' if math.isinf(error) else number(error) + ' dB'})"
 
 
 def plain(name: str, digits: int = 3, scale: float = 1) -> Callable[[Row], str]:
@@ -203,11 +197,11 @@ def plain(name: str, digits: int = 3, scale: float = 1) -> Callable[[Row], str]:
 
 
 def word(name: str) -> Callable[[Row], str]:
-    return lambda row: NOTHING if (value := cell(row, name)) is None or pd.isna(value) else str(value)
+    return lambda row: NOTHING if gone(value := cell(row, name)) else str(value)
 
 
 def whole(name: str) -> Callable[[Row], str]:
-    return lambda row: NOTHING if (value := cell(row, name)) is None or pd.isna(value) else f"{value:.0f}"
+    return lambda row: NOTHING if gone(value := cell(row, name)) else f"{value:.0f}"
 
 
 def picture(row: Row) -> str:

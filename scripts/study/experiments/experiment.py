@@ -130,11 +130,8 @@ def placed(data: Data) -> list[tuple[int, Section]]:
     few = cuts.read(data.path)
     made = []
     for one in find_all().values():
-        line = (
-            f"{few[one.name]} The whole: `make study DEPTH=standard` or `make {one.name}`."
-            if one.name in few
-            else ""
-        )
+        whole = f" The whole: `make study DEPTH=standard` or `make {one.name}`."
+        line = few[one.name] + whole if one.name in few else ""
         made += [(place, replace(make(data), cut=line)) for place, make in one.sections]
     return sorted(made, key=lambda each: each[0])
 

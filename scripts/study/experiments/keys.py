@@ -62,15 +62,12 @@ def value(kind: Any) -> str:
 def table(kind: type[Record]) -> str:
     """What the class says of itself, and a line for each key."""
     needed = {one.encode_name for one in msgspec.structs.fields(kind) if one.required}
-    lines = [said(kind), "", "| key | unit | value | meaning |", "| --- | --- | --- | --- |"]
+    said = textwrap.fill(" ".join((kind.__doc__ or "").split()), WIDTH)
+    lines = [said, "", "| key | unit | value | meaning |", "| --- | --- | --- | --- |"]
     for name, inner, about in schema.fields(kind):
         cells = [f"`{name}`{'' if name in needed else '?'}", (about.extra or {})["unit"], value(inner)]
         lines.append("| " + " | ".join([*cells, (about.description or "").replace("|", "\\|")]) + " |")
     return "\n".join(lines) + "\n"
-
-
-def said(kind: type[Record]) -> str:
-    return textwrap.fill(" ".join((kind.__doc__ or "").split()), WIDTH)
 
 
 def page(name: str, kind: type[File]) -> str:

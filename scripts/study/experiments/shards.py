@@ -92,15 +92,11 @@ def join(parts: Sequence[Mapping[str, Any]], lists: Sequence[str]) -> dict[str, 
     about = [one.get(KEY) for one in parts]
     if about != [{"number": number, "of": len(parts)} for number in range(1, len(parts) + 1)]:
         raise StudyError(f"these are not shards 1 to {len(parts)} of {len(parts)}, each once, in order")
-    whole: dict[str, Any] = {}
-    for name, first in parts[0].items():
-        if name == KEY:
-            continue
+    whole = {name: value for name, value in parts[0].items() if name != KEY}
+    for name, first in whole.items():
         if name in lists:
             entries = [entry for one in parts for entry in one[name]]
             whole[name] = [entry for i, entry in enumerate(entries) if entry not in entries[:i]]
         elif unlike := [number for number, one in enumerate(parts, 1) if one.get(name) != first]:
             raise StudyError(f"shards 1 and {unlike[0]} of {len(parts)} differ in {name!r}: made elsewhere?")
-        else:
-            whole[name] = first
     return whole

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-
-import pandas as pd
 
 from study.core.show import (
     NOTHING,
     Column,
     Row,
+    cell,
     gate,
     gate_mark,
+    gone,
     interval,
     number,
     percent,
@@ -25,6 +24,7 @@ from study.core.show import (
     times,
     whole,
     word,
+    yes,
 )
 from study.numbers.analysis import GENERATED
 
@@ -33,40 +33,52 @@ TO_TRUTH = "to ground truth"  # in a head: this column is of accuracy.json
 
 def _phase(row: Row) -> str:
     """Of a phase that generates code for scenes: whether general code ran or was counted in its place."""
-    kernel = row.get("kernel")
+    kernel = cell(row, "kernel")
     general = isinstance(kernel, str) and kernel != GENERATED
     return word("phase")(row) + (" (general code)" if general else "")
 
 
 def _code(row: Row) -> str:
-    kernel = row.get("kernel")
+    kernel = cell(row, "kernel")
     return NOTHING if not isinstance(kernel, str) else "for the scene" if kernel == GENERATED else kernel
 
 
 def _load(row: Row) -> str:
     """Of a scalar phase there is none (0)."""
-    return number(row["core_hz_load"] / 1e9, 4) if row.get("core_hz_load") else NOTHING
+    return plain("core_hz_load", 4, 1e9)(row) if yes(cell(row, "core_hz_load")) else NOTHING
 
 
-def _joules(row: Row) -> str:
-    """Of the processor's packages, where they tell it."""
-    return NOTHING if pd.isna(row.get("joules", math.nan)) else interval(row, "joules", 3)
+def _known(name: str, digits: int = 3, unit: str = "") -> Callable[[Row], str]:
+    """An interval, nothing where it was not measured."""
+    return lambda row: NOTHING if gone(cell(row, name)) else interval(row, name, digits, unit)
 
 
 def _fractal_depth(row: Row) -> str:
     """Only where single samples are chaotic, so that depth is what can be judged."""
-    averaged = row.get("antialiased_fraction_over_1_255")
-    return NOTHING if averaged is None or pd.isna(averaged) else share(row.get("depth_agree_fraction"))
+    averaged = cell(row, "antialiased_fraction_over_1_255")
+    return NOTHING if gone(averaged) else share(cell(row, "depth_agree_fraction"))
+
+
+def _psnr(name: str) -> Callable[[Row], str]:
+    return lambda row: psnr(row, name)
+
+
+def _part(name: str) -> Callable[[Row], str]:
+    return lambda row: percent(cell(row, name))
+
+
+def _times(name: str) -> Callable[[Row], str]:
+    return lambda row: times(cell(row, name))
 
 
 def _pictures() -> list[Column]:
     group = "error against baseline"
     return [
-        Column(group, "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),
-        Column(group, "PSNR display, dB", lambda r: psnr(r, "psnr_display_db")),
-        Column(group, "pixels off > 1/255, linear", lambda r: percent(r.get("fraction_over_1_255"))),
-        Column(group, "display", lambda r: percent(r.get("fraction_over_1_255_display"))),
-        Column(group, "4×4 averaged PSNR, dB", lambda r: psnr(r, "antialiased_psnr_db")),
+        Column(group, "PSNR linear, dB", _psnr("psnr_db")),
+        Column(group, "PSNR display, dB", _psnr("psnr_display_db")),
+        Column(group, "pixels off > 1/255, linear", _part("fraction_over_1_255")),
+        Column(group, "display", _part("fraction_over_1_255_display")),
+        Column(group, "4×4 averaged PSNR, dB", _psnr("antialiased_psnr_db")),
     ]
 
 
@@ -74,16 +86,15 @@ def _truth_psnr(name: str) -> Callable[[Row], str]:
     """In dB; averaged pictures, and truth converged only, are said so."""
 
     def text(row: Row) -> str:
-        found = number(row.get(name))
-        return found if found == NOTHING or not row.get("truth_converged_only") else f"{found} (4×4)"
+        found = number(cell(row, name))
+        return found if found == NOTHING or not cell(row, "truth_converged_only") else f"{found} (4×4)"
 
     return text
 
 
 def truth_height(rows: Sequence[Row]) -> str:
     """“ at n = 180”: how high the pictures held against truth were; "" where none was."""
-    found = {row.get("truth_height") for row in rows}
-    heights = sorted(int(height) for height in found if height is not None and not pd.isna(height))
+    heights = sorted({int(at) for row in rows if not gone(at := cell(row, "truth_height"))})
     return f" at n = {' and '.join(map(str, heights))}" if heights else ""
 
 
@@ -92,53 +103,54 @@ def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
 
     They may be of another size than the time beside them.
     """
-    at = truth_height(rows)
-    made = []
-    for column in shown:
+    at = TO_TRUTH + truth_height(rows)
+
+    def named(column: Column) -> Column:
         if TO_TRUTH in column.group:
-            column = replace(column, group=column.group + at)
-        elif TO_TRUTH in column.name:
-            column = replace(column, name=column.name.replace(TO_TRUTH, TO_TRUTH + at))
-        made.append(column)
-    return made
+            return replace(column, group=column.group.replace(TO_TRUTH, at))
+        return replace(column, name=column.name.replace(TO_TRUTH, at))
+
+    return [*map(named, shown)]
 
 
 def _frames(row: Row) -> str:
     """Timed ones; a long frame is timed alone and unwarmed, so that it is the process's first."""
-    return whole("frames_a_launch")(row) + (" (no warm-up)" if row.get("unwarmed") else "")
+    return whole("frames_a_launch")(row) + (" (no warm-up)" if cell(row, "unwarmed") else "")
 
 
 def _over_one_thread(row: Row) -> str:
-    return NOTHING if row["threads"] == 1 else interval(row, "over_one_thread", 3, "×")
+    return NOTHING if cell(row, "threads") == 1 else interval(row, "over_one_thread", 3, "×")
 
 
+STEADY, TRUE, BELOW = "time of a steady frame", f"error {TO_TRUTH}", "error below the picture"
+OVER_BASE, OVER_OPT2 = speedup("speedup", "speedup_base"), speedup("speedup_same_flags", "same_flags_base")
 LADDER = [
     Column("", "phase", _phase),
     Column("", "precision", word("precision")),
     Column("", "threads", whole("threads")),
-    Column("time of a steady frame", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
-    Column("time of a steady frame", "frames a launch", _frames),
-    Column("time of a steady frame", "ns/pixel", plain("ns_per_pixel", 4)),
-    Column("speed-up over", "baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
-    Column("speed-up over", "opt2, same flags [95\u00a0%]", speedup("speedup_same_flags", "same_flags_base")),
+    Column(STEADY, "ms [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column(STEADY, "frames a launch", _frames),
+    Column(STEADY, "ns/pixel", plain("ns_per_pixel", 4)),
+    Column("speed-up over", "baseline [95\u00a0%]", OVER_BASE),
+    Column("speed-up over", "opt2, same flags [95\u00a0%]", OVER_OPT2),
     Column("error against baseline", "tolerance", gate, gate_mark),
     *_pictures(),
-    Column(f"error {TO_TRUTH}", "PSNR linear, dB", _truth_psnr("truth_psnr_db")),
-    Column(f"error {TO_TRUTH}", "ideal shadow, dB", _truth_psnr("truth_psnr_ideal_db")),
-    Column(f"error {TO_TRUTH}", "wrong hits, ppm", plain("truth_wrong_ppm")),
-    Column(f"error {TO_TRUTH}", "|Δt| 99\u00a0%", plain("truth_dt_p99", 2)),
-    Column("error below the picture", "hit mask, ppm", plain("mask_mismatch_ppm")),
-    Column("error below the picture", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
-    Column("error below the picture", "depth agrees", _fractal_depth),
+    Column(TRUE, "PSNR linear, dB", _truth_psnr("truth_psnr_db")),
+    Column(TRUE, "ideal shadow, dB", _truth_psnr("truth_psnr_ideal_db")),
+    Column(TRUE, "wrong hits, ppm", plain("truth_wrong_ppm")),
+    Column(TRUE, "|Δt| 99\u00a0%", plain("truth_dt_p99", 2)),
+    Column(BELOW, "hit mask, ppm", plain("mask_mismatch_ppm")),
+    Column(BELOW, "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
+    Column(BELOW, "depth agrees", _fractal_depth),
 ]
 
 
 BESIDE = [
     Column("", "phase", _phase),
-    Column("here, over baseline", "speed-up [95\u00a0%]", speedup("speedup", "speedup_base")),
-    Column("here, over baseline", "PSNR display, dB", lambda r: psnr(r, "psnr_display_db")),
-    Column("the paper, over its baseline", "by its tables", lambda r: times(r.get("implied"))),
-    Column("the paper, over its baseline", "by its text", lambda r: times(r.get("stated"))),
+    Column("here, over baseline", "speed-up [95\u00a0%]", OVER_BASE),
+    Column("here, over baseline", "PSNR display, dB", _psnr("psnr_display_db")),
+    Column("the paper, over its baseline", "by its tables", _times("implied")),
+    Column("the paper, over its baseline", "by its text", _times("stated")),
     Column("the paper, over its baseline", "its program, run again (PSNR display)", rerun),
 ]
 
@@ -175,25 +187,20 @@ BUILT = [
 ]
 
 
-def _over_paper(row: Row) -> str:
-    """Over the paper's own baseline, where the run has timed that program."""
-    return NOTHING if pd.isna(row.get("over_paper", math.nan)) else interval(row, "over_paper", 3, "×")
-
-
 BASES = {  # of the speed-ups, which a reader of the page can choose: name → column of a row, its text
-    "baseline": ("speedup", speedup("speedup", "speedup_base")),
-    "opt2, same flags": ("speedup_same_flags", speedup("speedup_same_flags", "same_flags_base")),
-    "the paper's baseline": ("over_paper", _over_paper),
+    "baseline": ("speedup", OVER_BASE),
+    "opt2, same flags": ("speedup_same_flags", OVER_OPT2),
+    "the paper's baseline": ("over_paper", _known("over_paper", 3, "×")),
 }
 # What a reader looks for first.
 MAIN = [
     Column("", "phase", _phase),
     Column("", "ms a frame [95\u00a0%]", lambda r: interval(r, "ms")),
-    Column("", "× baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("", "× baseline [95\u00a0%]", OVER_BASE),
     Column(f"PSNR {TO_TRUTH}, dB", "paper's shadow", _truth_psnr("truth_psnr_db")),
     Column(f"PSNR {TO_TRUTH}, dB", "ideal shadow", _truth_psnr("truth_psnr_ideal_db")),
     Column("", "wrong hits, ppm", plain("truth_wrong_ppm")),
-    Column("against baseline", "PSNR, dB", lambda r: psnr(r, "psnr_db")),
+    Column("against baseline", "PSNR, dB", _psnr("psnr_db")),
     Column("against baseline", "tolerance", gate, gate_mark),
 ]
 # What a scene's ladder consists of: columns and title of each table.
@@ -217,25 +224,22 @@ RUNTIME = [
     Column("", "least launch, ms", plain("ms_least", 4)),
     Column("", "ns/pixel [95\u00a0%]", lambda r: interval(r, "ns_per_pixel")),
     Column("", "core cycles/pixel", plain("core_cycles_per_pixel", 4)),
-    Column("", "J/frame [95\u00a0%]", _joules),
-    Column("", "speed-up over baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("", "J/frame [95\u00a0%]", _known("joules")),
+    Column("", "speed-up over baseline [95\u00a0%]", OVER_BASE),
     Column("", "over its one thread [95\u00a0%]", _over_one_thread),
-    Column("", "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),
+    Column("", "PSNR linear, dB", _psnr("psnr_db")),
     Column("", "tolerance", gate, gate_mark),
 ]
 
 
+THEIRS, AGAIN = "the paper, i7-7700 at 3.6 GHz", "its program, run again on Zen 5"
 PAPER = [
     Column("", "scene", word("scene")),
     Column("", "phase", _phase),
-    Column("the paper, i7-7700 at 3.6 GHz", "cycles/pixel by its tables", plain("cycles_per_pixel", 4)),
-    Column("the paper, i7-7700 at 3.6 GHz", "speed-up by its tables", lambda r: times(r["implied"])),
-    Column("the paper, i7-7700 at 3.6 GHz", "speed-up by its text", lambda r: times(r["stated"])),
-    Column("its program, run again on Zen 5", "TSC cycles/pixel", plain("rerun_tsc_cycles_per_pixel", 3)),
-    Column("its program, run again on Zen 5", "speed-up (PSNR display)", rerun),
-    Column(
-        "its program, run again on Zen 5",
-        "pixels off > 1/255 (display)",
-        lambda r: percent(r["rerun_over_display"]),
-    ),
+    Column(THEIRS, "cycles/pixel by its tables", plain("cycles_per_pixel", 4)),
+    Column(THEIRS, "speed-up by its tables", _times("implied")),
+    Column(THEIRS, "speed-up by its text", _times("stated")),
+    Column(AGAIN, "TSC cycles/pixel", plain("rerun_tsc_cycles_per_pixel", 3)),
+    Column(AGAIN, "speed-up (PSNR display)", rerun),
+    Column(AGAIN, "pixels off > 1/255 (display)", _part("rerun_over_display")),
 ]

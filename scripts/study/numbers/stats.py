@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.special import bdtr, stdtrit
 
 COVER = 0.95  # of every interval
-PERCENTILES = [2.5, 97.5]
+PERCENTILES = [50 * (1 - COVER), 50 * (1 + COVER)]
 RESAMPLES = 10_000
 ENOUGH = 6  # launches: of five the least and the greatest hold the true median in 93.75 % of cases only
 
