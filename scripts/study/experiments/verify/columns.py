@@ -16,7 +16,7 @@ def _reference(row: Row) -> str:
 
 
 def rows(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
-    return [{k: v for k, v in flat(pair).items() if k != "tolerance"} for pair in pairs]
+    return [{k: v for k, v in flat(pair).items() if k not in ("tolerance", "beside")} for pair in pairs]
 
 
 VERIFICATION = [
