@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from study.core import cli, commands, registry, run, store
 from study.core.registry import Spec
-from study.experiments.ablations import measure as ablations
 from study.experiments.pareto import chapter, fronts, tables
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto.schema import Pareto, Row
-from study.experiments.toolchains import measure as toolchains
 from study.numbers.schema import Interval, Skipped
 from study.pictures import images
 
@@ -124,23 +121,6 @@ def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
         assert measuring.evaluations(point, scene, 24) * 24 * width == pytest.approx(wanted, abs=1e-6)
     shadowed = registry.find_scene("scene0")
     assert measuring.evaluations(point, shadowed, 24) > wanted / (24 * width) + 5
-
-
-def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The driver's default is one thread (the test above sees it said); these ask for no more."""
-    asked = []
-
-    def fake(arguments: list[str], cpus: set[int] | None, *_: object, more: object = None) -> Iterator[str]:
-        asked.append((arguments, cpus))
-        return iter(['{"ns": 1, "warmup": false, "frames": [{"ns": 1, "warmup": false}]}'])
-
-    monkeypatch.setattr(run, "_lines", fake)
-    scene, cpu = registry.find_scene("scene0"), run.FASTEST
-    ablations.measure([(Spec.parse("opt5_threads"), scene.name)], 8, 1, 1, cpu)
-    toolchains.measure([toolchains.Program("gcc", "as shipped", "opt5_threads")], scene, 8, 1, 1, cpu)
-    measuring.measure(points("a"), scene, 8, 1, 1, cpu)
-    assert len(asked) == 3
-    assert all("--threads" not in arguments and cpus == {cpu} for arguments, cpus in asked)
 
 
 def test_a_short_frame_is_timed_behind_a_warm_one(monkeypatch: pytest.MonkeyPatch) -> None:

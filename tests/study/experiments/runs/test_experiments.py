@@ -6,9 +6,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import signal
 import subprocess
-import time
 import tomllib
 from pathlib import Path
 
@@ -19,7 +17,6 @@ from study.core import store
 from study.core.registry import ROOT
 from study.core.run_schema import RUN_TOML, About
 from study.experiments import experiment
-from study.experiments.experiment import Study
 from study.numbers import analysis
 
 ALL = experiment.find_all()
@@ -81,47 +78,6 @@ def test_a_run_without_its_file_has_an_empty_chapter() -> None:
         if not any(store.stored(FIXTURE / file).exists() for file in one.schemas):
             for section in (make(data) for _, make in one.sections):
                 assert section.lacking.startswith("make ") and not section.failing, name
-
-
-def arguments(name: str, run: Path) -> list[list[str]]:
-    """Its own command in a quick study."""
-    study = Study(run, ["scene0"], 90, "quick", asked=True)
-    return [[call.command, *call.arguments] for call in ALL[name].calls(study) if call.command == name]
-
-
-def await_handler(script: subprocess.Popen[str]) -> None:
-    """Until the script takes SIGTERM by itself, or has ended: on a busy machine its imports take seconds."""
-    asked = 1 << signal.SIGTERM - 1
-    while script.poll() is None:
-        lines = Path(f"/proc/{script.pid}/status").read_text().splitlines()
-        caught = next(line.split()[1] for line in lines if line.startswith("SigCgt:"))
-        if int(caught, 16) & asked:
-            return
-        time.sleep(0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["verify", "frames"])
-def test_one_that_is_killed_leaves_whole_files(name: str, tmp_path: Path) -> None:
-    """Ended by SIGTERM two seconds after its start: status 143 or done, every file whole, none temporary."""
-    run = tmp_path / "machine" / "run"
-    shutil.copytree(FIXTURE, run)
-    words = arguments(name, run)[0]
-    command = [ROOT / ".venv" / "bin" / "python", ROOT / "scripts" / "stepwise", *words]
-    script = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
-    try:
-        await_handler(script)
-        time.sleep(2)
-        script.send_signal(signal.SIGTERM)
-        _, said = script.communicate(timeout=60)
-    finally:
-        script.kill()
-        script.wait()
-    assert script.returncode in (0, 128 + signal.SIGTERM) and "Traceback" not in said, said
-    names = {path.name for path in run.iterdir()}
-    assert not [left for left in names if left.startswith(".") and left != ".lock"], names
-    for file in ALL[name].schemas:
-        ALL[name].schemas[file].load_if_there(run / file)
 
 
 PAGE = (ROOT / "docs" / "experiment.md").read_text(encoding="utf-8")

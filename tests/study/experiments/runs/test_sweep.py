@@ -12,7 +12,7 @@ import msgspec
 import pytest
 import started
 
-from study.core import registry, run, store
+from study.core import registry, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.core.run_schema import Plan
@@ -73,17 +73,6 @@ def test_every_frame_once_with_its_context(measured):
     assert plan.finished and plan.seed == 3 and set(plan.phases) == {"baseline", "opt1"}
     assert target.context.cpu.model
     assert target.context.end.steal_ticks >= target.context.steal_ticks
-
-
-@pytest.mark.slow
-def test_rounds_are_interleaved(measured):
-    frames = measured[0].frames()
-    launches = frames[["config", "launch"]].drop_duplicates()
-    for number in range(3):
-        block = launches.iloc[4 * number : 4 * number + 4]
-        assert (block["launch"] == number).all()
-        assert block["config"].nunique() == 4
-    assert (frames["round"] == frames["launch"]).all()
 
 
 def test_result_is_one_json_object(measured):
@@ -278,10 +267,6 @@ def test_phases_with_other_flags_bring_their_second_base_where_asked_to(tmp_path
     frames = only_run(tmp_path).frames()
     assert frames.groupby("spec")["flags"].unique().map(len).eq(1).all()
     assert frames["flags"].nunique() == 1  # the same flags, that is the point
-
-
-def test_this_process_leaves_the_measured_cpu(measured):
-    assert measured[0].plan.cpu == run.FASTEST
 
 
 def test_a_phase_is_compared_with_its_parent(tmp_path):
