@@ -17,7 +17,6 @@ import pandas as pd
 from study.bounds.roof import Point
 from study.core import show
 from study.core.show import Column, picture, plain, word
-from study.counting.flops import lanes_of
 from study.counting.schema import Declared, Function
 from study.numbers import ladder
 
@@ -78,7 +77,7 @@ def efficiency(one: Declared) -> float:
     """Of FLOPs; of a phase that declares none, of the lanes of all calls. NaN for neither."""
     if one.executed:
         return one.useful / one.executed
-    calls = sum(function.calls for function in one.by_function.values()) * lanes_of(one)
+    calls = sum(function.calls for function in one.by_function.values()) * one.lanes
     return sum(function.lanes for function in one.by_function.values()) / calls if calls else math.nan
 
 

@@ -75,16 +75,11 @@ def fold(measured: Measurement, named: Collection[str]) -> dict[str, Counts]:
     return found
 
 
-def lanes_of(stated: Declared) -> int:
-    """Of the variant that was counted; counts of older runs do not say."""
-    return stated.lanes or registry.find_phase(stated.phase).lanes
-
-
 def by_kind(stated: Declared) -> dict[str, Counter[str]]:
     """Function → kind → FLOPs (machine): costs.def times the parts that were executed."""
     found: dict[str, Counter[str]] = defaultdict(Counter)
     for cost in costs.of_phase(stated.phase):
-        width = lanes_of(stated) if cost.width == "LANES" else 1
+        width = stated.lanes if cost.width == "LANES" else 1
         times = stated.by_function[cost.function].parts[cost.part] * width
         for kind, flop in FLOPS.items():
             found[cost.function][kind] += cost.per_lane.get(kind, 0) * flop * times
@@ -99,7 +94,7 @@ def explained(stated: Declared, variant: str) -> dict[str, dict[str, Range]]:
     found: dict[str, dict[str, Range]] = defaultdict(dict)
     for one in costs.residues_of(stated.phase, lines.values()):
         if one.build in (variant, "both"):
-            width = lanes_of(stated) if lines[one.function, one.part].width == "LANES" else 1
+            width = stated.lanes if lines[one.function, one.part].width == "LANES" else 1
             times = stated.by_function[one.function].parts[one.part] * width * FLOPS[one.kind]
             low, high = found[one.function].get(one.kind, (0, 0))
             found[one.function][one.kind] = low + one.least * times, high + one.most * times
@@ -188,7 +183,7 @@ def compare(stated: Declared, shipped: Measurement, calls: Measurement | None = 
     difference is told apart from the rest, and the rest is judged.
     """
     declared = by_kind(stated)
-    whole, scalar = _sum(declared.values()), lanes_of(stated) == 1
+    whole, scalar = _sum(declared.values()), stated.lanes == 1
 
     def total(by: Measurement, measured: Mapping[str, int]) -> Row:
         several = list(explained(stated, by.variant).values())

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from study.core import registry
 from study.core.cli import StudyError
-from study.counting import costs, flops
+from study.counting import costs
 from study.counting.decode import FLOPS
 from study.counting.schema import Declared, Function
 
@@ -44,7 +44,7 @@ def flop(one: Declared) -> int | None:
     parts = [(BULB, part) for part in (loop, *ALWAYS)]
     parts += [(name, "call") for name in CALLED.get(one.phase, ())]
     step = sum(_flop(lines[part]) for part in parts if part in lines)
-    lanes = flops.lanes_of(one) if lines[BULB, loop].width == "LANES" else 1
+    lanes = one.lanes if lines[BULB, loop].width == "LANES" else 1
     return one.flops.paper + (max(iterations) * bulb.parts["call"] - bulb.parts[loop]) * step * lanes
 
 

@@ -9,8 +9,6 @@ import msgspec
 from study.core.schema import Record, key
 from study.numbers.schema import Result
 
-OLD_NAMES = {"assembly blocks": "blocks"}  # of back ends, in files of earlier runs
-
 
 class Picture(Record, kw_only=True, omit_defaults=True):
     """What was drawn, by which program."""
@@ -65,7 +63,7 @@ class Function(Record, kw_only=True, omit_defaults=True):
 class Declared(Picture, kw_only=True, omit_defaults=True):
     """What the counting build printed of one picture: calls and lanes, and FLOPs by declared costs."""
 
-    lanes: Annotated[int | None, key("lanes", "rays at once")] = None
+    lanes: Annotated[int, key("lanes", "rays at once")] = 1
     threads: Annotated[int | None, key("threads", "that drew it")] = None
     flops: Annotated[Flops | None, key("FLOP", "of the picture; null: the phase declares no costs")] = None
     by_function: Annotated[dict[str, Function], key("", "function → its counts")]
@@ -127,10 +125,6 @@ class Counts(Result, kw_only=True):
     declared: Annotated[list[Declared], key("", "what the counting build printed")]
     measured: Annotated[list[Measurement], key("", "by back end and build")]
 
-    @classmethod
-    def current(cls, data: Any) -> Any:
-        return _renamed(data, "measured")
-
 
 class Row(Record, kw_only=True):
     """Declared × counted against executed FLOPs, of a function or of all."""
@@ -168,16 +162,6 @@ class Validation(Result, kw_only=True):
     schema: Annotated[Literal[1], key("", "version of the form")] = 1
     tolerance: Annotated[float | None, key("share", "the greatest difference that is none")] = None
     rows: Annotated[list[Row], key("", "functions and totals")]
-
-    @classmethod
-    def current(cls, data: Any) -> Any:
-        return _renamed(data, "rows")
-
-
-def _renamed(data: Any, rows: str) -> Any:
-    for one in data[rows]:
-        one["backend"] = OLD_NAMES.get(one["backend"], one["backend"])
-    return data
 
 
 SCHEMAS = {"counts.json": Counts, "validation.json": Validation}

@@ -55,7 +55,7 @@ def lanes(spec: Spec, scene: Scene, height: int) -> dict[str, float | None]:
         return {}
     try:
         made = flops.declared(spec, scene, height)
-        return tables.lanes_active(made.by_function, flops.lanes_of(made))
+        return tables.lanes_active(made.by_function, made.lanes)
     except StudyError as error:
         say(f"{spec}: no lane counts: {error}")
         return {}
