@@ -95,9 +95,7 @@ class Context(File, kw_only=True):
     libraries: Annotated[dict[str, str | None], key("", "Python package → version")] = {}
     git: Annotated[Git, key("", "the sources")] = msgspec.field(default_factory=Git)
     load_average: Annotated[list[float] | None, key("processes", "over 1, 5 and 15 minutes")] = None
-    steal_ticks: Annotated[
-        int | None, key("1/100 s", "time the hypervisor took from all CPUs since boot")
-    ] = None
+    steal_ticks: Annotated[int | None, key("1/100 s", "taken by the hypervisor since boot")] = None
     end: Annotated[End | None, key("", "of a sweep: the machine at its end")] = None
 
 
@@ -186,9 +184,7 @@ class Plan(File, kw_only=True):
     launches: Annotated[int, key("launches", "of each configuration")] = 0
     reps: Annotated[int, key("frames", "timed in a launch")] = 0
     warmup: Annotated[int, key("frames", "before them, in no statistic")] = 0
-    long: Annotated[
-        float | None, key("s", "a longer frame is timed alone, without warm-up; null: none is")
-    ] = None
+    long: Annotated[float | None, key("s", "a longer frame is timed alone; null: none is")] = None
     budget_s: Annotated[float | None, key("s", "after which no round begins; null: no limit")] = None
     hit_distance: Annotated[float | None, key("scene units", "null: each scene's own")] = None
     max_steps: Annotated[int | None, key("evaluations", "null: each scene's own")] = None
@@ -213,9 +209,7 @@ class Frame(File, kw_only=True):
         Annotated[int, msgspec.Meta(ge=0)] | None,
         key("", "round of the sweep: every configuration once, in random order; launches are paired by it"),
     ] = None
-    frame: Annotated[
-        int, key("", "number in its launch, from 0; warm-up from −K to −1; or the animation's frame")
-    ]
+    frame: Annotated[int, key("", "in its launch, from 0; warm-up: −K to −1; or the animation's")]
     warmup: Annotated[bool, key("", "a frame that no statistic uses")]
     first: Annotated[bool | None, key("", "the first of its process, warm-up or not")] = None
     phase: Annotated[str, key("", "the source tree")]
@@ -234,47 +228,28 @@ class Frame(File, kw_only=True):
     hit_distance: Annotated[float | None, key("scene units", "as used")] = None
     max_steps: Annotated[int | None, key("evaluations", "step cap, as used")] = None
     overridden: Annotated[bool | None, key("", "the command line changed one of the two")] = None
-    ns: Annotated[
-        int, key("ns", "wall time of `phase_render` (CLOCK_MONOTONIC_RAW), with an update before it", ge=1)
-    ]
+    ns: Annotated[int, key("ns", "`phase_render` (CLOCK_MONOTONIC_RAW), with an update before it", ge=1)]
     update_ns: Annotated[int | None, key("ns", "`phase_update`'s share; 0 where nothing moves")] = None
     scene_time: Annotated[float | None, key("s", "where an animation is: frame/60")] = None
     tsc_cycles: Annotated[int, key("TSC cycles", "the same time by fenced RDTSC")]
     tsc_hz: Annotated[float, key("Hz", "TSC rate, calibrated in this process; 0: STEPWISE_UNTIMED")]
     core_hz_before: Annotated[float, key("Hz", "core clock right before the frame")]
     core_hz_after: Annotated[float, key("Hz", "core clock right after it")]
-    core_hz_load: Annotated[
-        float | None,
-        key("Hz", "core clock under vector FMAs of the phase's width, once a process; 0: scalar"),
-    ] = None
-    core_cycles: Annotated[
-        float, key("core cycles", "ns · mean(core_hz_before, core_hz_after) / 1e9: an estimate")
-    ]
+    core_hz_load: Annotated[float | None, key("Hz", "core clock under its vector FMAs; 0: scalar")] = None
+    core_cycles: Annotated[float, key("core cycles", "ns times the mean core clock: an estimate")]
     prepare_ns: Annotated[int, key("ns", "set-up (`phase_prepare`), once a process")]
     image: Annotated[str | None, key("", "picture that was written; null: none")] = None
-    settings: Annotated[
-        str | None, key("", "what a phase did that is told how to work (STEPWISE_RODS …); else null")
-    ] = None
-    display: Annotated[
-        str | None, key("", "who presents frames as displayed: `phase` or `driver`; else null")
-    ] = None
-    kernel: Annotated[
-        str | None, key("", "`generated`, or `general: ` and why; null: the phase generates no code")
-    ] = None
+    settings: Annotated[str | None, key("", "how a phase was told to work (STEPWISE_RODS …)")] = None
+    display: Annotated[str | None, key("", "who presents frames: `phase` or `driver`; else null")] = None
+    kernel: Annotated[str | None, key("", "`generated`, or `general: ` and why; null: neither")] = None
     kernel_hash: Annotated[str | None, key("", "its name in the cache")] = None
     kernel_compiler: Annotated[str | None, key("", "what compiled it")] = None
     kernel_generate_ns: Annotated[int | None, key("ns", "of prepare_ns: writing the source")] = None
-    kernel_compile_ns: Annotated[
-        int | None, key("ns", "of prepare_ns: compiling it, even if that failed; 0: in the cache")
-    ] = None
+    kernel_compile_ns: Annotated[int | None, key("ns", "of it compiling; 0: cached")] = None
     kernel_load_ns: Annotated[int | None, key("ns", "of prepare_ns: checking and loading it")] = None
     present_ns: Annotated[int, key("ns", "gamma and 8 bits of this frame, not in ns")]
-    timer_overhead_cycles: Annotated[
-        int | None, key("TSC cycles", "smallest difference of an empty pair of readings")
-    ] = None
-    steal_ticks: Annotated[int | None, key("1/100 s", "taken by the hypervisor from all CPUs meanwhile")] = (
-        None
-    )
+    timer_overhead_cycles: Annotated[int | None, key("TSC cycles", "least of empty readings")] = None
+    steal_ticks: Annotated[int | None, key("1/100 s", "taken by the hypervisor meanwhile")] = None
     ctx_voluntary: Annotated[int | None, key("switches", "voluntary, during the frame")] = None
     ctx_involuntary: Annotated[int | None, key("switches", "involuntary, during the frame")] = None
     faults_minor: Annotated[int | None, key("faults", "minor page faults during the frame")] = None
@@ -284,14 +259,10 @@ class Frame(File, kw_only=True):
     joules: Annotated[
         float | None,
         key(
-            "J per frame",
-            "at a process's last frame: energy of all packages (RAPL) from the end of its warm-up, or from "
-            "its start if it had none, divided by its timed frames",
+            "J per frame", "at the last frame: all packages (RAPL) from the warm-up's end, over timed frames"
         ),
     ] = None
-    env_bytes: Annotated[int | None, key("bytes", "padding of this launch's environment (layout bias)")] = (
-        None
-    )
+    env_bytes: Annotated[int | None, key("bytes", "padding of the environment (layout bias)")] = None
     time: Annotated[str | None, key("UTC", "when the line was written; ISO 8601")] = None
 
     @property

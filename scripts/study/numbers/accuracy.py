@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import msgspec
 
 from study.core.schema import Record, key
-from study.numbers.schema import Result, Skipped
+from study.numbers.schema import DEPTH_AGREES, DT_P99, Result, Skipped
 
 FILE = "accuracy.json"
 
@@ -42,9 +42,7 @@ class Row(Colours, kw_only=True):
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     height: Annotated[int, key("pixels", "of the picture", ge=1)]
     precision: Annotated[str | None, key("", "float or double")] = None
-    converged_only: Annotated[
-        bool, key("", "a fractal: judged by `antialiased` and `depth_agree_fraction`")
-    ] = False
+    converged_only: Annotated[bool, key("", "a fractal: judged by `antialiased` and depth alone")] = False
     non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")] = 0
     proved_fraction: Annotated[float, key("share of pixels", "camera ray proved")] = math.nan
     proved_chain_fraction: Annotated[float, key("share of pixels", "and every mirror ray")] = math.nan
@@ -55,49 +53,29 @@ class Row(Colours, kw_only=True):
     false_misses_ppm: Annotated[float, key("ppm", "miss where truth hits")] = math.nan
     wrong_shape_ppm: Annotated[float, key("ppm", "another shape where both hit")] = math.nan
     beyond_outlines: Annotated[
-        dict[str, float] | None,
-        key("ppm", "wrong hits further than `outline_pixels` from truth's shape; null: not declared"),
+        dict[str, float] | None, key("ppm", "wrong hits over `outline_pixels` from truth's; null: not asked")
     ] = None
-    dt_p99: Annotated[float, key("scene units", "99th percentile of |Δt| where both hit the same shape")] = (
-        math.nan
-    )
+    dt_p99: Annotated[float, key("scene units", DT_P99)] = math.nan
     dt_max: Annotated[float, key("scene units", "its maximum")] = math.nan
-    dt_p99_of_as_many: Annotated[
-        float, key("scene units", "of as many nearest hits as baseline has right; the gate asks this")
-    ] = math.nan
+    dt_p99_of_as_many: Annotated[float, key("scene units", "of as many as baseline has right")] = math.nan
     normal_p99_degrees: Annotated[float, key("degrees", "angle between normals there")] = math.nan
-    depth_agree_fraction: Annotated[
-        float, key("share of pixels", "both miss, or both hit with |Δt| ≤ 1e-3·t")
-    ] = math.nan
+    depth_agree_fraction: Annotated[float, key("share of pixels", DEPTH_AGREES)] = math.nan
     flip_mean: Annotated[float, key("", "FLIP of the display pictures, mean")] = math.nan
     flip_max: Annotated[float, key("", "its maximum")] = math.nan
     antialiased: Annotated[Colours | None, key("", "the same errors of 4×4 means, fractals")] = None
-    shadow_rmse: Annotated[float, key("linear RGB", "error of what the shadow takes away, estimator")] = (
-        math.nan
-    )
+    shadow_rmse: Annotated[float, key("linear RGB", "of what the shadow takes, estimator")] = math.nan
     shadow_ideal_rmse: Annotated[float, key("linear RGB", "the same, ideal shadow")] = math.nan
     bad_pixels: Annotated[int, key("pixels", "off by over 1/255, or a wrong hit")] = 0
-    bad_silhouette: Annotated[
-        float, key("share of bad pixels", "first class that applies: a neighbour has another shape")
-    ] = math.nan
+    bad_silhouette: Annotated[float, key("share of bad pixels", "a neighbour has another shape")] = math.nan
     bad_edge: Annotated[float, key("share of bad pixels", "normals over 30° apart")] = math.nan
-    bad_shadow_boundary: Annotated[float, key("share of bad pixels", "shadow factors over 1/255 apart")] = (
-        math.nan
-    )
+    bad_shadow_boundary: Annotated[float, key("share of bad pixels", "shadow factors apart")] = math.nan
     bad_reflection: Annotated[float, key("share of bad pixels", "a mirror is seen")] = math.nan
     bad_interior: Annotated[float, key("share of bad pixels", "none of these")] = math.nan
     gated: Annotated[bool, key("", "whether the phase can fail (docs/method.md)")] = False
-    judged_by: Annotated[
-        str | None,
-        key("", "ideal: the phase draws the ideal shadow and is held against that picture; else estimator"),
-    ] = None
-    margins: Annotated[
-        dict[str, float] | None, key("", "how much further from truth than baseline it may be")
-    ] = None
-    worse: Annotated[list[str], key("", "metrics worse than baseline's by what three digits show")] = (
-        msgspec.field(default_factory=list)
-    )
-    why: Annotated[list[str], key("", "what is outside of the margins")] = msgspec.field(default_factory=list)
+    judged_by: Annotated[str | None, key("", "`ideal` or `estimator`: the shadow that it draws")] = None
+    margins: Annotated[dict[str, float] | None, key("", "how much further than baseline")] = None
+    worse: Annotated[list[str], key("", "metrics worse than baseline's")] = []
+    why: Annotated[list[str], key("", "what is outside of the margins")] = []
     failed: Annotated[bool, key("", "whether anything is")] = False
     binary_sha256: Annotated[str | None, key("", "of the program")] = None
     truth_sha256: Annotated[str | None, key("", "of truth's picture")] = None
@@ -132,7 +110,7 @@ class Accuracy(Result, kw_only=True):
     flip_tool: Annotated[str | None, key("", "name and version")] = None
     picture_tool: Annotated[str | None, key("", "name and version")] = None
     rows: Annotated[list[Row], key("", "phases and scenes")]
-    skipped: Annotated[list[Left], key("", "what could not be had")] = msgspec.field(default_factory=list)
+    skipped: Annotated[list[Left], key("", "what could not be had")] = []
 
     @classmethod
     def current(cls, data: Any) -> Any:

@@ -27,9 +27,7 @@ class OriginalRow(Record, kw_only=True):
     ours_ms: Annotated[Interval | None, key("ms", "our phase")] = None
     ours_over_theirs: Annotated[Interval, key("×", "ratio of the medians; under 1: ours is faster")]
     psnr_display_db: Annotated[float | None, key("dB", "pictures as displayed; null: identical")] = None
-    fraction_over_1_255: Annotated[float | None, key("share of pixels", "over one step of 8 bits apart")] = (
-        None
-    )
+    fraction_over_1_255: Annotated[float | None, key("share of pixels", "over 1/255 apart")] = None
     largest: Annotated[int | None, key("steps of 1/255", "the largest difference")] = None
 
 

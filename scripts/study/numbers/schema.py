@@ -12,6 +12,9 @@ from study.core.run_schema import Context
 from study.core.schema import File, Record, key
 from study.numbers import stats
 
+DEPTH_AGREES = "both miss, or both hit with |Δt| ≤ 1e-3·t"
+DT_P99 = "99th percentile of |Δt| where both hit the same shape"
+
 
 class Range(Record, kw_only=True):
     """A figure with its 95 % interval, in the figure's unit."""
@@ -79,18 +82,12 @@ class Measured(Result, kw_only=True):
 class PictureErrors(Record, kw_only=True):
     """Errors of a picture to its reference. Of fractals, pictures are averaged over 4×4 samples first."""
 
-    psnr_db: Annotated[
-        float | None, key("dB", "linear RGB in [0, 1]; null: infinite, where there is an RMSE")
-    ]
+    psnr_db: Annotated[float | None, key("dB", "linear RGB in [0, 1]; null: infinite beside an RMSE")]
     rmse: Annotated[float | None, key("linear RGB", "root mean square error")]
-    fraction_over_1_255: Annotated[float | None, key("share of pixels", "any channel off by over 1/255")] = (
-        None
-    )
+    fraction_over_1_255: Annotated[float | None, key("share of pixels", "off by over 1/255")] = None
     averaged: Annotated[bool | None, key("", "whether of 4×4 means")] = None
     wrong_ppm: Annotated[float | None, key("ppm", "pixels whose hit, miss or shape is wrong")] = None
-    depth_agree_fraction: Annotated[
-        float | None, key("share of pixels", "both miss, or both hit with |Δt| ≤ 1e-3·t")
-    ] = None
+    depth_agree_fraction: Annotated[float | None, key("share of pixels", DEPTH_AGREES)] = None
     non_finite: Annotated[int | None, key("samples", "NaN or infinite where none may be")] = None
 
     @property
@@ -128,36 +125,23 @@ class Pair(Record, kw_only=True):
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     height: Annotated[int, key("pixels", "of the picture", ge=1)]
     identical: Annotated[bool | None, key("", "every channel is equal bit for bit")] = None
-    non_finite: Annotated[
-        int | None, key("samples", "NaN or infinite where none may be, in either picture; must be 0")
-    ] = None
+    non_finite: Annotated[int | None, key("samples", "NaN or infinite in either; must be 0")] = None
     mask_mismatch_ppm: Annotated[float | None, key("ppm", "hit against miss")] = None
     id_mismatch_ppm: Annotated[float | None, key("ppm", "another shape where both hit")] = None
-    dt_p99: Annotated[
-        float | None, key("scene units", "99th percentile of |Δt| where both hit the same shape")
-    ] = None
+    dt_p99: Annotated[float | None, key("scene units", DT_P99)] = None
     dt_max: Annotated[float | None, key("scene units", "its maximum")] = None
-    normal_p99_degrees: Annotated[
-        float | None,
-        key("degrees", "99th percentile of the angle between normals; not of unit length: 180"),
-    ] = None
-    depth_agree_fraction: Annotated[
-        float | None, key("share of pixels", "both miss, or both hit with |Δt| ≤ 1e-3·t")
-    ] = None
+    normal_p99_degrees: Annotated[float | None, key("degrees", "99th percentile between normals")] = None
+    depth_agree_fraction: Annotated[float | None, key("share of pixels", DEPTH_AGREES)] = None
     psnr_db: Annotated[float | None, key("dB", "linear RGB in [0, 1]; null: infinite")] = None
     rmse: Annotated[float | None, key("linear RGB", "root mean square error")] = None
-    fraction_over_1_255: Annotated[float | None, key("share of pixels", "any channel off by over 1/255")] = (
-        None
-    )
+    fraction_over_1_255: Annotated[float | None, key("share of pixels", "off by over 1/255")] = None
     max_abs: Annotated[float | None, key("linear RGB", "largest difference, not clamped")] = None
     psnr_display_db: Annotated[float | None, key("dB", "after c^0.4545 and 8 bits")] = None
     fraction_over_1_255_display: Annotated[float | None, key("share of pixels", "the same of these")] = None
     flip_mean: Annotated[float | None, key("", "FLIP of the display pictures, mean")] = None
     flip_max: Annotated[float | None, key("", "its maximum")] = None
     antialiased: Annotated[Antialiased | None, key("", "the same of 4×4 means, fractals")] = None
-    tolerance: Annotated[
-        dict[str, Any] | None, key("", "as phases/NAME/phase.json declares it, with its reason")
-    ] = None
+    tolerance: Annotated[dict[str, Any] | None, key("", "as its phase.json declares it")] = None
     failed: Annotated[list[str] | None, key("", "metrics outside of it")] = None
     why: Annotated[list[str] | None, key("", "the same in words")] = None
     within_tolerance: Annotated[bool | None, key("", "null: `left_to` judges it")] = None
