@@ -7,8 +7,8 @@ import argparse
 from study.core import cli, registry, store
 from study.core.cli import Outcome
 from study.experiments import running
-from study.experiments.packets import figures, tables
 from study.experiments.packets import measure as packets
+from study.experiments.packets import tables
 from study.experiments.packets.schema import FILE, Packets
 from study.measuring.function_bench import VECTORS
 
@@ -35,5 +35,5 @@ def measure(args: argparse.Namespace) -> Outcome:
     normalised = packets.normalised(args.vectors, args.seed)
     about = running.about(args) | {"reps": args.reps, "article": packets.ARTICLE}
     result = Packets(**about, **found, normalise=normalised)
-    drawn, failed = figures.drawings(result), tables.faults(result)
+    drawn, failed = tables.drawings(result), tables.faults(result)
     return running.end(folder / FILE, result, tables.parts(result), drawn, failed=failed)

@@ -1,19 +1,20 @@
-"""The packet ray tracer as tables and sentences, from packets.json alone."""
+"""The packet ray tracer as tables and a figure, from packets.json alone."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from msgspec.structs import asdict
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.packets import figures
-from study.experiments.packets.measure import EMBREE, MOST_OTHERS, reached, target_of
+from study.experiments.packets.measure import EMBREE, ENOUGH_DB, MOST_OTHERS, reached, target_of
 from study.experiments.packets.schema import FILE, Drawn, Packets, Rate, Rays, Scene
 from study.experiments.section import Claim, Part, System, part
 from study.measuring import hit_tables
 from study.measuring.function_bench import VECTORS
+from study.pictures.draw import COLOURS, MARKERS, Drawing, plain_log
 
 OF_KIND = {
     "primary": "camera",
@@ -193,6 +194,40 @@ def normalise_claims(result: Packets) -> list[Claim]:
     return [*made, Claim(article, "normalising, SSE over scalar", times_said, ours, ratio, error)]
 
 
+def draw_equal(result: Packets) -> Figure:
+    """Time on one thread against error to ground truth, a panel a scene."""
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    panels = figure.subplots(1, len(result.drawn), squeeze=False)[0]
+    names = list(dict.fromkeys(row.phase for drawn in result.drawn for row in drawn.rows))
+    for panel, drawn in zip(panels, result.drawn, strict=True):
+        for row in drawn.rows:
+            if row.non_finite:  # no PSNR for another reason than 160 dB's
+                continue
+            i, traced = names.index(row.phase), row.phase == "packets"
+            style = {
+                "marker": "*" if traced else MARKERS[i % len(MARKERS)],
+                "markersize": 14 if traced else 7,
+            }
+            style["color"] = COLOURS[4] if traced else COLOURS[(0, 1, 2, 3, 5, 6)[i % 6]]
+            point = [row.threads[0].ms], [160 if row.psnr_db is None else row.psnr_db]
+            panel.plot(*point, linestyle="none", label=row.phase, **style)
+        panel.axhline(ENOUGH_DB, color="#888888", linestyle=":", linewidth=1)
+        panel.set(xscale="log", title=drawn.scene, xlabel="ms a frame, one thread", ylim=(20, 165))
+        panel.margins(x=0.25)
+        plain_log(panel.xaxis)
+    panels[0].set_ylabel("PSNR to ground truth, dB (dotted: nobody sees more)")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(names), frameon=False, fontsize=9)
+    return figure
+
+
+def drawings(result: Packets) -> dict[str, Drawing]:
+    title = "Ray tracing (star) against sphere tracing: time and error (upper left is better)"
+    note = "Each marching phase by the hit distance and step cap with which it is fastest at equal error."
+    drawn = Drawing(title, note, lambda: draw_equal(result))
+    return {"packets-equal-error": drawn} if result.drawn else {}
+
+
 def rays_claims(result: Packets) -> list[Claim]:
     """The article's “millions of rays per second”, beside Embree: the scenes and kinds of rays where ours is
     fastest and slowest over it."""
@@ -222,4 +257,4 @@ def system(run: Path) -> System | None:
         "scenes and kinds of rays here are the best and the worst over Embree's fastest way."
     )
     claims = [*normalise_claims(result), *rays_claims(result)]
-    return System(claims, parts(result), note, figures.drawings(result))
+    return System(claims, parts(result), note, drawings(result))

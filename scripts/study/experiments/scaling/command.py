@@ -10,8 +10,8 @@ from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.scaling import figures, tables
 from study.experiments.scaling import measure as scaling
+from study.experiments.scaling import tables
 from study.experiments.scaling.schema import LeftOut, Row, Scaling
 from study.experiments.scaling.series import chosen, series
 
@@ -96,5 +96,5 @@ def measure(args: argparse.Namespace) -> Outcome:
     failed = [f"{r.phase} in {r.series} at {r.x:g}: {r.non_finite} samples not finite" for r in bad]
     first = {(row.series, row.phase): row for row in reversed(left_out)}
     remarks = [f"left out {r.phase} in {r.series} from {r.x:g} on: {r.reason}" for r in first.values()]
-    parts, drawn = tables.parts(result), figures.drawings(result)
-    return running.end(folder / FILE, result, parts, drawn, remarks=remarks, failed=failed)
+    made = tables.found(result)
+    return running.end(folder / FILE, result, made.parts, made.drawn, remarks=remarks, failed=failed)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.scaling import command, figures, tables
+from study.experiments.scaling import command, tables
 from study.experiments.scaling.schema import SCHEMAS, Scaling
-from study.experiments.section import Found, chapters
+from study.experiments.section import chapters
 
 SECONDS, QUICK_SECONDS = "300", "20"
 
@@ -21,11 +21,7 @@ def calls(study: Study) -> list[Call]:
     return [Call("scaling", [*depth, "--run", str(study.run)])]
 
 
-def found(result: Scaling) -> Found:
-    return Found(tables.parts(result), tables.answer(result), figures.drawings(result))
-
-
-section = chapters("scaling", "How cost grows", command.FILE, Scaling, found)
+section = chapters("scaling", "How cost grows", command.FILE, Scaling, tables.found)
 EXPERIMENT = Experiment(
     name="scaling",
     what="how cost grows",

@@ -1,16 +1,23 @@
-"""The tables of how cost grows, made from scaling.json alone."""
+"""The tables and the figure of how cost grows, made from scaling.json alone."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from study.core import registry, show
 from study.core.show import Column
 from study.experiments.scaling.schema import Crowd, Fit, Row, Scaling
 from study.experiments.scaling.series import LAW
-from study.experiments.section import Part, part
+from study.experiments.section import Found, Part, part
 from study.numbers import power_laws
 from study.numbers.power_laws import Law
+from study.pictures.draw import Drawing, legend, look, panels, plain_log
 
 CLOSED = "none: closed forms count 1 for every camera ray"
 TOP = 120  # dB: what is nearer is drawn here
@@ -104,6 +111,10 @@ def parts(result: Scaling) -> list[Part]:
     ]
 
 
+def found(result: Scaling) -> Found:
+    return Found(parts(result), answer(result), drawings(result))
+
+
 def answer(result: Scaling) -> str:
     """The fastest program's exponents of picture height and of shapes, beside the paper's law."""
     said = []
@@ -116,3 +127,76 @@ def answer(result: Scaling) -> str:
             exponent = power_laws.text(last.time.exponent)
             said.append(f"{last.phase}'s time grows with {title} to the power {exponent}{law}")
     return f"{'; '.join(said)}." if said else f"{len(result.rows)} points were timed; no series has a fit."
+
+
+# --- the figure
+
+PAPERS: dict[str, Any] = {"color": "#999999", "linestyle": (0, (1, 2)), "linewidth": 1.5, "zorder": 1}
+
+
+def milliseconds(row: Row) -> float:
+    return float(np.median(row.ns)) * 1e-6
+
+
+def _grown(result: Scaling) -> Figure:
+    """A panel per series, log-log: each program's points, fitted law (dashed); the paper's law (dotted)."""
+    shown = _lines(result.rows)
+    frame = pd.DataFrame(
+        [{"scene": result.titles[row.series], "phase": row.phase, "threads": 1} for row in shown]
+    )
+    figure, grid = panels(frame, 3.1, 4.3)
+    figure.suptitle("Time of a frame, log-log", x=0.01, ha="left", fontsize=12)
+    looks = look(frame)
+    for title, axes in grid.items():
+        mine = [row for row in shown if result.titles[row.series] == title]
+        axes.set(title=title, xscale="log", xlabel=result.axes[mine[0].series], ylabel="ms a frame")
+        axes.set(yscale="log")
+        axes.title.set_fontsize(10)
+        for phase in dict.fromkeys(row.phase for row in mine):
+            rows, style = [row for row in mine if row.phase == phase], looks[phase, 1]
+            ys, colour = [milliseconds(row) for row in rows], style["color"]
+            marks = {"marker": style["marker"], "markersize": 4.5, "color": colour}
+            axes.plot([row.x for row in rows], ys, **marks, linewidth=0.8, label=phase, zorder=3)
+            for law in [one.time for one in result.fits if (one.title, one.phase) == (title, phase)]:
+                across = np.array([law.first_x, law.last_x])
+                line = 1e-6 * (law.factor or 0) * across ** (law.exponent.value or 0)
+                axes.plot(across, line, "--", color=colour, linewidth=1.4, alpha=0.75)
+        papers = [fit.paper for fit in result.fits if fit.title == title and fit.paper is not None]
+        if papers:
+            xs = [row.x for row in mine]
+            across = np.array([min(xs), max(xs)])
+            start = next(milliseconds(row) for row in mine if row.x == across[0])
+            bottom, top = axes.get_ylim()
+            axes.plot(across, start * (across / across[0]) ** papers[0], **PAPERS, label=f"the paper's {LAW}")
+            axes.set_ylim(bottom, max(top, 2 * max(map(milliseconds, mine))))
+        low, high = axes.get_ylim()
+        wide = max(1.0, math.sqrt(4.5 * low / high))  # at least 4.5 from end to end: a tenth is nothing
+        axes.set_ylim(low / wide, high * wide)
+        plain_log(axes.xaxis)
+        plain_log(axes.yaxis)
+    legend(figure, grid)
+    return figure
+
+
+def _lines(rows: Sequence[Row]) -> list[Row]:
+    """Rows of the series of which some program has two: one point shows no growth."""
+    found: dict[tuple[str, str], set[float]] = {}
+    for row in rows:
+        found.setdefault((row.series, row.phase), set()).add(row.x)
+    several = {series for (series, _), across in found.items() if len(across) > 1}
+    return [row for row in rows if row.series in several]
+
+
+def drawings(result: Scaling) -> dict[str, Drawing]:
+    caption = "Time of a frame against what it depends on, with fitted power laws"
+    drawn = Drawing(caption, note(result), lambda: _grown(result))
+    return {"scaling-time": drawn} if _lines(result.rows) else {}
+
+
+def note(result: Scaling) -> str:
+    return (
+        f"{result.machine}; median of {result.launches} interleaved launches; n = {result.n} where it is not "
+        "what varies (twice that in threads; 720 in crowd). Dashed: least squares in log-log; where some "
+        f"point is over {100 * (power_laws.OFF - 1):.0f} % off it, beyond its launches' noise, the table says "
+        "that no law holds. Dotted: the paper's law from the first program's first point on."
+    )
