@@ -19,11 +19,6 @@ def test_frames_are_of_as_many_cpus_as_threads(threads: int, monkeypatch: pytest
     assert row.core_ns_per_pixel == pytest.approx(row.ms.mean * 1e6 * threads / (row.width * 16))
 
 
-def test_the_drivers_own_refusal_is_shown() -> None:
-    with pytest.raises(run.DriverError, match="bits=99"):
-        animations.animation("fixed", 2, 16, 1, told={"STEPWISE_FIXED": "bits=99"})
-
-
 def row(**more) -> Animation:
     about = {"phase": "p", "threads": 2, "frames": 900, "width": 1920, "n": 1080, "ms": Spread(mean=95.0)}
     return Animation(**(about | {"core_ns_per_pixel": 190e6 / (1920 * 1080)} | more))

@@ -197,6 +197,6 @@ def note(result: Scaling) -> str:
     return (
         f"{result.machine}; median of {result.launches} interleaved launches; n = {result.n} where it is not "
         "what varies (twice that in threads; 720 in crowd). Dashed: least squares in log-log; where some "
-        f"point is over {100 * (power_laws.OFF - 1):.0f} % off it, beyond its launches' noise, the table says "
-        "that no law holds. Dotted: the paper's law from the first program's first point on."
+        f"point is over {100 * (power_laws.OFF - 1):.0f} % off it, beyond its launches' noise, the table "
+        "says that no law holds. Dotted: the paper's law from the first program's first point on."
     )
