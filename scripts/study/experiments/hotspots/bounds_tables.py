@@ -67,8 +67,6 @@ COLUMNS = [
     Column("", "by", show.word("by")),
     Column("", "ms a frame", show.plain("milliseconds", 4)),
     Column("split", "front end", _percent("front_end_share")),
-    Column("split", "bad speculation", _percent("bad_speculation_share")),
-    Column("split", "back end (memory and core)", _percent("back_end_share")),
     Column("split", "memory", _percent("memory_share")),
     Column("split", "core", _percent("core_share")),
     Column("split", "retiring", _percent("retiring_share")),
