@@ -50,24 +50,17 @@ def _exponent(value: float, resampled: np.ndarray | None) -> Range:
     return Range(value=float(value), low=low, high=high)
 
 
-def _checked(xs: Sequence[float], samples: Sequence[Sequence[float]]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """log x and the launches of each point, in the order of x."""
-    if len(xs) != len(samples) or len(set(xs)) < 2 or len(set(xs)) != len(xs):
-        raise StudyError(f"a power law is fitted through at least two different x, each once; not {list(xs)}")
-    order = np.argsort(xs)
-    points = [np.asarray(samples[i], float) for i in order]
-    positive = [len(p) > 0 and bool((np.isfinite(p) & (p > 0)).all()) for p in points]
-    if not (np.isfinite(xs).all() and min(xs) > 0 and all(positive)):
-        raise StudyError("a power law is fitted through finite numbers above 0")
-    return np.log(np.asarray(xs, float)[order]), points
-
-
 def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = False, seed: int = 1) -> Law:
     """The law through x and the values of each point's launches, any unit. `exact`: counts, without noise.
 
     Raises StudyError for fewer than two points and for what has no logarithm.
     """
-    x, points = _checked(xs, samples)
+    points = [
+        np.asarray(some, float) for _, some in sorted(zip(xs, samples, strict=True), key=lambda p: p[0])
+    ]
+    if len(set(xs)) < max(2, len(xs)) or min(xs) <= 0 or not all((some > 0).all() for some in points):
+        raise StudyError(f"a power law goes through two or more x, each once, and y above 0; not {list(xs)}")
+    x = np.log(np.sort(np.asarray(xs, float)))
     y = np.log([np.median(point) for point in points])
     slope_of = (x - x.mean()) / ((x - x.mean()) ** 2).sum()  # slope = slope_of · y
     drawn: np.ndarray | None = None

@@ -6,7 +6,7 @@ import pytest
 
 from study.core import run
 from study.measuring import animations
-from study.measuring.schema import Animation, Article, FrameErrors, Spread
+from study.measuring.schema import Animation, Article, Spread
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -37,8 +37,3 @@ def test_a_ratio_to_the_article_is_of_its_frames_and_size() -> None:
     assert animations.per_article(row(), article) == pytest.approx(500.15 / 190)
     assert animations.per_article(row(frames=225), article) is None
     assert animations.per_article(row(n=540, width=960), article) is None
-
-
-def test_how_far_the_beginning_is_off_is_said_with_its_size() -> None:
-    said = animations.error_said(FrameErrors(psnr_db=61.24, wrong_ppm=1234.4, width=640, n=360))
-    assert "61.2 dB" in said and "1,234 ppm" in said and "640×360" in said

@@ -12,7 +12,6 @@ import pytest
 from compared import make_run, rows, run
 
 from study.commands import compare
-from study.core.registry import ROOT
 from study.numbers import exports, history, stats
 from study.report import history_chapter
 
@@ -73,11 +72,6 @@ def test_the_history_s_table(results, monkeypatch):
     assert done.returncode == 0 and done.stdout.count("faster 2.04") == 1
     assert run("--history", "opt1", results / "zen" / "run1").returncode == 2
     assert run("--history", "opt1", "--export", "csv").returncode == 2
-
-
-def test_published_runs_have_a_history():
-    points = history.points(history.runs(ROOT / "results"), "opt4", ["scene0"])
-    assert {one.machine.partition(",")[0] for one in points} >= {"Zen 3", "Zen 4", "Zen 5"}
 
 
 def test_a_run_for_other_programs(results):

@@ -26,15 +26,6 @@ def test_a_law_without_noise_is_found_exactly(exponent: float) -> None:
     assert found.holds is True and found.off == []
 
 
-def test_the_order_of_the_points_does_not_matter() -> None:
-    xs, values = [1, 4, 16, 64], noisy([1, 4, 16, 64], 0.8, 1)
-    turned = power_laws.fit(xs[::-1], values[::-1])
-    straight = power_laws.fit(xs, values)
-    assert turned.exponent.value == pytest.approx(straight.exponent.value, abs=1e-12)
-    assert (turned.first_x, turned.last_x) == (1, 64)
-    assert turned.last.value == pytest.approx(straight.last.value, abs=1e-12)
-
-
 def test_the_interval_holds_the_true_exponent_about_as_often_as_it_says(monkeypatch) -> None:
     monkeypatch.setattr(power_laws, "RESAMPLES", 1000)
     xs = [1, 4, 16, 64, 256]
@@ -62,15 +53,6 @@ def test_a_constant_below_a_law_is_no_power_law_and_the_places_are_said() -> Non
     assert found.worst == pytest.approx(residuals[farthest]) and found.worst_x == xs[farthest]
 
 
-def test_noise_alone_breaks_no_law() -> None:
-    xs = [1, 4, 16, 64]
-    values = [[x * f for f in (0.7, 0.8, 0.95, 1.05, 1.2, 1.4)] for x in xs]
-    values[2] = [
-        16 * f for f in (0.7, 0.75, 0.8, 1.6, 1.7, 1.8)
-    ]  # its median is 20 % up, its interval is not
-    assert power_laws.fit(xs, values).holds is True
-
-
 def test_too_few_launches_have_no_interval_and_two_points_no_verdict() -> None:
     few = power_laws.fit([1, 2, 4], [[1] * 5, [2] * 6, [4] * 6])
     assert few.exponent.low is None and "insufficient" in power_laws.text(few.exponent)
@@ -84,9 +66,6 @@ def test_too_few_launches_have_no_interval_and_two_points_no_verdict() -> None:
         ([1, 1], [[1.0], [2.0]]),
         ([1, 2], [[1.0], [0.0]]),
         ([1, 2], [[1.0], [math.nan]]),
-        ([1, 2], [[1.0], []]),
-        ([0, 2], [[1.0], [1.0]]),
-        ([1, 2, 3], [[1.0], [2.0]]),
     ],
 )
 def test_what_no_law_goes_through_is_refused(xs: list, samples: list) -> None:

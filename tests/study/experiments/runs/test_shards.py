@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import sys
 
 import pytest
@@ -76,12 +75,6 @@ def test_what_is_no_whole_is_not_joined(parts: list[dict[str, object]], said: st
         shards.join(parts, ["rows", "skipped"])
 
 
-def test_which_experiments_have_shards() -> None:
-    assert SHARDED.keys() == {"accuracy", "animation", "random", "stability", "truth"}
-    for name, one in SHARDED.items():
-        assert one.file in experiment.find_all()[name].schemas
-
-
 def stepwise(*words: object) -> str:
     done = started.run([sys.executable, STEPWISE, *map(str, words)])
     assert done.returncode in (cli.OK, cli.FAILED), done.stderr
@@ -124,13 +117,3 @@ def test_bad_shards_are_one_line(words: list[str], said: str, tmp_path, stepwise
     done = stepwise(*words, "--run", tmp_path / "run")
     assert done.returncode == cli.BAD_INPUT and said in done.stderr.splitlines()[-1]
     assert not (tmp_path / "run").exists()
-
-
-def test_nothing_that_reads_a_run_takes_a_shard_for_the_whole(tmp_path) -> None:
-    """The report's chapter of a run with one shard alone is that of a run with nothing."""
-    from study.numbers import accuracy
-
-    shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "run")
-    (tmp_path / "run" / "accuracy.json").unlink(missing_ok=True)
-    (tmp_path / "run" / "accuracy.shard-1-of-2.json").write_text('{"rows": [1]}')
-    assert accuracy.rows(tmp_path / "run") == []
