@@ -6,10 +6,9 @@ import io
 import math
 import re
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import matplotlib.image
@@ -79,14 +78,8 @@ def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
     return found
 
 
-def shape(style: Mapping[str, Any]) -> dict[str, Any]:
-    """Of one of `look`'s: what report/templates/plot.js draws a mark by."""
-    marker = style["marker"] if isinstance(style["marker"], str) else "*"  # (4, 1, 0): a star
-    return {"colour": style["color"], "marker": marker, "hollow": style["hollow"]}
-
-
 def _places(phases: list[str]) -> dict[str, int]:
-    """Phase → place in the palettes: a rung's is its number, so that it looks alike in every figure.
+    """Phase → place in the palettes: a phase of the ladder has its number, so that it looks alike in every figure.
 
     Others, and a second one of a number, get what is free, from the last on.
     """
@@ -172,7 +165,7 @@ def plain_log(axis) -> None:
 
 
 def legend(figure: Figure, grid: dict[str, Axes], extra: tuple[Line2D, ...] = ()) -> None:
-    """One legend for all panels, right of them, in the order of the rungs."""
+    """One legend for all panels, right of them, in the order of the ladder."""
     handles = {}
     for axes in grid.values():
         handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}

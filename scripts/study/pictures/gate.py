@@ -50,7 +50,7 @@ TRUTH = "truth"  # key of a phase's tolerance: by how much it may be worse than 
 IDEAL = "ideal"
 IDEAL_METRICS = ("psnr_ideal_db", "psnr_ideal_display_db", "antialiased.psnr_ideal_db")
 LAST_AGAINST_BASELINE = (
-    4  # rung of the ladder up to which the reference is baseline (scripts/stepwise verify)
+    4  # place in the ladder up to which the reference is baseline (scripts/stepwise verify)
 )
 # dB: what is nearer counts as this near, an identical picture too. A float near 1 holds no more; a phase may
 # declare less with its margins, as ENOUGH, where it is beyond what anybody can see.
@@ -128,14 +128,14 @@ def failures(metrics: Mapping, declared: Mapping | None) -> dict[str, str]:
 
 
 def by_truth(phase: Phase) -> bool:
-    """Whether the phase is held against truth: rungs behind opt4, for baseline has errors of its own; and
+    """Whether the phase is held against truth: phases behind opt4, for baseline has errors of its own; and
     systems.
     """
     return phase.family == SYSTEMS or (phase.family == "ladder" and phase.order > LAST_AGAINST_BASELINE)
 
 
 def left_to_truth(phase: Phase) -> bool:
-    """Whether a rung behind opt4 declares what truth grants and nothing else: no tolerance to baseline."""
+    """Whether a phase behind opt4 declares what truth grants and nothing else: no tolerance to baseline."""
     return by_truth(phase) and set(phase.tolerance) - {IDEAL} == {TRUTH}
 
 

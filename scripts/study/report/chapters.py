@@ -130,7 +130,7 @@ def described(data: Data) -> list[dict[str, Any]]:
         file = patches.folders().get(name, registry.ROOT) / "NOTES.md"
         notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
         figure = file.with_name(lessons.NAME)
-        lesson = embed.data_uri(figure.read_bytes(), "svg") if notes and figure.is_file() else None
+        lesson = embed.data_uri(figure.read_bytes(), "svg+xml") if notes and figure.is_file() else None
         made.append({**phase, "notes": notes, "lesson": lesson})
     return made
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,7 @@ FIRST = ("scene0", "mandelbulb")  # the paper's scenes
 
 def _uri(pixels: np.ndarray) -> str:
     """Lossless, of 8-bit grey (height × width) or colour (… × 3)."""
-    made = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(made, format="png")
-    return embed.exact(made.getvalue())
+    return embed.exact(Image.fromarray(np.ascontiguousarray(pixels)))
 
 
 def _step(width: int) -> int:

@@ -66,7 +66,7 @@ def draw(sections: Sequence[Section], folder: Path, reuse: bool = False) -> None
 def figures(section: Section, folder: Path) -> list[Shown]:
     """A chapter's figures, which `draw` has drawn."""
     return [
-        {"name": name, "caption": drawing.caption, "uri": embed.exact(read(folder / f"{name}.png"))}
+        {"name": name, "caption": drawing.caption, "uri": embed.figure(read(folder / f"{name}.png"))}
         for name, drawing in section.drawn.items()
     ]
 

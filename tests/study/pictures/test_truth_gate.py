@@ -1,4 +1,4 @@
-"""No rung behind opt4 may be further from truth than baseline: the inequality, margins, what has no value."""
+"""No phase behind opt4 may be further from truth than baseline: the inequality, margins, what has no value."""
 
 from __future__ import annotations
 

@@ -181,13 +181,13 @@ def test_an_unwritable_folder_and_an_empty_run_are_status_2(run: Path, tmp_path:
 
 def test_a_rung_looks_alike_in_every_figure_and_like_no_other() -> None:
     """By its number, whoever else is there and in which order; one that has none takes a free place."""
-    rungs = ["baseline", *(f"opt{i}_x" if i > 4 else f"opt{i}" for i in range(1, 11))]
-    all_of_them = drawing.look(pd.DataFrame({"phase": rungs, "threads": 1}))
+    names = ["baseline", *(f"opt{i}_x" if i > 4 else f"opt{i}" for i in range(1, 11))]
+    all_of_them = drawing.look(pd.DataFrame({"phase": names, "threads": 1}))
     for key in ("color", "marker"):
-        assert len({style[key] for style in all_of_them.values()}) == len(rungs) == 11
+        assert len({style[key] for style in all_of_them.values()}) == len(names) == 11
     few = drawing.look(
         pd.DataFrame({"phase": ["opt9_x", "truth", "opt4", "opt4_other", "baseline"], "threads": 1})
     )
-    for rung in ("opt9_x", "opt4", "baseline"):
-        assert few[rung, 1] == all_of_them[rung, 1]
+    for name in ("opt9_x", "opt4", "baseline"):
+        assert few[name, 1] == all_of_them[name, 1]
     assert len({style["color"] for style in few.values()}) == 5

@@ -79,5 +79,5 @@ def section(data: Stability) -> str:
     """Everything as one fragment: the table, then each case behind its title. Curves use all CPUs."""
     names = [phase.name for phase in data.phases]
     made = in_processes([partial(curves.small, case, data.rows_of(case), names) for case in data.cases])
-    pictures = {anchor(case): embed.exact(png) for case, png in zip(data.cases, made, strict=True)}
+    pictures = {anchor(case): embed.figure(png) for case, png in zip(data.cases, made, strict=True)}
     return fragment("section", data, pictures)

@@ -29,13 +29,13 @@ def section(data: Data) -> Section:
             found, limits, _ = roof.read(path, strict=False)
             points = roof.points(data, found, limits)
             made = work.rows(ladder.rows(data), declared, points, registry.ladder())
-            parts = part("rungs", "Time, work, lanes, roof and error, a line a phase", made, COLUMNS, NOTE)
+            parts = part("work", "Time, work, lanes, roof and error, a line a phase", made, COLUMNS, NOTE)
             answer = _answer(made)
             if any(row.evals_per_pixel > 0 for row in made):
                 caption = "Evaluations per pixel of each phase, and its lane efficiency"
-                drawn = {"rungs": Drawing(caption, NOTE.partition("\n")[0], lambda: _draw(made))}
+                drawn = {"work": Drawing(caption, NOTE.partition("\n")[0], lambda: _draw(made))}
     about = {"file": path / "counts.json", "script": "scripts/stepwise flops", "drawn": drawn}
-    return Section("rungs", "Work and lanes of each phase", "make flops", parts, answer=answer, **about)
+    return Section("work", "Work and lanes of each phase", "make flops", parts, answer=answer, **about)
 
 
 def _draw(made: Sequence[Row]) -> Figure:
