@@ -79,7 +79,7 @@ def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
 
 
 def _places(phases: list[str]) -> dict[str, int]:
-    """Phase → place in the palettes: a phase of the ladder has its number, so that it looks alike in every figure.
+    """Phase → place in the palettes: its number, so that it looks alike in every figure.
 
     Others, and a second one of a number, get what is free, from the last on.
     """

@@ -1,4 +1,4 @@
-"""No phase behind opt4 may be further from truth than baseline: the inequality, margins, what has no value."""
+"""No phase behind opt4 may be further from truth than baseline: the inequality, and margins."""
 
 from __future__ import annotations
 
