@@ -6,7 +6,7 @@ Here those that a sweep checks; the others are study.claims.register's.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,14 +77,6 @@ def check(data: Data, rows: pd.DataFrame) -> list[Checked]:
         about |= {"stated": claim.value, "stated_n": claim.n, "elsewhere": _elsewhere(theirs, claim)}
         made.append(Checked(**about, **found._asdict()))
     return made
-
-
-def frame(found: Sequence[Checked]) -> pd.DataFrame:
-    """The register as a table, numbers as numbers."""
-    table = pd.DataFrame([vars(one) for one in found])
-    for name in ("line", "stated", "stated_n", "value", "low", "high", "n"):
-        table[name] = pd.to_numeric(table[name])
-    return table
 
 
 def _figure(row: Checked) -> str:

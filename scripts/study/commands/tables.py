@@ -5,21 +5,20 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import pandas as pd
 
-from study.claims import claims
 from study.core import cli, provenance, show, store, table_files
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT
 from study.core.show import between
 from study.experiments import experiment
 from study.experiments.section import Section
-from study.numbers import analysis, ladder, paper
+from study.numbers import analysis, ladder
 from study.numbers import columns as ladder_columns
 from study.numbers.analysis import Data
-from study.report import front_page
+from study.report import chapters, front_page
 
 REFERENCE = ROOT / "results" / "reference"
 PAGES = {  # option → the page with a block that is made anew, and the block's name in its marks
@@ -41,19 +40,12 @@ def ladder_text(rows: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-def make(data: Data, rows: pd.DataFrame, sections: Sequence[Section] | None = None) -> table_files.Made:
-    """Every table that the run has data for. `sections`: its chapters, where they are known."""
-    theirs = paper.ladder()
-    made: table_files.Made = {
-        "paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), ladder_columns.PAPER)))
+def make(rows: pd.DataFrame, sections: Iterable[Section]) -> table_files.Made:
+    """The ladder, and every table of the chapters that has a name."""
+    made: table_files.Made = {} if rows.empty else {"ladder": (rows[rows.headline], ladder_text(rows))}
+    return made | {
+        part.name: (part.frame, part.markdown) for section in sections for part in section.parts if part.name
     }
-    if not rows.empty:
-        made["ladder"] = rows[rows["headline"]], ladder_text(rows)
-    for section in experiment.sections(data) if sections is None else sections:
-        made |= {part.name: (part.frame, part.markdown) for part in section.parts if part.name}
-    found = claims.check(data, rows)
-    made["claims"] = claims.frame(found), show.markdown(show.table(found, claims.COLUMNS))
-    return made
 
 
 def systems_block(data: Data) -> str:
@@ -99,9 +91,9 @@ def options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     data = dataclasses.replace(analysis.load(args.run), height=args.n)
     rows = ladder.rows(data)
-    if not rows["headline"].any():
+    if not rows.headline.any():
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
-    made = make(data, rows)
+    made = make(rows, [chapters.reproduced(data, rows), *experiment.sections(data)])
     paths = table_files.write(made, args.out or data.path / "tables")
     for option, (page, _) in PAGES.items():
         if getattr(args, option):

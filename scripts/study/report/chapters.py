@@ -16,13 +16,15 @@ from study.claims.claims import Checked
 from study.core import html, patches, registry
 from study.core.registry import Phase
 from study.core.run_schema import PhaseJson
+from study.experiments import experiment
 from study.experiments.section import Section, part
 from study.numbers import analysis, columns, paper, verdicts
 from study.numbers.analysis import Data
 from study.pictures import embed
 from study.pictures.draw import Drawing
-from study.report import compared, facts, lessons
+from study.report import compared, facts, history_chapter, lessons
 
+MORE = 6  # the question of a chapter whose place is of no other
 PICTURES = {  # of stepwise pictures
     "contact-sheet.png": "Every scene by every phase, with its error against baseline",
     "evaluations.png": "Distance evaluations of each camera ray of baseline: where the time goes",
@@ -80,9 +82,11 @@ def reproduced(data: Data, rows: pd.DataFrame) -> Section:
     measured = any(word not in (verdicts.OPEN, verdicts.NEVER) for word in totals)
     answer = f"Of {len(found)} claims, here: {', '.join(said)}." if measured else ""
     about = "The claims register: what the papers say, and what this run says"
-    parts = part("", about, found, claims.COLUMNS, PAPERS)
+    parts = part("claims", about, found, claims.COLUMNS, PAPERS)
     theirs = paper.ladder().to_dict("records")
-    parts += part("", "The paper's ladder, by its tables and by its program", theirs, columns.PAPER, RERUN)
+    parts += part(
+        "paper", "The paper's ladder, by its tables and by its program", theirs, columns.PAPER, RERUN
+    )
     note = "Each claim is judged by this run's own numbers; results/paper/README.md has the rules."
     drawn = {"claims": Drawing("The papers' claims by verdict", note, lambda: _draw(found))}
     title, make = "The papers' numbers and claims", "make study"
@@ -153,5 +157,18 @@ def ran(data: Data) -> Section:
     return Section("machine", "Machine, noise, commands", "make study", [], answer=answer)
 
 
-def units() -> Section:
-    return Section("units", "Units and method", "", [])
+def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:
+    """Question → its chapters, both in their order."""
+    measured = experiment.placed(data)  # first: it names a broken file
+    own = [
+        (300, reproduced(data, rows)),
+        (190, history_chapter.over_time(data, rows)),
+        (650, pictures(data)),
+        (660, phases(data)),
+        (700, ran(data)),
+        (710, Section("units", "Units and method", "", [])),
+    ]
+    made: dict[str, list[Section]] = {text: [] for text in experiment.QUESTIONS.values()}
+    for place, section in sorted([*measured, *own], key=lambda each: each[0]):
+        made[experiment.QUESTIONS.get(place // 100, experiment.QUESTIONS[MORE])].append(section)
+    return made

@@ -23,6 +23,7 @@ from study.experiments import experiment
 from study.numbers import analysis, ladder, paper
 from study.numbers.analysis import Cell, Data, Facts
 from study.numbers.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, WORDS, Found, sized
+from study.report import chapters
 
 STEADY = (0.999, 1.0, 1.001, 1.0, 0.9995, 1.0005)
 
@@ -209,7 +210,7 @@ def test_the_register_is_written_with_the_tables(tmp_path: Path) -> None:
     source = ROOT / "tests" / "fixtures" / "run"
     data = analysis.load(source)
     rows = ladder.rows(data)
-    paths = table_files.write(tables.make(data, rows), tmp_path)
+    paths = table_files.write(tables.make(rows, [chapters.reproduced(data, rows)]), tmp_path)
     found = pd.read_csv(tmp_path / "claims.csv")
     assert len(found) == len(paper.read("claims")) and set(found["verdict"]) <= set(WORDS)
     assert found["why"].notna().all() and found["line"].gt(0).all() and found["unit"].notna().sum() > 30

@@ -14,8 +14,9 @@ import pandas as pd
 import pytest
 
 from study.commands import tables
-from study.core import registry, show
+from study.core import registry, show, table_files
 from study.core.cli import StudyError
+from study.experiments import experiment
 from study.experiments.sweep import chapter
 from study.numbers import analysis, ladder, paper, stats, summary
 from study.numbers import columns as ladder_columns
@@ -29,6 +30,10 @@ pytestmark = pytest.mark.usefixtures("few_resamples")
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     return Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
+
+
+def made_of(run: Path, rows: pd.DataFrame) -> table_files.Made:
+    return tables.make(rows, experiment.sections(analysis.load(run)))
 
 
 def rows_of(run: Path) -> pd.DataFrame:
@@ -119,7 +124,7 @@ def test_two_threads_are_beside_one_of_the_same_phase(run: Path) -> None:
     rows = rows_of(run)
     opt4 = rows[(rows["phase"] == "opt4") & (rows["height"] == 180)].set_index("threads")
     assert opt4.loc[2, "over_one_thread"] == pytest.approx(1.6) and math.isnan(opt4.loc[1, "over_one_thread"])
-    text = tables.make(analysis.load(run), rows)["runtime"][1]
+    text = made_of(run, rows)["runtime"][1]
     assert text.count("| 1.60×") == len(opt4.loc[[2]]) * text.count("| opt4 | 2 |") > 0
 
 
@@ -127,7 +132,7 @@ def test_without_a_base_the_speedup_is_not_measured(run: Path) -> None:
     edit(run, lambda f: f["phase"] != "baseline" and f["flags_from"] != "opt3")
     opt3 = row(run, "scene0", "opt4", 180)
     assert opt3["speedup_base"] is None or pd.isna(opt3["speedup_base"])
-    text = tables.make(analysis.load(run), rows_of(run))["ladder"][1]
+    text = made_of(run, rows_of(run))["ladder"][1]
     assert "not measured" in text
 
 
@@ -191,7 +196,7 @@ def test_a_failing_pair_is_shown_failing(run: Path) -> None:
     opt4 = row(run, "mandelbulb", "opt4", 90)
     assert show.gate(opt4) == "✗ OUTSIDE: psnr_db"
     assert show.gate_mark(opt4) == "bad"
-    made = tables.make(analysis.load(run), rows_of(run))
+    made = made_of(run, rows_of(run))
     assert made["verification"][1].count("✗ OUTSIDE: psnr_db") == 1
     assert made["ladder"][1].count("✗ OUTSIDE: psnr_db") == 1
 
@@ -229,7 +234,7 @@ def test_a_pair_left_to_truth_is_neither_within_nor_failing(run: Path) -> None:
     edit_pairs(run, left)
     opt4 = row(run, "mandelbulb", "opt4", 90)
     assert show.gate_mark(opt4) == ""
-    made = tables.make(analysis.load(run), rows_of(run))
+    made = made_of(run, rows_of(run))
     assert "OUTSIDE" not in made["verification"][1] + made["ladder"][1]
 
 
@@ -447,8 +452,8 @@ def test_a_published_run_says_what_made_it_and_has_tables(folder: Path) -> None:
     said = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
     assert set(said) == {"machine", "compiler", "time", "commit", "commands", "caveat"} and said["commands"]
     data = analysis.load(folder, strict=False)
-    made = tables.make(data, ladder.rows(data))
-    assert {"ladder", "claims", "paper"} <= set(made)
+    made = tables.make(ladder.rows(data), experiment.sections(data))
+    assert "ladder" in made
     assert (
         not (folder / "tables").exists() and f"`{folder.name}`" in (folder.parent / "README.md").read_text()
     )
