@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from string import ascii_uppercase
 from typing import Any
@@ -41,12 +42,11 @@ COLUMNS += [("base_ms", "A ms [95 %]"), ("ms", "run ms [95 %]"), ("time", "time 
 COLUMNS += [("cycles", "cycles A / run [95 %]"), ("clock", "clock run / A [95 %]")]
 COLUMNS += [("baseline", "× baseline, run / A [95 %]"), ("moved", "moved")]
 COLUMNS += [("verdict", "run is")]
-CONTEXT = ("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib")
-CONTEXT_PARTS = {
-    "cpu": ("model", "microarchitecture", "stepping", "microcode", "logical_cpus"),
-    "pinned": ("core_type",),
-    "git": ("commit", "dirty", "diff_sha256"),
-}
+CONTEXT = (
+    *("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib"),
+    *(f"cpu.{name}" for name in ("model", "microarchitecture", "stepping", "microcode", "logical_cpus")),
+    *("pinned.core_type", "git.commit", "git.dirty", "git.diff_sha256"),
+)
 MOVED = 0.005  # a quantity that changed by less is not what moved, however narrow its interval
 SLOWER, SAME, FEW = "slower", "the same within noise", "unknown (too few launches)"
 NONE = "no verdict"
@@ -74,11 +74,9 @@ class Side:
 
     def beyond(self, other: Side) -> list[str]:
         """Configurations that this run has and the other has not, those of a phase and scene in one line."""
-        mine, theirs = (
-            dict.fromkeys(side.frames[KEY].itertuples(index=False, name=None)) for side in (self, other)
-        )
+        mine, theirs = (set(side.frames[KEY].itertuples(index=False, name=None)) for side in (self, other))
         sizes: dict[str, list[str]] = {}
-        for scene, width, height, threads, spec in sorted(key for key in mine if key not in theirs):
+        for scene, width, height, threads, spec in sorted(mine - theirs):
             said = f"{width}x{height}" + (f" on {threads} threads" if threads > 1 else "")
             sizes.setdefault(f"{spec} {scene}", []).append(said)
         return [f"{name} {', '.join(each)}" for name, each in sizes.items()]
@@ -89,34 +87,38 @@ def read(letter: str, path: Path, leave_out: bool) -> Side:
     run = Run.open(path)
     frames = run.frames()
     _ = run.context
-    if frames.empty or frames["warmup"].all():
+    if frames.empty or frames.warmup.all():
         raise StudyError(f"{run}: no timed frame; measure with scripts/stepwise sweep --run {run} --resume")
     off = clocks.off(frames)
     return Side(letter, run, clocks.without(frames, off) if leave_out else frames, off)
 
 
-def other_work(base: pd.DataFrame, other: pd.DataFrame) -> dict[str, str]:
+def _of_scene(sides: Sequence[Side]) -> Iterator[tuple[str, list[pd.DataFrame]]]:
+    """The scenes that both runs have, with the frames of each run."""
+    frames = [dict(iter(side.frames.groupby("scene"))) for side in sides]
+    for scene in sorted(frames[0].keys() & frames[1].keys()):
+        yield str(scene), [each[scene] for each in frames]
+
+
+def other_work(*sides: Side) -> dict[str, str]:
     """Scene → why its times cannot be compared: of another content, or by other limits."""
     found = {}
-    for scene in sorted(set(base["scene"]) & set(other["scene"])):
+    for scene, both in _of_scene(sides):
         for column in LIMITS:
-            values = [set(frames.loc[frames["scene"] == scene, column]) for frames in (base, other)]
-            if values[0] != values[1]:
-                said = " and ".join(", ".join(map(str, sorted(each))) for each in values)
+            first, second = (sorted(set(frames[column])) for frames in both)
+            if first != second:
+                said = " and ".join(", ".join(map(str, each)) for each in (first, second))
                 found.setdefault(scene, f"{scene}: {column} differs ({said}); only the same work compares")
     return found
 
 
-def other_sizes(base: pd.DataFrame, other: pd.DataFrame) -> dict[str, str]:
+def other_sizes(*sides: Side) -> dict[str, str]:
     """Scenes that no size of the picture has in common → what each run has."""
     found = {}
-    for scene in sorted(set(base["scene"]) & set(other["scene"])):
-        sizes = [
-            set(frames.loc[frames["scene"] == scene, ["width", "height"]].itertuples(index=False, name=None))
-            for frames in (base, other)
-        ]
-        if not sizes[0] & sizes[1]:
-            said = " and ".join(", ".join(f"{w}x{h}" for w, h in sorted(each)) for each in sizes)
+    for scene, both in _of_scene(sides):
+        first, second = (set(zip(frames.width, frames.height, strict=True)) for frames in both)
+        if not first & second:
+            said = " and ".join(", ".join(f"{w}x{h}" for w, h in sorted(each)) for each in (first, second))
             found[scene] = f"{scene}: other sizes ({said})"
     return found
 
@@ -125,7 +127,7 @@ def other_machine(base: Side, other: Side) -> str | None:
     """Why two runs are of two machines: CPU, CPUs, TSC rate, kind of core. None: nothing says so."""
     kinds = [side.run.context.pinned.core_type for side in (base, other)]
     cpus = [side.run.context.cpu for side in (base, other)]
-    rates = [float(clocks.clocked(side.frames)["tsc_hz"].median()) for side in (base, other)]
+    rates = [float(clocks.clocked(side.frames).tsc_hz.median()) for side in (base, other)]
     counts = [cpu.logical_cpus for cpu in cpus]
     if not ceilings.other_cpu(*cpus, rates) and (None in counts or counts[0] == counts[1]):
         same = None in kinds or kinds[0] == kinds[1]
@@ -203,32 +205,34 @@ class Row:
 def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = False) -> list[Row]:
     """`by`: the ratio that the verdict is of, time, cycles or baseline. Other work has no ratio."""
     ours, theirs = _values(base.frames), _values(other.frames)
-    no_scene = other_work(base.frames, other.frames)
+    no_scene = other_work(base, other)
     another = not machine_may_differ and other_machine(base, other) is not None
     found = []
     for key in ours.keys() & theirs.keys():
         a, b = ours[key], theirs[key]
         same = key[0] not in no_scene
-        ratios = dict.fromkeys(("time", "cycles", "clock", "baseline"))
-        if same:
-            ratios["time"], ratios["cycles"] = ratio(a.ns, b.ns), ratio(a.core_cycles, b.core_cycles)
-            ratios["clock"], ratios["baseline"] = (
-                ratio(b.core_hz, a.core_hz),
-                over_baseline(key, ours, theirs),
-            )
-        verdict = (
-            f"{NONE} (other {'machine' if same else 'scene'})" if another or not same else judge(ratios[by])
-        )
+        ratios = {
+            "time": ratio(a.ns, b.ns),
+            "cycles": ratio(a.core_cycles, b.core_cycles),
+            "clock": ratio(b.core_hz, a.core_hz),
+            "baseline": over_baseline(key, ours, theirs),
+        }
+        if not same:
+            ratios = dict.fromkeys(ratios)
+        verdict = judge(ratios[by])
+        if another or not same:
+            verdict = f"{NONE} (other {'machine' if same else 'scene'})"
         times = [stats.median_interval(one.ns / 1e6) for one in (a, b)]
         about = (f"{key[1]}x{key[2]}", other.letter, *times)
-        found.append(Row(*key, *about, *ratios.values(), moved(ratios["cycles"], ratios["clock"]), verdict))
+        changed = moved(ratios["cycles"], ratios["clock"])
+        found.append(Row(*key, *about, *ratios.values(), moved=changed, verdict=verdict))
     return found
 
 
 def warnings(base: Side, other: Side, machine_may_differ: bool) -> list[Fault]:
     """What has no verdict, to be said before anything else."""
-    found = [Fault(SCENE, other.letter, text) for text in other_work(base.frames, other.frames).values()]
-    found += [Fault(SIZE, other.letter, text) for text in other_sizes(base.frames, other.frames).values()]
+    found = [Fault(SCENE, other.letter, text) for text in other_work(base, other).values()]
+    found += [Fault(SIZE, other.letter, text) for text in other_sizes(base, other).values()]
     if (text := other_machine(base, other)) and not machine_may_differ:
         found.insert(0, Fault(MACHINE, other.letter, text))
     return found
@@ -250,8 +254,8 @@ def judged(run: Run) -> dict[tuple[str, str], bool]:
 
 def faults(base: Side, other: Side) -> list[Fault]:
     """What the base has and the run lacks: configurations, and phases that are (still) within tolerance."""
-    sizes = other_sizes(base.frames, other.frames)  # those are said already
-    known = base.frames[~base.frames["scene"].isin(list(sizes))]
+    sizes = other_sizes(base, other)  # those are said already
+    known = base.frames[~base.frames.scene.isin(list(sizes))]
     absent = replace(base, frames=known).beyond(other)
     found = [Fault(VANISHED, other.letter, f"not in {other.letter}: {name}") for name in absent]
     before, now = judged(base.run), judged(other.run)
@@ -268,10 +272,7 @@ def faults(base: Side, other: Side) -> list[Fault]:
 
 def facts(side: Side) -> dict[str, Any]:
     """What may explain a difference: from the context, and flags and compiler of each spec."""
-    context = side.run.context
-    found = {name: getattr(context, name) for name in CONTEXT}
-    for part, names in CONTEXT_PARTS.items():
-        found |= {f"{part}.{name}": getattr(getattr(context, part), name) for name in names}
+    found = {name: attrgetter(name)(side.run.context) for name in CONTEXT}
     for (spec, flags, compiler, libc), _ in side.frames.groupby(["spec", "flags", "compiler", "libc"]):
         found[f"build of {spec}"] = f"{compiler}, glibc {libc}, {flags}"
     return found
@@ -288,7 +289,6 @@ def differences(sides: Sequence[Side]) -> dict[str, dict[str, Any]]:
 def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("runs", metavar="RUN", nargs="*", type=Path, help="folders of runs, the base first")
-    add("--base", metavar="RUN", type=Path, help="the base; default: the first RUN")
     add("--by", choices=("time", "cycles", "baseline"), default="time", help="of the verdict; default: time")
     about = "leave out launches whose TSC rate is 0.01 %% off the run's, or whose core clock 3 %% off its "
     add("--leave-out-off-clock", action="store_true", help=about + "configuration's")
@@ -301,15 +301,6 @@ def options(parser: argparse.ArgumentParser) -> None:
     about = "instead: the times of one RUN for other programs; with --by baseline over baseline's"
     add("--export", choices=exports.KINDS, help=about)
     add("-o", "--out", type=Path, metavar="PATH", help="of --export; default: standard output")
-
-
-def compared(args: argparse.Namespace) -> list[Path]:
-    """The runs, the base first. Raises StudyError."""
-    rest = [path for path in args.runs if not args.base or path.resolve() != args.base.resolve()]
-    found = [args.base, *rest] if args.base else rest
-    if not 2 <= len(found) <= len(ascii_uppercase):
-        raise StudyError(f"2 to {len(ascii_uppercase)} runs are compared: RUN_A RUN_B; not {len(found)}")
-    return found
 
 
 def shown(sides: Sequence[Side], first: Sequence[Fault], found: Sequence[Row], by: str) -> list[str]:
@@ -344,9 +335,11 @@ def run(args: argparse.Namespace) -> Outcome:
         if args.out:
             store.write_text(args.out, made)
         return Outcome(made, [] if args.out else [made.rstrip("\n")])
+    if not 2 <= len(args.runs) <= len(ascii_uppercase):
+        raise StudyError(f"2 to {len(ascii_uppercase)} runs are compared, not {len(args.runs)}")
     sides = [
         read(letter, path, args.leave_out_off_clock)
-        for letter, path in zip(ascii_uppercase, compared(args), strict=False)
+        for letter, path in zip(ascii_uppercase, args.runs, strict=False)
     ]
     base, *others = sides
     lenient = MACHINE in args.allow

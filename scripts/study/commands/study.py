@@ -174,7 +174,6 @@ def report(run: Path, left: Sequence[str]) -> None:
 def finish(run: Path) -> None:
     """The page, and its tables and figures also with the run."""
     report(run, [])
-    call("plots", run, "--only", "speed-against-error")  # which no chapter has
     for name in ("tables", "figures"):
         if (PAGE.parent / name).is_dir():
             shutil.copytree(PAGE.parent / name, run / name, dirs_exist_ok=True)
@@ -233,7 +232,7 @@ def run(args: argparse.Namespace) -> Outcome:
         step(one.what)
         wrong.measure(one, study)
         cuts.note(folder, one.name, one.cut if study.quick else "")
-    step("tables, plots, report")
+    step("tables and report")
     finish(folder)
     cli.say(f"study: {PAGE} after {time.monotonic() - begin:.0f} s; data in {folder}")
     said = [f"study: {text}; the page shows which" for text in wrong.failed]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from study.core import cli, machine, registry, show
+from study.core import machine, registry, show
 from study.numbers import ladder
 from study.numbers.analysis import Data
 from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
@@ -247,16 +246,3 @@ def drawings(data: Data, rows: pd.DataFrame) -> dict[str, Drawing]:
         for name, plot in PLOTS.items()
         if not lacking(name, rows)
     }
-
-
-def draw(
-    data: Data, rows: pd.DataFrame, folder: Path, only: list[str] | None = None
-) -> dict[str, list[Path]]:
-    """Name → files of each plot that the run has data for; the others are named on stderr."""
-    made, able = {}, drawings(data, rows)
-    for name in only or PLOTS:
-        if name in able:
-            made[name] = able[name].write(folder / name)
-        else:
-            cli.say(f"{name}: left out, {lacking(name, rows)}")
-    return made

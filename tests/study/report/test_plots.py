@@ -43,9 +43,8 @@ def rows(data: Data) -> pd.DataFrame:
     return ladder.rows(data)
 
 
-def script(*arguments: object) -> subprocess.CompletedProcess:
-    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "plots", *map(str, arguments)]
-    return started.run(command)
+def redraw(*arguments: object) -> subprocess.CompletedProcess:
+    return started.run([sys.executable, str(ROOT / "scripts" / "stepwise"), "redraw", *map(str, arguments)])
 
 
 def texts(figure: Figure) -> list[str]:
@@ -53,21 +52,22 @@ def texts(figure: Figure) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """By the script, of a copy of the run: its figures' files."""
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """By the script, of a copy of the run: its figures' files by their names."""
     folder = tmp_path_factory.mktemp("plots")
     run = shutil.copytree(ROOT / "tests" / "fixtures" / "run", folder / "machine" / "run")
-    done = script(run, "-o", folder / "out", "--json")
-    assert done.returncode == 0, done.stderr
-    return emitted.result(done.stdout)
+    chapters = ("ladder", "size", "verification", "pareto")
+    done = redraw(run, "-o", folder / "out", "--json", "--only", *chapters)
+    assert done.returncode == 0 and "pareto: left out" in done.stderr, done.stderr
+    return {Path(file).name: Path(file) for file in emitted.result(done.stdout)["files"]}
 
 
 def test_every_figure_exists_and_is_a_picture(made: dict) -> None:
-    assert set(made) == set(ladder_figures.PLOTS)
-    for svg, png in made.values():
-        root = ElementTree.parse(svg).getroot()
+    assert set(made) == {f"{name}.{kind}" for name in ladder_figures.PLOTS for kind in ("svg", "png")}
+    for name in ladder_figures.PLOTS:
+        root = ElementTree.parse(made[f"{name}.svg"]).getroot()
         assert root.tag.endswith("svg") and len(list(root.iter())) > 200
-        pixels = np.asarray(Image.open(png).convert("RGB"))
+        pixels = np.asarray(Image.open(made[f"{name}.png"]).convert("RGB"))
         assert min(pixels.shape[:2]) > 300
         assert 0.5 < (pixels == 255).all(axis=-1).mean() < 0.99  # drawn upon, and not full
 
@@ -76,27 +76,9 @@ def test_the_same_run_gives_the_same_bytes(
     made: dict, data: Data, rows: pd.DataFrame, tmp_path: Path
 ) -> None:
     """In another process, of the run's original."""
-    again = ladder_figures.draw(data, rows, tmp_path)
-    assert again.keys() == made.keys()
-    for name in again:
-        for a, b in zip(made[name], again[name], strict=True):
-            assert Path(a).read_bytes() == Path(b).read_bytes()
-
-
-def test_redraw_draws_what_plots_does_and_says_what_a_run_lacks(
-    made: dict, run: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "redraw", str(run), "-o", str(out)]
-    done = started.run([*command, "--only", "ladder", "size", "verification", "pareto"])
-    assert done.returncode == 0 and "pareto: left out" in done.stderr, done.stderr
-    assert sorted(path.name for path in (out / "figures").iterdir()) == sorted(
-        Path(path).name for paths in made.values() for path in paths
-    )
-    for paths in made.values():
-        assert (out / "figures" / Path(paths[1]).name).read_bytes() == Path(paths[1]).read_bytes()
-    missing = started.run([*command[:2], str(tmp_path / "none")])
-    assert (missing.returncode, len(missing.stderr.splitlines())) == (2, 1)
+    for name, one in ladder_figures.drawings(data, rows).items():
+        for again in one.write(tmp_path / name):
+            assert again.read_bytes() == made[again.name].read_bytes()
 
 
 READMES = {"roofline": "roofline", "pareto": "pareto"}  # → the chapter that draws it
@@ -109,8 +91,7 @@ def redrawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = re.search(r"are the figures of `([\w.-]+)`", text)
     assert folder, text
     out = tmp_path_factory.mktemp("redrawn")
-    command = [sys.executable, str(ROOT / "scripts" / "stepwise"), "redraw", str(REFERENCE / folder[1])]
-    done = started.run([*command, "-o", str(out), "--only", *READMES.values()])
+    done = redraw(REFERENCE / folder[1], "-o", out, "--only", *READMES.values())
     assert done.returncode == 0 and not done.stderr, done.stderr
     return out / "figures"
 
@@ -161,25 +142,20 @@ def test_identical_pictures_stand_on_the_rail_and_failing_ones_are_named(rows: p
     assert "opt2@opt3" not in at  # nothing verified it
 
 
-def test_without_verify_the_error_plot_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
+def test_without_verify_there_is_no_error_plot(run: Path) -> None:
     (run / "verify.json").unlink()
-    done = script(run, "-o", tmp_path / "out")
-    assert done.returncode == 0
-    assert "speed-against-error: left out" in done.stderr
-    assert not (tmp_path / "out" / "speed-against-error.svg").exists()
-    assert (tmp_path / "out" / "speedup-ladder.svg").exists()
+    data = analysis.load(run, strict=False)
+    assert "speed-against-error" not in ladder_figures.drawings(data, ladder.rows(data))
 
 
-def test_an_unwritable_folder_and_an_empty_run_are_status_2(run: Path, tmp_path: Path) -> None:
+def test_an_unwritable_folder_and_no_run_are_status_2(run: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    done = script(run, "-o", tmp_path / "file" / "out", "--only", "runtime")
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    (run / "frames.jsonl").write_text("")
-    done = script(run)
-    assert done.returncode == 2 and "no timed frame" in done.stderr
+    for arguments in ((run, "-o", tmp_path / "file" / "out"), (tmp_path / "none",)):
+        done = redraw(*arguments)
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
 
 
-def test_a_rung_looks_alike_in_every_figure_and_like_no_other() -> None:
+def test_a_phase_looks_alike_in_every_figure_and_like_no_other() -> None:
     """By its number, whoever else is there and in which order; one that has none takes a free place."""
     names = ["baseline", *(f"opt{i}_x" if i > 4 else f"opt{i}" for i in range(1, 11))]
     all_of_them = drawing.look(pd.DataFrame({"phase": names, "threads": 1}))
