@@ -83,22 +83,16 @@ def sections(folder: Path) -> list[Any]:
 
 
 def copy_pictures(run: Path, folder: Path) -> list[str]:
-    """Those that the chapters show and the run has; their names below the run."""
+    """Those that the chapters show, as large as fits, and the few that the report compares under a slider,
+    small; their names below the run."""
     names = []
     for section in sections(run):
         for picture in section.images:
             if picture.is_file() and picture.is_relative_to(run):
                 names.append(str(picture.relative_to(run)))
                 shrink(picture, folder / names[-1])
-    return names
-
-
-def copy_compared(run: Path, folder: Path) -> list[str]:
-    """The few pictures that the report compares under a slider, small; their names below the run."""
-    names = []
     for path, pixels in compared.kept(analysis.load(run, strict=False)).items():
         names.append(str(path.relative_to(run)))
-        (folder / names[-1]).parent.mkdir(parents=True, exist_ok=True)
         images.write_png(folder / names[-1], np.ascontiguousarray(pixels))
     return names
 
@@ -124,14 +118,6 @@ def shown(folder: Path) -> dict[str, Any]:
     }
 
 
-def check(run: Path, folder: Path) -> None:
-    """Raises StudyError for a chapter that the folder does not make as the run does."""
-    here, there = shown(run), shown(folder)
-    lost = sorted(name for name in here if here[name] != there.get(name))
-    if lost:
-        raise StudyError(f"{folder}: not as in the run: {', '.join(lost)}")
-
-
 def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[str]:
     """Makes `folder` whole or not at all: names of its pictures. Raises StudyError."""
     beside = store.writable(folder.parent)
@@ -141,22 +127,16 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
             made = apart / folder.name
             made.mkdir()
             copy_files(run, made)
-            names = copy_pictures(run, made) + copy_compared(run, made)
+            names = copy_pictures(run, made)
             store.write_text(made / RUN_TOML, about(made, commands, caveat))
             About.of(tomllib.loads((made / RUN_TOML).read_text(encoding="utf-8")), str(made / RUN_TOML))
-            check(run, made)
+            here, there = shown(run), shown(made)
+            if lost := sorted(name for name in here if here[name] != there.get(name)):
+                raise StudyError(f"{folder}: not as in the run: {', '.join(lost)}")
             os.rename(made, folder)
     except OSError as error:
         raise StudyError(f"{error.filename or folder}: {error.strerror or error}") from None
     return names
-
-
-def commits_said(commits: dict[str, list[str]]) -> str:
-    """Of which commit what was measured, a line each; more than one is a run put together."""
-    if len(commits) < 2:
-        return f"commit: {next(iter(commits), 'unknown')}"
-    each = [f"  {commit}: {', '.join(files)}" for commit, files in commits.items()]
-    return "\n".join([f"of {len(commits)} commits, which the note on the folder must say:", *each])
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -180,4 +160,5 @@ def run(args: argparse.Namespace) -> Outcome:
     commits = provenance.commits(folder)
     told = {"folder": args.folder, "bytes": size, "pictures": names, "commits": commits}
     line = f"{args.folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}"
-    return Outcome(told, [line, commits_said(commits)], source.path)
+    each = [f"  of commit {commit}: {', '.join(files)}" for commit, files in commits.items()]
+    return Outcome(told, [line, *each], source.path)

@@ -46,7 +46,7 @@ class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     threads: bool
     algorithm: str
     cflags: str
-    tolerance: dict[str, Any]
+    tolerance: dict[str, dict[str, Any]]
     path: Path = ROOT
     planes: list[str] = []  # channels of its own, with --aov
     # Built for several numbers of lanes (driver/variant.h), widest first; `lanes` is the widest, `isa` what

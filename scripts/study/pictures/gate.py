@@ -72,31 +72,25 @@ def flatten(nested: Mapping, prefix: str = "") -> dict:
 
 def check(phase: Phase) -> None:
     """Raises StudyError for a tolerance that is of no scene or class, bounds no metric, or has no reason."""
+    kinds = dict.fromkeys(("smooth", "fractal", *scenes()), METRICS)
+    kinds |= {TRUTH: (*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH, OUTLINE), IDEAL: IDEAL_METRICS}
     for name, declared in phase.tolerance.items():
         where = f"{phase.name}: phase.json: tolerance.{name}"
-        if name not in ("smooth", "fractal", TRUTH, IDEAL, *scenes()):
-            there = ", ".join(("smooth", "fractal", TRUTH, IDEAL, *scenes()))
-            raise StudyError(f"{where}: no such scene or class; there are {there}")
-        margins_of = (*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH, OUTLINE)
-        known = list(margins_of if name == TRUTH else IDEAL_METRICS if name == IDEAL else METRICS)
-        if not isinstance(declared, Mapping):
-            raise StudyError(f"{where}: should be an object of metric: bound")
-        if not isinstance(declared.get("reason"), str) or not declared["reason"].strip():
-            raise StudyError(f"{where}: lacks its reason")
-        bounds = {key: bound for key, bound in flatten(declared).items() if key != "reason"}
-        if not bounds:
-            raise StudyError(f"{where}: bounds no metric")
+        if name not in kinds:
+            raise StudyError(f"{where}: no such scene or class; there are {', '.join(kinds)}")
+        bounds = flatten(declared)
+        if not str(bounds.pop("reason", "")).strip() or not bounds:
+            raise StudyError(f"{where}: lacks its reason, or bounds no metric")
         for key, bound in bounds.items():
-            if key not in known:
-                raise StudyError(f"{where}.{key}: no such metric; there are {', '.join(known)}")
-            number = isinstance(bound, int | float) and not isinstance(bound, bool) and math.isfinite(bound)
-            if not (bound is True if key == "identical" else number):
-                wanted = "true" if key == "identical" else "a finite number"
-                raise StudyError(f"{where}.{key}: {bound!r} should be {wanted}")
-            if key == OUTLINE and not (isinstance(bound, int) and 1 <= bound <= 8):
-                raise StudyError(f"{where}.{key}: {bound!r} should be a whole number of pixels from 1 to 8")
-            if name == TRUTH and bound < 0:
-                raise StudyError(f"{where}.{key}: {bound!r} should be 0 or more: by how much it may be worse")
+            if key not in kinds[name]:
+                raise StudyError(f"{where}.{key}: no such metric; there are {', '.join(kinds[name])}")
+            number = type(bound) in (int, float) and math.isfinite(bound)
+            right = bound is True if key == "identical" else number and (name != TRUTH or bound >= 0)
+            if not right or (key == OUTLINE and bound not in range(1, 9)):
+                raise StudyError(
+                    f"{where}.{key}: {bound!r} should be a finite number, of {TRUTH} 0 or more, of {OUTLINE} "
+                    "1 to 8; of identical: true"
+                )
 
 
 def tolerance(phase: Phase, scene: Scene) -> dict | None:

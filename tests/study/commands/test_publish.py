@@ -70,7 +70,7 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     told = ("--command", "make study", "make systems", "--caveat", 'a "busy" machine')
     done = publish(made, folder, *told)
     assert done.returncode == 0, done.stderr
-    assert "\n  ffffffffff: rods\n" in done.stdout
+    assert "ffffffffff: rods\n" in done.stdout
     assert gzip.decompress((folder / "frames.jsonl.gz").read_bytes()) == (made / "frames.jsonl").read_bytes()
     packed = folder / "counts.json.gz"
     assert not (folder / "counts.json").exists()

@@ -158,7 +158,7 @@ def test_a_page_is_written_before_all_phases_are_built(done, tmp_path, monkeypat
     assert timed[timed.index("-n") + 1] == "90" and timed[timed.index("--launches") + 1] == "6"
     assert page[1] == "--running" and set(page[3:]) == {p.what for p in run_study.chosen(arguments(tmp_path))}
     names = [name for name, _ in done]
-    assert names[-2:] == ["report", "plots"] and names.index("functions") < names.index("frames")
+    assert names[-1] == "report" and names.index("functions") < names.index("frames")
     assert set(cuts.read(tmp_path / "run")) == {
         one.name for one in ALL.values() if one.depth == "quick" and one.cut
     }

@@ -31,17 +31,16 @@ def test_a_class_without_tolerance_fails(blank):
 @pytest.mark.parametrize(
     "declared, message",
     [
-        (bound(psnr=50), "smooth.psnr: no such metric"),
-        (bound(antialiased={"flip_mean": 1}), "antialiased.flip_mean: no such metric"),
-        ({"psnr_db": 50}, "lacks its reason"),
-        (bound(reason=" ", psnr_db=50), "lacks its reason"),
-        (bound(), "bounds no metric"),
-        (bound(psnr_db=math.nan), "finite"),
-        (bound(psnr_db="50"), "finite"),
-        (bound(psnr_db=True), "finite"),
-        (bound(identical=False), "should be true"),
-        (bound(identical=1), "should be true"),
-        (50, "object"),
+        (bound(psnr=50), r"smooth\.psnr: "),
+        (bound(antialiased={"flip_mean": 1}), r"antialiased\.flip_mean: "),
+        ({"psnr_db": 50}, r"smooth: "),
+        (bound(reason=" ", psnr_db=50), r"smooth: "),
+        (bound(), r"smooth: "),
+        (bound(psnr_db=math.nan), r"smooth\.psnr_db: nan"),
+        (bound(psnr_db="50"), r"smooth\.psnr_db: '50'"),
+        (bound(psnr_db=True), r"smooth\.psnr_db: True"),
+        (bound(identical=False), r"smooth\.identical: False"),
+        (bound(identical=1), r"smooth\.identical: 1"),
     ],
 )
 def test_a_tolerance_that_says_nothing_clear_is_refused(declared, message):

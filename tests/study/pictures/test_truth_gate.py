@@ -116,13 +116,13 @@ def test_margins_are_declared_with_a_reason():
     assert gate.margins(phase) == {"dt_p99": 1e-6, "antialiased.psnr_db": 1}
     assert gate.margins(later(5)) == {}
     for wrong, message in (
-        ({"dt_p99": 1}, "lacks its reason"),
-        ({"reason": "so"}, "bounds no metric"),
-        ({"dt_p99": -1, "reason": "so"}, "should be 0 or more"),
-        ({"mask_mismatch_ppm": 1, "reason": "so"}, "no such metric"),
-        ({"dt_p99": math.inf, "reason": "so"}, "finite number"),
-        ({"outline_pixels": 1.5, "reason": "so"}, "whole number of pixels from 1 to 8"),
-        ({"outline_pixels": 9, "reason": "so"}, "whole number of pixels from 1 to 8"),
+        ({"dt_p99": 1}, r"truth: "),
+        ({"reason": "so"}, r"truth: "),
+        ({"dt_p99": -1, "reason": "so"}, r"truth\.dt_p99: -1"),
+        ({"mask_mismatch_ppm": 1, "reason": "so"}, r"truth\.mask_mismatch_ppm: "),
+        ({"dt_p99": math.inf, "reason": "so"}, r"truth\.dt_p99: inf"),
+        ({"outline_pixels": 1.5, "reason": "so"}, r"truth\.outline_pixels: 1\.5"),
+        ({"outline_pixels": 9, "reason": "so"}, r"truth\.outline_pixels: 9"),
     ):
         with pytest.raises(StudyError, match=message):
             gate.check(later(5, truth=wrong))
@@ -155,9 +155,9 @@ def test_the_ideal_is_declared_with_a_reason():
     )
     assert not later(11, truth=granted).draws_ideal and gate.ideal_bounds(later(11, truth=granted)) == {}
     for wrong, message in (
-        ({"psnr_ideal_db": 90}, "lacks its reason"),
-        ({"psnr_db": 90, "reason": "so"}, "no such metric"),
-        ({"reason": "so"}, "bounds no metric"),
+        ({"psnr_ideal_db": 90}, r"ideal: "),
+        ({"psnr_db": 90, "reason": "so"}, r"ideal\.psnr_db: "),
+        ({"reason": "so"}, r"ideal: "),
     ):
         with pytest.raises(StudyError, match=message):
             gate.check(later(11, truth=granted, ideal=wrong))

@@ -314,7 +314,7 @@ def test_a_published_run_keeps_pictures_for_the_slider(made: Path, tmp_path: Pat
     folder = tmp_path / "published"
     folder.mkdir()
     publish.copy_files(run, folder)
-    assert publish.copy_compared(run, folder) == ["images/reference_png.png", "images/png.png"]
+    assert publish.copy_pictures(run, folder) == ["images/reference_png.png", "images/png.png"]
     for name, picture in pixels.items():
         assert np.array_equal(images.read_png(folder / "images" / f"{name}.png"), picture[::4, ::4])
     text = compared.fragment(analysis.load(folder, strict=False))
