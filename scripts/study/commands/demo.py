@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 from study.core import cli, registry, temporary
 from study.core.build import build
@@ -38,23 +39,24 @@ def able(wanted: Spec) -> Spec:
     return Spec.parse(before[-1])
 
 
-def shoot(spec: Spec, scene: Scene, height: int, out: Path | None = None, warmup: int = 0) -> dict:
+def shoot(spec: Spec, scene: Scene, height: int, out: Path | None = None, warmup: int = 0) -> SimpleNamespace:
     """One timed frame on one thread: the driver's facts, ns (of the frame) and ns_per_pixel."""
     facts = render(spec, scene.path, height, aov=True, out=out, warmup=warmup, cpu=FASTEST)
-    frame = next(frame for frame in facts["frames"] if not frame["warmup"])
+    frame = SimpleNamespace(**next(frame for frame in facts["frames"] if not frame["warmup"]))
     kept = ("width", "height", "threads", "isa", "precision", "lanes", "flags", "compiler", "libc")
-    shot = {"spec": str(spec), **{key: facts[key] for key in kept}, "ns": frame["ns"]}
-    busy = frame["ctx_involuntary"] > MOST_SWITCHES * (1 + frame["ns"] / 1e9)
-    return {**shot, "ns_per_pixel": frame["ns"] / (facts["width"] * facts["height"]), "disturbed": busy}
+    shot = SimpleNamespace(spec=str(spec), **{key: facts[key] for key in kept}, ns=frame.ns)
+    shot.ns_per_pixel = frame.ns / (shot.width * shot.height)
+    shot.disturbed = frame.ctx_involuntary > MOST_SWITCHES * (1 + frame.ns / 1e9)
+    return shot
 
 
-def speed(shot: dict) -> str:
-    disturbed = " (disturbed by other programs)" if shot["disturbed"] else ""
-    return f"{shot['ns'] / 1e6:,.0f} ms, {shot['ns_per_pixel']:,.0f} ns/pixel{disturbed}"
+def speed(shot: SimpleNamespace) -> str:
+    disturbed = " (disturbed by other programs)" if shot.disturbed else ""
+    return f"{shot.ns / 1e6:,.0f} ms, {shot.ns_per_pixel:,.0f} ns/pixel{disturbed}"
 
 
-def note(shot: dict) -> str:
-    rays = f"{shot['lanes']} {shot['precision']} ray{'s' if shot['lanes'] > 1 else ''} at a time"
+def note(shot: SimpleNamespace) -> str:
+    rays = f"{shot.lanes} {shot.precision} ray{'s' if shot.lanes > 1 else ''} at a time"
     return f"{speed(shot)}\none thread, {rays}"
 
 
@@ -75,19 +77,19 @@ def run(args: argparse.Namespace) -> Outcome:
         build(needed)
     began = time.monotonic()
     trial = shoot(reference, scene, STEP, warmup=1)
-    height = height_for(trial["ns_per_pixel"], SHARE * args.budget)
+    height = height_for(trial.ns_per_pixel, SHARE * args.budget)
     cli.say(f"rendering {scene.name} at n = {height} by {reference}, then by {spec}")
     with temporary.folder() as folder:
         files = folder / "a.exr", folder / "b.exr"
         slow, fast = shoot(reference, scene, height, files[0]), shoot(spec, scene, height, files[1], warmup=1)
         pictures = images.read(files[0]), images.read(files[1])
-    metrics, ratio = images.compare(*pictures), slow["ns"] / fast["ns"]
-    size = f"{slow['width']}×{slow['height']} pixels"
+    metrics, ratio = images.compare(*pictures), slow.ns / fast.ns
+    size = f"{slow.width}×{slow.height} pixels"
     faster = f"{ratio:,.1f} times as fast as {reference}"
     notes = note(slow), note(fast), "one frame each; make study has intervals"
     names, title = (str(reference), str(spec)), f"{scene.name}, {size}: {spec} is {faster}"
     panels.save(panels.pair(pictures, names, title, metrics, notes), args.out)
-    found = {"schema": 1, "scene": scene.name, "reference": slow, "phase": fast, "speedup": ratio}
+    found = {"schema": 1, "scene": scene.name, "reference": vars(slow), "phase": vars(fast), "speedup": ratio}
     found |= {**metrics, "seconds": time.monotonic() - began, "picture": args.out}
     lines = [f"{reference}, {scene.name}, {size}: {speed(slow)}"]
     lines += [f"{spec}: {speed(fast)}, {faster} (one thread each); {panels.error_text(metrics)}"]

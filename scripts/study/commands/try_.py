@@ -43,6 +43,7 @@ FRAME = 0.1  # s that a timed frame may take: ten launches of both fit half a mi
 POLL = 0.5  # s between two looks at the files
 CHANGED = 0.001  # of calls: less is not listed
 LISTED = 12  # functions
+DOUBT = ' The interval holds 1: no difference can be told. More launches narrow it: ARGS="--launches 30".'
 
 
 @dataclass(frozen=True)
@@ -80,16 +81,7 @@ class Compared:
     schema: int = 1
 
 
-@dataclass(frozen=True)
-class Sides:
-    """What is compared, the parent first."""
-
-    parent: Spec
-    mine: Spec
-
-    @property
-    def both(self) -> tuple[Spec, Spec]:
-        return self.parent, self.mine
+Sides = tuple[Spec, Spec]  # what is compared, the parent first
 
 
 STATUSES = {cli.FAILED: "the phase is outside its tolerance"}
@@ -110,12 +102,10 @@ def sides(name: str, against: str | None) -> Sides:
     """Raises StudyError for a phase without a parent, and for one that this CPU cannot run."""
     mine = Spec.parse(name)
     parent = against or registry.parent_of(name)
-    if not parent:
-        raise StudyError(f"{name} has no parent; name one with --against")
-    both = Sides(Spec.parse(parent), mine)
-    if both.parent == mine:
-        raise StudyError(f"{mine} is what it would be compared with; name another phase")
-    for spec in both.both:
+    if not parent or parent == name:
+        raise StudyError(f"{name} needs another phase beside it; name one with --against")
+    both = Spec.parse(parent), mine
+    for spec in both:
         if lacking := registry.missing_isa(spec):
             raise StudyError(f"{spec} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
     return both
@@ -125,7 +115,7 @@ def timed_height(both: Sides, scene: Scene) -> int:
     """The largest height whose frame by either takes FRAME; by a frame of the least."""
     least = SIZES[-1]
     slowest = 0
-    for spec in both.both:
+    for spec in both:
         found = driver.render(spec, scene.path, least, scene.size(least)[0], cpu=driver.FASTEST)
         slowest = max(slowest, found["frames"][0]["ns"])
     return next((n for n in SIZES if slowest * (n / least) ** 2 <= FRAME * 1e9), least)
@@ -140,7 +130,7 @@ def times(both: Sides, scene: Scene, height: int, launches: int, seed: int) -> d
         with contextlib.closing(made):
             return float(np.median([frame["ns"] / 1e6 for frame in made if not frame["warmup"]]))
 
-    return driver.interleaved(both.both, launches, seed, driver.FASTEST, once, "time")
+    return driver.interleaved(both, launches, seed, driver.FASTEST, once, "time")
 
 
 def counted(spec: Spec, scene: Scene, height: int) -> Declared | None:
@@ -160,7 +150,7 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, Side], bo
     size = scene.size(height)
     plain = judging.without_shadows(scene, FOLDER / "scenes")
     beside = [FLOAT] if scene.fractal else []
-    specs = list(dict.fromkeys([BASE, *beside, *both.both]))
+    specs = list(dict.fromkeys([BASE, *beside, *both]))
     gallery = Gallery(FOLDER / "images", specs)
     refused = gallery.render_all([(spec, one, size) for spec in specs for one in (scene, plain)], 2)
     if refused:
@@ -168,7 +158,7 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, Side], bo
     subject = Subject(gallery, scene, plain, size, beside)
     pictures = {spec: images.read(gallery.path(spec, scene, size)) for spec in specs}
     found = {}
-    for spec in both.both:
+    for spec in both:
         row, phase = subject.row(spec), registry.find_phase(spec.phase)
         pair = (pictures[BASE], pictures[spec])
         to_base = images.compare(*pair, pair if scene.fractal else None)
@@ -178,13 +168,12 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, Side], bo
             fails += [f"{name}: {why}" for name, why in gate.failures(to_base, declared).items()]
         evaluations = float(np.nanmean(pictures[spec]["evals"]))
         found[spec] = Side(str(spec), row, to_base, fails, evaluations)
-    metrics = images.compare(pictures[both.parent], pictures[both.mine])
-    bad = bool(found[both.mine].fails)
-    title = f"{scene.name}, {size[0]}×{size[1]} pixels: {both.mine} beside {both.parent}"
-    notes = (*("" for _ in both.both), "outside its tolerance" if bad else "within its tolerance")
-    names = str(both.parent), str(both.mine)
-    pair = pictures[both.parent], pictures[both.mine]
-    path = FOLDER / f"{both.mine}-{scene.name}.png"
+    parent, mine = both
+    pair, names = (pictures[parent], pictures[mine]), (str(parent), str(mine))
+    metrics, bad = images.compare(*pair), bool(found[mine].fails)
+    title = f"{scene.name}, {size[0]}×{size[1]} pixels: {mine} beside {parent}"
+    notes = ("", "", "outside its tolerance" if bad else "within its tolerance")
+    path = FOLDER / f"{mine}-{scene.name}.png"
     drawn = panels.save(panels.pair(pair, names, title, metrics, notes, bad), path)
     return found, bool(metrics["identical"]), drawn
 
@@ -200,16 +189,16 @@ def calls(parent: Declared, mine: Declared) -> list[tuple[str, int, int]]:
 def compared(args: argparse.Namespace) -> Compared:
     """Everything that is shown."""
     both, scene = sides(args.name, args.against), registry.find_scene(args.scene)
-    targets = [(spec, target) for spec in both.both for target in ("render", "render-count")]
+    targets = [(spec, target) for spec in both for target in ("render", "render-count")]
     build_together([*targets, (BASE, "render")], len(driver.USABLE))
-    for spec in (*both.both, BASE):
+    for spec in (*both, BASE):
         build(spec)
     found, same, strip = errors(both, scene, args.n)
     height = timed_height(both, scene)
     ms = times(both, scene, height, args.launches, args.seed)
-    counts = [counted(spec, scene, args.n) for spec in both.both]
+    counts = [counted(spec, scene, args.n) for spec in both]
     made = []
-    for spec, counts_of in zip(both.both, counts, strict=True):
+    for spec, counts_of in zip(both, counts, strict=True):
         side = replace(found[spec], ms=stats.median_interval(ms[spec]))
         if counts_of:
             parts = {name: one.parts for name, one in counts_of.by_function.items()}
@@ -225,7 +214,7 @@ def compared(args: argparse.Namespace) -> Compared:
         timed_height=timed[1],
         launches=args.launches,
         seed=args.seed,
-        ratio=stats.ratio_interval(ms[both.parent], ms[both.mine]),
+        ratio=stats.ratio_interval(*(ms[spec] for spec in both)),
         sides=made,
         same_bits=same,
         calls=calls(*counts) if all(counts) else None,
@@ -258,6 +247,7 @@ def text(result: Compared) -> str:
     parent, mine = result.sides
     left, right = cells(parent), cells(mine)
     wide = [max(map(len, column)) for column in (left, [parent.name, *left.values()])]
+    ratio = result.ratio
     lines = [
         f"{result.scene}: pictures and counts {result.width}×{result.height}, "
         f"times {result.timed_width}×{result.timed_height}, one thread, {result.launches} launches",
@@ -265,38 +255,24 @@ def text(result: Compared) -> str:
         f"{'':{wide[0]}}  {parent.name:{wide[1]}}  {mine.name}",
         *(f"{name:{wide[0]}}  {left[name]:{wide[1]}}  {right[name]}" for name in left),
         "",
-        f"{mine.name} is {speed_up(result.ratio)} {parent.name}.{doubt(result.ratio)}",
+        f"{mine.name} is {show.spread(ratio, 3, '×')} as fast as {parent.name}.{DOUBT * doubtful(ratio)}",
     ]
-    if result.calls:
-        lines += ["", "Calls that changed (--json has all):"]
+    if result.calls is not None:
+        lines += ["", "Calls that changed (--json has all):" if result.calls else "No call is changed."]
         lines += [f"  {name}: {old:,} → {new:,}" for name, old, new in result.calls[:LISTED]]
-    elif result.calls is not None:
-        lines += ["", "No function is called more or less often."]
-    if mine.fails:
-        lines += ["", f"{mine.name} is outside its tolerance:", *(f"  {why}" for why in mine.fails)]
-    else:
-        lines += ["", f"{mine.name} is within its tolerance."]
-    return "\n".join([*lines, f"Pictures: {result.picture}"])
+    lines += ["", f"{mine.name} is {'outside' if mine.fails else 'within'} its tolerance."]
+    return "\n".join([*lines, *(f"  {why}" for why in mine.fails), f"Pictures: {result.picture}"])
 
 
-def doubt(ratio: stats.Interval) -> str:
-    """What to do where the interval holds 1."""
-    if not ratio.sufficient or not ratio.low <= 1 <= ratio.high:
-        return ""
-    return ' The interval holds 1: no difference can be told. More launches narrow it: ARGS="--launches 30".'
-
-
-def speed_up(ratio: stats.Interval) -> str:
-    """`1.21× [1.18, 1.24] as fast as`; says so where there is no interval."""
-    if not ratio.sufficient:
-        return f"{ratio.value:.3g}× (too few launches for an interval) as fast as"
-    return f"{show.spread(ratio, 3, '×')} as fast as"
+def doubtful(ratio: Interval) -> bool:
+    """Whether the interval holds 1."""
+    return ratio.sufficient and ratio.low <= 1 <= ratio.high
 
 
 def files(both: Sides) -> dict[Path, float]:
     """The sources, patches and phase.json of both, and their folders, with the time of their last change."""
     found = {}
-    for spec in both.both:
+    for spec in both:
         base = spec.phase.partition("+")[0]
         folder = registry.find_phase(base).path
         changes = [patch.path for patch in patches.chain(spec.phase)]
@@ -309,7 +285,7 @@ def files(both: Sides) -> dict[Path, float]:
 def watch(args: argparse.Namespace) -> Outcome:
     """Again at every save; each time in a process of its own, which builds anew."""
     both = sides(args.name, args.against)
-    words = [args.name, "--against", both.parent, "--scene", args.scene, "-n", args.n]
+    words = [args.name, "--against", both[0], "--scene", args.scene, "-n", args.n]
     words += ["--launches", args.launches, "--seed", args.seed, *["--json"] * args.json]
     while True:
         seen = files(both)

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 
 from study.core import store
-from study.core.cli import StudyError
 from study.experiments.section import Section, reading
 from study.pictures import embed
 from study.pictures.draw import Drawing
@@ -17,19 +16,6 @@ from study.pictures.processes import in_processes
 
 Shown = dict[str, str]  # name, caption, and uri where the page has room for it
 MOST = 6_000_000  # bytes of a page
-
-
-def read(path: Path) -> bytes:
-    """Raises StudyError if it cannot be read."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise StudyError(f"{path}: {error.strerror}") from None
-
-
-def picture(path: Path) -> str:
-    """A rendered picture's data URI. The PNG itself lies beside the page."""
-    return embed.rendered(read(path))
 
 
 def content(section: Section) -> str:
@@ -66,34 +52,22 @@ def draw(sections: Sequence[Section], folder: Path, reuse: bool = False) -> None
 def figures(section: Section, folder: Path) -> list[Shown]:
     """A chapter's figures, which `draw` has drawn."""
     return [
-        {"name": name, "caption": drawing.caption, "uri": embed.figure(read(folder / f"{name}.png"))}
+        {"name": name, "caption": drawing.caption, "uri": embed.figure((folder / f"{name}.png").read_bytes())}
         for name, drawing in section.drawn.items()
     ]
 
 
 def fewer(chapters: Iterable[Sequence[Shown]], excess: int) -> str:
     """Leaves out pictures until the page has `excess` bytes less: first the largest of those that are behind
-    a summary, then the largest of the others. A sentence on them; StudyError if all are not enough."""
-    several = [list(items) for items in chapters]
-    order = [one for items in several for one in items[1:]], [one for items in several for one in items[:1]]
+    a summary, then the largest of the others. A sentence on them."""
+    shown = [(place == 0, -len(one["uri"]), one) for items in chapters for place, one in enumerate(items)]
     names = []
-    for group in order:
-        for item in sorted(group, key=_length, reverse=True):
-            if excess <= 0:
-                break
-            excess -= _length(item)
-            names.append(item["name"])
-            item.pop("uri", None)
-    if excess > 0:
-        raise StudyError(
-            f"the page would be {excess:,} bytes above its limit without a picture, too; "
-            "report a run of fewer phases or scenes"
-        )
+    for _, length, one in sorted(shown, key=lambda each: each[:2]):
+        if excess > 0:
+            excess += length
+            names.append(one["name"])
+            del one["uri"]
     return f"Left out, for the page is to stay below {MOST / 1e6:g} MB: {', '.join(names)} (in figures/)."
-
-
-def _length(item: Shown) -> int:
-    return len(item.get("uri", ""))
 
 
 def copied(wanted: Mapping[Path, str], folder: Path) -> list[Shown]:
@@ -104,7 +78,7 @@ def copied(wanted: Mapping[Path, str], folder: Path) -> list[Shown]:
             folder.mkdir(parents=True, exist_ok=True)
             if folder.resolve() != path.parent.resolve():  # of a page in the run's own folder
                 shutil.copyfile(path, folder / path.name)
-            made.append({"name": path.stem, "caption": text, "uri": picture(path)})
+            made.append({"name": path.stem, "caption": text, "uri": embed.rendered(path.read_bytes())})
     return made
 
 

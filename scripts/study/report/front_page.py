@@ -47,13 +47,22 @@ def limits(data: Data) -> dict[str, str]:
     }
 
 
-def _cells(row: Row | None, ratios: bool = True) -> list[str]:
-    """ms, × baseline (empty without ratios) and dB to ground truth of one row; – where there is none."""
-    if row is None:
-        return [show.NOTHING] * (2 + ratios)
-    psnr = show.number(row.get("truth_own_db")) + " (ideal)" * show.yes(row.get("truth_draws_ideal"))
-    speedup = [show.speedup("speedup", "speedup_base")(row)] if ratios else []
-    return [show.interval(row, "ms"), *speedup, psnr]
+def _head(ratios: bool) -> list[str]:
+    columns = ["ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]
+    return [f"{scene}, {name}" if name.startswith("ms") else name for scene in SCENES for name in columns]
+
+
+def _cells(of: Mapping[str, Row], ratios: bool) -> list[str]:
+    """Of each scene ms, × baseline (only with `ratios`) and dB to ground truth; – where there is no row."""
+    made = []
+    for row in map(of.get, SCENES):
+        if row is None:
+            made += [show.NOTHING] * (2 + ratios)
+            continue
+        psnr = show.number(row.get("truth_own_db")) + " (ideal)" * show.yes(row.get("truth_draws_ideal"))
+        speedup = [show.speedup("speedup", "speedup_base")(row)] if ratios else []
+        made += [show.interval(row, "ms"), *speedup, psnr]
+    return made
 
 
 def originals(folder: Path) -> list[list[str]]:
@@ -114,16 +123,12 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
     found, bound, known = by_phase(rows), limits(data), registry.ladder()
     ratios = beside.held_beside(data.path)
     size = next(iter(next(iter(found.values())).values()))
-    head = ["phase", "idea", "lowest roof"]
-    for scene in SCENES:
-        head += [f"{scene}, ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]
+    head = ["phase", "idea", "lowest roof", *_head(ratios)]
     lines = []
     for phase in sorted(found, key=lambda name: known[name].order if name in known else 99):
         title = known[phase].title if phase in known else ""
         cells = [f"[`{phase}`](phases/{phase}/NOTES.md)", title, bound.get(phase, show.NOTHING)]
-        for scene in SCENES:
-            cells += _cells(found[phase].get(scene), ratios)
-        lines.append(cells)
+        lines.append(cells + _cells(found[phase], ratios))
     others = strongest(data.path, size["height"]) if ratios else []
     table = markdown(head, [*lines, *(originals(data.path) if ratios else []), *others])
     at = truth_height([row for several in found.values() for row in several.values()])
@@ -178,14 +183,8 @@ def machines_block(runs: Sequence[Data]) -> str:
         if not found:
             continue
         ratios = beside.held_beside(data.path)
-        head = ["phase"]
-        for scene in SCENES:
-            head += [f"{scene}, ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]
-        lines = [
-            [phase, *(text for scene in SCENES for text in _cells(of.get(scene), ratios))]
-            for phase, of in found.items()
-        ]
+        lines = [[phase, *_cells(of, ratios)] for phase, of in found.items()]
         place = show.inert(provenance.place(data.context))
         title = f"## {show.inert(here)}\n\n{place}: run `{data.path.name}`.\n"
-        parts += [title, markdown(head, lines)]
+        parts += [title, markdown(["phase", *_head(ratios)], lines)]
     return "\n".join(parts)

@@ -31,7 +31,7 @@ def judged(monkeypatch, capsys):
     def call(*words: object, gain: float = 3.0, spread: float = 1.01, n: int = 45) -> tuple[int, str]:
         def times(both: try_.Sides, scene, height, launches, seed) -> dict[Spec, list[float]]:
             mine = [1 / gain * (spread if i % 2 else 1 / spread) for i in range(launches)]
-            return {both.parent: [1.0] * launches, both.mine: mine}
+            return {both[0]: [1.0] * launches, both[1]: mine}
 
         monkeypatch.setattr(try_, "times", times)
         monkeypatch.setattr(try_, "timed_height", lambda *_: 45)

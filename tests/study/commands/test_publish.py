@@ -114,7 +114,7 @@ def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkey
     from study.commands import publish as script
 
     folder = tmp_path / "new" / "published"
-    for step in ("copy_files", "copy_pictures", "about", "check"):
+    for step in ("copy_files", "copy_pictures", "about", "shown"):
         for error in (script.StudyError("lost"), OSError(28, "No space left on device")):
             with monkeypatch.context() as patch:
 
