@@ -44,15 +44,7 @@ FAMILIES = {"phases": "ladder", "systems": "systems", "truth": "truth"}  # by th
 REQUIRED = ("what", "paper", "direction", "against")
 OPTIONAL = ("after", "beside", "flags", "tolerance", "error", "scenes", "costs", "idea", "code")
 SOURCES = ("*.[ch]", "*.def")
-OWN_KEYS = (
-    "title",
-    "order",
-    "parent",
-    "idea",
-    "paper",
-    "derives",
-    "without",
-)  # of phase.json: never a parent's
+OWN_KEYS = "title", "order", "parent", "idea", "paper", "derives", "without"  # never a parent's
 HUNK = re.compile(r"@@ -(\d+)(?:,(\d+))? \+\d+(?:,(\d+))? @@")
 
 
@@ -104,9 +96,8 @@ def read(path: Path) -> Patch:
             raise PatchError(f"{path}:{number}: a second '{key}:'")
         else:
             head[key] = value.strip()
-    for key in REQUIRED:
-        if not head.get(key):
-            raise PatchError(f"{path}: its head lacks '{key}: …'")
+    if missing := [key for key in REQUIRED if not head.get(key)]:
+        raise PatchError(f"{path}: its head lacks '{missing[0]}: …'")
     if head["direction"] not in ("added", "removed"):
         raise PatchError(f"{path}: direction is '{head['direction']}', must be added or removed")
     return Patch(path, head, tuple(lines[begin:]), begin + 1)
@@ -229,12 +220,8 @@ def lineage(phase: str, root: Path = ROOT) -> list[str]:
 
 
 def about(phase: str, root: Path = ROOT) -> dict:
-    """phase.json of a phase. What a derived phase leaves out (a key, a class of `tolerance`) is its parent's.
-
-    A class of the parent's that is null in the derived phase's is left out.
-
-    Raises PatchError.
-    """
+    """phase.json of a phase. What a derived phase leaves out (a key, a class of `tolerance`) is its parent's;
+    a class that is null there it has not. Raises PatchError."""
     data: dict = {}
     for name in reversed(lineage(phase, root)):
         own, parents = _own_json(name, root), data.get("tolerance", {})

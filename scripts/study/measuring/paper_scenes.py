@@ -16,22 +16,22 @@ from msgspec import Meta, Struct
 from study.core import json_files
 from study.core.cli import StudyError
 
-COMPILED = {  # config.h of the branch master
-    "background": [0, 0, 0],
-    "fog": 5e-06,
-    "march": {
-        "max_steps": 3000,
-        "hit_distance": 1e-06,
-        "bounds_radius": 100,
-        "max_bounces": 3,
-        "normal_step": 0.0001,
-        "surface_offset": 0.001,
-    },
-}
+MARCH = {"max_steps": 3000, "hit_distance": 1e-06, "bounds_radius": 100}
+MARCH |= {"max_bounces": 3, "normal_step": 0.0001, "surface_offset": 0.001}
+COMPILED = {"background": [0, 0, 0], "fog": 5e-06, "march": MARCH}  # config.h of the branch master
 SHADOW_STRENGTH = 3
 LEAST, MOST = 1e-9, 1e9  # of what our format takes as a length
-# How many parameters a shape needs; its program takes no notice of more.
-PARAMETERS = {"plane": 4, "sphere": 1, "box": 3, "cone": 3, "octahedron": 1, "torus": 2, "mandelbulb": 0}
+# A shape's parameters by our names; a name that comes again is a vector's. Its program notices no more.
+PARAMETERS = {
+    "plane": ["normal", "normal", "normal", "offset"],
+    "sphere": ["radius"],
+    "box": ["half_size", "half_size", "half_size"],
+    "cone": ["bottom_radius", "top_radius", "half_height"],
+    "octahedron": ["radius"],
+    "torus": ["major_radius", "minor_radius"],
+    "mandelbulb": [],
+}
+BULB = {"power": 8, "iterations": 4, "bailout": 256}  # compiled in
 
 Number = Annotated[float, Meta(ge=-MOST, le=MOST)]
 Colour = Annotated[float, Meta(ge=0, le=MOST)]
@@ -134,25 +134,17 @@ def shape_of(shape: Shape, number: int, theirs: Theirs, path: Path) -> dict[str,
     ):
         if index >= len(many):
             raise StudyError(f"{at}.{kind}_idx: {index}, but there are {len(many)} {kind}s")
-    p, need = shape.params, PARAMETERS[shape.name]
-    if len(p) < need:
-        raise StudyError(f"{at}.params: a {shape.name} needs {need} numbers, not {len(p)}")
+    p, names = shape.params, PARAMETERS[shape.name]
+    if len(p) < len(names):
+        raise StudyError(f"{at}.params: a {shape.name} needs {len(names)} numbers, not {len(p)}")
     if shape.name == "plane" and not any(abs(x) >= LEAST for x in p[:3]):
         raise StudyError(f"{at}.params: the plane's normal is zero")
-    for i, size in enumerate(p[:need] if shape.name != "plane" else []):
-        if size < LEAST:
+    made: dict[str, Any] = dict(BULB) if shape.name == "mandelbulb" else {}
+    for i, (name, size) in enumerate(zip(names, p, strict=False)):
+        if shape.name != "plane" and size < LEAST:
             raise StudyError(f"{at}.params[{i}]: {size:g} is no size, which must be {LEAST:g} or more")
-    sizes: dict[str, dict[str, Any]] = {
-        "plane": {"normal": p[:3], "offset": p[3:4]},
-        "sphere": {"radius": p[:1]},
-        "box": {"half_size": p[:3]},
-        "cone": {"bottom_radius": p[:1], "top_radius": p[1:2], "half_height": p[2:3]},
-        "octahedron": {"radius": p[:1]},
-        "torus": {"major_radius": p[:1], "minor_radius": p[1:2]},
-        "mandelbulb": {"power": [8], "iterations": [4], "bailout": [256]},  # compiled in
-    }
+        made[name] = [*made.get(name, []), size] if names.count(name) > 1 else size
     placed = theirs.transforms[shape.transform_idx]
-    made = {key: value[0] if len(value) == 1 else value for key, value in sizes[shape.name].items()}
     where = {"position": triple(placed.position), "rotation_degrees": triple(placed.rotation)}
     where = {key: value for key, value in where.items() if any(value)}
     return {"type": shape.name, **made, **where, "material": f"material{shape.material_idx}"}
@@ -164,23 +156,14 @@ def converted(theirs: Theirs, path: Path) -> dict[str, Any]:
     Raises StudyError in one line: the file, the key, and what our format lacks.
     """
     shapes = [shape_of(one, i, theirs, path) for i, one in enumerate(theirs.geometric_objects)]
+    used = {one.material_idx for one in theirs.geometric_objects}
     materials = {
-        f"material{i}": {
-            "color": triple(one.surface),
-            "reflectivity": one.reflection,
-            "shininess": one.shininess,
-        }
-        for i, one in enumerate(theirs.materials)
+        f"material{i}": {"color": triple(m.surface), "reflectivity": m.reflection, "shininess": m.shininess}
+        for i, m in enumerate(theirs.materials)
+        if i in used
     }
     lamp = theirs.pointlight
     light: dict[str, Any] = {"position": triple(lamp.position), "emission": triple(lamp.emission)}
     light |= {"shadows": "soft" if len(shapes) > 1 else "none", "shadow_strength": SHADOW_STRENGTH}
-    used = {shape["material"] for shape in shapes}
-    kept = {name: one for name, one in materials.items() if name in used}
-    return {
-        "camera": camera_of(theirs.camera, path),
-        "light": light,
-        **COMPILED,
-        "materials": kept,
-        "shapes": shapes,
-    }
+    camera = camera_of(theirs.camera, path)
+    return {"camera": camera, "light": light, **COMPILED, "materials": materials, "shapes": shapes}
