@@ -112,8 +112,11 @@ def test_row() -> None:
 class Wrong(Phase):
     """The baseline with every second answer spoilt, from the first on: hits and misses change places."""
 
+    renders = 0
+
     def render(self, scene: dict, size: tuple[int, int], aov: bool = True, **overrides: float):
         picture = super().render(scene, size, aov, **overrides)
+        self.renders += 1
         if self.renders % 2:
             missed = picture["id"] < 0
             picture["Z"] = np.where(missed, np.float32(3.25), np.float32(np.inf))
@@ -122,10 +125,9 @@ class Wrong(Phase):
                 picture[name] = np.full_like(picture[name], value)
         return picture
 
-    def probe(self, scene: dict, points: np.ndarray):
-        distance, nearest = super().probe(scene, points)
+    def distances(self, scene: dict, points: np.ndarray) -> np.ndarray:
         self.renders += 1
-        return distance + (self.renders % 2), nearest
+        return super().distances(scene, points) + (self.renders % 2)
 
 
 # One of them has to be compiled by two compilers.

@@ -7,14 +7,10 @@ apart, since a phase may do the last and neither of the others.
 from __future__ import annotations
 
 import contextlib
-import functools
 import json
 import os
-import shutil
 import signal
 import subprocess
-import tempfile
-import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,9 +52,7 @@ class Phase:
     make: tuple[str, ...] = ()
     folder: str = "build"
     time_limit: float = TIME_LIMIT  # s
-    renderer: str = "render"  # the target that draws
     non_finite: int = field(default=0, compare=False)
-    renders: int = field(default=0, compare=False)
 
     @property
     def precision(self) -> str:
@@ -66,12 +60,8 @@ class Phase:
         return registry.find_phase(self.name.partition("@")[0]).precision
 
     def program(self, target: str = "render") -> Path:
-        """A copy of FOLDER/NAME/TARGET, brought up to date and copied once per process.
-
-        A copy, since another make that comes in between would take the program from under the measurement.
-        """
-        with _one_at_a_time:
-            return _copy(self.name, target, self.folder, self.make)
+        """FOLDER/NAME/TARGET, brought up to date once per process."""
+        return build.build(self.name, target, self.folder, self.make)
 
     def execute(
         self, arguments: Sequence[str | Path], stdin: bytes = b"", env: dict[str, str] | None = None
@@ -97,32 +87,27 @@ class Phase:
         """
         with _written(scene) as path:
             out = path.with_name("picture.exr")
-            command: list[str | Path] = [self.program(self.renderer), path, "-o", out]
+            command: list[str | Path] = [self.program(), path, "-o", out]
             command += ["-n", str(size[1]), "-w", str(size[0])]
             for name, value in overrides.items():
                 command += ["--" + name.replace("_", "-"), repr(value)]
             _checked(self.execute([*command, "--aov"] if aov else command))
             picture = images.read(out)
-        self.renders += 1
         self.non_finite += images.non_finite(picture)
         return picture
 
-    def probe(self, scene: dict, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signed distance (scene units) and index of the nearest shape at each point of (count, 3).
+    def distances(self, scene: dict, points: np.ndarray) -> np.ndarray:
+        """Signed distance (scene units) at each point of (count, 3), in the arithmetic of the phase's march.
 
-        In the arithmetic of the phase's march. The probe does not ask whether the phase supports the scene.
+        The probe does not ask whether the phase supports the scene.
         """
         with _written(scene) as path:
             raw = np.ascontiguousarray(points, "<f8").tobytes()
             done = self.execute([self.program("probe"), path], stdin=raw)
             _checked(done)
-        pairs = np.frombuffer(done.stdout, "<f8").reshape(-1, 2)
-        self.non_finite += int((~np.isfinite(pairs[:, 0])).sum())
-        return pairs[:, 0].copy(), pairs[:, 1].astype(int)
-
-    def distances(self, scene: dict, points: np.ndarray) -> np.ndarray:
-        """`probe` without the shapes."""
-        return self.probe(scene, points)[0]
+        found = np.frombuffer(done.stdout, "<f8").reshape(-1, 2)[:, 0].copy()
+        self.non_finite += int((~np.isfinite(found)).sum())
+        return found
 
 
 @contextlib.contextmanager
@@ -143,21 +128,3 @@ def _checked(done: subprocess.CompletedProcess[Any]) -> None:
         raise Refused(said)
     # Status 2 is the loader's: then the case is wrong, not the phase.
     raise StudyError(f"the scene of a hard case: {said}") if done.returncode == 2 else Crashed(said)
-
-
-_one_at_a_time = threading.RLock()
-
-
-@functools.cache
-def _copies() -> tempfile.TemporaryDirectory[str]:
-    """Where the copies are until this process ends."""
-    return tempfile.TemporaryDirectory(prefix="stepwise-hard-")
-
-
-@functools.cache
-def _copy(name: str, target: str, folder: str, make: tuple[str, ...]) -> Path:
-    made = build.build(name, target, folder, make)
-    copy = Path(_copies().name, folder, name, target)
-    copy.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy2(made, copy)
-    return copy
