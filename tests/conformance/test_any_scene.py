@@ -33,7 +33,9 @@ def spheres_alone(whole: dict) -> dict:
     """What closed forms of spheres can have of a scene: each shape a sphere, no fog, shadows hard or none."""
     sizes = [next((v for v in s.values() if isinstance(v, float)), 0.5) for s in whole["shapes"]]
     shapes = [
-        shape("sphere", position=s["position"], radius=min(max(abs(r), 0.1), 2), material="plain")
+        shape(
+            "sphere", position=s.get("position", [0, 0, 0]), radius=min(max(abs(r), 0.1), 2), material="plain"
+        )
         for s, r in zip(whole["shapes"], sizes, strict=True)
     ]
     light = whole["light"] | {"shadows": "none" if whole["light"]["shadows"] == "none" else "hard"}

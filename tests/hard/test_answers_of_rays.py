@@ -48,16 +48,6 @@ def test_grazing_plane(degrees: float) -> None:
     assert evals == steps < scene["march"]["max_steps"]
 
 
-@strengths("clearance", 3)
-@pytest.mark.parametrize("distance", marches.DISTANCES)
-def test_halo(clearance: float, distance: float) -> None:
-    scene = marches.passing(clearance, distance)
-    sphere, wall = scene["shapes"]
-    nearest = Fraction(sphere["position"][0]) - Fraction(sphere["radius"])  # the ray is the z axis
-    assert nearest > 0 and math.isclose(nearest, clearance, rel_tol=1e-8)
-    assert to_plane(scene, wall) == marches.BACKGROUND
-
-
 @pytest.mark.parametrize("share", marches.HEIGHTS)
 @pytest.mark.parametrize(
     "width",
@@ -77,18 +67,6 @@ def test_step_cap(width: float, share: float) -> None:
     assert abs(t - marches.LENGTH) < 1e-5
     # Close to the wall the last step is the way to the wall, so one or two fewer or more.
     assert abs(evals - marches.steps_needed(width, share)) <= 2
-
-
-@strengths("distance", 5)
-def test_far_wall(distance: float) -> None:
-    scene = marches.far_wall(distance)
-    plane, t = scene["shapes"][0], marches.to_far_wall(distance)
-    origin, directions = geometry.rays(scene, *marches.FAR_SIZE)
-    normal = [mpf(x) for x in plane["normal"]]
-    for row, column in ((0, 0), (0, 15), (7, 8), (15, 0), (15, 15)):
-        across = sum(n * mpf(x) for n, x in zip(normal, directions[row, column], strict=True))
-        assert abs((mpf(plane["offset"]) - 0) / across / mpf(t[row, column]) - 1) < 1e-13
-    assert not origin.any() and (t > 0).all() and (t < scene["march"]["bounds_radius"]).all()
 
 
 @strengths("k", 7)

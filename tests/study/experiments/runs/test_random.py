@@ -52,21 +52,6 @@ def test_a_scene_that_breaks_a_phase_is_named_and_kept(tmp_path, monkeypatch) ->
     }
 
 
-def test_other_seeds_draw_other_scenes(tmp_path, monkeypatch) -> None:
-    """A test that fails says what it drew."""
-    (tmp_path / "hard").mkdir()
-    text = (
-        "from hypothesis import Phase, given, settings, strategies as st\n"
-        "@settings(max_examples=9, derandomize=False, database=None, phases=[Phase.generate])\n"
-        "@given(x=st.lists(st.integers(0, 10**9), min_size=5))\n"
-        "def test_no_phase_breaks(x):\n    assert sum(x) == 0, x\n"
-    )
-    (tmp_path / "hard" / "test_random_scenes.py").write_text(text)
-    monkeypatch.setattr(measure, "TESTS", tmp_path)
-    found = [measure.scenes("any", seed, 1)["found"] for seed in (1, 1, 2, 3, 4)]
-    assert found[0] == found[1] and len(set(found)) > 1
-
-
 @pytest.mark.skipif(not shutil.which("clang"), reason="fuzzing needs clang, which is not installed")
 def test_bytes_that_break_a_reader_are_named_and_kept(tmp_path, monkeypatch) -> None:
     source, program = tmp_path / "harness.c", tmp_path / "harness"
