@@ -11,6 +11,7 @@ from study.core import cli, progress, store
 from study.core.cli import Outcome
 from study.experiments import running, shards
 from study.experiments.random import inputs
+from study.experiments.random.schema import Random, Row
 
 DESCRIPTION = """\
 Scenes are drawn by tests/hard/test_random_scenes.py, other ones for each seed. They are any scenes, scenes at
@@ -52,7 +53,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     inputs.prepare([kind for kind, _ in chosen])
 
-    def one(unit: Unit) -> inputs.Row:
+    def one(unit: Unit) -> Row:
         kind, seed = unit
         if kind in inputs.SCENES:
             return inputs.scenes(kind, seed, args.scenes)
@@ -60,13 +61,12 @@ def measure(args: argparse.Namespace) -> Outcome:
 
     with ThreadPoolExecutor(args.jobs) as pool:
         rows = list(progress.each(pool.map(one, chosen), "seeds", len(chosen)))
-    result = {"schema": 1, "rows": rows}
+    result = Random(schema=1, rows=rows)
     path = folder / shards.file_name(FILE, args.shard)
-    store.write_json(path, shards.marked(result, args.shard))
-    failed = [f"{row['kind']}, seed {row['seed']}: {row['found']}" for row in rows if row["found"]]
-    lines = [
-        f"{kind}: {sum(row['tried'] for row in rows if row['kind'] == kind):,} inputs by "
-        f"{sum(row['kind'] == kind for row in rows)} seeds"
-        for kind in dict.fromkeys(row["kind"] for row in rows)
-    ]
+    store.write_json(path, shards.marked(cli.plain(result), args.shard))
+    failed = [f"{row.kind}, seed {row.seed}: {row.found}" for row in rows if row.found]
+    lines = []
+    for kind in dict.fromkeys(row.kind for row in rows):
+        tried = [row.tried for row in rows if row.kind == kind]
+        lines.append(f"{kind}: {sum(tried):,} inputs by {len(tried)} seeds")
     return Outcome(result, [*lines, path], folder, failed=failed)

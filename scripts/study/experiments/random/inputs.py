@@ -13,12 +13,12 @@ import subprocess
 import sys
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 from study.core import build, registry, temporary
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import ROOT
+from study.experiments.random.schema import Row
 
 TESTS = ROOT / "tests"
 SCENES = {  # kind → its test; the scene that fails is random_KIND.json
@@ -28,7 +28,6 @@ SCENES = {  # kind → its test; the scene that fails is random_KIND.json
 }
 # As make fuzz has it: quarantines are small, but larger than what one input allocates.
 ASAN = "malloc_context_size=0:quarantine_size_mb=1:thread_local_quarantine_size_kb=64"
-Row = dict[str, Any]
 
 
 def kinds() -> list[str]:
@@ -64,7 +63,7 @@ def scenes(kind: str, seed: int, count: int) -> Row:
         text = kept.read_text(encoding="utf-8") if done.returncode and kept.exists() else None
     errors = re.findall(r"^E +(\S.*)$", done.stdout, re.MULTILINE)
     found = (errors[0] if errors else "the test failed") if done.returncode else None
-    return {"kind": kind, "seed": seed, "tried": count, "found": found, "input": text}
+    return Row(kind=kind, seed=seed, tried=count, found=found, input=text)
 
 
 def fuzzed(harness: str, seed: int, count: int) -> Row:
@@ -85,4 +84,4 @@ def fuzzed(harness: str, seed: int, count: int) -> Row:
         data = base64.b64encode(inputs[0].read_bytes()).decode() if inputs else None
     lines = re.findall(r"^(?:.*runtime error: .*|SUMMARY: .*)$", done.stderr, re.MULTILINE)
     found = (lines[0] if lines else f"status {done.returncode}") if done.returncode else None
-    return {"kind": harness, "seed": seed, "tried": count, "found": found, "input": data}
+    return Row(kind=harness, seed=seed, tried=count, found=found, input=data)

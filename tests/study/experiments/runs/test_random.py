@@ -46,10 +46,8 @@ def test_a_scene_that_breaks_a_phase_is_named_and_kept(tmp_path, monkeypatch) ->
     (tmp_path / "hard" / "test_random_scenes.py").write_text(FAILING)
     monkeypatch.setattr(measure, "TESTS", tmp_path)
     row = measure.scenes("any", 3, 7)
-    assert (row["kind"], row["seed"], row["tried"]) == ("any", 3, 7)
-    assert row["found"].startswith("AssertionError: opt3: status -11") and json.loads(row["input"]) == {
-        "seen": 7
-    }
+    assert (row.kind, row.seed, row.tried) == ("any", 3, 7)
+    assert row.found.startswith("AssertionError: opt3: status -11") and json.loads(row.input) == {"seen": 7}
 
 
 @pytest.mark.skipif(not shutil.which("clang"), reason="fuzzing needs clang, which is not installed")
@@ -59,8 +57,8 @@ def test_bytes_that_break_a_reader_are_named_and_kept(tmp_path, monkeypatch) -> 
     subprocess.run(["clang", "-fsanitize=fuzzer,address", source, "-o", program], check=True)
     monkeypatch.setattr(build, "build", lambda spec, target: program)
     first, again = (measure.fuzzed("harness", 1, 200_000) for _ in range(2))
-    assert first == again and first["found"].startswith("SUMMARY: ")
-    assert base64.b64decode(first["input"])[:2] == b"no"
+    assert first == again and first.found.startswith("SUMMARY: ")
+    assert base64.b64decode(first.input)[:2] == b"no"
 
 
 def test_a_harness_without_clang_is_one_line(tmp_path, monkeypatch) -> None:
