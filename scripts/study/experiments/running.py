@@ -15,11 +15,6 @@ from study.experiments.section import Part, where
 from study.pictures.draw import Drawing
 
 
-def took() -> float:
-    """Seconds since the command began."""
-    return time.monotonic() - commands.begun
-
-
 def options(parser: argparse.ArgumentParser, files: str, home: str, least: int = 1, seed: str = "") -> None:
     """--launches (`least` or more), --seed and --run, for `files`, below build/`home` by default."""
     add = parser.add_argument
@@ -48,19 +43,10 @@ def folder(args: argparse.Namespace) -> Path:
     return store.writable(args.run or registry.ROOT / "build" / args.home)
 
 
-def write(path: Path, about: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
-    """The result as its file has it: settings, how long it took, the machine, and what was found."""
-    told = {"took_s": took(), "context": machine.context()}
-    result = cli.plain({"schema": 1, **about, **told, **found})
-    store.write_json(path, result)
-    return result
-
-
 def about(args: argparse.Namespace) -> dict[str, Any]:
     """What a Measured says of how it was made: settings, how long it took, the machine."""
-    context = machine.context()
     made = {"schema": 1, "launches": args.launches, "seed": args.seed, "cpu": getattr(args, "cpu", None)}
-    return {**made, "took_s": took(), "context": context}
+    return {**made, "took_s": time.monotonic() - commands.begun, "context": machine.context()}
 
 
 def end(
