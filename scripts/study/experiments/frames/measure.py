@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from study.core import registry, run, store
+from study.core import registry, run, scene_json, store
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
@@ -65,16 +65,15 @@ class Settings:
 
 def half_pixel(scene: Scene, height: int) -> float:
     """Half of what a pixel in the middle covers as far away as the shapes are in the mean, in scene units."""
-    camera = scene.data["camera"]
-    away = float(np.linalg.norm(views.pivot(scene.data) - np.array(camera["position"], float)))
-    return math.tan(math.radians(camera["vertical_fov_degrees"]) / 2) / height * away
+    camera = scene_json.read(scene.data).camera
+    away = float(np.linalg.norm(views.pivot(scene.data) - np.array(camera.position)))
+    return math.tan(math.radians(camera.vertical_fov_degrees) / 2) / height * away
 
 
 def coarser(data: dict[str, Any], hit_distance: float) -> dict[str, Any]:
     """The scene with that hit distance, and secondary rays that start AWAY of them off the surface."""
-    march = data["march"]
-    offset = max(march["surface_offset"], AWAY * hit_distance)
-    return {**data, "march": {**march, "hit_distance": hit_distance, "surface_offset": offset}}
+    offset = max(scene_json.read(data).march.surface_offset, AWAY * hit_distance)
+    return data | {"march": data.get("march", {}) | {"hit_distance": hit_distance, "surface_offset": offset}}
 
 
 def cases(names: Sequence[str], folder: Path, height: int | None = None) -> list[Case]:
@@ -85,7 +84,7 @@ def cases(names: Sequence[str], folder: Path, height: int | None = None) -> list
         if name not in HEIGHTS:
             raise StudyError(f"{name} has no size in frames a second; there are {', '.join(HEIGHTS)}")
         n = height or HEIGHTS[name]
-        made.append(Case(name, n, OWN, scene.data["march"]["hit_distance"], scene.path))
+        made.append(Case(name, n, OWN, scene_json.read(scene.data).march.hit_distance, scene.path))
         half = half_pixel(scene, n)
         path = folder / f"{name}-half-pixel-{n}.json"
         store.write_json(path, coarser(scene.data, half))

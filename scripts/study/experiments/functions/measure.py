@@ -28,10 +28,24 @@ QUICK_VECTORS = 16_384
 WITHOUT_MPFR = "MPFR's header (libmpfr-dev) is not installed: no errors of the double entries"
 
 
+class Listed(msgspec.Struct):
+    """What the bench says of its entries."""
+
+    mpfr: bool
+    entries: list[Entry]
+
+
+class Ran(msgspec.Struct):
+    """An entry's times by round."""
+
+    stream_ns: list[float] = []
+    chain_ns: list[float] = []
+
+
 def entries() -> tuple[list[Entry], bool]:
     """All entries with their `missing`, and whether there is MPFR."""
-    found = json.loads(bench("list"))
-    return msgspec.convert(found["entries"], list[Entry]), found["mpfr"]
+    found = msgspec.json.decode(bench("list"), type=Listed)
+    return found.entries, found.mpfr
 
 
 def evaluate(entry: Entry, a: np.ndarray, b: np.ndarray | None = None) -> np.ndarray:
@@ -43,10 +57,10 @@ def evaluate(entry: Entry, a: np.ndarray, b: np.ndarray | None = None) -> np.nda
 
 def add_errors(rows: Sequence[Entry], quick: bool, threads: int, seed: int) -> None:
     """count, max_ulp, rms_ulp, worst_a, worst_b, non_finite to each entry that was tried."""
-    flags = ["--quick"] * quick
+    flags = ("--quick",) * quick
     found = json.loads(bench("errors", *flags, "--threads", str(threads), "--seed", str(seed)))
-    for row, errors in zip(rows, found["entries"], strict=True):
-        for name, value in errors.items() if errors["count"] else ():
+    for row, errors in zip(rows, found.pop("entries"), strict=True):
+        for name, value in errors.items() if errors.get("count") else ():
             setattr(row, name, value)
 
 
@@ -56,9 +70,10 @@ def add_times(rows: Sequence[Entry], rounds: int, seed: int, cpu: int | None) ->
     Stream figures are per element, latencies per call (of a whole vector).
     """
     found = json.loads(bench("times", "--rounds", str(rounds), "--seed", str(seed), cpu=cpu))
-    clocks = {int(k.rpartition("_")[2]): np.array(v) for k, v in found.items() if k != "entries"}
-    taken = {row.id: found["entries"][row.id] for row in rows if not row.missing}
-    chains = {row.id: np.array(one["chain_ns"]) for row in rows if (one := taken.get(row.id))}
+    ran = msgspec.convert(found.pop("entries"), list[Ran])
+    clocks = {int(k.rpartition("_")[2]): np.array(v) for k, v in found.items()}
+    taken = {row.id: ran[row.id] for row in rows if not row.missing}
+    chains = {row.id: np.array(one.chain_ns) for row in rows if (one := taken.get(row.id))}
     links = [row for row in rows if row.function == "link" and row.id in chains]
     link = {(row.isa, row.precision): chains[row.id] for row in links}
     for row in rows:
@@ -66,7 +81,7 @@ def add_times(rows: Sequence[Entry], rounds: int, seed: int, cpu: int | None) ->
             continue
         hz = clocks[0 if row.isa == "scalar" else row.bits]
         seen = bool((hz > 0).all())  # of a width the CPU's clock was not seen under, there are no cycles
-        stream = np.array(taken[row.id]["stream_ns"])
+        stream = np.array(taken[row.id].stream_ns)
         latency = chains[row.id] - link[row.isa, row.precision]
         row.stream_ns, row.latency_ns = median(stream), median(latency)
         row.stream_cycles = median(stream * hz * 1e-9) if seen else None

@@ -34,7 +34,7 @@ def fronts(result: Functions) -> list[OnFront]:
     for precision in ("float", "double"):
         for function in functions.FUNCTIONS:
             rows = {time: judged(result.entries, (function, precision), time) for time in FRONTS}
-            for row in rows["stream_ns"]:
+            for row in next(iter(rows.values())):
                 on = [
                     word
                     for time, word in FRONTS.items()

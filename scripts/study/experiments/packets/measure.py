@@ -34,14 +34,15 @@ from study.truth import truth
 
 # Embree's ways to be asked: packets of 16, one ray, 256 rays a call (its version 3 alone).
 EMBREE = ("embree16", "embree1", "embree_stream")
+OWN, NEWTON = "own", "root by Newton"
 # Name → settings (the phase's settings.h), what the CPU may have.
 VARIANTS = {
-    "own": ("", ""),
+    OWN: ("", ""),
     "kd-tree": ("tree=kd", ""),
     "8 lanes": ("", "avx2"),
     "4 lanes": ("", "none"),
     "each alone": ("rays=alone", ""),
-    "root by Newton": ("root=newton", ""),
+    NEWTON: ("root=newton", ""),
 }
 MARCHED = ("opt4", "opt5_threads", "opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene")
 HIT_DISTANCES = (None, 1e-7, 1e-5, 1e-4, 1e-3)  # None: the scene's own
@@ -110,27 +111,27 @@ def of_rays(scene: Scene, wanted: Rays, kind: str, count: int, reps: int, seed: 
     def once(name: str, env_bytes: int) -> float:
         where = {"cpu": run.FASTEST, "env_bytes": env_bytes}
         words, limit = VARIANTS[name]
-        record, met[name] = rays.hits(scene.path, wanted, kind, words, limit, reps, name == "own", **where)
+        record, met[name] = rays.hits(scene.path, wanted, kind, words, limit, reps, name == OWN, **where)
         records[name].append(record)
         return float(np.median(record.ns))
 
     about = f"{scene.name}, {kind}"
     times = run.interleaved(names, count, zlib.crc32(f"{seed} {about}".encode()), run.FASTEST, once, about)
-    t, own = met["root by Newton"][0][:, 0], met["own"][0][:, 0]
+    t, own = met[NEWTON][0][:, 0], met[OWN][0][:, 0]
     both = np.isfinite(t) & np.isfinite(own)
     off = np.abs(t[both].astype(float) - own[both])
     return Row(
         scene=scene.name,
         kind=kind,
         rays=len(wanted),
-        embree=records["own"][0].embree,
+        embree=records[OWN][0].embree,
         variants=[
             Variant(name=name, lanes=records[name][0].lanes, **asdict(rate(ns, len(wanted))))
             for name, ns in times.items()
         ],
         newton_dt_max=float(off.max()) if off.size and kind != "shadow" else None,
-        agreement=agreement(scene.data, kind, wanted, met["own"]) if len(met["own"]) > 1 else None,
-        **beside_embree(records["own"], len(wanted)),
+        agreement=agreement(scene.data, kind, wanted, met[OWN]) if len(met[OWN]) > 1 else None,
+        **beside_embree(records[OWN], len(wanted)),
     )
 
 

@@ -17,7 +17,7 @@ def calls(study: Study) -> list[Call]:
     quick = ["--phase", *dict.fromkeys([names[0], *names[-2:]]), "--budget", SECONDS]
     if study.quick:
         quick = ["--phase", *dict.fromkeys([names[0], names[-1]]), "--budget", QUICK_SECONDS]
-    depth = ["--full"] if study.depth == "full" else [] if study.asked else quick
+    depth = ("--full",) if study.depth == "full" else () if study.asked else quick
     return [Call("scaling", [*depth, "--run", str(study.run)])]
 
 
