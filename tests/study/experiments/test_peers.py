@@ -346,11 +346,7 @@ def called(*words: object) -> Outcome:
 
 
 def test_bad_input_is_said(tmp_path: Path) -> None:
-    for words, said in (
-        (["--phase", "opt9x"], "opt9x"),
-        (["--scene", "trio"], "trio"),
-        (["--threads", "4096"], "4096"),
-    ):
+    for words, said in ((["--phase", "opt9x"], "opt9x"), (["--threads", "4096"], "4096")):
         with pytest.raises(StudyError, match=said):
             called(*words, "--peer", "embree", "--run", tmp_path)
 

@@ -7,7 +7,7 @@ import argparse
 from study.core import cli, registry, run, store
 from study.core.build import build
 from study.core.cli import Outcome, StudyError
-from study.core.registry import Scene, Spec
+from study.core.registry import Spec
 from study.experiments import running
 from study.experiments.peers import measure as peers
 from study.experiments.peers import peer, tables
@@ -23,15 +23,13 @@ named."""
 STATUSES = {cli.FAILED: "a picture is wrong", cli.CANNOT_RUN: "none of the other programs can run here"}
 
 
-def scene_names() -> list[str]:
-    return sorted({scene for one in peer.find_all().values() for scene in one.least_db})
-
-
 def options(parser: argparse.ArgumentParser) -> None:
     add, every = parser.add_argument, list(peer.find_all())
     add("--peer", nargs="+", choices=every, metavar="PEER", help=f"default: all, {', '.join(every)}")
     add("--phase", nargs="+", metavar="PHASE", help=f"of ours; default: {', '.join(peers.PHASES)}")
-    add("--scene", nargs="+", metavar="SCENE", help=f"default: {', '.join(scene_names())}")
+    names = sorted({scene for one in peer.find_all().values() for scene in one.least_db})
+    about = f"default: {', '.join(names)}"
+    add("--scene", nargs="+", default=names, choices=names, metavar="SCENE", help=about)
     running.height(parser, 360)
     running.height(parser, 180, "height of the pictures that are judged", "--error-n")
     add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
@@ -60,23 +58,13 @@ def others(args: argparse.Namespace) -> tuple[dict[str, Peer], list[Skipped]]:
     return able, out
 
 
-def scenes_of(args: argparse.Namespace) -> dict[str, Scene]:
-    """What is drawn, by name. Raises StudyError for a scene that no program draws."""
-    known = scene_names()
-    wanted = list(dict.fromkeys(args.scene or known))
-    for name in wanted:
-        if name not in known:
-            raise StudyError(f"no other program draws {name!r}; there are {', '.join(known)}")
-    return {name: peers.plain(name, peer.HOME / "scenes") for name in wanted}
-
-
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     run.cpu_set(args.cpu, 1)
     threads = args.threads or [1, len(run.USABLE)]
     if max(threads) > len(run.USABLE):
         raise StudyError(f"--threads {max(threads)}: there are {len(run.USABLE)} CPUs")
-    scenes = scenes_of(args)
+    scenes = {name: peers.plain(name, peer.HOME / "scenes") for name in args.scene}
     specs = [Spec.parse(name) for name in dict.fromkeys(args.phase or peers.PHASES)]
     specs = [spec for spec in specs if registry.cpu_supports(spec)]
     able, out = others(args)

@@ -316,14 +316,10 @@ def dry_run(sweep: Sweep) -> Outcome:
         for one in plan.configurations
     ]
     todo = sum(plan.launches - sweep.done(config) for config in plan.configurations)
-    frames = f"{plan.reps} timed frames and {plan.warmup} of warm-up each"
-    if once := sum(config.once for config in plan.configurations):
-        frames += f" ({once} long configurations: one frame)"
-    limit = f", cut off after {progress.duration(sweep.budget())}" if seconds > sweep.budget() else ""
     lines = [
         summary.table(rows, [("name", "configuration"), ("launches", "launches"), ("s", "s per launch")]),
-        f"{todo} launches, {frames}; CPU {plan.cpu}, seed {plan.seed}",
-        f"estimated duration: {progress.duration(seconds)}{limit}",
+        f"{todo} launches; CPU {plan.cpu}, seed {plan.seed}",
+        f"estimated duration: {progress.duration(min(seconds, sweep.budget()))}",
     ]
     result = Estimate(**msgspec.structs.asdict(plan), estimated_s=seconds, launches_to_do=todo)
     return Outcome(result, lines, sweep.run and sweep.run.path)
