@@ -269,10 +269,6 @@ def _threads(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
 
 
 CHECKS: dict[str, Callable[[Data, pd.DataFrame, Claim], Found]] = {
-    "speedup": _speedup,
-    "scene_ratio": _scene_ratio,
-    "constant": _constant,
-    "grows": _grows,
-    "exact": _exact,
-    "threads": _threads,
+    check.__name__.lstrip("_"): check
+    for check in (_speedup, _scene_ratio, _constant, _grows, _exact, _threads)
 }

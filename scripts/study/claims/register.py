@@ -128,7 +128,7 @@ def _points(data: Data) -> dict[tuple[str, str], Point]:
 UNKNOWN = "this CPU's theoretical peak is not known"
 
 
-def _gain_flops(data: Data, claim: Claim) -> Found:
+def _flops_gain(data: Data, claim: Claim) -> Found:
     """FLOPs per core cycle by the paper's rule, `phase` over `base`, at the largest size of both."""
     points = _points(data)
     one, base = (points.get((claim.scene, getattr(claim, key))) for key in ("phase", "base"))
@@ -347,23 +347,12 @@ def _rods_gain(data: Data, claim: Claim) -> Found:
     return sized(timed(Found(text, verdict, why, own.gain, *ends, own.n)), claim.n)
 
 
+_PLAIN = (
+    *(_flops, _flop_cut, _flop_ratio, _flops_gain, _more_flops_per_cycle, _share_of_peak, _share_falls),
+    *(_ablation, _hottest, _never_misses, _normalize, _rtrm, _integers, _linear, _rods_fewer, _rods_gain),
+)
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
-    "flops": _flops,
-    "flop_cut": _flop_cut,
-    "flop_ratio": _flop_ratio,
-    "flops_gain": _gain_flops,
-    "more_flops_per_cycle": _more_flops_per_cycle,
-    "share_of_peak": _share_of_peak,
-    "share_falls": _share_falls,
-    "ablation": _ablation,
-    "hottest": _hottest,
-    "never_misses": _never_misses,
     "compilers": compilers.slightly_better,
     "best_compiler": compilers.best,
-    "normalize": _normalize,
-    "rtrm": _rtrm,
-    "integers": _integers,
-    "linear": _linear,
-    "rods_fewer": _rods_fewer,
-    "rods_gain": _rods_gain,
+    **{check.__name__.lstrip("_"): check for check in _PLAIN},
 }

@@ -62,7 +62,7 @@ class Drawing:
 
 def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
     """(spec, threads) → colour, marker, hatch, line style and label. opt2@opt3 has opt2's, drawn hollow."""
-    names = list(dict.fromkeys(zip(rows["phase"], rows["threads"], strict=True)))
+    names = list(dict.fromkeys(zip(rows.phase, rows.threads, strict=True)))
     places = _places(list(dict.fromkeys(spec.partition("@")[0] for spec, _ in names)))
     found = {}
     for spec, threads in names:
@@ -72,7 +72,7 @@ def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
             "marker": MARKERS[place % len(MARKERS)],
             "hatch": HATCHES[place % len(HATCHES)],
             "linestyle": "--" if "@" in spec else ":" if threads > 1 else "-",
-            "hollow": "@" in spec or threads > 1,
+            "markerfacecolor": "white" if "@" in spec or threads > 1 else COLOURS[place % len(COLOURS)],
             "label": spec + (f", {threads} threads" if threads > 1 else ""),
         }
     return found
@@ -106,7 +106,7 @@ def panels(
     rows: pd.DataFrame, height: float, width: float = 4.6, columns: int = 3
 ) -> tuple[Figure, dict[str, Axes]]:
     """A figure with one panel of that size (inches) per scene."""
-    scenes = list(dict.fromkeys(rows["scene"]))
+    scenes = list(dict.fromkeys(rows.scene))
     columns = min(columns, len(scenes))
     lines = math.ceil(len(scenes) / columns)
     figure = Figure(figsize=(max(width * columns, 8), height * lines + 1.0), layout="constrained")

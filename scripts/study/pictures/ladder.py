@@ -25,7 +25,7 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
     """Machine, compiler and flags of every phase, and what the points are."""
     context = data.context
     flags: dict[str, list[str]] = {}
-    for spec, text in dict.fromkeys(zip(rows.phase, rows["flags"], strict=True)):
+    for spec, text in dict.fromkeys(zip(rows.phase, rows.flags, strict=True)):
         flags.setdefault(registry.short(text), []).append(spec)
     built = "; ".join(f"{', '.join(specs)}: {text}" for text, specs in flags.items())
     launches = " to ".join(str(n) for n in dict.fromkeys((rows.launches.min(), rows.launches.max())))
@@ -52,11 +52,10 @@ def against_n(rows: pd.DataFrame, name: str, unit: str, title: str) -> Figure:
                 yerr=bars_of(group, name),
                 capsize=3,
                 markersize=6 if group.height.nunique() <= 10 else 4,
-                markerfacecolor="white" if style["hollow"] else style["color"],
-                **{key: style[key] for key in ("color", "marker", "linestyle", "label")},
+                **{key: style[key] for key in ("color", "marker", "markerfacecolor", "linestyle", "label")},
             )
         axes.set(title=scene, xscale="log", yscale="log", xlabel="n: picture height, pixels", ylabel=unit)
-        heights = sorted(rows[rows.scene == scene]["height"].unique())
+        heights = sorted(rows[rows.scene == scene].height.unique())
         axes.set_xlim(heights[0] / 1.2, heights[-1] * 1.2)
         if len(heights) <= 6:
             axes.set_xticks(heights, map(str, heights))
@@ -97,17 +96,14 @@ def speedups(rows: pd.DataFrame) -> Figure:
         styles = [looks[key] for key in zip(group.phase, group.threads, strict=True)]
         ends = bars_of(group, "speedup")
         for (i, row), style in zip(group.iterrows(), styles, strict=True):
-            colour = style["color"]
             axes.plot([LEFT, row.speedup], [i, i], ":", color="#999999", linewidth=1, zorder=1)
             axes.errorbar(
                 row.speedup,
                 i,
                 xerr=ends[:, [i]],
-                color=colour,
                 capsize=3,
-                marker=style["marker"],
                 markersize=8,
-                markerfacecolor="white" if style["hollow"] else colour,
+                **{key: style[key] for key in ("color", "marker", "markerfacecolor")},
             )
             beside = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 9}
             axes.text(1.15, i, f"{show.number(row['speedup'])}×", **beside, ha="right")
@@ -195,8 +191,7 @@ def error(rows: pd.DataFrame) -> Figure:
                 capsize=3,
                 markersize=8,
                 linestyle="none",
-                markerfacecolor="white" if style["hollow"] else style["color"],
-                **{key: style[key] for key in ("color", "marker", "label")},
+                **{key: style[key] for key in ("color", "marker", "markerfacecolor", "label")},
             )
             if show.gate_mark(row) == "bad":
                 axes.plot(places[0], pace, **RING)

@@ -62,10 +62,3 @@ def test_pages_made_from_the_code_are_what_it_says() -> None:
     assert "build/docs/keys/frames.jsonl.md" in made
     for name in ("docs/commands.md", "results/README.md"):
         assert (ROOT / name).read_text(encoding="utf-8") == made[name], f"{name}: write it again"
-
-
-def test_help_is_wrapped_but_for_what_is_indented() -> None:
-    long = "word " * 40
-    text = docs.filled(f"{long}\n\n  {long}")
-    first, second = text.split("\n\n")
-    assert max(map(len, first.splitlines())) <= docs.WIDTH and second == f"  {long}"

@@ -40,11 +40,6 @@ def test_worse_than_baseline_on_any_metric_fails(name):
     assert list(inferior(beyond, base, {name: 1.9})) == [name]
 
 
-def test_what_the_issue_wants_declared_is():
-    colours = {f"psnr{which}{space}_db" for which in ("", "_none", "_ideal") for space in ("", "_display")}
-    assert colours | {"false_hits_ppm", "false_misses_ppm", "dt_p99"} <= set(gate.TRUTH_METRICS)
-
-
 def test_infinite_is_as_near_as_floats_can_tell():
     far = inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {})
     assert far["psnr_db"].startswith("149, baseline has 150")

@@ -172,7 +172,7 @@ def draw_point(axes: Axes, point: Point, style: dict) -> None:
         axes.plot([x, x], [y, least], color=colour, linewidth=0.8, linestyle=":")
         axes.plot(x, least, marker="_", color=colour, markersize=14, mew=2.2)
     ends = bars_of(pd.DataFrame([point]), "flops_per_core_cycle")
-    drawn = {"color": colour, "markerfacecolor": "white" if style["hollow"] else colour, "linestyle": "none"}
+    drawn = {"color": colour, "markerfacecolor": style["markerfacecolor"], "linestyle": "none"}
     axes.errorbar(x, y, yerr=ends, color=colour, capsize=3, linestyle="none")
     axes.plot(x, y, marker=style["marker"], label=style["label"], markersize=9, zorder=5, **drawn)
     if max_share(point) > 1:
