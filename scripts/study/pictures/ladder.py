@@ -25,7 +25,7 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
     """Machine, compiler and flags of every phase, and what the points are."""
     context = data.context
     flags: dict[str, list[str]] = {}
-    for spec, text in dict.fromkeys(zip(rows.phase, rows.flags, strict=True)):
+    for spec, text in dict.fromkeys(zip(rows.phase, rows["flags"], strict=True)):
         flags.setdefault(registry.short(text), []).append(spec)
     built = "; ".join(f"{', '.join(specs)}: {text}" for text, specs in flags.items())
     launches = " to ".join(str(n) for n in dict.fromkeys((rows.launches.min(), rows.launches.max())))
