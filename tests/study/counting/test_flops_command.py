@@ -38,7 +38,7 @@ def test_table1_against_the_paper_and_by_hand():
     assert second.paper_cut == pytest.approx(0.51)
     giga = [second.paper_convention_gflop, second.machine_convention_gflop, second.compare_gop]
     assert giga == pytest.approx([60e-9, 70e-9, 5e-9])
-    assert (second.useful_share, second.flop_per_pixel) == (0.5, 60 / (1280 * 720))
+    assert second.useful_share == 0.5
 
 
 def test_a_phase_without_costs_has_what_was_measured():

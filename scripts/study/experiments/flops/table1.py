@@ -52,7 +52,6 @@ class Row:
     machine_convention_gflop: float | None = None
     compare_gop: float | None = None
     useful_share: float | None = None
-    flop_per_pixel: float | None = None
     flop_per_evaluation: float | None = None
     evaluations_million: float | None = None
     cut: float | None = None
@@ -139,7 +138,7 @@ def _row(one: Declared | Measurement, first: Declared | None) -> Row:
     if isinstance(one, Measurement):
         machine = one.total.machine
         cut = 1 - machine / first.flops.machine if first and first.flops else None
-        return Row(*about, measured_gflop=machine / 1e9, measured_cut=cut, flop_per_pixel=machine / pixels)
+        return Row(*about, measured_gflop=machine / 1e9, measured_cut=cut)
     assert one.flops
     first = None if first is one else first
     stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
@@ -153,7 +152,6 @@ def _row(one: Declared | Measurement, first: Declared | None) -> Row:
         machine_convention_gflop=one.flops.machine / 1e9,
         compare_gop=one.by_class["compare"] / 1e9,
         useful_share=one.useful / one.executed if one.executed else float("nan"),
-        flop_per_pixel=one.flops.paper / pixels,
         flop_per_evaluation=one.useful_paper / count if count else None,
         evaluations_million=count / 1e6 if count else None,
         cut=1 - one.useful_paper / first.flops.paper if first and first.flops else None,

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+
+from matplotlib.figure import Figure
 
 from study.bounds.schema import Hotspots
 from study.core.show import cell
-from study.experiments.hotspots import bounds_tables, figures, tables
+from study.experiments.hotspots import bounds_tables, tables
 from study.experiments.section import Section, part
 from study.pictures.draw import Drawing
 
@@ -16,6 +19,9 @@ HOTSPOTS = {
     "opt2": "Table 4a: where the time of opt2 goes",
     "opt3": "Table 4b: where the time of opt3 goes",
 }
+# Of functions of a phase; the others are one piece.
+SHADES = ("#0072B2", "#3D94C6", "#76B3D6", "#A9CFE5", "#D3E6F1")
+OTHERS = "#e6e6e6"
 NOTE = (
     "CPU time of one frame, sampled; inlined code is counted to the function of the source that it is from."
 )
@@ -38,7 +44,7 @@ def hot(path: Path, microarchitecture: str | None = None) -> Section:
     parts += part("table3-regions", "The hot regions under the model", regions, bounds_tables.REGIONS)
     if rows:
         caption = "The functions that take most of a frame, phase by phase"
-        drawn = {"hotspots": Drawing(caption, NOTE, lambda: figures.draw(rows))}
+        drawn = {"hotspots": Drawing(caption, NOTE, lambda: draw(rows))}
     about = {"file": file, "script": "scripts/stepwise hotspots", "drawn": drawn}
     about |= {"details": tables.notes(record), "answer": _answer(rows) if rows else ""}
     return Section("hotspots", "Hotspots", "make hotspots", parts, **about)
@@ -55,3 +61,27 @@ def _answer(rows: list[tables.Row]) -> str:
             value, low, high = (cell(found[0], f"{build}_percent{end}") for end in ("", "_low", "_high"))
             said.append(f"{value:.1f} [{low:.1f}, {high:.1f}] % of {name}'s frame is in {found[0].function}")
     return f"On {rows[0].scene}, {'; '.join(said)}." if said else ""
+
+
+def draw(rows: Sequence[tables.Row]) -> Figure:
+    """A bar a phase: its functions of most time, named where the name has room, and the rest."""
+    names = list(dict.fromkeys(row.phase for row in rows))
+    figure = Figure(figsize=(11, 0.42 * len(names) + 1.3), layout="constrained")
+    figure.suptitle("Where the time of a frame goes", x=0.01, ha="left", fontsize=12)
+    axes = figure.subplots()
+    for place, name in enumerate(names):
+        left = 0.0
+        build, mine = tables.top(rows, name, len(SHADES))
+        for shade, row in enumerate(mine):
+            share, text = cell(row, f"{build}_percent"), row.function
+            axes.barh(place, share, 0.8, left, color=SHADES[shade], edgecolor="white")
+            if len(text) * 0.82 + 1 < share:
+                ink = "white" if shade < 2 else "black"
+                axes.text(left + share / 2, place, text, fontsize=7.5, color=ink, ha="center", va="center")
+            left += share
+        axes.barh(place, max(0.0, 100 - left), 0.8, left, color=OTHERS, edgecolor="white")
+        axes.text(99, place, f"others {max(0.0, 100 - left):.0f} %", fontsize=7.5, ha="right", va="center")
+    axes.set_yticks(range(len(names)), names, fontsize=9)
+    axes.set(xlim=(0, 100), ylim=(len(names) - 0.5, -0.5), xlabel="% of the frame")
+    axes.grid(False, axis="y")
+    return figure
