@@ -22,10 +22,6 @@ static struct vec vec_splat(const scalar a[3]) {
     return (struct vec){v_splat(a[0]), v_splat(a[1]), v_splat(a[2])};
 }
 
-static struct vec vec_sub(struct vec a, struct vec b) {
-    return (struct vec){v_sub(a.x, b.x), v_sub(a.y, b.y), v_sub(a.z, b.z)};
-}
-
 // a + b·s
 static struct vec vec_madd(struct vec a, struct vec b, vnum s, const struct format *f) {
     return (struct vec){v_add(a.x, v_mul(b.x, s, f)), v_add(a.y, v_mul(b.y, s, f)),

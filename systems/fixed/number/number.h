@@ -41,6 +41,10 @@ static inline vnum v_mul(vnum a, vnum b, const struct format *f) {
     return v_sra(v_mul_wide(a, b), f->bits);
 }
 
+static inline struct vec vec_sub(struct vec a, struct vec b) {
+    return (struct vec){v_sub(a.x, b.x), v_sub(a.y, b.y), v_sub(a.z, b.z)};
+}
+
 // Returns the dot product, rounded down once. The products are summed in 64 bits before the shift.
 static inline vnum v_dot(struct vec a, struct vec b, const struct format *f) {
     vnum sum = v_add(v_add(v_mul_wide(a.x, b.x), v_mul_wide(a.y, b.y)), v_mul_wide(a.z, b.z));
