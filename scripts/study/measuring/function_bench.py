@@ -110,10 +110,14 @@ def normalise(vectors: int, rounds: int, seed: int, cpu: int | None) -> list[Nor
     made = []
     for row in rows:
         bound = floor.get((row.vectors, row.isa))
-        told = msgspec.structs.asdict(row) | {"ns": median(row.ns), "bytes": 12 * row.vectors}
-        told["speedup"] = Range.of(stats.ratio_interval(scalar[row.vectors], row.ns))
-        # 1: as fast as loading and storing alone
-        told["share_of_memory"] = float(np.median(bound) / np.median(row.ns)) if bound else None
-        told["gb_per_s"] = 24 / float(np.median(row.ns))  # 12 bytes in, 12 out
+        middle = float(np.median(row.ns))
+        told = msgspec.structs.asdict(row) | {
+            "ns": median(row.ns),
+            "bytes": 12 * row.vectors,
+            "speedup": Range.of(stats.ratio_interval(scalar[row.vectors], row.ns)),
+            # 1: as fast as loading and storing alone
+            "share_of_memory": float(np.median(bound) / middle) if bound else None,
+            "gb_per_s": 24 / middle,  # 12 bytes in, 12 out
+        }
         made.append(Normalise(**told))
     return made

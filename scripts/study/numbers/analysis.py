@@ -166,16 +166,18 @@ def cells_of(frames: pd.DataFrame, plan: Plan | None = None) -> list[Cell]:
     pace = (frames.ns / (frames.width * frames.height)).groupby(frames.phase).median()
     phases = [*about, *(c.phase for c in plan.configurations), *pace.sort_values(ascending=False).index]
     scenes = [*(c.scene for c in plan.configurations), *sorted(frames.scene.unique())]
-    frames = clocks.clocked(frames).assign(warmup=frames.warmup.astype(bool))
-    frames["presented_ns"] = frames.ns + frames.present_ns
+    told = {"warmup": frames.warmup.astype(bool), "presented_ns": frames.ns + frames.present_ns}
+    frames = clocks.clocked(frames).assign(**told)
     by = [*KEYS, "launch"]
     launches = frames[~frames.warmup].groupby(by)
     values = launches[[name for name in MEDIANS if name in frames]].median()
     first = frames.sort_values("frame").groupby(by)[["prepare_ns", "ns"]].first()  # right after set-up
-    values["setup_first_ns"] = first.prepare_ns + first.ns
-    values["frames"] = launches.size()
-    values["round"] = launches["round"].first() if "round" in frames else math.nan
-    values["kernel"] = frames.groupby(by).kernel.first() if "kernel" in frames else None
+    values = values.assign(
+        setup_first_ns=first.prepare_ns + first.ns,
+        frames=launches.size(),
+        round=launches["round"].first() if "round" in frames else math.nan,
+        kernel=frames.groupby(by).kernel.first() if "kernel" in frames else None,
+    )
     warmed = frames.groupby(KEYS).warmup.any()
     last = {_key(one): one for one in frames.drop_duplicates(KEYS, keep="last").itertuples()}
     cells = []
@@ -183,7 +185,7 @@ def cells_of(frames: pd.DataFrame, plan: Plan | None = None) -> list[Cell]:
         one = last[key]
         told = {each.name: getattr(one, each.name, None) for each in fields(Facts)}
         told |= {"kernel": kernel_said(mine.kernel), "unwarmed": not warmed[key]}
-        told["algorithm"] = about.get(one.phase, PhaseJson()).algorithm
+        told |= {"algorithm": about.get(one.phase, PhaseJson()).algorithm}
         mine = mine.drop(columns="kernel").set_index("round")
         cells.append(Cell(*key, Facts(**told), mine, one.config, one.scene_hash))
     return sorted(

@@ -72,15 +72,12 @@ def _spread(name: str, interval: Interval | None, scale: float = 1) -> dict[str,
 def _over_paper(data: Data, cell: Cell, base: Cell | None) -> Interval | None:
     """Speed-up over the paper's own baseline: over ours, times theirs over ours where both ran in turn."""
     if "papers" not in data.kept:
-        data.kept["papers"] = {
-            (row.scene, row.n): (row.ours_launches_ms, row.theirs_launches_ms)
-            for row in beside.originals(data.path)
-            if row.phase == BASE and row.ours_launches_ms and row.theirs_launches_ms
-        }
-    both = data.kept["papers"].get((cell.scene, cell.height))
-    if base is None or both is None:
-        return None
-    return stats.change_interval(both, (base.values.ns, cell.values.ns))
+        data.kept.update(papers=[row for row in beside.originals(data.path) if row.phase == BASE])
+    for row in data.kept.get("papers", []):
+        both = row.ours_launches_ms, row.theirs_launches_ms
+        if base and all(both) and (row.scene, row.n) == (cell.scene, cell.height):
+            return stats.change_interval(both, (base.values.ns, cell.values.ns))
+    return None
 
 
 def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:

@@ -31,10 +31,10 @@ def ladder(folder: Path = FOLDER) -> pd.DataFrame:
     program's rerun_tsc_cycles_per_pixel (at 2.596 GHz), rerun_psnr_display_db (infinite: identical),
     rerun_psnr_db (of linear values, opt4's alone) and rerun_over_display (share of pixels).
     """
-    table = read("performance", folder).set_index(["metric", "scene", "phase"])["value"]
+    table = read("performance", folder).set_index(["metric", "scene", "phase"]).value
     stated = read("speedups", folder).query("base == 'baseline' and step == 'whole ladder'")
-    stated = stated.set_index(["scene", "phase"])["value"]
-    rerun = read("rerun", folder).set_index(["metric", "scene", "phase"])["value"]
+    stated = stated.set_index(["scene", "phase"]).value
+    rerun = read("rerun", folder).set_index(["metric", "scene", "phase"]).value
     rows = []
     for scene in dict.fromkeys(table.loc["flop_count"].index.get_level_values("scene")):
         for phase in PHASES:
