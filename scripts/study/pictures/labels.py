@@ -9,8 +9,8 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85}
-MARK = 7  # points: a little more than half of a mark
+BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0, "alpha": 0.7}
+MARK = 5  # points: half of a mark's size
 STEPS = 500  # of adjustText, which else stops by the clock and draws another figure each time
 
 
