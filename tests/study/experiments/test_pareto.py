@@ -109,6 +109,15 @@ def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_count
 
 
 @pytest.mark.slow
+def test_a_fractal_is_judged_by_means_of_its_own_size(tmp_path: Path) -> None:
+    """11×6 pixels of 4×4 samples, and no 43×24."""
+    scene = registry.find_scene("mandelbulb")
+    point = measuring.Point(scene.name, Spec.parse("baseline"), *measuring.own(scene))
+    rows, skipped = measuring.judge([point], scene, 6, tmp_path)
+    assert not skipped and rows[point].psnr_db > 20 and math.isnan(rows[point].false_ppm)
+
+
+@pytest.mark.slow
 def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
     """Without shadows or mirrors: the camera rays' own, and four for each hit's forward differences."""
     scene, out = registry.find_scene("scene0_plain"), tmp_path / "p.exr"

@@ -91,13 +91,12 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
     out.unlink()
     found = judging.metrics(exact, made, fractal=scene.fractal)
     if scene.fractal:
-        colours = found["antialiased"]
-        about = {name: colours[name] for name in TRUTHS}
-        about["depth_agree_fraction"] = found["depth_agree_fraction"]
+        averaged = found | found["antialiased"]
+        about = {name: averaged[name] for name in (*TRUTHS, "depth_agree_fraction")}
     else:
         names = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", *TRUTHS)
         about = {name: found[name] for name in names}
-        about["false_ppm"] = about["false_hits_ppm"] + about["false_misses_ppm"]
+        about |= {"false_ppm": sum(about[name] for name in names[:2])}
     return Row(
         scene=scene.name,
         phase=str(point.spec),
@@ -136,7 +135,9 @@ def judge(
     points: Sequence[Point], scene: Scene, height: int, folder: Path
 ) -> tuple[dict[Point, Row], list[Skipped]]:
     """Errors of every point; and what was refused, with its reason."""
-    exact = truth.picture(scene, scene.size(height * FACTOR if scene.fractal else height))
+    factor = FACTOR if scene.fractal else 1
+    width, _ = scene.size(height)
+    exact = truth.picture(scene, (width * factor, height * factor))
 
     def one(point: Point) -> Row | Skipped:
         try:

@@ -45,7 +45,7 @@ def paper_point(scene: str, rows: Sequence[Row]) -> tuple[float, float] | None:
     if not base or (scene, "opt4") not in theirs.index:
         return None
     row = theirs.loc[(scene, "opt4")]
-    return base[0].pace / row["rerun"], row["rerun_psnr_db"]
+    return base[0].pace / row.rerun, row.rerun_psnr_db
 
 
 def drawn_at(row: Row, measure: str) -> float:
@@ -67,17 +67,18 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
     once = [r for r in rows if not r.timed]
     full = [r for r in rows if r.timed and not r.own_parameters]
     mine = [r for r in rows if r.timed and r.own_parameters]
-    dot = {"marker": "o", "s": 12, "linewidth": 0.0, "color": style["color"]}
+    colour, marker = style["color"], style["marker"]
+    dot = {"marker": "o", "s": 12, "linewidth": 0.0, "color": colour}
     _scatter(axes, once, measure, alpha=0.25, zorder=2, **dot)
     _scatter(axes, full, measure, alpha=0.9, zorder=4, **dot)
-    mark = {"marker": style["marker"], "facecolor": "white" if hollow else style["color"]}
-    mark["edgecolor"] = style["color"] if hollow else "black"
+    faces = ("white", colour) if hollow else (colour, "black")
+    mark = {"marker": marker, "facecolor": faces[0], "edgecolor": faces[1]}
     base, _, word = name.partition("+")
     # Two switches of a phase have one mark, and one line of the legend: a word beside each.
     label = f"{base} with an approximated root" if hollow else name
     _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
     for row in mine if hollow and measure == FIRST else ():
-        labels.name(axes, row.pace, drawn_at(row, measure), word, style["color"], 7)
+        labels.name(axes, row.pace, drawn_at(row, measure), word, colour, 7)
 
 
 def _draws_ideal(name: str) -> bool:
@@ -143,7 +144,7 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
     """
     frame = pd.DataFrame([{"scene": r.scene, "phase": r.phase, "threads": 1} for r in rows])
     # A switch looks like its phase, drawn hollow: the shape says which phase it is of.
-    looks = look(frame.assign(phase=frame["phase"].str.partition("+")[0]))
+    looks = look(frame.assign(phase=frame.phase.str.partition("+")[0]))
     made, grid = panels(frame, 4.4, 5.4)
     title = "Speed against error: left is faster, up is nearer to the ground truth"
     # over one panel it would go on into the legend beside it

@@ -107,13 +107,13 @@ def with_defaults(args: argparse.Namespace) -> argparse.Namespace:
     if args.run and given:
         name = f"-{given[0]}" if given[0] == "n" else f"--{given[0].replace('_', '-')}"
         raise StudyError(f"--resume goes on by the run's own plan, which {name} cannot change")
-    made = vars(args) | {name: value for name, value in PLANNED.items() if name not in given}
+    made = argparse.Namespace(**vars(args) | {k: value for k, value in PLANNED.items() if k not in given})
     names = list(ladder())
-    made["phase"] = made["phase"] or names
-    made["seed"] = secrets.randbelow(2**32) if made["seed"] is None else made["seed"]
-    if made["second_base"] is None:
-        made["second_base"] = set(names) <= set(made["phase"])
-    return argparse.Namespace(**made)
+    made.phase = made.phase or names
+    made.seed = secrets.randbelow(2**32) if made.seed is None else made.seed
+    if made.second_base is None:
+        made.second_base = set(names) <= set(made.phase)
+    return made
 
 
 class Drawn(msgspec.Struct):
@@ -336,8 +336,8 @@ def report(sweep: Sweep, target: store.Run) -> Outcome:
         warnings.append(f"{counts} threads: more than the CPUs that may be used ({len(run.USABLE)})")
     for one in plan.not_reached:
         warnings.append(f"budget: {one.name} has {one.launches} of {plan.launches} launches")
-    result = {"rows": rows, "warnings": warnings, "skipped": plan.skipped, "failures": plan.failures}
-    result["not_reached"] = plan.not_reached
+    about = {"skipped": plan.skipped, "failures": plan.failures, "not_reached": plan.not_reached}
+    result = {"rows": rows, "warnings": warnings, **about}
     lines = [summary.table(rows, summary.SPEED) if rows else "nothing was measured"]
     said = [f"warning: {warning}" for warning in warnings]
     return Outcome(result, lines, target.path, said, status=cli.FAILED if plan.failures else cli.OK)
