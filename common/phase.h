@@ -74,9 +74,8 @@ struct kernel_facts {
 // time of general code cannot be mistaken for a time of generated code.
 const struct kernel_facts *phase_kernel(const struct prepared *prepared) __attribute__((weak));
 
-// Optional, for phases with settings that an environment variable changes. Returns the settings in
-// use as text. The driver adds it to every record, so that times of different settings cannot be
-// confused.
+// Optional. Returns the settings in use, of phases that an environment variable changes, as text; the driver
+// adds it to every record, so that times of different settings cannot be confused.
 const char *phase_settings(const struct prepared *prepared) __attribute__((weak));
 
 // Rays as arrays, for phase_hits. Each array has 64 spare bytes after its last element, so that full
