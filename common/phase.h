@@ -41,23 +41,20 @@ const char *phase_picture_unsupported(const struct scene *scene, int width, int 
 // if phase.json says "threads": true.
 struct prepared *phase_prepare(const struct model *model, int threads);
 
-// Renders one frame; this is the timed region. Writes every plane of `frame` that is not NULL (see
-// struct frame). Camera and light are new in each frame, so all work that depends on them happens
-// here. Returns false if memory is short.
+// Renders one frame; this is the timed region. Writes every plane of `frame` that is not NULL. Camera and
+// light are new each time: all work that depends on them happens here. Returns false if memory is short.
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame);
 
-// Replaces the shapes' positions by those of `model`, before a frame of an animation (render
-// --frames); its time counts as the frame's. `model` has the same number, types and sizes of
-// shapes as the model of phase_prepare, whose `animated` is then true, and it lives as long.
-// Returns false if memory is short.
+// Replaces the shapes' positions by those of `model`, before a frame of an animation (render --frames); its
+// time counts as the frame's. `model` has the shapes of phase_prepare's, whose `animated` is then true, and
+// lives as long. Returns false if memory is short.
 bool phase_update(struct prepared *prepared, const struct model *model);
 
 // Frees `prepared` and ends the threads that phase_prepare started.
 void phase_release(struct prepared *prepared);
 
-// For tests, not timed. For each of `count` points (x y z triples), writes the signed distance to the
-// scene in scene units and the index of the nearest shape. The arithmetic is that of the phase's
-// march. Returns false if memory is short.
+// For tests, not timed. Writes the signed distance and the index of the nearest shape at each of `count`
+// points, in the arithmetic of the phase's march. Returns false if memory is short.
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest);
 
@@ -89,14 +86,12 @@ struct ray_set {
     float *shape;     // result: index of the shape hit, −1 on a miss; not written if `any`
 };
 
-// Optional, for phases with closed-form intersections: traces the rays in their order, on the
-// calling thread. Used by tests and by build/NAME/hits (tools/hits.c), which times it. Returns
-// false if memory is short.
+// Optional, for phases with closed forms: traces the rays in their order, on the calling thread, for tests
+// and tools/hits.c. Returns false if memory is short.
 bool phase_hits(const struct prepared *prepared, const struct ray_set *rays);
 
-// Optional, for phases of family "truth"; used by tests (tools/rays.c). Each ray is six numbers,
-// origin and direction; its hit is at p = origin + s·direction with s ≥ 0. Writes five numbers per
-// ray: status (2 proved, 1 converged only, 0 undecided), index of the first shape hit (−1: none),
-// lower and upper bound of s (both +inf on a proved miss), and the number of evaluations.
+// Optional, for truth; used by tests (tools/rays.c). A ray is six numbers, origin and direction; its hit is
+// at origin + s·direction, s ≥ 0. Writes five: status (2 proved, 1 converged only, 0 undecided), the first
+// shape (−1: none), bounds of s (+inf on a proved miss), and the number of evaluations.
 bool phase_enclosures(const struct prepared *prepared, size_t count, const double *rays,
                       double *enclosures);

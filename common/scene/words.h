@@ -1,6 +1,5 @@
 // A phase's settings as words "key=value", separated by one blank each, as an environment variable has them.
-#ifndef SCENE_WORDS_H
-#define SCENE_WORDS_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdio.h>
@@ -51,5 +50,3 @@ static inline bool word_among(const char *value, const char *const *words, int c
             return true;
     return false;
 }
-
-#endif
