@@ -51,21 +51,38 @@ def command(tree: Path, name: str, body: str) -> None:
     (tree / "bin" / name).chmod(0o755)
 
 
+def ends(tree: Path, **environment: str) -> tuple[int, str, str]:
+    """Status, standard output and errors of a setup."""
+    env = {"PATH": str(tree / "bin"), "STEPWISE_INCLUDE": str(tree / "include")} | environment
+    words = [tree / "bin" / "sh", tree / "scripts" / "setup.sh", "study"]
+    done = subprocess.run(words, env=env, capture_output=True, text=True)
+    return done.returncode, done.stdout, done.stderr
+
+
+def whole(tree: Path) -> None:
+    """Nothing is lacking."""
+    for name in ("perf", "llvm-mca"):
+        command(tree, name, ":")
+
+
+def python(tree: Path, body: str) -> None:
+    """The venv's, a stand-in."""
+    path = tree / ".venv" / "bin" / "python"
+    path.unlink()
+    path.write_text(f"#!/bin/sh\n{body}\n")
+    path.chmod(0o755)
+
+
 def setup(tree: Path, update: str = "", install: str = "exit 100") -> tuple[str, list[str], bool]:
     """What it says, what it asked apt-get for, and whether it will not ask for perf again."""
     log = tree / "asked"
     log.write_text("")
     case = f'case "$1" in update) {update or ":"} ;; install) {install} ;; esac'
     command(tree, "apt-get", f'echo "$*" >>{log}\n{case}')
-    done = subprocess.run(
-        [tree / "bin" / "sh", tree / "scripts" / "setup.sh", "study"],
-        env={"PATH": str(tree / "bin"), "STEPWISE_INCLUDE": str(tree / "include")},
-        capture_output=True,
-        text=True,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    status, said, error = ends(tree)
+    assert (status, error) == (0, "")
     kept = tree / "build" / "setup.without"
-    return done.stdout, log.read_text().splitlines(), kept.exists() and "perf\n" in kept.read_text()
+    return said, log.read_text().splitlines(), kept.exists() and "perf\n" in kept.read_text()
 
 
 def test_what_apt_does_not_have_is_asked_for_once(tree: Path) -> None:
@@ -78,8 +95,7 @@ def test_what_apt_does_not_have_is_asked_for_once(tree: Path) -> None:
 
 @pytest.mark.parametrize("version", [pytest.param(3, marks=pytest.mark.slow), 4])
 def test_a_library_is_known_by_its_header(tree: Path, version: int) -> None:
-    for name in ("perf", "llvm-mca"):
-        command(tree, name, ":")
+    whole(tree)
     header = tree / "include" / "embree3" / "rtcore.h"
     header.unlink()
     said, asked, _ = setup(tree)
@@ -103,55 +119,29 @@ def test_what_the_network_kept_back_is_tried_again(tree: Path, trouble: dict[str
     said, asked, remembered = setup(tree, **trouble)
     assert not remembered and "perf" in said
     assert sum(line.startswith("update") for line in asked) == 1
-    make = "/bin/touch {0}; /bin/chmod 755 {0}"
-    said, asked, _ = setup(
-        tree, install="; ".join(make.format(tree / "bin" / name) for name in ("perf", "llvm-mca"))
-    )
-    assert (tree / "bin" / "perf").exists() and len(
-        asked
-    ) == 2  # the lists, and one package: it brought both here
+    both = f"{tree}/bin/perf {tree}/bin/llvm-mca"
+    said, asked, _ = setup(tree, install=f"/bin/touch {both}; /bin/chmod 755 {both}")
+    assert (tree / "bin" / "perf").exists() and len(asked) == 2  # the lists, and one package brought both
 
 
-def ends(tree: Path, purpose: str = "study", **environment: str) -> tuple[int, str, str]:
-    """Status, standard output and errors of a setup."""
-    env = {"PATH": str(tree / "bin"), "STEPWISE_INCLUDE": str(tree / "include")} | environment
-    done = subprocess.run(
-        [tree / "bin" / "sh", tree / "scripts" / "setup.sh", purpose], env=env, capture_output=True, text=True
-    )
-    return done.returncode, done.stdout, done.stderr
-
-
-def whole(tree: Path) -> None:
-    """Nothing is lacking."""
-    for name in ("perf", "llvm-mca"):
-        command(tree, name, ":")
-
-
-@pytest.mark.parametrize("name", ["with space", 'it\'s "quoted"', "käfig ×"])
-def test_a_path_of_any_letters(tree: Path, name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_path_of_any_letters(tree: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     whole(tree)
-    moved = tmp_path_factory.mktemp("x") / name
+    moved = tmp_path_factory.mktemp("x") / 'it\'s "quoted", a käfig ×'
     shutil.copytree(tree, moved, symlinks=True)
     assert ends(moved, HOME="") == (0, "", "")  # and without a home
     (moved / "requirements.lock").write_text("# another\n")
-    made = "#!/bin/sh\nexit 0\n"
-    (moved / ".venv" / "bin" / "python").unlink()
-    (moved / ".venv" / "bin" / "python").write_text(made)
-    (moved / ".venv" / "bin" / "python").chmod(0o755)
-    status, said, error = ends(moved)
-    assert (status, error) == (0, "") and said.endswith("setup: done\n")
+    python(moved, "exit 0")
+    assert ends(moved)[::2] == (0, "")
 
 
 def test_without_sudo_what_to_type_is_one_line(tree: Path) -> None:
     whole(tree)
-    (tree / "bin" / "pkg-config").unlink()
-    (tree / "bin" / "sudo").unlink()
-    (tree / "bin" / "id").unlink()
+    for name in ("pkg-config", "sudo", "id"):
+        (tree / "bin" / name).unlink()
     command(tree, "id", "echo 1000")
     command(tree, "apt-get", ":")
     status, _, error = ends(tree)
-    assert status == 1 and error.count("\n") == 1
-    assert "to install: sudo apt-get update && sudo apt-get install -y pkg-config" in error
+    assert status == 1 and error.count("\n") == 1 and "sudo apt-get install -y pkg-config" in error
 
 
 @pytest.mark.parametrize(
@@ -173,29 +163,16 @@ little==2 \\
 """
 
 
-def pip(tree: Path, body: str, answers: int = 0) -> None:
-    """A venv's Python whose pip does `body` ($1: the lock file), in another language than English.
-
-    `answers`: the status of the question whether the index answers.
-    """
-    whole(tree)
-    (tree / "requirements.lock").write_text(LOCK)
-    python = tree / ".venv" / "bin" / "python"
-    python.unlink()
-    python.write_text(
-        "#!/bin/sh\n"
-        f'case "$*" in --version) echo Python 3.14.0; exit ;; "- "*) exit {answers} ;; '
-        '*"pip install"*) ;; *) exit 0 ;; esac\n'
-        f'echo "$*" >>{tree}/asked\n'
-        "while [ $# -gt 1 ]; do shift; done\n"
-        f"{body}\n"
-    )
-    python.chmod(0o755)
+# pip, which has no wheel of the first, in another language than English; the last word is the lock's name.
+PIP = """case "$*" in --version) echo Python 3.14.0; exit ;; *"pip install"*) ;; *) exit 0 ;; esac
+while [ $# -gt 1 ]; do shift; done
+if grep -q "^one==" "$1"; then echo "FEHLER: kein passendes Paket"; exit 1; fi; cat "$1" >"""
 
 
 def test_a_package_without_a_wheel_is_named_and_the_rest_goes_on(tree: Path) -> None:
-    fails = 'if grep -q "^one==" "$1"; then echo "FEHLER: kein passendes Paket"; exit 1; fi'
-    pip(tree, f'{fails}; cat "$1" >{tree}/installed')
+    whole(tree)
+    (tree / "requirements.lock").write_text(LOCK)
+    python(tree, f"{PIP}{tree}/installed")
     status, said, error = ends(tree)
     assert (status, error) == (0, "")
     assert re.search(r"^setup: one .* Python 3\.14\.0", said, re.MULTILINE)

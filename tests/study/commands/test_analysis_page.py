@@ -8,7 +8,6 @@ import re
 import pytest
 
 from study.core.registry import ROOT
-from study.numbers import stats
 
 PAGE = ROOT / "docs" / "analysis.md"
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -27,16 +26,6 @@ def session() -> tuple[dict, list[str]]:
     return names, printed
 
 
-def test_a_run_is_frames_in_three_lines(session):
-    names, _ = session
-    first = BLOCK.findall(PAGE.read_text(encoding="utf-8"))[0]
-    assert len([line for line in first.splitlines() if " = " in line]) == 3
-    for column in ("ms", "ms_low", "ms_high", "psnr_db", "truth_psnr_db", "speedup_base", "same_flags_base"):
-        assert column in names["rows"], column
-    assert {"ns", "warmup", "launch", "scene"} <= set(names["frames"])
-    assert names["run"].context and names["run"].plan and names["run"].notes == []
-
-
 def test_the_table_has_what_the_frames_say(session):
     """The median over launches of each launch's median frame, in its interval; the error beside it."""
     names, printed = session
@@ -48,15 +37,6 @@ def test_the_table_has_what_the_frames_say(session):
     assert low < ms < high and ms == pytest.approx(by_launch["opt10_scene"], abs=0.005)
     assert faster == pytest.approx(by_launch["baseline"] / by_launch["opt10_scene"], rel=0.02)
     assert truth == pytest.approx(96.0, abs=0.05)
-
-
-def test_a_question_of_ones_own(session):
-    names, printed = session
-    whole = names["rows"]
-    row = whole[(whole["scene"] == "scene0") & (whole["phase"] == "opt9_convex")].iloc[0]
-    interval = stats.median_interval(names["launches"]["scene0"])
-    assert (interval.value, interval.low, interval.high) == (row["ms"], row["ms_low"], row["ms_high"])
-    assert f"{row['launches']:.1f}" in printed[2] and printed[3].strip() == interval.text()
 
 
 NOTEBOOK = ROOT / "docs" / "notebook.ipynb"

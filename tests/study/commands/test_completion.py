@@ -36,7 +36,6 @@ def scripts(tmp_path_factory):
         ("sweep --phase opt9", "opt9_convex"),
         ("sweep --phase opt4 opt5", "opt5_threads"),
         ("verify --scene mandelbulb_", "mandelbulb_closeup"),
-        ("try opt5", "opt5_threads"),
         ("study --depth q", "quick"),
         ("lis", "list"),
     ],

@@ -12,14 +12,7 @@ from study.commands import judge, new_phase, try_
 from study.core import cli, patches, registry
 from study.core.registry import ROOT, Spec
 
-PLANET = ROOT / "tests" / "labs" / "planet.json"
-SOLUTIONS = {
-    1: "baseline+1_precomputed",
-    2: "opt6_wide",
-    4: "opt6_wide",
-    5: "opt8_streams",
-    6: "opt7_tiles",
-}
+SOLUTIONS = {1: "baseline+1_precomputed", 2: "opt6_wide", 4: "opt6_wide", 5: "opt8_streams", 6: "opt7_tiles"}
 SMALL = ("--launches", "6", "--seed", "1")
 PAGES = ROOT / "docs" / "labs"
 
@@ -63,7 +56,8 @@ def test_idle_lanes_are_refused(judged, monkeypatch):
     monkeypatch.setattr(try_.work, "efficiency", lambda counts: 0.3)
     status, said = judged(5, "--phase", "opt8_streams", "--json")
     result = emitted.result(said)
-    assert status == 1 and [one["passed"] for one in result["checks"]] == [True, False, True]
+    passed = [one["passed"] for one in result["checks"]]
+    assert (status, passed) == (1, [True, False, True])
     assert result["hint"] == judge.labs()[5].hints["lanes"]
 
 
@@ -85,13 +79,13 @@ def test_too_slow_and_not_known(judged, gain, spread, hint):
 @pytest.mark.parametrize(
     ("scene", "fails"),
     [
-        (PLANET, None),
-        (ROOT / "common" / "scenes" / "scene0.json", "breaks"),
-        (ROOT / "common" / "scenes" / "mandelbulb_closeup.json", "shape"),
+        ("tests/labs/planet.json", None),
+        ("common/scenes/scene0.json", "breaks"),
+        ("common/scenes/mandelbulb_closeup.json", "shape"),
     ],
 )
 def test_a_scene_is_judged(judged, scene, fails):
-    status, said = judged(3, "--file", scene, n=180)
+    status, said = judged(3, "--file", ROOT / scene, n=180)
     assert status == (1 if fails else 0), said
     assert fails is None or said.splitlines()[-1] == f"Hint: {judge.labs()[3].hints[fails]}"
 
@@ -105,25 +99,19 @@ def test_what_a_lab_asks_for(judged, words, asked):
 
 
 def test_pages_say_what_the_judge_asks():
-    """Start, goal and minutes of the table; each page has the commands and the hints' lab."""
+    """Start, goal and minutes of the table; each page has its command."""
     table = (PAGES / "README.md").read_text(encoding="utf-8")
     for number, lab in judge.labs().items():
         (row,) = re.findall(rf"^\| \[{number}\]\({lab.page}\).*$", table, re.MULTILINE)
         assert row.endswith(f" {lab.minutes} |")
         page = (PAGES / lab.page).read_text(encoding="utf-8")
-        assert (
-            page.startswith(f"# Lab {number}: {lab.title.lower()}\n") and f"make judge LAB={number} " in page
-        )
+        assert f"make judge LAB={number} " in page
         if lab.breaks:
-            assert f"`{lab.breaks}`" in row and f"{lab.below_db} dB or less" in " ".join(page.split())
+            assert f"`{lab.breaks}`" in row and f"{lab.below_db} dB" in page
             continue
         Spec.parse(lab.start)
         registry.find_scene(lab.scene)
-        assert (
-            f"`{lab.start}`" in row
-            and f"{lab.speedup}×" in row
-            and f"{lab.speedup}× on " in " ".join(page.split())
-        )
+        assert f"`{lab.start}`" in row and f"{lab.speedup}×" in row and f"{lab.speedup}×" in page
         assert f"make new-phase NAME=mine FROM={lab.start}\n" in page
         assert lab.hints.keys() >= {"picture", "speed"} | ({"lanes"} if lab.lanes else set())
 
@@ -132,22 +120,17 @@ def test_pages_say_what_the_judge_asks():
 def test_a_start_is_the_ablation_as_a_phase(start, tmp_path):
     """The same tree, and only the patched files in its folder."""
     phase = start.partition("+")[0]
-    for name in patches.lineage(phase):
-        (tmp_path / "phases").mkdir(exist_ok=True)
+    (tmp_path / "phases").mkdir()
+    for name in {*patches.lineage(phase), *patches.lineage("opt5_threads")}:  # whose tolerance it gets
         (tmp_path / "phases" / name).symlink_to(ROOT / "phases" / name)
-    for name in ("opt5_threads", *patches.lineage("opt5_threads")):  # whose tolerance is the new phase's
-        if not (tmp_path / "phases" / name).exists():
-            (tmp_path / "phases" / name).symlink_to(ROOT / "phases" / name)
     folder = new_phase.create("mine", start, tmp_path)
     registry.phases.cache_clear()
 
     def texts(name: str, root: Path) -> dict[str, str]:
-        tree = {file: text for file, text in patches.tree(name, root).items() if file != "phase.json"}
-        return {file: re.sub(r"\A#line .*\n", "", text) for file, text in tree.items()}
+        tree = {file: re.sub(r"\A#line .*\n", "", text) for file, text in patches.tree(name, root).items()}
+        return {file: text for file, text in tree.items() if file not in ("phase.json", "residues.def")}
 
     wanted, made = texts(start, ROOT), texts("mine", tmp_path)
-    wanted.pop("residues.def", None)
-    made.pop("residues.def", None)
     assert made == wanted
     own = {str(path.relative_to(folder)) for path in folder.rglob("*.[chd]*")} - {"phase.json"}
     plain = texts(phase, ROOT)

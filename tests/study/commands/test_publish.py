@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import html
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -18,10 +17,10 @@ import complete
 import made_up
 import numpy as np
 import pytest
-import started
 
 from study.commands import publish as publishing
 from study.core import store
+from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.experiments.rods import pictures as rods_pictures
 from study.experiments.systems import pictures as systems_pictures
@@ -37,30 +36,15 @@ def made(tmp_path) -> Path:
     """A run with files of the systems and a picture that is too large."""
     run = tmp_path / "run"
     shutil.copytree(FIXTURE, run)
-    complete.write(run / "fixed.json", made_up.published("fixed.json"))
-    complete.write(run / "rods.json", made_up.published("rods.json"))
-    complete.write(run / "throttle.json", made_up.published("throttle.json"))
+    for name in ("fixed.json", "rods.json", "throttle.json"):
+        complete.write(run / name, made_up.published(name))
     complete.write(run / "counts.json", {"schema": 1, "declared": [], "measured": []})
     noise = np.random.default_rng(1).integers(0, 256, (300, 480, 3), dtype=np.uint8)
     images.write_png(run / "images" / f"{rods_pictures.PICTURES}.png", noise)
     return run
 
 
-def publish(run: Path, folder: Path, *more: str):
-    return started.run(
-        [
-            sys.executable,
-            str(ROOT / "scripts" / "stepwise"),
-            "publish",
-            str(run),
-            str(folder),
-            "--unclean",
-            *more,
-        ]
-    )
-
-
-def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
+def test_a_published_folder_makes_the_whole_chapter(made, tmp_path, stepwise):
     """With the picture of the systems that the run has, rays and rods, but not the sheet of all."""
     complete.write(made / "packets.json", made_up.published("packets.json"))
     folder = tmp_path / "published"
@@ -68,7 +52,7 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     content["context"] = {"git": {"commit": "f" * 40, "dirty": False}, "time": "2026-01-01T00:00:00+00:00"}
     store.write_json(made / "rods.json", content)
     told = ("--command", "make study", "make systems", "--caveat", 'a "busy" machine')
-    done = publish(made, folder, *told)
+    done = stepwise("publish", made, folder, "--unclean", *told)
     assert done.returncode == 0, done.stderr
     assert "ffffffffff: rods\n" in done.stdout
     assert gzip.decompress((folder / "frames.jsonl.gz").read_bytes()) == (made / "frames.jsonl").read_bytes()
@@ -90,9 +74,7 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     assert said["commands"] == ["make study", "make systems"] and said["caveat"] == 'a "busy" machine'
     assert said["commit"].endswith("ffffffffff")
     page = tmp_path / "page" / "index.html"
-    done = started.run(
-        [sys.executable, str(ROOT / "scripts" / "stepwise"), "report", str(folder), "-o", str(page)]
-    )
+    done = stepwise("report", folder, "-o", page)
     assert done.returncode == 0, done.stderr
     text = html.unescape(page.read_text())
     assert "the throttle's choice" in text and rods_pictures.CAPTION in text
@@ -100,39 +82,35 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     assert (page.parent / "tables" / "throttle.md").is_file()
 
 
-def test_what_is_there_is_not_written_over(made, tmp_path):
+def test_what_is_there_is_not_written_over(made, tmp_path, stepwise):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "mine").write_text("")
-    done = publish(made, tmp_path / "there")
+    done = stepwise("publish", made, tmp_path / "there", "--unclean")
     assert done.returncode == 2 and "not empty" in done.stderr
-    done = publish(tmp_path / "there", tmp_path / "new")
+    done = stepwise("publish", tmp_path / "there", tmp_path / "new", "--unclean")
     assert done.returncode == 2 and "plan.json" in done.stderr
 
 
 def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    from study.commands import publish as script
-
     folder = tmp_path / "new" / "published"
     for step in ("copy_files", "copy_pictures", "about", "shown"):
-        for error in (script.StudyError("lost"), OSError(28, "No space left on device")):
+        for error in (StudyError("lost"), OSError(28, "No space left on device")):
             with monkeypatch.context() as patch:
 
                 def fail(*_, error=error):
                     raise error
 
-                patch.setattr(script, step, fail)
-                with pytest.raises(script.StudyError, match=r"lost|No space left"):
-                    script.publish(FIXTURE, folder, [], "")
+                patch.setattr(publishing, step, fail)
+                with pytest.raises(StudyError, match=r"lost|No space left"):
+                    publishing.publish(FIXTURE, folder, [], "")
             assert list(folder.parent.iterdir()) == []
     folder.mkdir()  # an empty one is made use of
-    script.publish(FIXTURE, folder, [], "")
+    publishing.publish(FIXTURE, folder, [], "")
     assert [path.name for path in folder.parent.iterdir()] == ["published"]
-    assert (folder / "plan.json").exists() and folder.stat().st_mode & 0o777 == 0o777 & ~umask()
+    assert (folder / "plan.json").exists() and folder.stat().st_mode == folder.parent.stat().st_mode
 
 
 def test_one_that_is_ended_leaves_nothing(made, tmp_path):
-    """A process of its own: started.run does not hand on signals."""
     folder = tmp_path / "new" / "published"
     command = [sys.executable, ROOT / "scripts" / "stepwise", "publish", made, folder, "--unclean"]
     script = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
@@ -150,40 +128,32 @@ def test_one_that_is_ended_leaves_nothing(made, tmp_path):
     assert list(folder.parent.iterdir()) == []
 
 
-def umask() -> int:
-    os.umask(now := os.umask(0o022))
-    return now
-
-
-def test_a_run_that_is_measured_is_refused_and_a_torn_line_dropped(tmp_path):
+def test_a_run_that_is_measured_is_refused_and_a_torn_line_dropped(tmp_path, stepwise):
     run, folder = tmp_path / "run", tmp_path / "published"
     shutil.copytree(FIXTURE, run)
     whole = (run / "frames.jsonl").read_bytes()
     measuring = store.Run(run)
     measuring.lock()
-    done = publish(run, folder)
+    done = stepwise("publish", run, folder, "--unclean")
     assert done.returncode == 2
     assert not folder.exists()
     measuring.close()
     torn = whole + b'{"phase": "bas'
     (run / "frames.jsonl").write_bytes(torn)
-    done = publish(run, folder)
+    done = stepwise("publish", run, folder, "--unclean")
     assert done.returncode == 0
     assert gzip.decompress((folder / "frames.jsonl.gz").read_bytes()) == whole
     assert (run / "frames.jsonl").read_bytes() == torn
 
 
-def test_a_chapter_that_is_lost_is_an_error(made, tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    from study.commands import publish as script
-
+def test_a_chapter_that_is_lost_is_an_error(made, tmp_path):
     folder = tmp_path / "published"
     folder.mkdir()
-    script.copy_files(made, folder)
-    with pytest.raises(script.StudyError, match=": systems"):  # its picture is not there
-        script.check(made, folder)
-    script.copy_pictures(made, folder)
-    script.check(made, folder)
+    publishing.copy_files(made, folder)
+    with pytest.raises(StudyError, match=": systems"):  # its picture is not there
+        publishing.check(made, folder)
+    publishing.copy_pictures(made, folder)
+    publishing.check(made, folder)
     (folder / "throttle.json").unlink()
-    with pytest.raises(script.StudyError, match=": systems"):
-        script.check(made, folder)
+    with pytest.raises(StudyError, match=": systems"):
+        publishing.check(made, folder)

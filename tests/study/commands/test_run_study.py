@@ -64,13 +64,8 @@ def test_what_an_end_means_is_the_experiment_s_to_say(status, judges, may_lack, 
 
 
 def arguments(tmp_path: Path, depth: str = "quick", part: list[str] | None = None) -> argparse.Namespace:
-    words = [
-        "--depth",
-        depth,
-        "--results",
-        str(tmp_path),
-        *(w for one in part or [] for w in ("--part", one)),
-    ]
+    words = ["--depth", depth, "--results", str(tmp_path)]
+    words += [word for one in part or [] for word in ("--part", one)]
     return commands.parser_for("study", run_study).parse_args(words)
 
 
@@ -159,9 +154,8 @@ def test_a_page_is_written_before_all_phases_are_built(done, tmp_path, monkeypat
     assert page[1] == "--running" and set(page[3:]) == {p.what for p in run_study.chosen(arguments(tmp_path))}
     names = [name for name, _ in done]
     assert names[-1] == "report" and names.index("functions") < names.index("frames")
-    assert set(cuts.read(tmp_path / "run")) == {
-        one.name for one in ALL.values() if one.depth == "quick" and one.cut
-    }
+    quick = {one.name for one in ALL.values() if one.depth == "quick" and one.cut}
+    assert set(cuts.read(tmp_path / "run")) == quick
     (broken,) = outcome.result["crashed"]
     assert "functions" in broken
 
@@ -169,7 +163,8 @@ def test_a_page_is_written_before_all_phases_are_built(done, tmp_path, monkeypat
 def test_a_young_page_is_left_as_it_is(done, tmp_path, monkeypatch):
     monkeypatch.setattr(run_study, "PAGE_SECONDS", 3600)
     run_study.run(arguments(tmp_path))
-    assert ["--running" in words for name, words in done if name == "report"] == [True, False]
+    running = ["--running" in words for name, words in done if name == "report"]
+    assert running == [True, False]
 
 
 def test_the_page_says_what_a_quick_study_cut(tmp_path):

@@ -17,7 +17,6 @@ from study.commands import try_
 from study.core import cli, patches, registry
 from study.core.registry import ROOT, Spec
 from study.numbers import stats
-from study.numbers.accuracy import Row
 
 SMALL = ("--scene", "trio", "-n", "18", "--launches", "2", "--seed", "1")
 
@@ -40,20 +39,10 @@ def test_an_ablation_beside_its_phase_as_json(tried):
     said = emitted.whole(out)
     assert (status, said["command"], said["status"], said["run"]) == (0, "try", "ok", None)
     result = said["result"]
-    assert result.keys() == {
-        *("schema", "scene", "width", "height", "timed_width", "timed_height", "launches", "seed", "ratio"),
-        *("sides", "same_bits", "calls", "picture"),
-    }
-    assert (result["scene"], result["width"], result["height"], result["timed_height"]) == (
-        "trio",
-        32,
-        18,
-        45,
-    )
+    about = {"scene": "trio", "width": 32, "height": 18, "timed_height": 45, "launches": 2, "seed": 1}
+    assert about.items() <= result.items()
     parent, mine = result["sides"]
     assert (parent["name"], mine["name"]) == ("opt2", "opt2+norm_bounds") and result["same_bits"]
-    keys = {"name", "ms", "truth", "baseline", "fails", "evaluations", "flops", "lanes_at_work", "parts"}
-    assert parent.keys() == mine.keys() == keys
     assert mine["baseline"]["identical"] and mine["fails"] == [] and mine["lanes_at_work"] == 1
     assert result["ratio"]["value"] == pytest.approx(parent["ms"]["value"] / mine["ms"]["value"], rel=0.2)
     assert mine["flops"] > parent["flops"] and mine["parts"].keys() == parent["parts"].keys()
@@ -77,7 +66,8 @@ def test_a_phase_outside_its_tolerance_ends_with_status_1_and_says_which(tried, 
     status, out = tried("opt4", "--json")
     said = emitted.whole(out)
     assert (status, said["status"]) == (cli.FAILED, "failed")
-    assert [bool(side["fails"]) for side in said["result"]["sides"]] == [False, True]
+    parent, mine = said["result"]["sides"]
+    assert mine["fails"] and not parent["fails"]
 
 
 @pytest.mark.parametrize(
@@ -106,22 +96,6 @@ def test_calls_that_changed_the_largest_difference_first():
     parent = counted(same=5, less=1000, more=10, gone=3, near=1_000_000)
     mine = counted(same=5, less=400, more=90, new=7, near=1_000_900)
     assert try_.calls(parent, mine) == [("less", 1000, 400), ("more", 10, 90), ("new", 0, 7), ("gone", 3, 0)]
-
-
-def side() -> try_.Side:
-    """80 pixels, 4,000 FLOPs of which three quarters at work."""
-    truth = Row(phase="opt4", scene="trio", psnr_db=54.54, width=10, height=8)
-    truth.false_hits_ppm, truth.false_misses_ppm, truth.wrong_shape_ppm = 1000.0, 200.0, 34.0
-    base = {"identical": False, "psnr_db": 61.25, "fraction_over_1_255": 0.025}
-    ms = stats.Interval(12.5, 12.25, 12.75, 10, True)
-    return try_.Side("opt4", truth, base, [], 17.25, ms, flops=4000, lanes_at_work=0.75)
-
-
-def test_cells_of_a_side():
-    times = ["12.50 [12.25,\u00a012.75]"]
-    pictures = ["54.5", "1,234", "61.2", "2.5\u00a0%"]  # to ground truth, then to baseline
-    work = ["17.25", "50.00", "75\u00a0%"]
-    assert list(try_.cells(side()).values()) == times + pictures + work
 
 
 @pytest.mark.parametrize(
@@ -174,8 +148,5 @@ def test_watch_runs_again_after_a_save_and_not_before(watched, tmp_path):
 def test_the_patch_of_an_ablation_is_watched_and_its_phase_json():
     both = (Spec.parse("opt2"), Spec.parse("opt2+norm_bounds"))
     names = {str(path.relative_to(ROOT)) for path in try_.files(both)}
-    assert {
-        "phases/opt2/ablations/norm_bounds.patch",
-        "phases/opt2/phase.json",
-        "phases/opt2/march.c",
-    } <= names
+    watched = ("ablations/norm_bounds.patch", "phase.json", "march.c")
+    assert {f"phases/opt2/{name}" for name in watched} <= names

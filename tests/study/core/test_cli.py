@@ -23,13 +23,6 @@ def status_of(run) -> int:
     return end.value.code
 
 
-def raising(error):
-    def run():
-        raise error
-
-    return run
-
-
 @pytest.mark.parametrize(
     ("error", "status"),
     [
@@ -39,11 +32,12 @@ def raising(error):
     ],
 )
 def test_errors_are_one_line_and_a_status(error, status, capsys):
-    assert status_of(raising(error)) == status
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert len(said.err.splitlines()) == 1
-    assert str(error) in said.err
+    def run():
+        raise error
+
+    assert status_of(run) == status
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1) and str(error) in err
 
 
 def test_a_bug_has_a_status_of_its_own_and_shows_its_traceback(capsys):
@@ -65,32 +59,17 @@ def test_an_outcome_is_one_object_of_what_json_knows(capsys, monkeypatch):
         value: float
         low: float
 
-    result = {
-        "nan": float("nan"),
-        "array": np.array([1.5, np.inf]),
-        "integer": np.int64(3),
-        "interval": Interval(np.float32(0.5), -np.inf),
-        "path": Path("a/b"),
-        1: (True, None),
-    }
+    result = {"nan": float("nan"), "array": np.array([1.5, np.inf]), "integer": np.int64(3), 1: (True, None)}
+    result |= {"interval": Interval(np.float32(0.5), -np.inf), "path": Path("a/b")}
+    plain = {"nan": None, "array": [1.5, None], "integer": 3, "1": [True, None]}
+    plain |= {"interval": {"value": 0.5, "low": None}, "path": "a/b"}
     monkeypatch.setattr("sys.argv", ["stepwise some"])
     outcome = cli.Outcome(result, ["a line"], Path("results/run"), ["a remark"], ["a check"])
     assert outcome.tell(as_json=True) == cli.FAILED
     said = capsys.readouterr()
     assert said.err == "a remark\nFAIL a check\n"
-    assert json.loads(said.out) == {
-        "command": "some",
-        "status": "failed",
-        "run": "results/run",
-        "result": {
-            "nan": None,
-            "array": [1.5, None],
-            "integer": 3,
-            "interval": {"value": 0.5, "low": None},
-            "path": "a/b",
-            "1": [True, None],
-        },
-    }
+    about = {"command": "some", "status": "failed", "run": "results/run"}
+    assert json.loads(said.out) == about | {"result": plain}
     assert cli.Outcome(result, ["a line"]).tell(as_json=False) == cli.OK
     assert capsys.readouterr().out == "a line\n"
 
@@ -143,9 +122,8 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     )
     child.stdout.read(10)
     child.stdout.close()
-    assert child.stderr.read() == b""
+    assert (child.stderr.read(), child.wait()) == (b"", 0)
     child.stderr.close()
-    assert child.wait() == 0
 
 
 @pytest.mark.parametrize("command", commands.find_all().values(), ids=lambda command: command.name)

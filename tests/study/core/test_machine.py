@@ -24,11 +24,7 @@ CORE = cpuinfo("Intel(R) Core(TM) i7-6700K CPU @ 4.00GHz", "GenuineIntel", 6, 94
 
 @pytest.mark.parametrize(
     ("text", "slug"),
-    [
-        (XEON, "intel-xeon-6-207"),
-        (RYZEN, "amd-ryzen-9-7950x-25-97"),
-        (CORE, "intel-core-i7-6700k-6-94"),
-    ],
+    [(XEON, "intel-xeon-6-207"), (RYZEN, "amd-ryzen-9-7950x-25-97"), (CORE, "intel-core-i7-6700k-6-94")],
 )
 def test_slug_is_made_from_the_cpu(text, slug):
     assert machine.slug(text) == slug

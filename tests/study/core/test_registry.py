@@ -115,10 +115,6 @@ def test_a_cpu_without_the_instruction_set(monkeypatch):
     assert registry.cpu_supports(registry.find_phase("baseline"))
 
 
-def test_flags_of_this_cpu_are_read():
-    assert "sse2" in registry.cpu_flags()  # part of x86-64
-
-
 @pytest.mark.parametrize(
     ("scene", "height", "width", "size"),
     [
@@ -166,21 +162,3 @@ def test_lanes_are_copied_whole_by_gcc_and_others_are_not_told(name, compiler, k
         assert own.split(" -DLANES=")[0] == " ".join(words)
         told = f"{phase.cflags} {own.partition('-DLANES')[0]}"
         assert registry.arithmetic_flags(told, phase.variants) == "-O3 -mavx2 -mfma -ffp-contract=off"
-
-
-def test_small_print_has_the_first_word_for_copies():
-    whole = "-O3 -mmove-max=256 -mstore-max=256 -mmemcpy-strategy=libcall:-1:noalign -DX -O2"
-    assert registry.short(whole) == "-O3 -mmove-max=256 … -DX -O2"
-    assert registry.short("-O3 -mavx2") == "-O3 -mavx2"
-
-
-def test_which_phases_copy_lanes_whole():
-    assert WIDE == [
-        "opt6_wide",
-        "opt7_tiles",
-        "opt8_streams",
-        "opt9_convex",
-        "opt10_scene",
-        "opt11_ideal",
-        "fixed_simd",
-    ]

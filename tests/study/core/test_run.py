@@ -19,7 +19,8 @@ def test_render_gives_the_drivers_object():
     assert (got["phase"], got["flags_from"], got["scene"]) == ("baseline", "baseline", "cubes")
     assert (got["width"], got["height"], got["threads"]) == (7, 3, 1)
     assert (got["cpu"], got["max_steps"], got["overridden"]) == (run.FASTEST, 50, True)
-    assert [frame["warmup"] for frame in got["frames"]] == [True, False, False]
+    warmups = [frame["warmup"] for frame in got["frames"]]
+    assert warmups == [True, False, False]
 
 
 def test_frames_come_one_by_one_with_all_facts():
