@@ -92,7 +92,7 @@ def test_workers_are_pinned_to_cpus_beyond_1024(phase: str, tmp_path: Path) -> N
     frame, mine = draw(phase, tmp_path, 4, preload)
     lines = [tuple(map(int, line.split())) for line in said.read_text().splitlines()]
     alone = sorted(line[0] for line in lines if len(line) == 1)
-    assert alone == [7, *CPUS]  # this machine's own CPU is none of them: the first is the caller's
+    assert alone == [7, *CPUS]  # the first is the caller's: this machine's own CPU is none of them
     assert [line for line in lines if len(line) != 1] == [CPUS]  # the caller's, given back
     assert frame["cpu"] == -1
     for name, plane in draw(phase, tmp_path, 4, {})[1].items():

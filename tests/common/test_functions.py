@@ -11,6 +11,7 @@ from fractions import Fraction
 import msgspec
 import numpy as np
 import pytest
+from mpmath import mp
 
 from study.experiments.functions import coefficients, edges
 from study.experiments.functions import measure as functions
@@ -158,27 +159,15 @@ def test_rsqrt_of_zero_is_lost_by_newton(rows: list[Entry]) -> None:
         assert row.edges[0].right == good
 
 
-@pytest.mark.parametrize(
-    ("value", "exact", "good"),
-    [
-        (0.0, 0.0, True),
-        (-0.0, 0.0, False),
-        (math.nan, 0.0, False),
-        (math.nan, math.nan, True),
-        (1.0, math.nan, False),
-        (math.inf, math.inf, True),
-        (-math.inf, math.inf, False),
-        (3e38, math.inf, False),
-        (1.04, 1.0, True),
-        (1.06, 1.0, False),
-        (math.inf, 1e39, True),
-        (0.0, 1e-60, True),
-        (1e-44, 1e-60, False),
-        (math.nan, 1.0, False),
-    ],
-)
-def test_right(value: float, exact: float, good: bool) -> None:
-    assert edges.right(value, np.longdouble(exact), "float") == good
+RIGHT = [(0.0, 0.0), (math.nan, math.nan), (math.inf, math.inf)]
+RIGHT += [(1.04, mp.mpf(1)), (math.inf, mp.mpf(10) ** 39), (0.0, mp.mpf(10) ** -60)]
+WRONG = [(-0.0, 0.0), (math.nan, 0.0), (1.0, math.nan), (-math.inf, math.inf), (3e38, math.inf)]
+WRONG += [(1.06, mp.mpf(1)), (1e-44, mp.mpf(10) ** -60), (math.nan, mp.mpf(1))]
+
+
+def test_a_value_is_right_by_its_sign_its_size_and_its_kind() -> None:
+    assert all(edges.right(value, exact, "float") for value, exact in RIGHT)
+    assert not any(edges.right(value, exact, "float") for value, exact in WRONG)
 
 
 # --- Dispatch
@@ -194,14 +183,12 @@ def test_nothing_of_a_wider_set_runs_without_it() -> None:
     wide = [r for r in found if r.isa in ("AVX2", "AVX-512")]
     assert wide and all(r.missing for r in wide)
     assert [r for r in found if r.isa == "SSE" and not r.missing]
-    refused = subprocess.run(
-        [*command, "evaluate", "--id", str(wide[0].id)], capture_output=True, text=True, input=""
-    )
+    words = [*command, "evaluate", "--id", str(wide[0].id)]
+    refused = subprocess.run(words, capture_output=True, text=True, input="")
     assert (refused.returncode, refused.stdout) == (2, "") and refused.stderr.count("\n") == 1
-    ran = subprocess.run(
-        [*command, "normalise", "--vectors", "1024", "--rounds", "1"], capture_output=True, check=True
-    )
-    assert {r["isa"] for r in json.loads(ran.stdout)["rows"]} == {"scalar", "SSE"}
+    words = [*command, "normalise", "--vectors", "1024", "--rounds", "1"]
+    ran = json.loads(subprocess.run(words, capture_output=True, check=True).stdout)
+    assert {"scalar", "SSE"} == {row["isa"] for row in ran["rows"]}
 
 
 # --- Own coefficients

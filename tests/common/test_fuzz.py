@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -22,20 +21,6 @@ FOLDER = ROOT / "tests" / "fuzz"
 SECONDS = 20
 ASAN = "malloc_context_size=0:quarantine_size_mb=1:thread_local_quarantine_size_kb=64"  # fuzz.mk
 SEEDED = ["scene"]  # of texts; the others take any bytes
-
-
-def test_the_seeds_have_every_shape_and_path(tmp_path):
-    """Alone, and short enough for -max_len=1200."""
-    subprocess.run([sys.executable, FOLDER / "seeds.py", tmp_path], check=True)
-    alone, paths = set(), set()
-    for path in tmp_path.iterdir():
-        shapes = json.loads(path.read_text())["shapes"]
-        assert len(path.read_bytes()) <= 1200
-        if len(shapes) == 1:
-            alone.add(shapes[0]["type"])
-            paths.add(shapes[0].get("path", {}).get("type"))
-    assert alone == {"sphere", "box", "torus", "cone", "octahedron", "plane", "mandelbulb", "mandelbox"}
-    assert paths == {None, "circle", "line"}
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.c")))

@@ -1,16 +1,13 @@
-"""Runs whose times are made up, and `stepwise compare` of them within this process."""
+"""Runs whose times are made up, and their comparison."""
 
-import io
-from contextlib import redirect_stderr, redirect_stdout
-from types import SimpleNamespace
-from unittest.mock import patch
+import subprocess
 
 import complete
+import emitted
 import numpy as np
-import pytest
 
 from study.commands import compare
-from study.core import cli, commands, store
+from study.core import store
 from study.core.run_schema import Frame
 from study.core.store import Run
 
@@ -39,18 +36,8 @@ def make_run(folder, times, context=None, launches=8, **line) -> Run:
     return made
 
 
-def run(*arguments) -> SimpleNamespace:
-    """The command within this process: status and what it wrote."""
-    out, err = io.StringIO(), io.StringIO()
-    argv = ["stepwise", "compare", *map(str, arguments)]
-    with (
-        patch("sys.argv", argv),
-        redirect_stdout(out),
-        redirect_stderr(err),
-        pytest.raises(SystemExit) as ended,
-    ):
-        cli.main(commands.main)
-    return SimpleNamespace(returncode=ended.value.code, stdout=out.getvalue(), stderr=err.getvalue())
+def run(*words: object) -> subprocess.CompletedProcess[str]:
+    return emitted.ran("compare", *words)
 
 
 def sides(*runs, leave_out=False) -> list[compare.Side]:

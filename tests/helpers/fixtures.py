@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import emitted
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from discs import HEIGHT, RADIUS, WIDTH
 
-from study.core import cli, commands
+from study.core import cli
 
 Picture = dict[str, np.ndarray]
 
@@ -22,17 +22,8 @@ def blank() -> Callable[..., Picture]:
     """Picture factory: a plane at t = 10 that fills the picture (shape 0, facing the camera), mid grey."""
 
     def make(height: int = 10, width: int = 10, grey: float = 0.5) -> Picture:
-        values = {
-            "R": grey,
-            "G": grey,
-            "B": grey,
-            "Z": 10,
-            "id": 0,
-            "N.x": 0,
-            "N.y": 0,
-            "N.z": -1,
-            "evals": 7,
-        }
+        values = {"Z": 10, "id": 0, "N.x": 0, "N.y": 0, "N.z": -1, "evals": 7}
+        values = {"R": grey, "G": grey, "B": grey, **values}
         return {name: np.full((height, width), value, np.float32) for name, value in values.items()}
 
     return make
@@ -81,7 +72,7 @@ def write_exr() -> Callable[..., Path]:
 
 
 @pytest.fixture
-def refused(tmp_path: Path, monkeypatch, capsys) -> Callable[..., None]:
+def refused(tmp_path: Path) -> Callable[..., None]:
     """Runs a command in this process with bad input: status 2, the last line says why, nothing is left.
 
     `{tmp}` in a word is the test's folder, which has a file named `file`.
@@ -90,13 +81,9 @@ def refused(tmp_path: Path, monkeypatch, capsys) -> Callable[..., None]:
     def check(*how: Any) -> None:
         script, words, said = how[-3:]
         (tmp_path / "file").write_text("")
-        words = [word.format(tmp=tmp_path) for word in words]
-        monkeypatch.setattr(sys, "argv", [*script.split(), *words])
-        with pytest.raises(SystemExit) as ended:
-            cli.main(commands.main)
-        out, errors = capsys.readouterr()
-        assert ended.value.code == cli.BAD_INPUT and out == "" and "Traceback" not in errors
-        last = errors.splitlines()[-1]
+        done = emitted.ran(*script.split()[1:], *(word.format(tmp=tmp_path) for word in words))
+        assert (done.returncode, done.stdout) == (cli.BAD_INPUT, "") and "Traceback" not in done.stderr
+        last = done.stderr.splitlines()[-1]
         assert last.startswith(f"{script}: ") and said in last
         assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["file"]
 

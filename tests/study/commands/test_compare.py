@@ -13,6 +13,7 @@ from study.numbers import noise
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
 
+
 TIMES = {("opt1", "s"): 100, ("opt1", "t"): 50, ("opt2", "s"): 30}
 LATER = {("opt1", "s"): 50, ("opt1", "t"): 100, ("opt2", "s"): 30, ("opt3", "s"): 5}
 

@@ -67,16 +67,10 @@ def test_a_small_file_becomes_the_scene_that_it_is(tmp_path: Path) -> None:
     found = called(path, "-o", out)
     assert found.ended == cli.OK and (found.result["width"], found.result["height"]) == (80, 40)
     made = json.loads(out.read_text())
+    plane = {"type": "plane", "normal": [0, 0, -1], "offset": 0, "rotation_degrees": [0, 0, 90]}
     assert made["shapes"] == [
         {"type": "sphere", "radius": 3, "position": [0, 0, 20], "material": "material1"},
-        {
-            "type": "plane",
-            "normal": [0, 0, -1],
-            "offset": 0,
-            "position": [0, 0, 50],
-            "rotation_degrees": [0, 0, 90],
-            "material": "material1",
-        },
+        plane | {"position": [0, 0, 50], "material": "material1"},
     ]
     assert made["light"]["shadows"] == "soft" and list(made["materials"]) == ["material1"]
     scene0 = find_scene("scene0").data

@@ -18,11 +18,8 @@ from study.core.registry import ROOT
 
 @pytest.fixture
 def root(tmp_path):
-    """A tree of its own with the phases of this one and what builds them."""
+    """A tree of its own with the phases of this one."""
     shutil.copytree(ROOT / "phases", tmp_path / "phases")
-    shutil.copytree(ROOT / "common", tmp_path / "common")
-    shutil.copytree(ROOT / "scripts" / "study", tmp_path / "scripts" / "study")
-    shutil.copy(ROOT / "Makefile", tmp_path)
     return tmp_path
 
 
@@ -69,7 +66,7 @@ def test_notes_are_a_fresh_skeleton(root):
 
 
 NO_NAMES = ("", "Opt", "4opt", "opt-4", "opt4@opt2", "../opt", "öpt", "a\n")
-REFUSED = [(name, "opt2", repr(name)) for name in NO_NAMES]
+REFUSED = [(name, "opt2", f"'{name}'") for name in NO_NAMES]
 REFUSED += [(name, "opt2", f"build/{name} ") for name in ("common", "calibration")]
 REFUSED += [(name, "opt2", f"phases/{name} ") for name in ("opt1", "half")]
 REFUSED += [("x", "op2", "opt2"), ("x", "opt3+sleef", "octahedron_no_exit")]
@@ -98,6 +95,9 @@ def test_a_failure_leaves_nothing_behind(root, monkeypatch):
 
 @pytest.mark.slow
 def test_the_new_phase_builds_and_renders_as_its_parent(root):
+    for name in ("common", "scripts/study"):
+        shutil.copytree(ROOT / name, root / name)
+    shutil.copy(ROOT / "Makefile", root)
     new_phase.create("naive2", "baseline", root)
     for name in ("naive2", "baseline"):
         subprocess.run(["make", "-s", "-C", root, f"build/{name}/render"], check=True, capture_output=True)

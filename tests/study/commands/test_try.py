@@ -73,11 +73,9 @@ def test_a_phase_outside_its_tolerance_ends_with_status_1_and_says_which(tried, 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["opt11"], "opt1"),
         (["opt1+nothing"], "nothing"),
         (["opt11", "--watch"], "opt1"),
         (["baseline"], "--against"),
-        (["opt1", "--scene", "scene00"], "scene0"),
     ],
 )
 def test_a_bad_name_is_said_with_what_would_be_right(words, said):

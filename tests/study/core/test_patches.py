@@ -137,7 +137,8 @@ def test_a_build_takes_over_what_the_patch_leaves_alone(tmp_path):
         done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
         return re.findall(rf"/(\w+)\.c -o {tmp_path}/([^/]+)/assembly/", done.stdout)
 
-    assert compiled() == [*((source, "opt2") for source in sources), ("march", name)]
+    whole = [(source, "opt2") for source in sources]
+    assert compiled() == [*whole, ("march", name)]
     assert compiled() == []
     parts = {
         part: [(tmp_path / of / f"objects/{part}.o").read_bytes() for of in ("opt2", name)]

@@ -26,54 +26,35 @@ def tree(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
 STAT = "usage_usec 1\nnr_periods 9\nnr_throttled {}\nthrottled_usec 5\n"
 
 
-def test_version_2_the_narrowest_group_above(tree) -> None:
-    tree(
-        "0::/pod/box\n",
-        {
-            "pod/cpu.max": "150000 100000\n",
-            "pod/box/cpu.max": "max 100000\n",
-            "pod/box/cpu.stat": STAT.format(3),
-            "pod/cpu.stat": STAT.format(4),
-            "pod/box/memory.max": "max\n",
-            "pod/memory.max": "4294967296\n",
-        },
-    )
-    assert quotas.limits() == Limits(cpus=1.5, memory_bytes=1 << 32, throttled=7)
+TWO = {"pod/cpu.max": "150000 100000\n", "pod/box/cpu.max": "max 100000\n", "pod/box/memory.max": "max\n"}
+TWO |= {"pod/memory.max": "4294967296\n", "pod/box/cpu.stat": STAT.format(3), "pod/cpu.stat": STAT.format(4)}
+ONE = {"cpu,cpuacct/box/cpu.cfs_quota_us": "200000", "cpu,cpuacct/box/cpu.cfs_period_us": "100000"}
+ONE |= {"cpu,cpuacct/cpu.cfs_quota_us": "-1", "cpu,cpuacct/cpu.cfs_period_us": "100000"}
+ONE |= {"cpu,cpuacct/box/cpu.stat": "nr_throttled 8\n", "memory/box/memory.limit_in_bytes": "1000"}
+NO_LIMIT = {"memory/memory.limit_in_bytes": "9223372036854771712"}
 
 
-def test_version_2_of_a_namespace_that_shows_the_root(tree) -> None:
-    tree("0::/../../x\n", {"cpu.max": "50000 100000", "cpu.stat": STAT.format(0)})
-    assert quotas.limits() == Limits(cpus=0.5, memory_bytes=None, throttled=0)
-
-
-def test_version_1(tree) -> None:
-    tree(
-        "4:memory:/box\n3:cpu,cpuacct:/box\n1:name=systemd:/\n",
-        {
-            "cpu,cpuacct/box/cpu.cfs_quota_us": "200000",
-            "cpu,cpuacct/box/cpu.cfs_period_us": "100000",
-            "cpu,cpuacct/cpu.cfs_quota_us": "-1",
-            "cpu,cpuacct/cpu.cfs_period_us": "100000",
-            "cpu,cpuacct/box/cpu.stat": "nr_throttled 8\n",
-            "memory/box/memory.limit_in_bytes": "1000",
-            "memory/memory.limit_in_bytes": "9223372036854771712",
-        },
-    )
-    assert quotas.limits() == Limits(cpus=2.0, memory_bytes=1000, throttled=8)
-
-
-def test_version_1_writes_no_limit_as_a_number(tree) -> None:
-    tree("4:memory:/\n", {"memory/memory.limit_in_bytes": "9223372036854771712"})
-    assert quotas.limits().memory_bytes is None
-
-
-def test_nothing_there(tree) -> None:
-    tree("0::/\n", {})
-    assert quotas.limits() == Limits(cpus=None, memory_bytes=None, throttled=None)
-    assert quotas.notices(Context()) == []
+@pytest.mark.parametrize(
+    ("cgroup", "files", "limits"),
+    [
+        ("0::/pod/box\n", TWO, Limits(cpus=1.5, memory_bytes=1 << 32, throttled=7)),  # the narrowest above
+        ("0::/../../x\n", {"cpu.max": "50000 100000"}, Limits(cpus=0.5)),  # a namespace that shows the root
+        (
+            "4:memory:/box\n3:cpu,cpuacct:/box\n",
+            ONE | NO_LIMIT,
+            Limits(cpus=2.0, memory_bytes=1000, throttled=8),
+        ),
+        ("4:memory:/\n", NO_LIMIT, Limits()),
+        ("0::/\n", {}, Limits()),
+    ],
+)
+def test_limits_of_versions_1_and_2(tree, cgroup: str, files: dict[str, str], limits: Limits) -> None:
+    tree(cgroup, files)
+    assert quotas.limits() == limits
 
 
 def test_what_is_noticed() -> None:
+    assert quotas.notices(Context()) == []
     context = Context(cpu=Cpu(usable_cpus=2), limits=Limits(cpus=1.0, throttled=3))
     assert len(quotas.notices(context)) == 1 and "on 2 CPUs" in quotas.notices(context)[0]
     context.end = End(limits=Limits(throttled=40))
