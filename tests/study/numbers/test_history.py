@@ -13,6 +13,7 @@ from compared import make_run, rows, run
 
 from study.commands import compare
 from study.numbers import exports, history, stats
+from study.pictures import dots
 from study.report import history_chapter
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
@@ -142,8 +143,8 @@ def test_the_chapter_shows_the_fastest_phase_that_has_a_past(results, monkeypatc
     assert [row["over_base"].split()[0] for row in table.rows] == ["10", "9.804", "20"]
     assert [row["step"][:11] for row in table.rows] == ["", "", "faster 2.04"]
     (axes,) = made.drawn["history"].make().axes
-    (ring,) = [line for line in axes.lines if line.get_markersize() == 14]
-    assert ring.get_xydata()[0] == pytest.approx([2, 20])
+    marks = [line for line in axes.lines if line.get_marker() == "o"]
+    assert [line.get_color() == dots.LESS for line in marks] == [False, False, True]
 
 
 def test_a_machine_s_first_run_has_no_history(results, monkeypatch):
