@@ -13,7 +13,6 @@ import math
 
 import numpy as np
 
-TYPES = ("sphere", "box", "torus", "cone", "octahedron", "plane", "mandelbulb", "mandelbox")
 Array = np.ndarray
 
 

@@ -10,9 +10,7 @@ import pytest
 
 from study.core import registry
 from study.core.build import build
-from study.core.registry import ROOT
 
-SHIM = ROOT / "tests" / "emulate"
 SIMDE = Path(os.environ.get("STEPWISE_INCLUDE", "/usr/include")) / "simde" / "x86" / "avx512.h"
 TRUE = registry.cpu_flags() >= {"avx512f", "avx512dq"}
 CAN_EMULATE = not TRUE and SIMDE.exists() and registry.cpu_flags() >= {"avx2", "fma"}

@@ -15,11 +15,9 @@ from emulated import needs_sixteen, sixteen
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
 from study.core.build import build
-from study.core.registry import ROOT
 from study.measuring import rays as packets_rays
 from study.pictures import images
 
-SPHERES40 = ROOT / "common" / "scenes" / "spheres40.json"
 WAYS = ["tree=bvh rays=alone", "tree=kd rays=alone", "tree=none rays=alone"]
 WAYS += ["tree=bvh rays=together", "tree=kd rays=together", "tree=none rays=together", "tree=bvh", "tree=kd"]
 

@@ -35,7 +35,7 @@ def test_a_whole_copy_has_every_file_of_its_parents_tree(root, parent):
     made = new_phase.create("mine", parent, root, whole=True)
     tree = patches.files(parent, root)
     tree.pop("residues.def", None)  # was read in the parent's code
-    assert "march.c" in tree and tree.keys() == patches.files("mine", root).keys()
+    assert tree and tree.keys() == patches.files("mine", root).keys()
     assert all((made / name).read_bytes() == path.read_bytes() for name, path in tree.items())
     assert made == root / "phases" / "mine" and registry.phases(root)["mine"].derives is None
 

@@ -11,7 +11,6 @@ from drawn import examples
 from study.numbers import stats
 
 TIMES = st.lists(st.floats(0.1, 1e6), min_size=6, max_size=15)
-SCALE = st.floats(1e-3, 1e3)
 
 
 @pytest.mark.parametrize("n", [*range(2, 60), 2000])

@@ -8,14 +8,10 @@ import flip_evaluator
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from hypothesis import strategies as st
 
 from study.core import cli
 from study.core.cli import StudyError
 from study.pictures import images
-
-UNIT = st.floats(0, 1, width=32)
-
 
 # --- files
 
