@@ -1,7 +1,5 @@
 """What a quick study measured of each experiment, kept with the run (study.json): the page says it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from study.core import store

@@ -4,8 +4,6 @@ The study, `scripts/stepwise NAME`, `make NAME`, the report, `stepwise redraw`, 
 lists of the documents know an experiment only through this object, and find it by its folder.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The keys of every file of a run, made from the schemas: build/docs/keys/FILE.md."""
 
-from __future__ import annotations
-
 import textwrap
 import types
 from typing import Annotated, Any, Literal, Union, get_args, get_origin

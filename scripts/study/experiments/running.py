@@ -1,7 +1,5 @@
 """What the commands of experiments share: options, the file that they write, figures, and how they end."""
 
-from __future__ import annotations
-
 import argparse
 import secrets
 import time

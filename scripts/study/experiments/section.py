@@ -1,7 +1,5 @@
 """A chapter of a run's page: its tables, figures and remarks."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ machine can do: all machines cut the same list in the same places. A shard's fil
 whole's, so nothing reads it for the whole. Such a file holds no times: two machines write the same bytes.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Virtual environments below build/ for programs that are no part of this project."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from pathlib import Path

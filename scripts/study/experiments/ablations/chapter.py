@@ -1,7 +1,5 @@
 """The chapter of single steps, put in or taken out, and of the ideas of each phase."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

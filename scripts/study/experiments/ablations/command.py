@@ -1,7 +1,5 @@
 """Single steps of the ladder: gain and error of each, beside what the paper credits to it."""
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import os

@@ -1,7 +1,5 @@
 """Single steps, put in or taken out."""
 
-from __future__ import annotations
-
 from study.experiments.ablations import chapter, command, ideas, negative
 from study.experiments.ablations.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study

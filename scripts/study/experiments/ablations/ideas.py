@@ -5,8 +5,6 @@ ideas together are timed by `stepwise ablations --ideas`, which writes FILE into
 rows, and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 import textwrap

@@ -6,8 +6,6 @@ ablations of a phase that is held to no tolerance against baseline (gate.left_to
 phase itself. `change_…`: how far the patched phase's picture is from that of what it is compared with.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

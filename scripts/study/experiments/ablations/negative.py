@@ -1,8 +1,6 @@
 """What did not pay: the table of ideas that were tried, docs/what-did-not-pay.md, and how many single steps
 of this run gain nothing or cost too much of the picture (their rows are in the chapter of single steps)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An experiment in shards on a cluster of processes or machines, by Dask."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

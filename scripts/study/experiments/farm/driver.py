@@ -5,8 +5,6 @@ output what came of it. Nothing of the project is imported here: the workers sta
 shard of a worker that dies to another.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import logging

@@ -1,7 +1,5 @@
 """An experiment in shards on a cluster."""
 
-from __future__ import annotations
-
 import os
 
 from study.experiments.experiment import Call, Experiment, Study

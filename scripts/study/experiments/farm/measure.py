@@ -1,7 +1,5 @@
 """An experiment on a cluster: what the driver is told, what it says, and the run's whole file."""
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """farm.json."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 from study.core.schema import Record, key

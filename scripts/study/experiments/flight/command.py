@@ -1,7 +1,5 @@
 """Frames a second and error along a camera's path, by rods, packets and the ladder; or of still scenes."""
 
-from __future__ import annotations
-
 import argparse
 
 from study.core import cli, registry, run, temporary

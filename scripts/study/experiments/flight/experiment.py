@@ -1,8 +1,6 @@
 """Frames a second along a camera's path, and the throttle of rod marching. The tables of throttle.json stand
 in the chapter of systems."""
 
-from __future__ import annotations
-
 from study.experiments.experiment import Experiment
 from study.experiments.flight import command, tables
 from study.experiments.flight.schema import SCHEMAS

@@ -4,8 +4,6 @@ At each of some times the scene is a still picture from the camera's place. Rod 
 that follows the view: W. Edwards, "Rod Marching" (article, 6 July 2012).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

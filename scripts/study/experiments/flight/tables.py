@@ -1,7 +1,5 @@
 """Flights as tables and a figure, from flight.json alone; the throttle's choices, from throttle.json."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 a stated error. W. Edwards, "Rod Marching" (article, 6 July 2012).
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 

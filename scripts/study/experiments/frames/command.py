@@ -1,7 +1,5 @@
 """Frames a second on every core, gamma and 8 bits included: median, spread, error."""
 
-from __future__ import annotations
-
 import argparse
 
 from study.core import cli, registry, run, temporary

@@ -1,7 +1,5 @@
 """Frames a second."""
 
-from __future__ import annotations
-
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.frames import command, tables

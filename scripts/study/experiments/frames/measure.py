@@ -5,8 +5,6 @@ presenting (gamma, 8 bits) of a phase that does not do it in its tiles; what the
 frames is in neither. Newest phases first, while the seconds last.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence

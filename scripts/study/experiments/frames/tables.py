@@ -1,7 +1,5 @@
 """Frame rates as a table and a figure, made from frames.json alone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

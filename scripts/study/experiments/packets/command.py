@@ -1,7 +1,5 @@
 """The packet ray tracer: rays a second beside Embree on the same rays, and against sphere tracing."""
 
-from __future__ import annotations
-
 import argparse
 
 from study.core import cli, registry, store

@@ -1,7 +1,5 @@
 """Packets of rays. Its tables stand in the chapter of systems."""
 
-from __future__ import annotations
-
 from study.experiments.experiment import Experiment
 from study.experiments.packets import command, tables
 from study.experiments.packets.schema import SCHEMAS

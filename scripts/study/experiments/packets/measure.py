@@ -2,8 +2,6 @@
 tracing at equal error. The article: J. Bikker, "Architecture of a Real-Time Ray-Tracer".
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path

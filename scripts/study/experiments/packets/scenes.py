@@ -1,7 +1,5 @@
 """Scenes of rays and pictures. They are not in common/scenes: what is there goes through every suite."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

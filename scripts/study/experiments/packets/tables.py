@@ -1,7 +1,5 @@
 """The packet ray tracer as tables and a figure, from packets.json alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from matplotlib.figure import Figure

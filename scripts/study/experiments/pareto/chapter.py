@@ -1,7 +1,5 @@
 """The chapter of speed against error to ground truth, and its chart that answers the mouse."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Speed against error: each phase over hit distance × step cap × approximations, and the front."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

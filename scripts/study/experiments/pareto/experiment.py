@@ -1,7 +1,5 @@
 """Speed against error."""
 
-from __future__ import annotations
-
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.pareto import chapter, command

@@ -7,8 +7,6 @@ changed for this study alone, and every point names its own. Only points that we
 front or win a level.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from operator import attrgetter

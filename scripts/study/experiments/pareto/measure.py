@@ -5,8 +5,6 @@ and judged on every core. Then every point is launched once, and what that shows
 (`beaten`) is left at this one launch; the others are timed anew, `launches` times, interleaved.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The figures and the tables of speed against error, made from pareto.json alone."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Our phases beside what one would use instead: time and error to ground truth, in one interleaved run."""
 
-from __future__ import annotations
-
 import argparse
 
 from study.core import cli, registry, run, store

@@ -1,7 +1,5 @@
 """Our phases beside what one would use instead: POV-Ray, Dr.Jit, OpenGL on the CPU and others."""
 
-from __future__ import annotations
-
 from study.experiments.experiment import Experiment
 from study.experiments.peers import command, tables
 from study.numbers.beside import PEERS, Peers

@@ -1,7 +1,5 @@
 """Our phases beside other programs: scenes, launches in turn, errors to ground truth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ A peer that is not there is left out by name. `--install` puts what comes from P
 build/peers; a Debian package is only named.
 """
 
-from __future__ import annotations
-
 import abc
 import importlib
 import os

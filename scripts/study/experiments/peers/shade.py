@@ -1,7 +1,5 @@
 """The colours of hits, for programs that find hits alone. No shadows, no mirrors."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from study.core.scene_json import Content

@@ -1,7 +1,5 @@
 """A scene as the text of a kernel in the words that GLSL and OpenCL C share; its camera and its turns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

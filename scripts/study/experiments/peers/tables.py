@@ -1,7 +1,5 @@
 """Our phases beside other programs as tables and a figure, made from peers.json alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How cost grows: time, evaluations and error against n, shapes, steps, bounces and threads."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Iterable

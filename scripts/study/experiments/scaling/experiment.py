@@ -1,7 +1,5 @@
 """How cost grows."""
 
-from __future__ import annotations
-
 from study.core.registry import Spec, cpu_supports, ladder
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.scaling import command, tables

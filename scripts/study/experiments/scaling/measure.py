@@ -6,8 +6,6 @@ first time; the next x of that program is foreseen from it. What would not fit i
 that were taken are timed in one interleaved run.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -3,8 +3,6 @@
 A point is one program on one picture; its x is what the series varies. All else of a series is fixed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

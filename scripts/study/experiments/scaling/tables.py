@@ -1,7 +1,5 @@
 """The tables and the figure of how cost grows, made from scaling.json alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

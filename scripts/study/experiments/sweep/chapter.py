@@ -1,7 +1,5 @@
 """The chapters of a sweep: how fast each phase is and at what error, and its time against picture height."""
 
-from __future__ import annotations
-
 import math
 
 from study.core import registry, show

@@ -1,7 +1,5 @@
 """Times phases × scenes × sizes × threads in interleaved rounds of process launches."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import itertools

@@ -1,7 +1,5 @@
 """Times of every phase: what a run begins with."""
 
-from __future__ import annotations
-
 from study.core.run_schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.sweep import chapter, command, work

@@ -1,7 +1,5 @@
 """What a sweep measures: configurations, their expected durations, what is skipped and why."""
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import hashlib

@@ -1,7 +1,5 @@
 """The chapter of each phase's work, lanes and roof (study.bounds.work)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Every phase against its parent on all scenes and on three further views of each: median and worst case."""
 
-from __future__ import annotations
-
 import argparse
 import math
 

@@ -1,7 +1,5 @@
 """Every phase on views that nothing was tuned on."""
 
-from __future__ import annotations
-
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.section import chapters

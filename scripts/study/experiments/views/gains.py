@@ -1,7 +1,5 @@
 """What the times of further views say of a phase: median and worst gain over its parent, and a verdict."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -4,8 +4,6 @@ From the newest phase down, as long as the seconds last: small pictures of each 
 truth (or what stands for it) and tell what a launch will take; then all launches, interleaved.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """views.json."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, ClassVar
 

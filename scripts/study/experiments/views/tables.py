@@ -1,7 +1,5 @@
 """The tables and the figure of further views, made from views.json alone."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Dr.Jit: the march as one fused kernel, compiled by LLVM."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 from collections.abc import Iterable

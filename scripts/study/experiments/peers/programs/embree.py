@@ -1,7 +1,5 @@
 """Embree: the program of stepwise packets asks it for the hits of the camera's rays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

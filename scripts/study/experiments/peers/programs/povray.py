@@ -1,7 +1,5 @@
 """POV-Ray 3.7: the scene's solids as its own, intersected in closed form and in double."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import shutil
