@@ -1,13 +1,11 @@
 """Ceilings of one core, measured by build/ceilings (common/ceilings): run, checked, kept with a run."""
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import msgspec
 
@@ -150,7 +148,7 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
             "precision, or flop/core cycle of what the ports allow. Shares of them are off by as much."
         ]
 
-    def better(self, other: Ceilings) -> Ceilings:
+    def better(self, other: Self) -> Self:
         """Of each ceiling the higher of two measurements of one machine that the ports allow; the lower
         where they allow neither.
         """

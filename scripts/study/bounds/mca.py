@@ -4,8 +4,6 @@ It simulates the code repeated, for the cycles of one pass when passes overlap (
 (latency bound), and what holds it up.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 import shutil

@@ -9,8 +9,6 @@ product) and on Zen 5 (256 bits wide in the mobile ones); hybrids, where it depe
 without FMA.
 """
 
-from __future__ import annotations
-
 import math
 
 from study.core import machine

@@ -5,8 +5,6 @@ of the program, as the paper had them; and `shipped`, the code that is timed, wh
 told by the function they are from. Only the timed frames count: see `in_frame`.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections import Counter

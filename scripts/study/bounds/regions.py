@@ -1,7 +1,5 @@
 """Regions of a program's code that samples fall into: innermost loops, and what is in none, by function."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

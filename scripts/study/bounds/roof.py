@@ -7,8 +7,6 @@ CACM 52(4), 2009).
 What the roofs are: study.bounds.roof_shares.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -27,8 +27,6 @@ code, taken beside each frame; 512-bit code may run on a lower one, and "under l
 before each launch's frames: cycles = ns × core_hz_load.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections import defaultdict

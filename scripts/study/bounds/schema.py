@@ -1,7 +1,5 @@
 """hotspots.json."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Annotated, ClassVar, Literal
 

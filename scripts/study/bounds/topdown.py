@@ -8,8 +8,6 @@ in time: no front end, no branch misses, no cache, nothing of what a call does i
 branches would leave out. Retiring, core and memory are therefore of the cycles that the model knows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from study.bounds import mca

@@ -6,8 +6,6 @@ in closed form; a plane's, which is a product of vectors, is counted in none. La
 whose result is used over FLOPs executed, of the whole phase (costs.def times what a counting build ran).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,14 +1,12 @@
 """Any number of runs beside one base: what got slower, what faster, what moved, and what differs."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from string import ascii_uppercase
-from typing import Any
+from typing import Any, Self
 
 import pandas as pd
 
@@ -72,7 +70,7 @@ class Side:
     frames: pd.DataFrame
     off: Sequence[clocks.Off] = ()
 
-    def beyond(self, other: Side) -> list[str]:
+    def beyond(self, other: Self) -> list[str]:
         """Configurations that this run has and the other has not, those of a phase and scene in one line."""
         mine, theirs = (set(side.frames[KEY].itertuples(index=False, name=None)) for side in (self, other))
         sizes: dict[str, list[str]] = {}

@@ -3,8 +3,6 @@
 Prints a script for the shell to read: eval "$(scripts/stepwise completion bash)".
 """
 
-from __future__ import annotations
-
 import argparse
 import shlex
 

@@ -1,7 +1,5 @@
 """One picture by the baseline and by a faster phase: the time of each and the error between them."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from pathlib import Path

@@ -1,10 +1,8 @@
 """Pages made from the code: docs/commands.md, and build/docs/keys/ with the keys of every file of a run."""
 
-from __future__ import annotations
-
 import argparse
-import os
 import textwrap
+from functools import partial
 from pathlib import Path
 
 from study.core import commands, store
@@ -29,16 +27,10 @@ options mean the same in every command that has them:
 
 def described(command: Command) -> str:
     """A chapter: what the command is, what it writes, and its help."""
-    before = os.environ.get("COLUMNS")
-    os.environ["COLUMNS"] = str(WIDTH)
-    try:
-        text = commands.parser_of(command).format_help()
-    finally:
-        os.environ.pop("COLUMNS")
-        if before is not None:
-            os.environ["COLUMNS"] = before
-    text = text.partition("\nexit status:")[0].replace(str(ROOT), ".").rstrip()
-    text = filled(text)
+    parser = commands.parser_of(command)
+    parser.formatter_class = partial(argparse.RawDescriptionHelpFormatter, width=WIDTH - 2)
+    text = parser.format_help()
+    text = filled(text.partition("\nexit status:")[0].replace(str(ROOT), ".").rstrip())
     made = experiment.find_all().get(command.name)
     writes = (
         f"\nWrites {', '.join(f'`{name}`' for name in made.schemas)} into a run.\n"

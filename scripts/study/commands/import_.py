@@ -4,8 +4,6 @@ What its program has compiled in (fog, the march's limits, soft shadows) is as o
 size of its picture is no part of a scene here: the last line says it as options of `render`.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Speed is measured against the lab's start, interleaved in one run. Of a lab that
 pictures are judged.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import secrets

@@ -2,8 +2,6 @@
 
 phases/NAME/lesson.svg, and in NOTES.md the table of the phase's ideas, below its marker."""
 
-from __future__ import annotations
-
 import argparse
 
 from study.core import registry

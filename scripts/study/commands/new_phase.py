@@ -5,8 +5,6 @@ an ablation (opt6_wide+awake) it gets the files that the patch changes. With --w
 source file.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

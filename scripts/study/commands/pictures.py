@@ -1,7 +1,5 @@
 """Contact sheet of all scenes and phases, and heat maps of the evaluations per pixel, from a verified run."""
 
-from __future__ import annotations
-
 import argparse
 import textwrap
 from collections.abc import Sequence

@@ -7,8 +7,6 @@ the phase). log(m) for m in [√½, √2]: s = (m−1)/(m+1), log m = 2s + s·u�
 (1980).
 """
 
-from __future__ import annotations
-
 import argparse
 
 from mpmath import atanh, chebyfit, exp, log, mp, mpf, nstr, sqrt

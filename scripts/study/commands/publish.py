@@ -1,7 +1,5 @@
 """A run's folder made small enough to be published: whole for the report, which is tried at the end."""
 
-from __future__ import annotations
-
 import argparse
 import gzip
 import json

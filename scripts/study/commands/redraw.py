@@ -1,7 +1,5 @@
 """A run's figures drawn again from its files, and sheets of pictures rendered again: nothing is measured."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The report of a run: one HTML page that needs no other file, and its tables and figures beside it."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import re

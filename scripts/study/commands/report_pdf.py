@@ -3,8 +3,6 @@
 It is set by typst, which is installed into build/pdf on the first call.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -1,7 +1,5 @@
 """The main job: build, sweep, verify, draw, report. `make study` calls it after installing what it needs."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import shutil

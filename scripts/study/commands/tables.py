@@ -1,8 +1,6 @@
 """Tables of a run as CSV, Markdown and JSON: ladder, runtime, verification, what was counted, the paper's,
 and what became of the papers' claims."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """A phase beside its parent within a minute, for its author: speed, error, work, and what changed."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import math

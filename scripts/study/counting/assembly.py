@@ -9,8 +9,6 @@ Run by make (common/rules.mk) on the FILE.s of a phase; makes, in one folder,
 study.counting.assembly_source has the text's blocks and what counts them.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import shlex

@@ -1,7 +1,5 @@
 """What the back ends that count share: a measurement from what the driver printed, and the known work."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -7,8 +7,6 @@ iterations. All instruction sets, any number of threads. libm and libc are not s
 them are (`edges`). Counters have 64 bits.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import subprocess

@@ -3,8 +3,6 @@
 What is expected is added up by hand from the program's text (expected.json), never measured.
 """
 
-from __future__ import annotations
-
 import functools
 from collections import Counter
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ does otherwise than costs.def: so many operations more per lane and execution of
 A derived phase without a residues.def has its ancestor's.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

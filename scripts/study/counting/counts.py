@@ -1,11 +1,10 @@
 """What was executed, as it is added up: every measuring back end makes these."""
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 from study.core.cli import StudyError
 from study.counting.decode import FLOPS, Decoded
@@ -50,23 +49,23 @@ class Counts:
         if one.kind:
             self.lanes[one.kind, one.precision, one.bits] += one.lanes * times if active is None else active
 
-    def merge(self, other: Counts) -> None:
+    def merge(self, other: Self) -> None:
         self.calls += other.calls
         self.instructions += other.instructions
         self.load += other.load
         self.store += other.store
         self.lanes.update(other.lanes)
 
-    def split(self, weights: Sequence[int]) -> list[Counts]:
+    def split(self, weights: Sequence[int]) -> list[Self]:
         """Whole-numbered parts in proportion to the weights that add up to this: nothing is lost or made."""
         ends = [0, *itertools.accumulate(weights)]
 
-        def part(begin: int, end: int) -> Counts:
+        def part(begin: int, end: int) -> Self:
             def of(n: int) -> int:
                 return n * end // ends[-1] - n * begin // ends[-1]
 
             lanes = Counter({kind: of(n) for kind, n in self.lanes.items()})
-            return Counts(of(self.calls), of(self.instructions), lanes, of(self.load), of(self.store))
+            return type(self)(of(self.calls), of(self.instructions), lanes, of(self.load), of(self.store))
 
         return [part(*pair) for pair in itertools.pairwise(ends)]
 
@@ -82,13 +81,13 @@ class Counts:
         )
 
     @classmethod
-    def of(cls, found: Executed) -> Counts:
+    def of(cls, found: Executed) -> Self:
         """`found` again as it is added up."""
         lanes = Counter({(one.kind, one.precision, one.bits): one.lanes for one in found.operations})
         return cls(found.calls, found.instructions, lanes, found.load_bytes, found.store_bytes)
 
     @classmethod
-    def total(cls, several: Iterable[Counts]) -> Counts:
+    def total(cls, several: Iterable[Self]) -> Self:
         made = cls()
         for one in several:
             made.merge(one)

@@ -7,8 +7,6 @@ DPP left out. What does arithmetic in another way (_UNCOUNTED, DPP among it) is 
 Decoder: iced-x86.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -46,9 +44,6 @@ _UNCOUNTED = re.compile(
     r"|TDP\w+|PF(ADD|SUBR?|MUL|MIN|MAX|RCP\w*|RSQ\w*|ACC|N?P?N?ACC)|FSIN|FCOS|FSINCOS|FPTAN|FPATAN|F2XM1|FYL2X(P1)?"
     r"|FSCALE|FPREM1?|FTST"
 )
-# Bytes read and written by one iteration of a string instruction, in elements of its own size.
-_STRING = {"MOVS": (1, 1), "STOS": (0, 1), "LODS": (1, 0), "CMPS": (2, 0), "SCAS": (1, 0)}
-_STRING_ELEMENT = {"B": 1, "W": 2, "D": 4, "Q": 8}
 _READS = (OpAccess.READ, OpAccess.COND_READ, OpAccess.READ_WRITE, OpAccess.READ_COND_WRITE)
 _WRITES = (OpAccess.WRITE, OpAccess.COND_WRITE, OpAccess.READ_WRITE, OpAccess.READ_COND_WRITE)
 _DIRECT = (FlowControl.CALL, FlowControl.CONDITIONAL_BRANCH, FlowControl.UNCONDITIONAL_BRANCH)
@@ -112,7 +107,7 @@ def _decoded(instruction: Instruction) -> Decoded:
         return Decoded(instruction.ip, instruction.len, name.lower(), known=False)
     flow, string = instruction.flow_control, instruction.is_string_instruction
     near = flow in _DIRECT and instruction.op0_kind == OpKind.NEAR_BRANCH64
-    load, store = _string_bytes(name) if string else _bytes(instruction)
+    load, store = _bytes(instruction)
     kind, precision, bits, lanes = None, "", 0, 0
     if not string and (found := arithmetic(name)):
         kind, packed, element = found
@@ -146,16 +141,10 @@ def _vector_bits(instruction: Instruction) -> int:
     return max((8 * RegisterExt.size(r) for r in registers if RegisterExt.is_vector_register(r)), default=0)
 
 
-def _string_bytes(name: str) -> tuple[int, int]:
-    load, store = _STRING.get(name[:-1], (0, 0))
-    size = _STRING_ELEMENT.get(name[-1], 0)
-    return load * size, store * size
-
-
 def _bytes(instruction: Instruction) -> tuple[int, int]:
     load = store = 0
     for memory in _INFO.info(instruction).used_memory():
-        size = MemorySizeExt.size(memory.memory_size)
+        size = MemorySizeExt.size(memory.memory_size or instruction.memory_size)  # 0: one of rcx iterations
         if memory.vsib_size and RegisterExt.is_vector_register(memory.index):  # a gather: an element a lane
             size *= max(_vector_bits(instruction) // 8 // max(size, 1), 1)
         load += size if memory.access in _READS else 0

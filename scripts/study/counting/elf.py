@@ -4,8 +4,6 @@ inlined (DWARF 5, section 3.3.8, as addr2line reads it), and where one returns t
 Addresses are virtual addresses of the file (before it is moved in memory).
 """
 
-from __future__ import annotations
-
 import bisect
 import contextlib
 import re

@@ -3,8 +3,6 @@
 Conventions (common/counting/flops.h): `paper`, one FLOP per math.h call; `machine`, what the hardware counts.
 """
 
-from __future__ import annotations
-
 import importlib
 import math
 from collections import Counter, defaultdict

@@ -6,8 +6,6 @@ has all iterations of its loop, though most calls leave it early. What we count 
 are entered, stands beside. Functions without such a loop cost the same by both.
 """
 
-from __future__ import annotations
-
 from study.core import registry
 from study.core.cli import StudyError
 from study.counting import costs

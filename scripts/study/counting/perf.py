@@ -4,8 +4,6 @@ Formats: perf-record(1), perf-script(1). perf is used for samples, their address
 functions; the program's own functions are found from its ELF symbols by study.counting.elf.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import re

@@ -12,8 +12,6 @@ are inside. Bytes are not counted, nor, by Intel's events, which lanes a mask le
 Not yet validated: no machine with such counters was at hand. The output says so.
 """
 
-from __future__ import annotations
-
 import csv
 import functools
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ sets of the CPU, libm and libc seen from inside, some hundred thousand times slo
 are not counted. Nothing is shared with the block counters but the decoder.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools

@@ -1,7 +1,5 @@
 """counts.json and validation.json."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec

@@ -12,8 +12,6 @@ The reader of -mix was held against a public file of SDE 9.24; the mask profile 
 back end was never run with an SDE here: its output says "not yet validated".
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Chapters of the report that belong to no experiment: claims, pictures, phases, machine, units."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The phases' pictures of a verified run, embedded in the page to be compared pixel by pixel."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a run stands on, in words: machine, noise, what was left out, and the command that repeats it."""
 
-from __future__ import annotations
-
 import shlex
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A chapter's figures and pictures for the page, with copies beside it."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The README's table of the ladder, and the published 1280×720 runs machine by machine, as Markdown."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The chapter "Over time": this run's fastest phase in every run of machines of its kind."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

@@ -4,10 +4,8 @@ A figure is data first (`figure`: panels of rows, rounded to five digits), and a
 (`lessons_draw`).
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -55,7 +53,7 @@ class Panel:
     kind: str
     title: str
     unit: str
-    series: list[str]
+    series: Sequence[str]
     rows: list[Row]
 
 
@@ -94,10 +92,6 @@ def _both(phase: registry.Phase) -> list[str]:
     return [phase.parent or "", phase.name]
 
 
-def _panel(kind: str, title: str, unit: str, series: Sequence[str], rows: Iterable[Row]) -> Panel:
-    return Panel(kind, title, unit, list(series), list(rows))
-
-
 def headline_times(phase: registry.Phase, run: Path = RUN) -> Panel:
     """Frame time of the parent and of the phase, on the scenes and at the size of the run's ladder."""
     own, both = [row for row in _ladder(run) if row.headline and row.threads == 1], _both(phase)
@@ -107,7 +101,7 @@ def headline_times(phase: registry.Phase, run: Path = RUN) -> Panel:
         for scene in dict.fromkeys(row.scene for row in own)
         if all((name, scene) in times for name in both)
     ]
-    return _panel("pairs", f"time of a frame, {own[0].width}×{own[0].height}", "ms", both, rows)
+    return Panel("pairs", f"time of a frame, {own[0].width}×{own[0].height}", "ms", both, rows)
 
 
 def large_times(phase: registry.Phase) -> Panel:
@@ -121,7 +115,7 @@ def to_ideal(phase: registry.Phase) -> Panel:
     near = {(one.phase, one.scene): one.colours.psnr_ideal_db for one in found}
     scenes = dict.fromkeys(one.scene for one in found)
     rows = [Row(scene, [_value(near[name, scene]) for name in both]) for scene in scenes]
-    return _panel("bars", f"PSNR to the ideal picture, height {found[0].height}", "dB", both, rows)
+    return Panel("bars", f"PSNR to the ideal picture, height {found[0].height}", "dB", both, rows)
 
 
 def scene_times(phase: registry.Phase) -> Panel:
@@ -134,7 +128,7 @@ def scene_times(phase: registry.Phase) -> Panel:
         for scene in sorted(row.scene for row in own if row.phase == phase.name)
         if (phase.parent, scene) in times
     ]
-    return _panel("pairs", f"time of a frame, height {views.n}", "ms", both, rows)
+    return Panel("pairs", f"time of a frame, height {views.n}", "ms", both, rows)
 
 
 def _counted(phase: registry.Phase, name: str, scale: float, title: str, unit: str) -> Panel:
@@ -144,7 +138,7 @@ def _counted(phase: registry.Phase, name: str, scale: float, title: str, unit: s
         both = [work.counted(declared, one, scene, height) for one in _both(phase)]
         if all(both):
             rows.append(Row(scene, [_value(scale * getattr(one, name)) for one in both]))
-    return _panel("bars", title, unit, _both(phase), rows)
+    return Panel("bars", title, unit, _both(phase), rows)
 
 
 def evaluations(phase: registry.Phase) -> Panel:
@@ -170,7 +164,7 @@ def flops(phase: registry.Phase) -> Panel:
 
     scenes = ("scene0", "mandelbulb")
     rows = [Row(scene, [_value(a_pixel(name, scene)) for name in _both(phase)]) for scene in scenes]
-    return _panel("bars", "operations (FLOPs)", "a pixel", _both(phase), rows)
+    return Panel("bars", "operations (FLOPs)", "a pixel", _both(phase), rows)
 
 
 def hottest(phase: registry.Phase) -> Panel:
@@ -183,7 +177,7 @@ def hottest(phase: registry.Phase) -> Panel:
         Row(one.function, [_value(100 * one.share, 100 * one.share_low, 100 * one.share_high)])
         for one in found
     ]
-    return _panel("bars", "where a frame of scene0 goes", "% of the samples", [phase.name], rows)
+    return Panel("bars", "where a frame of scene0 goes", "% of the samples", [phase.name], rows)
 
 
 def steps(phase: registry.Phase) -> Panel:
@@ -195,7 +189,7 @@ def steps(phase: registry.Phase) -> Panel:
 
     found = [one for one in _file("ablations.json").rows if one.scene == "scene0" and between(one)]
     rows = [Row(STEPS.get(one.ablation, one.ablation), [_found(one.gain)]) for one in found]
-    return _panel("bars", "gain of each step, scene0", "× over the step before", [phase.name], rows)
+    return Panel("bars", "gain of each step, scene0", "× over the step before", [phase.name], rows)
 
 
 def threads(phase: registry.Phase) -> Panel:
@@ -206,14 +200,14 @@ def threads(phase: registry.Phase) -> Panel:
         Row(scene, [times[scene, 1], times[scene, 2]]) for scene in dict.fromkeys(row.scene for row in mine)
     ]
     size = f"{mine[0].width}×{mine[0].height}"
-    return _panel("pairs", f"time of a frame, {size}", "ms", ["one thread", "two threads"], rows)
+    return Panel("pairs", f"time of a frame, {size}", "ms", ["one thread", "two threads"], rows)
 
 
 def paid(_: registry.Phase) -> Panel:
     """Frames until the time of compiling a kernel is won back."""
     found = [one for one in _file("breakeven.json").rows if one.break_even_frames]
     rows = [Row(one.scene, [_found(one.break_even_frames)]) for one in found if one.break_even_frames.value]
-    return _panel("bars", "compiling is paid after", "frames at height 720", ["opt10_scene"], rows)
+    return Panel("bars", "compiling is paid after", "frames at height 720", ["opt10_scene"], rows)
 
 
 def to_truth(_: registry.Phase) -> Panel:
@@ -225,7 +219,7 @@ def to_truth(_: registry.Phase) -> Panel:
         for name in registry.ladder()
         if all((name, scene) in found for scene in scenes)
     ]
-    return _panel("bars", f"PSNR to ground truth, height {every[0].height}", "dB", scenes, rows)
+    return Panel("bars", f"PSNR to ground truth, height {every[0].height}", "dB", scenes, rows)
 
 
 def _rods() -> list[Any]:
@@ -234,19 +228,19 @@ def _rods() -> list[Any]:
 
 def rods_times(_: registry.Phase) -> Panel:
     rows = [Row(row.scene, [_ms(row.pixels), _ms(row.rods)]) for row in _rods()]
-    return _panel("pairs", f"the march alone, height {_rods()[0].n}", "ms", ["per pixel", "rods"], rows)
+    return Panel("pairs", f"the march alone, height {_rods()[0].n}", "ms", ["per pixel", "rods"], rows)
 
 
 def rods_errors(_: registry.Phase) -> Panel:
     rows = [Row(row.scene, [_value(row.pixels.psnr_db), _value(row.rods.psnr_db)]) for row in _rods()]
-    return _panel("bars", "PSNR to ground truth", "dB", ["per pixel", "rods"], rows)
+    return Panel("bars", "PSNR to ground truth", "dB", ["per pixel", "rods"], rows)
 
 
 def throttled(_: registry.Phase) -> Panel:
     found = sorted(_file("throttle.json").rows, key=lambda row: row.scene)
     rows = [Row(row.scene, [_ms(row.large.plain), _ms(row.large.chosen)]) for row in found]
     series = ["packets alone", "rods, then packets"]
-    return _panel("pairs", f"time of a frame, height {found[0].large.n}", "ms", series, rows)
+    return Panel("pairs", f"time of a frame, height {found[0].large.n}", "ms", series, rows)
 
 
 def rates(_: registry.Phase) -> Panel:
@@ -263,7 +257,7 @@ def rates(_: registry.Phase) -> Panel:
         values = [_value(one.mrays, one.mrays_low, one.mrays_high) for one in (embree, own)]
         rows.append(Row(f"{row.scene}, {names.get(row.kind, row.kind)}", values))
     series = ["Embree 3, its fastest way", "packets"]
-    return _panel("pairs", "rays traced", "million a second", series, rows)
+    return Panel("pairs", "rays traced", "million a second", series, rows)
 
 
 def bits(_: registry.Phase) -> Panel:
@@ -273,7 +267,7 @@ def bits(_: registry.Phase) -> Panel:
     for count in sorted({row.bits for row in found}):
         of = {str(row.roots): row.psnr_db for row in found if row.bits == count}
         rows.append(Row(str(count), [_value(of.get(name)) for name in names]))
-    return _panel("lines", "bits of fraction", "PSNR to ground truth, dB", list(names.values()), rows)
+    return Panel("lines", "bits of fraction", "PSNR to ground truth, dB", list(names.values()), rows)
 
 
 def _fixed(names: Sequence[str], value: Callable[[Any], Value]) -> list[Row]:
@@ -287,19 +281,19 @@ def _fixed(names: Sequence[str], value: Callable[[Any], Value]) -> list[Row]:
 
 def fixed_lanes(_: registry.Phase) -> Panel:
     rows = _fixed(["article, 1 lane", "1 lane", "8 lanes", "16 lanes"], _ms)
-    return _panel("bars", "time of a frame, spheres40, height 180", "ms", ["integers"], rows)
+    return Panel("bars", "time of a frame, spheres40, height 180", "ms", ["integers"], rows)
 
 
 FIXED_CASES = ("8 lanes", "16 lanes", "16 lanes, 28 bits", "float, 8 lanes", "float, 16 lanes")
 
 
 def fixed_times(_: registry.Phase) -> Panel:
-    return _panel("bars", "time of a frame, spheres40", "ms", ["time"], _fixed(FIXED_CASES, _ms))
+    return Panel("bars", "time of a frame, spheres40", "ms", ["time"], _fixed(FIXED_CASES, _ms))
 
 
 def fixed_errors(_: registry.Phase) -> Panel:
     rows = _fixed(FIXED_CASES, lambda row: _value(row.psnr_db))
-    return _panel("bars", "PSNR to ground truth", "dB", ["error"], rows)
+    return Panel("bars", "PSNR to ground truth", "dB", ["error"], rows)
 
 
 PANELS: dict[str, tuple[str, list[Callable[[registry.Phase], Panel]]]] = {

@@ -1,7 +1,5 @@
 """Draws the data of `lessons.figure`: an SVG on white ground, so that a light and a dark page can hold it."""
 
-from __future__ import annotations
-
 import io
 import math
 

@@ -4,8 +4,6 @@ A published run's times stand beside its own errors. Its ratios to baseline are 
 was timed beside the paper's program (original.json).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator

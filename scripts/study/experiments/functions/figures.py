@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Sequence
 from functools import partial
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -17,6 +14,7 @@ from study.core import show
 from study.experiments.functions import measure as functions
 from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES, judged
+from study.pictures import labels
 from study.pictures.draw import COLOURS, MARKERS, Drawing, plain_log
 
 FAMILIES = ("libm", "instruction", "bit trick", "own", "libmvec", "SLEEF")
@@ -24,39 +22,6 @@ LOOKS = {name: (COLOURS[i], MARKERS[i]) for i, name in enumerate(FAMILIES)}
 # What is on the axis of time, and how to read it.
 TIMES = {"stream_ns": "ns per element, throughput", "latency_ns": "ns per call, latency"}
 SIZES = {"scalar": 22, "SSE": 34, "AVX2": 52, "AVX-512": 80}
-
-
-def _label(axes: Axes, rows: Sequence[Entry], marks: Sequence[Entry], time: str) -> None:
-    """Names at the points, each where it covers no other name or mark as far as sixteen places allow."""
-    (left, right), (low, high) = (np.log(axes.get_xlim()), np.log(axes.get_ylim()))
-    wide, tall = 280, 230  # points, of a panel
-
-    def at(row: Entry) -> tuple[float, float]:
-        x = (math.log(row.ulp) - left) / (right - left) * wide
-        return x, (math.log(row.ns(time)) - low) / (high - low) * tall
-
-    taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in map(at, marks)]
-    for row in sorted(rows, key=lambda r: -r.ns(time)):
-        (x, y), name = at(row), f"{row.name}, {row.isa}"
-        places = {}  # box (left, bottom, right, top) → dy and dx of the text from the point
-        for dy, dx in itertools.product((-9, 7, -18, 16, -27, 25, -36, 34), (7, -7)):
-            start = x + dx - (3.6 * len(name) if dx < 0 else 0)
-            places[start, y + dy - 2, start + 3.6 * len(name), y + dy + 7] = dy, dx
-
-        def cost(box: tuple[float, ...], places: dict = places) -> float:
-            outside = max(0, -box[0], box[2] - wide)
-            return abs(places[box][0]) / 50 + 3 * sum(_overlap(box, one) for one in taken) / 20 + 5 * outside
-
-        taken.append(best := min(places, key=cost))
-        dy, dx = places[best]
-        place = {"xytext": (dx, dy), "textcoords": "offset points", "ha": "left" if dx > 0 else "right"}
-        line = {"arrowstyle": "-", "color": "#999999", "linewidth": 0.5} if abs(dy) > 9 else None
-        axes.annotate(name, (row.ulp, row.ns(time)), **place, fontsize=6.5, arrowprops=line)
-
-
-def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    """Area two boxes (left, bottom, right, top) share."""
-    return max(0, min(a[2], b[2]) - max(a[0], b[0])) * max(0, min(a[3], b[3]) - max(a[1], b[1]))
 
 
 def _panel(axes: Axes, rows: Sequence[Entry], title: str, time: str) -> None:
@@ -71,7 +36,8 @@ def _panel(axes: Axes, rows: Sequence[Entry], title: str, time: str) -> None:
     axes.set(title=title, xscale="log", yscale="log")
     axes.margins(0.12, 0.14)
     scalar = [r for r in rows if r.family == "libm" and r not in front]
-    _label(axes, [*front, *scalar], rows, time)
+    for row in [*front, *scalar]:
+        labels.name(axes, row.ulp, row.ns(time), f"{row.name}, {row.isa}", "black", 6.5)
     plain_log(axes.yaxis)
     low, high = axes.get_xlim()
     if high / low < 1e5:  # beyond it powers of ten are shorter
