@@ -105,12 +105,20 @@ def reading(file: Path | str, script: str) -> Iterator[None]:
 
 @dataclass
 class Found:
-    """What `chapter` is given: parts, the answer, figures by the names of their files, a fragment of HTML."""
+    """What a chapter shows: as a Section has them."""
 
     parts: list[Part] = field(default_factory=list)
     answer: str = ""
     drawn: dict[str, Drawing] = field(default_factory=dict)
     html: str = ""
+    chart: str = ""
+    remarks: list[str] = field(default_factory=list)
+
+    def section(self, name: str, title: str, file: Path, command: str = "") -> Section:
+        """The chapter `name`, made from `file`, which `command` (that of its name) writes."""
+        command = command or name
+        about = {"file": file, "script": f"scripts/stepwise {command}", **vars(self)}
+        return Section(name, title, f"make {command}", **about)
 
 
 def chapter(
@@ -123,13 +131,10 @@ def chapter(
 ) -> Section:
     """The chapter of an experiment whose file has `rows`; without any, or without the file (None), it is
     empty."""
-    made, script = Found(), f"scripts/stepwise {name}"
-    with reading(file, f"{script} --run {file.parent}"):
+    with reading(file, f"scripts/stepwise {name} --run {file.parent}"):
         result = read(file)
-        if result.get(rows) if isinstance(result, dict) else getattr(result, rows, None):
-            made = found(result)
-    told = {"file": file, "script": script, "answer": made.answer, "drawn": made.drawn, "html": made.html}
-    return Section(name, title, f"make {name}", made.parts, **told)
+        made = found(result) if getattr(result, rows, None) else Found()
+    return made.section(name, title, file)
 
 
 def chapters(

@@ -9,7 +9,7 @@ import pytest
 
 from study.core import cli, registry, store
 from study.core.cli import StudyError
-from study.experiments.ablations import chapter, negative
+from study.experiments.ablations import chapter
 from study.experiments.ablations.schema import Ablations, Row
 from study.numbers import verdicts
 from study.numbers.schema import Interval
@@ -62,18 +62,18 @@ TABLE = """# What did not pay
 def test_the_table_is_read_and_shown(tmp_path: Path) -> None:
     document = tmp_path / "table.md"
     document.write_text(TABLE, encoding="utf-8")
-    (cells,) = negative.tried(document)
-    assert len(cells) == len(negative.COLUMNS) and (cells[1], cells[3]) == ("opt6_wide", "1.15")
-    page = negative.as_html([cells])
+    (cells,) = chapter.tried(document)
+    assert len(cells) == len(chapter.TRIED) and (cells[1], cells[3]) == ("opt6_wide", "1.15")
+    page = chapter.as_html([cells])
     assert "<td>1.15</td>" in page and "<em>less</em>" in page
     assert "<b>" not in page and "&lt;b&gt;roots" in page
     document.write_text(TABLE + "| a | b | c | d | e |\n", encoding="utf-8")
     with pytest.raises(StudyError, match=r"table\.md:6"):
-        negative.tried(document)
+        chapter.tried(document)
 
 
 def test_the_projects_own_table_names_phases_and_is_short() -> None:
-    rows = negative.tried()
+    rows = chapter.tried()
     named = {name for row in rows for name in re.findall(r"\b(?:opt|fixed|rods|packets|baseline)\w*", row[1])}
     assert named <= set(registry.phases()) and len(rows) > 80
     assert all(len(cell) <= 90 for row in rows for cell in row)
@@ -83,11 +83,11 @@ def test_the_projects_own_table_names_phases_and_is_short() -> None:
 def test_the_chapter_is_made_from_the_runs_file(tmp_path: Path) -> None:
     document = tmp_path / "table.md"
     document.write_text(TABLE, encoding="utf-8")
-    empty = negative.section(tmp_path, document)
+    empty = chapter.negative(tmp_path, document)
     assert empty.answer == "" and "<td>1.15</td>" in empty.html
     rows = [row("slow", 0.8, 0.9), row("opt4+rsqrt", 1.1, 1.2, verdict="approximate"), row("good", 1.1, 1.2)]
     store.write_json(tmp_path / "ablations.json", cli.plain(result(*rows)))
-    said = negative.section(tmp_path, document).answer
+    said = chapter.negative(tmp_path, document).answer
     assert said.startswith("2 steps") and "slow on scene0: 0.85" in said
     (part,) = chapter.steps(tmp_path).parts
     assert chapter.COSTS in part.markdown

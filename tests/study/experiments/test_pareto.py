@@ -9,7 +9,7 @@ import pytest
 
 from study.core import cli, commands, registry, run, store
 from study.core.registry import Spec
-from study.experiments.pareto import chapter, fronts, tables
+from study.experiments.pareto import fronts, tables
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto.schema import Pareto, Row
 from study.numbers.schema import Interval, Skipped
@@ -247,7 +247,7 @@ def test_a_killed_run_leaves_the_scenes_that_were_done(
         pareto("--scene", "scene0", "trio", "cubes", "--run", str(tmp_path))
     kept = Pareto.load(tmp_path / "pareto.json")
     assert {r.scene for r in kept.rows} == {"scene0"} and kept.unfinished == ["trio", "cubes"]
-    found = chapter.headline(tmp_path)
+    found = tables.found(kept)
     cells = [cell for one in found.parts for line in one.table.cells for cell, _ in line]
     assert "opt4 500.0 [450.0,\u00a0550.0]; or opt5" in cells and "none" in cells
     assert "trio, cubes" in found.drawn["pareto"].note and "1 of 3" in found.drawn["pareto"].note

@@ -1,22 +1,25 @@
-"""The chapter of single steps, put in or taken out, and of the ideas of each phase."""
+"""The chapters of single steps, put in or taken out, and of what did not pay."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from study.core import show
+from study.core import html, registry, show
+from study.core.cli import StudyError
 from study.core.show import Column
 from study.experiments.ablations import ideas
 from study.experiments.ablations import measure as ablations
 from study.experiments.ablations.schema import FILE, SCHEMAS, Ablations, Row
-from study.experiments.section import Part, Section, part
+from study.experiments.section import Found, Section, part
 from study.numbers import verdicts
 from study.pictures import dots
 from study.pictures.draw import Drawing
 
+DOCUMENT = registry.ROOT / "docs" / "what-did-not-pay.md"
+TRIED = ("idea", "phase", "expected", "measured", "machine", "why")  # columns of its one table
 PAYS, COSTS, NOTHING_GAINED, SLOWER = "pays", "pays, at that error", "no gain", "slower"
 gain = show.spread_of("gain", "×")
 
@@ -41,9 +44,9 @@ def outcome(row: Row) -> str:
 OUTCOME = Column("", "outcome", outcome, lambda r: "bad" if outcome(r) == SLOWER else "")
 VERDICT = Column("", "tolerance", lambda r: r.verdict, lambda r: "bad" if r.verdict == "OUTSIDE" else "")
 STEPS = [
-    Column("", "step", lambda r: r.ablation),
-    Column("", "added or removed", lambda r: r.step),
-    Column("", "against", lambda r: r.against),
+    Column("", "step", show.word("ablation")),
+    Column("", "added or removed", show.word("step")),
+    Column("", "against", show.word("against")),
     Column("", "scene", show.picture),
     Column("", "the step's gain [95\u00a0%]", gain),
     OUTCOME,
@@ -122,11 +125,11 @@ def _changed(row: Row) -> str:
 
 def _answer(rows: list[Row], kind: Kind) -> str:
     """The largest gain, and how many are gains by their whole interval."""
-    able = [(row.gain.value or 0, row.gain.low, row) for row in rows if row.gain.low is not None]
+    able = [row for row in rows if row.gain.low is not None]
     if not able:
         return ""
-    best = max(able, key=lambda one: one[0])[2]
-    some = sum(low > 1 for _, low, _ in able)
+    best = max(able, key=lambda row: row.gain.value)
+    some = sum(row.gain.low > 1 for row in able)
     return (
         f"The largest gain of a single {kind.word} is {gain(best)}: “{getattr(best, kind.name)}” against "
         f"{best.against} on {best.scene}; {some} of {len(able)} {kind.word}s and scenes gain by their whole "
@@ -136,18 +139,61 @@ def _answer(rows: list[Row], kind: Kind) -> str:
 
 def steps(path: Path) -> Section:
     """The ablations: single steps put in or taken out, then the ideas of each phase."""
-    parts: list[Part] = []
-    said: list[str] = []
-    drawn: dict[str, Drawing] = {}
+    made = Found()
     for kind in KINDS:
         result = SCHEMAS[kind.file].load_if_there(path / kind.file)
         if result and result.rows:
             note = kind.about.format(n=result.n, launches=result.launches)
             left_out = "\n".join(f"not measured: {one}" for one in [*result.skipped, *result.failures])
             stem = kind.file.removesuffix(".json")
-            parts += part(stem, kind.caption, result.rows, kind.columns, f"{note}\n{left_out}".strip())
-            said.append(_answer(result.rows, kind))
-            drawn[stem] = _drawing(result, kind, note)
-    about = {"file": path / FILE, "script": "scripts/stepwise ablations", "drawn": drawn}
-    title = "What single steps are worth"
-    return Section("ablations", title, "make ablations", parts, answer=" ".join(said), **about)
+            foot = f"{note}\n{left_out}".strip()
+            made.parts += part(stem, kind.caption, result.rows, kind.columns, foot)
+            made.answer += f" {_answer(result.rows, kind)}"
+            made.drawn[stem] = _drawing(result, kind, note)
+    made.answer = made.answer.strip()
+    return made.section("ablations", "What single steps are worth", path / FILE)
+
+
+def tried(document: Path = DOCUMENT) -> list[list[str]]:
+    """The rows of the table of what did not pay, a cell for each of TRIED. Raises StudyError."""
+    rows = []
+    for number, line in enumerate(document.read_text(encoding="utf-8").splitlines(), 1):
+        if line.startswith("|"):
+            rows.append([cell.strip() for cell in line.strip().strip("|").split("|")])
+            if len(rows[-1]) != len(TRIED) or not all(rows[-1]):
+                raise StudyError(f"{document}:{number}: a row has {len(TRIED)} cells: {', '.join(TRIED)}")
+    return rows[2:]  # without its heading and the line below that
+
+
+def as_html(rows: Sequence[Sequence[str]]) -> str:
+    """The table for the page; neither HTML nor pictures pass through."""
+    lines = [TRIED, ["---"] * len(TRIED), *rows]
+    table = html.markdown().render("\n".join(f"| {' | '.join(line)} |" for line in lines))
+    return (
+        f"<details><summary>Ideas that were tried, from docs/what-did-not-pay.md: {len(rows)}</summary>"
+        f'<div class="scroll prose">{table}</div><p class="small">Each was measured once, on the machine '
+        "that its row names, and not again in this run.</p></details>"
+    )
+
+
+def negative(path: Path, document: Path = DOCUMENT) -> Section:
+    """What did not pay: the document as it is now, and a sentence of this run."""
+    results = [kind.load_if_there(path / name) for name, kind in SCHEMAS.items()]
+    rows = [row for result in results if result for row in result.rows]
+    made = Found(answer=_unpaid(rows), html=as_html(tried(document)))
+    return made.section("negative", "What did not pay", path / FILE, "ablations")
+
+
+def _unpaid(rows: Sequence[Row]) -> str:
+    """How many steps did not plainly pay on each of their scenes, how many are slower, and the slowest."""
+    names = {row.ablation for row in rows if outcome(row) != PAYS}
+    if not names:
+        return ""
+    text = f"{len(names)} steps do not plainly pay on each of their scenes"
+    if slower := [row for row in rows if outcome(row) == SLOWER]:
+        worst = min(slower, key=lambda row: row.gain.ends[0])
+        text += (
+            f"; {len({row.ablation for row in slower})} of them are slower somewhere, most of all "
+            f"{worst.ablation} on {worst.scene}: {gain(worst)}"
+        )
+    return f"{text}."

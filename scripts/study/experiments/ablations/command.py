@@ -41,10 +41,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--ideas", action="store_true", help="only ideas of phases, into ideas.json")
     about = f"default: {' '.join(SCENES)}; with --ideas: those that each patch names"
     add("--scene", nargs="+", metavar="SCENE", help=about)
-    about = f"height in pixels; default: {height}, with --ideas {tall}"
-    add("-n", type=whole, metavar="HEIGHT", help=about)
-    about = f"process launches of each; default: {launches}, with --ideas {many}"
-    add("--launches", type=whole, help=about)
+    add("-n", type=whole, metavar="HEIGHT", help=f"in pixels; default: {height}, with --ideas {tall}")
+    add("--launches", type=whole, help=f"of each process; default: {launches}, with --ideas {many}")
     add("--seed", type=int, default=secrets.randbelow(2**32), help="of order and padding; default: random")
     add("--run", type=Path, metavar="DIR", help="for ablations.json or ideas.json; default: build/ablations")
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
@@ -92,7 +90,7 @@ class Study:
         return found
 
     def _refused(self, ablation: Ablation, scene: Scene, refused: dict[Case, DriverError]) -> bool:
-        """Whether a picture that the row needs could not be had: then the row is a failure, or skipped."""
+        """Whether a picture that the row needs could not be had; where not, that is noted."""
         for spec in (ablation.reference, ablation.against, ablation.spec):
             if error := refused.get((spec, scene.name)):
                 into = self.skipped if error.status in (run.NO_ISA, run.UNSUPPORTED) else self.failures
@@ -139,12 +137,9 @@ def measure(args: argparse.Namespace) -> Outcome:
     result = SCHEMAS[kind.file](**about, rows=rows, skipped=study.skipped, failures=study.failures)
     folder = args.run or registry.ROOT / "build" / "ablations"
     store.write_json(folder / kind.file, cli.plain(result))
-    table = show.markdown(show.table(rows, kind.columns)) if rows else "nothing was measured"
-    failed = [
-        f"{row.ablation} on {row.scene}: {'; '.join(row.failed)}" for row in rows if row.verdict == "OUTSIDE"
-    ]
+    lines = [show.markdown(show.table(rows, kind.columns)) if rows else "nothing was measured"]
+    lines.append(kind.about.format(n=args.n, launches=args.launches))
+    outside = [row for row in rows if row.verdict == "OUTSIDE"]
+    failed = [f"{row.ablation} on {row.scene}: {'; '.join(row.failed)}" for row in outside]
     failed += map(str, study.failures)
-    remarks = [f"skipped {one}" for one in study.skipped]
-    return Outcome(
-        result, [table, kind.about.format(n=args.n, launches=args.launches)], folder, remarks, failed
-    )
+    return Outcome(result, lines, folder, [f"skipped {one}" for one in study.skipped], failed)

@@ -1,6 +1,6 @@
 """Single steps, put in or taken out."""
 
-from study.experiments.ablations import chapter, command, ideas, negative
+from study.experiments.ablations import chapter, command, ideas
 from study.experiments.ablations.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
@@ -23,8 +23,5 @@ EXPERIMENT = Experiment(
     cut="Steps of the first three phases on scene0 at height 60, six launches.",
     command=command,
     lesson=ideas.lesson,
-    sections=[
-        (410, lambda data: chapter.steps(data.path)),
-        (420, lambda data: negative.section(data.path)),
-    ],
+    sections=[(410, lambda data: chapter.steps(data.path)), (420, lambda data: chapter.negative(data.path))],
 )

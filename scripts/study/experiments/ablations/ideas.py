@@ -11,15 +11,14 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from study.core import generated_scenes as scaling_scenes
-from study.core import patches, registry, show, store
+from study.core import generated_scenes, patches, registry, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene
 from study.experiments.ablations.schema import IDEAS_FILE as FILE
 from study.experiments.ablations.schema import Ideas, Row
 
 REFERENCE = ROOT / "results" / "reference"
-MADE = re.compile(rf"({'|'.join(scaling_scenes.ARRANGEMENTS)})-(\d+)")  # scenes made to order
+MADE = re.compile(rf"({'|'.join(generated_scenes.ARRANGEMENTS)})-(\d+)")  # scenes made to order
 SEED = 1
 BEGIN = "<!-- ideas: stepwise lessons -->"  # stands in a lesson before its table
 WIDTH = 100  # columns of a lesson
@@ -31,7 +30,7 @@ def find_scene(name: str, root: Path = ROOT) -> Scene:
     if not (made := MADE.fullmatch(name)):
         return registry.find_scene(name, root)
     folder = store.writable(root / "build" / "ablations" / "scenes")
-    scene = scaling_scenes.of_shapes(made[1], int(made[2]), SEED, folder)
+    scene = generated_scenes.of_shapes(made[1], int(made[2]), SEED, folder)
     return dataclasses.replace(scene, name=name)
 
 
@@ -91,16 +90,15 @@ def change(row: Row) -> str:
 def published(phase: str, folder: Path = REFERENCE) -> Path | None:
     """The newest published run that has a row for every idea of the phase. None if there is no such run."""
     wanted = {patch.name for patch in of(phase)}
-    for run in sorted(folder.glob("*"), key=_date, reverse=True):
+
+    def date(run: Path) -> tuple[list[str], str]:
+        return re.findall(r"\d{4}-\d\d-\d\d", run.name), run.name
+
+    for run in sorted(folder.glob("*"), key=date, reverse=True):
         result = Ideas.load_if_there(run / FILE)
         if result and wanted <= {row.ablation for row in result.rows}:
             return run
     return None
-
-
-def _date(run: Path) -> tuple[str, str]:
-    date = re.search(r"\d{4}-\d\d-\d\d", run.name)
-    return (date[0] if date else "", run.name)
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -69,10 +69,7 @@ def said(row: Row) -> str:
 
 
 def _read(name: str, root: Path) -> list[Ablation]:
-    try:
-        head = patches.chain(name, root)[-1].head
-    except patches.PatchError as error:
-        raise StudyError(str(error)) from None
+    head = patches.chain(name, root)[-1].head
     for scene in (scenes := tuple(head.get("scenes", "").split())):
         ideas.check_scene(scene, root)
     against, added, about = Spec.parse(head["against"]), head["direction"] == "added", head["paper"]
@@ -88,7 +85,7 @@ def _read(name: str, root: Path) -> list[Ablation]:
 
 def find(
     names: Iterable[str] | None = None, root: Path = ROOT
-) -> tuple[list[Ablation], dict[str, StudyError]]:
+) -> tuple[list[Ablation], dict[str, Exception]]:
     """Ablations by name (opt2+horizontal) or of whole phases (opt2), None: all; and what cannot be read.
 
     Raises StudyError for a name that is neither, with the nearest ones.
@@ -102,11 +99,11 @@ def find(
             registry.find_phase(name, root)  # says what is near
         wanted += [name] if title else [f"{phase}+{each}" for each in known]
     found: list[Ablation] = []
-    broken: dict[str, StudyError] = {}
+    broken: dict[str, Exception] = {}
     for name in dict.fromkeys(wanted):
         try:
             found += _read(name, root)
-        except StudyError as error:
+        except (StudyError, patches.PatchError) as error:
             broken[name] = error
     return found, broken
 
@@ -166,14 +163,8 @@ def row(
     mine, base = (ablation.spec, scene.name), (ablation.against, scene.name)
     without, with_it = (base, mine) if ablation.added else (mine, base)
     gain = stats.ratio_interval(times[without], times[with_it])
-    error, unpatched, moved = (
-        {name: cli.plain(metrics[who, case][name]) for name in ERRORS}
-        for who, case in (
-            (ablation.reference, mine),
-            (ablation.reference, base),
-            (ablation.against, mine),
-        )
-    )
+    cases = (ablation.reference, mine), (ablation.reference, base), (ablation.against, mine)
+    error, unpatched, moved = ({name: cli.plain(metrics[case][name]) for name in ERRORS} for case in cases)
     verdict, failed = judge(ablation, scene, metrics[ablation.reference, mine])
     return Row(
         ablation=str(ablation.spec),

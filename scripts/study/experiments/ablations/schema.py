@@ -24,10 +24,7 @@ class Row(Record, kw_only=True):
     claim: Annotated[str, key("", "whether the paper's figure holds here")] = ""
     ms: Annotated[Interval, key("ms", "of the patched program")]
     against_ms: Annotated[Interval, key("ms", "of the other")]
-    reference: Annotated[
-        str | None,
-        key("", "whose picture the errors are to: baseline's, or the phase's own if truth judges it"),
-    ] = None
+    reference: Annotated[str | None, key("", "whose picture the errors are to: baseline's or its own")] = None
     psnr_db: Annotated[float | None, key("dB", "linear RGB; null: infinite")]
     fraction_over_1_255: Annotated[float | None, key("share of pixels", "any channel off by over 1/255")]
     max_abs: Annotated[float | None, key("linear RGB", "largest difference")] = None
@@ -35,13 +32,9 @@ class Row(Record, kw_only=True):
     non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")] = 0
     identical: Annotated[bool, key("", "equal bit for bit")] = False
     against_psnr_db: Annotated[float | None, key("dB", "of the other program")] = None
-    change_psnr_db: Annotated[
-        float | None, key("dB", "between the pictures of the two programs; null: equal")
-    ] = None
+    change_psnr_db: Annotated[float | None, key("dB", "between the two pictures; null: equal")] = None
     change_max_abs: Annotated[float | None, key("linear RGB", "the same: largest difference")] = None
-    verdict: Annotated[
-        str, key("", "`identical`, `within` its tolerance, `approximate` (declared) or `OUTSIDE`")
-    ]
+    verdict: Annotated[str, key("", "`identical`, `within`, `approximate` (declared) or `OUTSIDE`")]
     failed: Annotated[list[str], key("", "metrics outside of the tolerance")]
     error: Annotated[str | None, key("", "the error that the patch declares; null: none")] = None
 

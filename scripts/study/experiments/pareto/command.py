@@ -4,13 +4,14 @@ import argparse
 import time
 from collections.abc import Callable
 
-from study.core import cli, registry, run, show, store, temporary
+from study.core import cli, registry, run, store, temporary
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.experiments import running
 from study.experiments.pareto import fronts, tables
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto.schema import FILE, Pareto
+from study.measuring import hit_tables
 from study.numbers.schema import Skipped
 
 DESCRIPTION = """\
@@ -34,13 +35,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--phase", nargs="+", default=ladder + switches, metavar="PHASE", help=about)
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: every scene")
     about = "besides the scene's own; default: %(default)s"
-    add(
-        "--hit-distance",
-        nargs="+",
-        type=cli.at_least(1e-9, float),
-        default=list(measuring.HIT_DISTANCES),
-        help=about,
-    )
+    near = cli.at_least(1e-9, float)
+    add("--hit-distance", nargs="+", type=near, default=list(measuring.HIT_DISTANCES), help=about)
     add("--max-steps", nargs="+", type=whole, default=list(measuring.STEPS), help=about)
     add("-n", type=whole, default=64, metavar="HEIGHT", help="height in pixels; default: 64")
     about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
@@ -95,12 +91,6 @@ def measure(args: argparse.Namespace) -> Outcome:
     remarks = dict.fromkeys(f"skipped {s.phase} on {s.scene}: {s.reason}" for s in result.skipped)
     if not result.rows:
         raise StudyError("\n".join([*remarks, "nothing was measured: every point was refused"]))
-    keep(result)
-    drawn = running.draw(folder, tables.drawings(result))
-    failed = [
-        f"{row.phase} on {row.scene} at {row.hit_distance:g}: not finite"
-        for row in result.rows
-        if row.non_finite
-    ]
-    table = show.markdown(show.table(tables.by_level(result.winners), tables.LEVELS))
-    return Outcome(result, [table, *drawn], folder, list(remarks), failed)
+    named = [(f"{row.phase} on {row.scene} at {row.hit_distance:g}", row) for row in result.rows]
+    failed, made = hit_tables.not_finite(named), tables.found(result)
+    return running.end(folder / FILE, result, made.parts, made.drawn, remarks=list(remarks), failed=failed)

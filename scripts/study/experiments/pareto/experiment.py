@@ -2,7 +2,7 @@
 
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
-from study.experiments.pareto import chapter, command
+from study.experiments.pareto import command, tables
 from study.experiments.pareto.schema import SCHEMAS
 
 QUICK = ["-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
@@ -25,5 +25,5 @@ EXPERIMENT = Experiment(
     depth="quick",
     cut="One scene and three phases at height 64, two hit distances, one step limit.",
     command=command,
-    sections=[(120, lambda data: chapter.headline(data.path))],
+    sections=[(120, tables.section)],
 )

@@ -1,4 +1,4 @@
-"""The figures and the tables of speed against error, made from pareto.json alone."""
+"""The chapter of speed against error to ground truth: tables, figures, a chart that answers the mouse."""
 
 import math
 import textwrap
@@ -16,9 +16,10 @@ from matplotlib.ticker import FixedLocator
 from study.core import cli, machine, registry, show
 from study.core.show import Column
 from study.experiments.pareto import fronts
-from study.experiments.pareto.schema import TRUTHS, Pareto, Row, Winner
+from study.experiments.pareto.schema import FILE, TRUTHS, Pareto, Row, Winner
+from study.experiments.section import Found, chapters, part
 from study.numbers import paper
-from study.pictures import labels
+from study.pictures import charts, labels
 from study.pictures.draw import Drawing, legend, look, panels, plain_log
 
 TOP = 120  # dB: what is nearer is drawn here; floats of a colour near 1 hold no more than 150
@@ -79,17 +80,12 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
         labels.name(axes, row.pace, drawn_at(row, measure), word, colour, 7)
 
 
-def _draws_ideal(name: str) -> bool:
-    known = registry.phases().get(name.partition("+")[0])
-    return known is not None and known.draws_ideal
-
-
 def _by_ideal(axes: Axes, rows: Sequence[Row], looks: dict) -> None:
     """A second, hollow mark of a phase that draws the ideal shadow: its error to that picture."""
+    able = {name for name, phase in registry.phases().items() if phase.draws_ideal}
     for row in rows:
-        if not row.own_parameters or not _draws_ideal(row.phase):
-            continue
-        if math.isnan(at := drawn_at(row, "psnr_ideal_db")):
+        at = drawn_at(row, "psnr_ideal_db")
+        if not row.own_parameters or row.phase.partition("+")[0] not in able or math.isnan(at):
             continue
         style = looks[row.phase, 1]
         mark = {"marker": style["marker"], "facecolor": "white", "edgecolor": style["color"]}
@@ -115,18 +111,12 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
         points = [r for r in rows if r.phase == name]
         _points(axes, points, measure, name, looks[name.partition("+")[0], 1])
     line = fronts.front(rows, measure)
-    axes.plot(
-        [r.pace for r in line],
-        [drawn_at(r, measure) for r in line],
-        color="#555555",
-        linewidth=1.2,
-        drawstyle="steps-post",
-        zorder=3,
-        label="front: nothing is both faster and nearer",
-    )
-    if measure == FIRST and (there := paper_point(scene, rows)):
-        axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
+    style = {"color": "#555555", "linewidth": 1.2, "drawstyle": "steps-post", "zorder": 3}
+    label = "front: nothing is both faster and nearer"
+    axes.plot([r.pace for r in line], [drawn_at(r, measure) for r in line], label=label, **style)
     if measure == FIRST:
+        if there := paper_point(scene, rows):
+            axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
         _by_ideal(axes, rows, looks)
     fractal = any(r.converged_only for r in rows)
     axes.set_title(f"{scene} (4×4 means)" if fractal else scene)
@@ -145,9 +135,9 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
     looks = look(frame.assign(phase=frame.phase.str.partition("+")[0]))
     made, grid = panels(frame, 4.4, 5.4)
     title = "Speed against error: left is faster, up is nearer to the ground truth"
-    # over one panel it would go on into the legend beside it
-    lines = textwrap.wrap(title, 60) if len(grid) == 1 else [title]
-    made.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12)
+    if len(grid) == 1:  # it would go on into the legend beside it
+        title = textwrap.fill(title, 60)
+    made.suptitle(title, x=0.01, ha="left", fontsize=12)
     paces = [r.pace for r in rows if r.pace > 0]
     for scene, axes in grid.items():
         mine = [r for r in rows if r.scene == scene and not math.isnan(r.badness(measure))]
@@ -157,9 +147,7 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
         axes.set_xlim(min(paces) / 1.5, max(paces) * 1.5)
     dots = {"marker": "o", "markersize": 4, "color": "#555555", "linestyle": "none"}
     kinds = {"a phase by other hit distances, step caps": 0.9, "the same, timed by one launch only": 0.25}
-    legend(
-        made, grid, tuple(Line2D([], [], label=text, alpha=alpha, **dots) for text, alpha in kinds.items())
-    )
+    legend(made, grid, tuple(Line2D([], [], label=text, alpha=one, **dots) for text, one in kinds.items()))
     return made
 
 
@@ -272,6 +260,42 @@ POINTS = [
     Column("error to ground truth", "PSNR dB, ideal", lambda r: _decibels(r, "psnr_ideal_db")),
     Column("", "timed", _timed),
 ]
+
+
+def _nearness(row: Row, measure: str) -> float | None:
+    """As the printed figure has it; None where there is none."""
+    value = drawn_at(row, measure)
+    return float(f"{value:.6g}") if math.isfinite(value) else None
+
+
+def _point(row: Row) -> charts.Point:
+    how = "the scene's parameters"
+    if not row.own_parameters:
+        how = f"hit distance {row.hit_distance:g}, step cap {row.max_steps}"
+    text = f"{show.spread(row.ns_per_pixel)}; {how}{'' if row.timed else '; launched once'}"
+    errors = (_nearness(row, measure) for measure in TRUTHS)
+    about = row.scene, row.phase, float(f"{row.pace:.6g}"), text
+    return charts.Point(*about, *errors, row.own_parameters, row.timed)
+
+
+def fragment(rows: Sequence[Row]) -> str:
+    """The chart as HTML; empty without points."""
+    points = [one for one in map(_point, rows) if one.paper is not None or one.ideal is not None]
+    return charts.speed_and_error(points) if points else ""
+
+
+def found(result: Pareto) -> Found:
+    size, rows = f" (n = {result.n})", result.rows
+    caption = "The fastest at a stated PSNR to ground truth; “or”: not told apart from it"
+    parts = part("pareto", caption + size, by_level(result.winners), LEVELS)
+    own = [row for row in rows if row.own_parameters]
+    caption = "With each scene's own parameters: evaluations per pixel × ns per evaluation"
+    parts += part("pareto-own", caption + size, own, POINTS)
+    parts += part("pareto-points", "Every point of the grid" + size, rows, POINTS)
+    return Found(parts, fronts.answer(result.winners), drawings(result), chart=fragment(rows))
+
+
+section = chapters("pareto", "Speed against error", FILE, Pareto, found)
 
 
 def drawings(result: Pareto) -> dict[str, Drawing]:
