@@ -10,11 +10,20 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
+class Motion(msgspec.Struct):
+    type: str
+    period: float
+    to: Vector = ZERO
+    axis: Vector = ZERO
+    centre: Vector = ZERO
+
+
 class Camera(msgspec.Struct):
     position: Vector
     look_at: Vector
     up: Vector
     vertical_fov_degrees: float = 0
+    path: Motion | None = None
 
 
 class Light(msgspec.Struct):

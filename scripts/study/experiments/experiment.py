@@ -135,5 +135,4 @@ def placed(data: Data) -> list[tuple[int, Section]]:
 
 
 def sections(data: Data) -> list[Section]:
-    """The chapters alone."""
     return [section for _, section in placed(data)]

@@ -3,12 +3,13 @@
 import argparse
 import secrets
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from study.core import cli, commands, machine, registry, store
-from study.core.cli import Outcome
+from study.core.cli import Outcome, StudyError
+from study.core.registry import Spec
 from study.experiments.section import Part, where
 from study.pictures.draw import Drawing
 
@@ -30,14 +31,28 @@ def height(
     parser.add_argument(name, type=cli.at_least(least), default=default, metavar="HEIGHT", help=about)
 
 
-def budget(parser: argparse.ArgumentParser, seconds: float) -> None:
-    about = "for everything; default: %(default)s"
-    kind = cli.at_least(1, float)
-    parser.add_argument("--budget", type=kind, default=seconds, metavar="SECONDS", help=about)
+def budget(parser: argparse.ArgumentParser, seconds: float, full: bool = False) -> None:
+    """--budget. `full`: None by default, for which --full may stand instead."""
+    about, kind = f"for everything; default: {seconds:g}", cli.at_least(1, float)
+    default = None if full else seconds
+    parser.add_argument("--budget", type=kind, default=default, metavar="SECONDS", help=about)
+
+
+def programs(names: Iterable[str]) -> tuple[list[Spec], dict[Spec, str]]:
+    """Those to be timed that can run here, and why others cannot. StudyError where none can, or for truth."""
+    specs = [Spec.parse(name) for name in dict.fromkeys(names)]
+    for spec in specs:
+        if registry.find_phase(spec.phase).family == registry.TRUTH:
+            raise StudyError(f"{spec}: is truth itself; name phases that are to be timed")
+    lacking = {
+        spec: f"this CPU lacks {' '.join(flags)}" for spec in specs if (flags := registry.missing_isa(spec))
+    }
+    if len(lacking) == len(specs):
+        raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
+    return [spec for spec in specs if spec not in lacking], lacking
 
 
 def folder(args: argparse.Namespace) -> Path:
-    """Where the files go; StudyError if nothing can be written there."""
     return store.writable(args.run or registry.ROOT / "build" / args.home)
 
 
@@ -59,10 +74,8 @@ def end(
     """Writes the result and its figures: how the command ends. For people: the first table, the files, and
     what was left out unless `remarks` say that."""
     if remarks is None:
-        some = getattr(result, "left_out", [])
-        remarks = [
-            f"left out {' '.join(filter(None, (one.phase, where(one))))}: {one.reason}" for one in some
-        ]
+        some = [(filter(None, (one.phase, where(one))), one) for one in getattr(result, "left_out", [])]
+        remarks = [f"left out {' '.join(name)}: {one.reason}" for name, one in some]
     store.write_json(file, cli.plain(result))
     drawn = draw(file.parent, drawings or {})
     lines = [*(one.markdown for one in parts[:1]), *images, *drawn, file]
@@ -70,5 +83,4 @@ def end(
 
 
 def draw(path: Path, drawings: Mapping[str, Drawing]) -> list[Path]:
-    """Writes them into path/figures."""
     return [file for name, made in drawings.items() for file in made.write(path / "figures" / name)]

@@ -151,7 +151,6 @@ def where(row: Any) -> str:
 
 
 def left_out(name: str, rows: Sequence[Any]) -> list[Part]:
-    """The table of what was not measured."""
     reason = Column("", "why", lambda row: row.reason)
     columns = [Column("", "phase", show.word("phase")), Column("", "scene", lambda row: where(row) or "all")]
     return part(name, "Not measured", rows, [*columns, reason])

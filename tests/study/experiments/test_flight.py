@@ -14,6 +14,7 @@ from conformance.feature_scenes import scene, shape
 from conformance.harness import REFERENCE, keep, render
 from study.core import commands, registry
 from study.core.cli import StudyError
+from study.core.scene_json import Motion
 from study.experiments.flight import measure as flight
 from study.experiments.flight import tables
 from study.experiments.flight.schema import FILE, Flight
@@ -48,16 +49,15 @@ def test_a_place_is_where_the_driver_has_the_camera(path: dict[str, Any], frame:
 
 def test_places_by_hand() -> None:
     """A line's other end after half a period; a circle's quarter turn about y takes x towards -z."""
-    camera = {"position": [1, 2, 3], "path": LINE}
-    assert np.allclose(flight.position(camera, 1), LINE["to"], atol=1e-15)
-    camera = {"position": [1, 2, 0], "path": {"type": "circle", "axis": [0, 2, 0], "period": 4}}
-    assert np.allclose(flight.position(camera, 1), [0, 2, -1], atol=1e-15)
+    assert np.allclose(flight.position((1, 2, 3), Motion(**LINE), 1), LINE["to"], atol=1e-15)
+    circle = Motion("circle", period=4, axis=(0, 2, 0))
+    assert np.allclose(flight.position((1, 2, 0), circle, 1), [0, 2, -1], atol=1e-15)
 
 
 def test_times_are_spread_over_a_path() -> None:
-    assert flight.times({"type": "line", "period": 10}, 6) == [0, 1, 2, 3, 4, 5]
-    assert flight.times({"type": "circle", "period": 10}, 5) == [0, 2, 4, 6, 8]
-    assert flight.times({"type": "line", "period": 10}, 1) == [0]
+    assert flight.times(Motion("line", 10), 6) == [0, 1, 2, 3, 4, 5]
+    assert flight.times(Motion("circle", 10), 5) == [0, 2, 4, 6, 8]
+    assert flight.times(Motion("line", 10), 1) == [0]
 
 
 def test_a_scene_without_a_path_is_refused() -> None:

@@ -91,7 +91,7 @@ def test_the_table_of_a_published_run() -> None:
 def test_from_pictures_to_its_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Two settings: one that is the scene's own picture, one whose five steps leave holes."""
     own, short = "march=rods size=16 least=4 steps=0 finish=0", "march=rods size=16 least=4 steps=1 finish=5"
-    monkeypatch.setattr(throttle, "every_setting", lambda: [short, own])
+    monkeypatch.setattr(throttle, "settings", lambda: [short, own])
     words = ["--still", "--scene", "trio", "-n", "18", "--large", "36", "--launches", "2", "--seed", "1"]
     outcome, _ = commands.called("flight", [*words, "--run", str(tmp_path)])
     (row,) = Throttle.load(tmp_path / THROTTLE).rows
@@ -99,6 +99,6 @@ def test_from_pictures_to_its_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert list(row.finalists) == [own] and row.chosen.launches != row.finalists[own].launches
     assert row.large.n == 36 and row.large.other_ppm == 0 and row.large.gain > 0
     assert row.chosen.wrong_ppm == 0 and row.chosen.evaluations < row.plain.evaluations
-    monkeypatch.setattr(throttle, "every_setting", lambda: [short])
+    monkeypatch.setattr(throttle, "settings", lambda: [short])
     outcome, _ = commands.called("flight", [*words, "--run", str(tmp_path)])
     assert outcome.ended == 1 and len(outcome.failed) == 1

@@ -104,7 +104,6 @@ KINDS = (
 
 
 def _drawing(result: Ablations, kind: Kind, about: str) -> Drawing:
-    """A dot for each gain."""
     title = f"What each {kind.word} gains, and the PSNR that it changes"
 
     def make() -> Figure:
@@ -118,7 +117,6 @@ def _drawing(result: Ablations, kind: Kind, about: str) -> Drawing:
 
 
 def _changed(row: Row) -> str:
-    """PSNR to baseline before and after, where it changes."""
     before, after = decibels("against_psnr_db")(row), decibels("psnr_db")(row)
     return "" if before == after else f"{before} → {after} dB"
 

@@ -69,14 +69,12 @@ class Study:
         self.drop(ablations.build_all(self.specs(), args.jobs), self.failures)
 
     def drop(self, reasons: Mapping[Spec, object], into: list[Reason]) -> None:
-        """Leaves out every ablation of which a program has a reason."""
         for one in list(self.found):
             if reason := reasons.get(one.spec) or reasons.get(one.against):
                 into.append(Reason(ablation=str(one.spec), reason=str(reason)))
                 self.found.remove(one)
 
     def specs(self) -> list[Spec]:
-        """Every program, the baseline first."""
         wanted = [spec for a in self.found for spec in (a.against, a.spec)]
         return list(dict.fromkeys([Spec.parse(registry.BASE), *wanted]))
 

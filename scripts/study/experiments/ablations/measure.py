@@ -42,13 +42,11 @@ class Ablation:
 
     @property
     def reference(self) -> Spec:
-        """Whose picture its own is held against."""
         own = registry.find_phase(self.spec.phase.partition("+")[0])
         return self.against if gate.left_to_truth(own) else Spec.parse(registry.BASE)
 
     @property
     def claim(self) -> float | None:
-        """The speed-up that the paper states."""
         return verdicts.stated(self.paper)
 
     def holds(self, gain: stats.Interval, failed: Iterable[str]) -> str:
@@ -159,7 +157,6 @@ def row(
     times: dict[Case, list[float]],
     metrics: dict[tuple[Spec, Case], dict[str, Any]],
 ) -> Row:
-    """One line of the table. `metrics`: by reference and case."""
     mine, base = (ablation.spec, scene.name), (ablation.against, scene.name)
     without, with_it = (base, mine) if ablation.added else (mine, base)
     gain = stats.ratio_interval(times[without], times[with_it])

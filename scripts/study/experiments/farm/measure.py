@@ -35,7 +35,6 @@ class Found(msgspec.Struct):
 
 
 def able() -> dict[str, Sharded]:
-    """The experiments whose work can be parted, by name."""
     return {name: one.sharded for name, one in experiment.find_all().items() if one.sharded}
 
 

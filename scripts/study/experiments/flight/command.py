@@ -74,7 +74,7 @@ def rest(args: argparse.Namespace) -> Outcome:
     """throttle.json."""
     folder = running.folder(args)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
-    wanted = throttle.every_setting()
+    wanted = throttle.settings()
     rows = []
     for scene in scenes:
         cli.say(f"{scene.name}: {len(wanted)} settings")

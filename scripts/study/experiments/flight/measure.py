@@ -7,7 +7,6 @@ that follows the view: W. Edwards, "Rod Marching" (article, 6 July 2012).
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from msgspec.structs import asdict
@@ -15,6 +14,7 @@ from msgspec.structs import asdict
 from study.core import cli, registry, store
 from study.core.cli import StudyError
 from study.core.registry import Scene
+from study.core.scene_json import Motion, Vector
 from study.experiments.flight import throttle
 from study.experiments.flight.schema import Article, Place, Row, Way
 from study.measuring import hits, launches
@@ -41,7 +41,7 @@ class Settings:
 
 def scenes() -> dict[str, Scene]:
     """The shipped scenes whose camera has a path."""
-    return {name: one for name, one in registry.animated().items() if "path" in one.data["camera"]}
+    return {name: one for name, one in registry.animated().items() if one.content.camera.path}
 
 
 def find(name: str) -> Scene:
@@ -51,33 +51,32 @@ def find(name: str) -> Scene:
     return scenes()[name]
 
 
-def position(camera: dict[str, Any], seconds: float) -> np.ndarray:
+def position(begin: Vector, path: Motion, seconds: float) -> np.ndarray:
     """Where the camera is, in scene units, shape (3,): common/scenes/README.md, Motion. A circle is turned by
     Rodrigues' formula."""
-    start, path = np.array(camera["position"], float), camera["path"]
-    angle = 2 * math.pi * seconds / path["period"]
-    if path["type"] == "line":
-        return start + (np.array(path["to"], float) - start) * (1 - math.cos(angle)) / 2
-    axis = np.array(path["axis"], float) / np.linalg.norm(path["axis"])
-    centre = np.array(path.get("centre", (0, 0, 0)), float)
-    arm = start - centre
+    start, angle = np.array(begin, float), 2 * math.pi * seconds / path.period
+    if path.type == "line":
+        return start + (path.to - start) * (1 - math.cos(angle)) / 2
+    axis = np.array(path.axis, float) / np.linalg.norm(path.axis)
+    arm = start - path.centre
     turned = arm * math.cos(angle) + np.cross(axis, arm) * math.sin(angle)
-    return centre + turned + axis * (axis @ arm) * (1 - math.cos(angle))
+    return path.centre + turned + axis * (axis @ arm) * (1 - math.cos(angle))
 
 
-def times(path: dict[str, Any], count: int) -> list[float]:
+def times(path: Motion, count: int) -> list[float]:
     """Seconds of `count` places: a line's from one end to the other, a circle's all round."""
-    end = path["period"] / 2 if path["type"] == "line" else path["period"] * (count - 1) / count
+    end = path.period / 2 if path.type == "line" else path.period * (count - 1) / count
     return [end * i / max(1, count - 1) for i in range(count)]
 
 
 def still(scene: Scene, seconds: float, folder: Path) -> Scene:
     """The scene from the camera's place at that time, without its path, as a file in `folder`."""
-    camera = {key: value for key, value in scene.data["camera"].items() if key != "path"}
-    place = position(scene.data["camera"], seconds) + 0.0
-    path = folder / f"{scene.name}-{seconds:g}.json"
-    store.write_json(path, scene.data | {"camera": camera | {"position": place.tolist()}})
-    return registry.scene_at(path)
+    camera = scene.content.camera
+    place = {"position": (position(camera.position, camera.path, seconds) + 0.0).tolist()}
+    kept = {key: value for key, value in scene.data["camera"].items() if key != "path"}
+    file = folder / f"{scene.name}-{seconds:g}.json"
+    store.write_json(file, scene.data | {"camera": kept | place})
+    return registry.scene_at(file)
 
 
 def look(scene: Scene, settings: Settings) -> tuple[int, list[Way]]:
@@ -85,9 +84,8 @@ def look(scene: Scene, settings: Settings) -> tuple[int, list[Way]]:
     how = (settings.psnr_db, settings.wrong_ppm, settings.launches, settings.seed)
     found = throttle.choose(scene, settings.n, *how, throttle.settings(SIZES, LEAST, STEPS, FINISH))
     ways = {"rods": ("rods", "march=rods"), "packets": (throttle.PHASE, throttle.PLAIN)}
-    if found.chosen:
-        ways["throttle"] = throttle.PHASE, found.chosen.settings
-    ways["fastest"] = settings.fastest, ""
+    ways |= {"throttle": (throttle.PHASE, found.chosen.settings)} if found.chosen else {}
+    ways |= {"fastest": (settings.fastest, "")}
     size = scene.size(settings.n)
     exact = truth.picture(scene, size)
     cases = {name: throttle.timer(phase, words, scene, size, 2) for name, (phase, words) in ways.items()}
@@ -102,12 +100,11 @@ def look(scene: Scene, settings: Settings) -> tuple[int, list[Way]]:
 
 def fly(scene: Scene, settings: Settings, folder: Path) -> Row:
     """A scene's row. Its camera has a path; `folder` is for the scenes of the places. Raises StudyError."""
-    path = scene.data["camera"]["path"]
-    places = []
-    for seconds in times(path, settings.places):
+    camera, places = scene.content.camera, []
+    for seconds in times(camera.path, settings.places):
         cli.say(f"{scene.name} at {seconds:.3g} s")
         within, ways = look(still(scene, seconds, folder), settings)
-        where = position(scene.data["camera"], seconds).tolist()
+        where = position(camera.position, camera.path, seconds).tolist()
         places.append(Place(seconds=seconds, position=where, within=within, ways=ways))
     width, n = scene.size(settings.n)
-    return Row(scene=scene.name, width=width, n=n, period=path["period"], places=places)
+    return Row(scene=scene.name, width=width, n=n, period=camera.path.period, places=places)

@@ -62,7 +62,6 @@ SUMMARY = [
 
 
 def _place(row: Row, place: Place) -> show.Row:
-    """One place: a frame's time by each way, and what the throttle chose."""
     made = {way.name: way for way in place.ways}
     said = words_of(made.get("throttle"))
     times = {name: ms(made[name]) if name in made else show.NOTHING for name in NAMES}
@@ -94,7 +93,6 @@ def sentence(row: Row) -> str:
 
 
 def _draw(row: Row, article: float) -> Figure:
-    """Frames a second and error along the path, a line a way. `article`: its frames a second."""
     figure = Figure(figsize=(12, 4), layout="constrained")
     title = f"A flight through {row.scene}, {row.width}×{row.n} pixels, one thread"
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
@@ -152,7 +150,6 @@ section = chapters("flight", "A flight through a scene", FILE, Flight, found)
 
 
 def words_of(row: Setting | Way | None) -> str:
-    """A setting for people."""
     if row is None:
         return "none is within the error"
     one = dict(word.split("=") for word in row.settings.split())
@@ -164,7 +161,6 @@ def words_of(row: Setting | Way | None) -> str:
 
 
 def apart(row: Large) -> str:
-    """Two pictures of one scene."""
     psnr = "identical" if row.psnr_db is None else f"{show.number(row.psnr_db)} dB"
     return f"{'not finite' if row.non_finite else psnr}, {row.other_ppm:,.0f} ppm other hits"
 
@@ -205,6 +201,5 @@ def throttle_parts(result: Throttle) -> list[Part]:
 
 
 def system(run: Path) -> System | None:
-    """What a run has of it. The article proposes it and has no figure of it."""
     result = Throttle.load_if_there(run / THROTTLE)
     return System([], throttle_parts(result)) if result else None

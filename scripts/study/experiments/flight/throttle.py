@@ -27,18 +27,17 @@ FINALISTS = 4
 
 
 def settings(
-    sizes: Sequence[int], least: Sequence[int], steps: Sequence[int], finish: Sequence[int]
+    sizes: Sequence[int] = SIZES,
+    least: Sequence[int] = SMALLEST,
+    steps: Sequence[int] = ROD_STEPS,
+    finish: Sequence[int] = FINISH,
 ) -> list[str]:
-    """What may be chosen, with rods, in the words of STEPWISE_RODS."""
+    """What may be chosen, with rods, in the words of STEPWISE_RODS; all of it by default."""
     return [
         f"march=rods size={size} least={small} steps={rod} finish={pixel}"
         for size, small, rod, pixel in itertools.product(sizes, least, steps, finish)
         if small <= size
     ]
-
-
-def every_setting() -> list[str]:
-    return settings(SIZES, SMALLEST, ROD_STEPS, FINISH)
 
 
 def timer(phase: str, words: str, scene: Scene, size: Size, reps: int) -> Callable[[int], float]:

@@ -13,8 +13,6 @@ DESCRIPTION = """\
 Whole frames: rendering on every core, then gamma and 8 bits. scene0 at 1920×1080 and mandelbulb at 1280×720,
 each with the scene's own hit distance and with half a pixel's. The newest phases come first."""
 SECONDS = 60
-
-
 STATUSES = {cli.FAILED: "a picture has samples that are not finite, or is displayed as another"}
 
 

@@ -107,7 +107,6 @@ def reps_of(seconds: float) -> int:
 
 
 def cost(seconds: float, launches: int) -> float:
-    """Seconds of all launches of frames that take `seconds`."""
     return launches * ((reps_of(seconds) + 1) * (seconds + A_FRAME) + OVERHEAD)
 
 

@@ -137,7 +137,6 @@ def drawings(result: Frames) -> dict[str, Drawing]:
 
 
 def found(result: Frames) -> Found:
-    """Finished frames a second on every core, presenting included."""
     caption = "Finished frames a second on every core, gamma and 8 bits included"
     parts = part("frames", caption, result.rows, RATES, COARSE)
     parts += left_out("frames-left-out", result.left_out)

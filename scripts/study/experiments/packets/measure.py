@@ -48,6 +48,7 @@ UNBOUND_STEPS = 3000  # no ray of these scenes needs as many; most of them have 
 GRANTED_DB = 0.1  # a tenth of the third digit of a PSNR
 ENOUGH_DB = 80.0  # an RMS error of 1/39 of a display level, which nobody sees: as in phase.json
 ARTICLE = Article(scalar_ms=3156, sse_ms=172, speed_up=18.35, cpu="Core 2 Duo, 1.6 GHz")
+NORMALISED = ("vectors", "isa", "layout", "name", "max_ulp")  # of a row of stepwise functions
 ROUNDS = 6  # of normalising: the fewest that have an interval
 MOST_OTHERS = 1e-4  # of the rays may have another hit than Embree's: those that graze
 
@@ -137,7 +138,7 @@ def limits_of(scene: Scene) -> list[dict[str, Any]]:
     """What a march may be told: each hit distance with the scene's own cap of steps, and with one that does
     not bind where the scene's does. None: the scene's own.
     """
-    caps = [None, UNBOUND_STEPS] if scene.data["march"]["max_steps"] < UNBOUND_STEPS else [None]
+    caps = [None, UNBOUND_STEPS] if scene.content.march.max_steps < UNBOUND_STEPS else [None]
     return [{"hit_distance": hit, "max_steps": cap} for cap in caps for hit in HIT_DISTANCES]
 
 
@@ -211,12 +212,11 @@ def normalised(vectors: int, seed: int) -> list[Normalise]:
     rows = function_bench.normalise(vectors, ROUNDS, seed, run.FASTEST)
     made = []
     for row in (one for one in rows if one.vectors == max(row.vectors for row in rows)):
-        about: dict[str, Any] = {key: getattr(row, key) for key in ("vectors", "isa", "layout", "name")}
+        about: dict[str, Any] = {key: getattr(row, key) for key in NORMALISED}
         for end, key in (("", "value"), ("_low", "low"), ("_high", "high")):
             ns = getattr(row.ns, key)
-            about[f"ms{end}"] = ns and ns * row.vectors * 1e-6
-            about[f"gain{end}"] = getattr(row.speedup, key)
-        made.append(Normalise(max_ulp=row.max_ulp, **about))
+            about |= {f"ms{end}": ns and ns * row.vectors * 1e-6, f"gain{end}": getattr(row.speedup, key)}
+        made.append(Normalise(**about))
     return made
 
 

@@ -11,7 +11,6 @@ MANY = 4096
 
 
 def only(name: str, types: tuple[str, ...]) -> dict[str, Any]:
-    """A scene with its shapes of those types alone."""
     data = find_scene(name).data
     return data | {"shapes": [shape for shape in data["shapes"] if shape["type"] in types]}
 

@@ -30,7 +30,6 @@ def variant(row: Rays, name: str) -> Rate | None:
 
 
 def rate(row: Rate | None) -> str:
-    """Million rays a second with the interval."""
     return show.NOTHING if row is None else show.interval(row, "mrays", 3)
 
 
@@ -54,10 +53,8 @@ def agreement(row: Rays) -> str:
 
 
 def _unlike(row: Rays) -> str:
-    found = row.agreement
-    if found is None:
-        return show.NOTHING
-    return f"{found.other_shape} of {found.compared:,} hits unlike Embree's"
+    met = row.agreement
+    return f"{met.other_shape} of {met.compared:,} hits unlike Embree's" if met else show.NOTHING
 
 
 def _variants(names: dict[str, str]) -> list[Column]:
@@ -118,7 +115,7 @@ def drawn_rows(result: Packets) -> list[show.Row]:
 
 
 def _gain(row: show.Row) -> str:
-    return "base" if row["phase"] == "packets" else show.interval(row, "gain", 3, "×")
+    return "base" if row.get("phase") == "packets" else show.interval(row, "gain", 3, "×")
 
 
 def _own(name: str, title: str) -> Column:
@@ -132,7 +129,7 @@ DRAWN = [
     _own("hit_distance", "hit distance"),
     _own("max_steps", "step cap"),
     Column("", "ms a frame [95 %]", lambda r: show.interval(r, "ms", 3)),
-    Column("", "packets is faster by [95 %]", lambda r: _gain(r)),
+    Column("", "packets is faster by [95 %]", _gain),
     Column("", "equal error", show.word("equal")),
     Column(hit_tables.TRUTH, "PSNR, dB", show.plain("psnr_db")),
     Column(hit_tables.TRUTH, "wrong hits, ppm", show.plain("wrong_ppm")),
@@ -202,11 +199,9 @@ def draw_equal(result: Packets) -> Figure:
             if row.non_finite:  # no PSNR for another reason than 160 dB's
                 continue
             i, traced = names.index(row.phase), row.phase == "packets"
-            style = {
-                "marker": "*" if traced else MARKERS[i % len(MARKERS)],
-                "markersize": 14 if traced else 7,
-            }
-            style["color"] = COLOURS[4] if traced else COLOURS[(0, 1, 2, 3, 5, 6)[i % 6]]
+            colour = COLOURS[4] if traced else COLOURS[(0, 1, 2, 3, 5, 6)[i % 6]]
+            marker = "*" if traced else MARKERS[i % len(MARKERS)]
+            style = {"marker": marker, "markersize": 14 if traced else 7, "color": colour}
             point = [row.threads[0].ms], [160 if row.psnr_db is None else row.psnr_db]
             panel.plot(*point, linestyle="none", label=row.phase, **style)
         panel.axhline(ENOUGH_DB, color="#888888", linestyle=":", linewidth=1)
@@ -246,7 +241,6 @@ def rays_claims(result: Packets) -> list[Claim]:
 
 
 def system(run: Path) -> System | None:
-    """What a run has of it."""
     result = Packets.load_if_there(run / FILE)
     if result is None:
         return None

@@ -69,25 +69,17 @@ def measured(
 
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
-    specs = [Spec.parse(name) for name in dict.fromkeys(args.phase)]
+    specs, lacking = running.programs(args.phase)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
-    lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
     run.cpu_set(args.cpu, 1)
-    able = [spec for spec in specs if not lacking[spec]]
-    if not able:
-        raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
 
     def keep(found: Pareto) -> None:
         """A run that is killed leaves the scenes that were done; the page says which were not."""
         if found.rows:
             store.write_json(folder / FILE, cli.plain(found))
 
-    result = measured(args, able, scenes, keep)
-    result.skipped += [
-        Skipped(phase=str(spec), scene="any scene", reason=f"this CPU lacks {what}")
-        for spec, what in lacking.items()
-        if what
-    ]
+    result = measured(args, specs, scenes, keep)
+    result.skipped += [Skipped(phase=str(s), scene="any scene", reason=why) for s, why in lacking.items()]
     remarks = dict.fromkeys(f"skipped {s.phase} on {s.scene}: {s.reason}" for s in result.skipped)
     if not result.rows:
         raise StudyError("\n".join([*remarks, "nothing was measured: every point was refused"]))

@@ -21,7 +21,6 @@ MEASURES = {
     "dt_p99": ("|Δt|, 99th percentile", "scene units"),
 }
 LEVELS = (40, 50, 60, 80)  # dB
-FACTOR = 4  # of the averaged pictures of fractals, each way
 WITHIN = 2  # times the time of a nearer point: farther from it none is timed again
 
 

@@ -18,13 +18,14 @@ import numpy as np
 from study.core import progress, run
 from study.core.registry import BASE, Scene, Spec
 from study.core.run import DriverError
-from study.experiments.pareto.fronts import FACTOR, MEASURES, WITHIN
+from study.experiments.pareto.fronts import MEASURES, WITHIN
 from study.experiments.pareto.schema import TRUTHS, Row
 from study.measuring import launches as launched
 from study.numbers import stats
 from study.numbers.schema import Interval, Skipped
 from study.pictures import images
 from study.truth import judging, truth
+from study.truth.judging import FACTOR
 
 T = TypeVar("T")
 LONG = 0.25  # s; a frame longer than that warms itself up (scripts/stepwise sweep --long)
@@ -32,19 +33,11 @@ LONG = 0.25  # s; a frame longer than that warms itself up (scripts/stepwise swe
 HIT_DISTANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 STEPS = (64, 256, 3000)
 # Precision is the phase's own; these ablations switch an approximation of the root.
-SWITCHES = (
-    "opt2+fast_root_1",
-    "opt2+fast_root_2",
-    "opt2+fast_root_3",
-    "opt4+rsqrt",
-    "opt4+rsqrt_newton",
-)
+SWITCHES = (*(f"opt2+fast_root_{steps}" for steps in (1, 2, 3)), "opt4+rsqrt", "opt4+rsqrt_newton")
 
 
 @dataclass(frozen=True)
 class Point:
-    """A program and the two march parameters it is given."""
-
     scene: str
     spec: Spec
     hit_distance: float
@@ -59,7 +52,6 @@ class Point:
 
 
 def own(scene: Scene) -> tuple[float, int]:
-    """The scene's own hit distance and step cap."""
     march = scene.content.march
     return march.hit_distance, march.max_steps
 
@@ -132,7 +124,6 @@ def on_every_core(what: Callable[[Point], T], points: Sequence[Point], about: st
 def judge(
     points: Sequence[Point], scene: Scene, height: int, folder: Path
 ) -> tuple[dict[Point, Row], list[Skipped]]:
-    """Errors of every point; and what was refused, with its reason."""
     factor = FACTOR if scene.fractal else 1
     width, _ = scene.size(height)
     exact = truth.picture(scene, (width * factor, height * factor))

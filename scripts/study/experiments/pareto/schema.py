@@ -19,18 +19,12 @@ class Row(Record, kw_only=True):
     max_steps: Annotated[int, key("evaluations", "as used")]
     own_parameters: Annotated[bool, key("", "whether both are the scene's own")] = False
     converged_only: Annotated[bool, key("", "a fractal: its hits are not judged")] = False
-    beaten_by: Annotated[
-        dict[str, str] | None, key("", "null: timed in full; else measure → the point that beats it")
-    ] = None
+    beaten_by: Annotated[dict[str, str] | None, key("", "by measure; null: timed in full")] = None
     ns_per_pixel: Annotated[Interval, key("ns", "one launch has no interval")]
     speedup: Annotated[Interval | None, key("×", "over baseline with the scene's own parameters")] = None
     threads: Annotated[int | None, key("threads", "as the driver said")] = None
-    evals_per_ray: Annotated[
-        float, key("evaluations", "of the whole scene's distance, mean over camera rays")
-    ] = math.nan
-    evals_per_pixel: Annotated[
-        float, key("evaluations", "of all rays and normals, lanes at work; null: not counted")
-    ] = math.nan
+    evals_per_ray: Annotated[float, key("evaluations", "of the scene, mean over camera rays")] = math.nan
+    evals_per_pixel: Annotated[float, key("evaluations", "all rays, normals; null: not counted")] = math.nan
     ns_per_eval: Annotated[float, key("ns", "`ns_per_pixel` / `evals_per_pixel`")] = math.nan
     non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")] = 0
     false_hits_ppm: Annotated[float, key("ppm", "of proved pixels")] = math.nan
@@ -39,9 +33,7 @@ class Row(Record, kw_only=True):
     wrong_shape_ppm: Annotated[float, key("ppm", "of proved pixels")] = math.nan
     dt_p99: Annotated[float, key("scene units", "99th percentile of |Δt|")] = math.nan
     dt_max: Annotated[float, key("scene units", "its maximum")] = math.nan
-    psnr_db: Annotated[
-        float, key("dB", "to truth; of fractals averaged pictures; null: infinite, if all is finite")
-    ] = math.nan
+    psnr_db: Annotated[float, key("dB", "to truth, of fractals' means; null: infinite if finite")] = math.nan
     psnr_ideal_db: Annotated[float, key("dB", "to truth with the ideal shadow")] = math.nan
     depth_agree_fraction: Annotated[float, key("share of pixels", "of fractals")] = math.nan
 
@@ -67,12 +59,6 @@ class Row(Record, kw_only=True):
             return math.nan
         value = getattr(self, measure)
         return -value if measure in TRUTHS else value
-
-    @property
-    def parameters(self) -> str:
-        if self.own_parameters:
-            return "own parameters"
-        return f"hit {self.hit_distance:g}, cap {self.max_steps}"
 
 
 class Winner(Record, kw_only=True):

@@ -195,8 +195,6 @@ def _timed(row: Row) -> str:
 
 @dataclass(frozen=True)
 class Place:
-    """The winner of each level of a scene and truth."""
-
     scene: str
     truth: str
     levels: dict[float, Winner]
@@ -215,7 +213,6 @@ def _level(level: int) -> Column:
 
 
 def by_level(winners: Sequence[Winner]) -> list[Place]:
-    """Winners as a row per scene and truth, with the winner of each level."""
     found: dict[tuple[str, str], dict[float, Winner]] = {}
     for winner in winners:
         found.setdefault((winner.scene, TRUTHS[winner.metric]), {})[winner.level_db] = winner
@@ -299,7 +296,6 @@ section = chapters("pareto", "Speed against error", FILE, Pareto, found)
 
 
 def drawings(result: Pareto) -> dict[str, Drawing]:
-    """File name → figure of each measure that any row has."""
     made = {}
     for measure, (name, caption) in FIGURES.items():
         able = [row for row in result.rows if not math.isnan(row.badness(measure))]

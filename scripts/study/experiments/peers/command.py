@@ -18,6 +18,7 @@ Draws scenes without shadows and mirrors by our phases and by other programs: PO
 Taichi, fidget, and OpenGL and OpenCL on the CPU by Mesa's llvmpipe and PoCL. A program that is not there is
 left out by name. --install puts those from PyPI and crates.io into build/peers; Debian's packages are
 named."""
+SAID = ("timed", "differs", "least_db")  # what a Program has of its Peer
 STATUSES = {cli.FAILED: "a picture is wrong", cli.CANNOT_RUN: "none of the other programs can run here"}
 
 
@@ -37,7 +38,6 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def others(args: argparse.Namespace) -> tuple[dict[str, Peer], list[Skipped]]:
-    """The peers that can run here, and those that cannot, with the reason."""
     able, out = {}, []
     for name, one in peer.find_all().items():
         if name not in (args.peer or peer.find_all()):
@@ -78,20 +78,14 @@ def measure(args: argparse.Namespace) -> Outcome:
     told, failed = work.judged(points, args.error_n)
     points = [point for point in points if (point.program, point.scene) in told]
     times = run.interleaved(points, args.launches, args.seed, args.cpu, work.once)
-    drew = [name for name in able if any(name == point.program for point in points)]
+    drew = [(one, work.versions[name]) for name, one in able.items() if name in {p.program for p in points}]
     result = Peers(
         **running.about(args),
         n=args.n,
         error_n=args.error_n,
         programs=[
-            Program(
-                program=able[name].title,
-                version=work.versions[name],
-                timed=able[name].timed,
-                differs=able[name].differs,
-                least_db=able[name].least_db,
-            )
-            for name in drew
+            Program(program=one.title, version=version, **{name: getattr(one, name) for name in SAID})
+            for one, version in drew
         ],
         rows=work.rows(times, told),
         left_out=out + failed,

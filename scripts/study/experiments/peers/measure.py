@@ -11,22 +11,21 @@ from study.core import cli, registry, run, store, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.experiments.peers.peer import Drawn, Job, Peer
+from study.measuring import launches
 from study.numbers import stats
 from study.numbers.beside import PeerRow
 from study.numbers.schema import Interval, Skipped
 from study.pictures import images
 from study.truth import truth
+from study.truth.judging import FACTOR
 
 FRAMES = 4  # timed ones of a launch; one where a frame takes a second
-FACTOR = 4  # of the averaged pictures of fractals, each way
 PHASES = ("opt4", "opt9_convex", "opt10_scene")
 Errors = dict[str, Any]  # the keys of PictureErrors
 
 
 @dataclass(frozen=True)
 class Point:
-    """A program on a scene, on a number of threads."""
-
     program: str
     scene: str
     threads: int
@@ -81,9 +80,9 @@ class Measuring:
                 return self.others[point.program].draw(job)
             out = folder / "picture.exr" if picture else None
             how: dict[str, Any] = {"cpu": self.cpu, "threads": point.threads, "env_bytes": padding}
-            how |= {"warmup": int(frames > 1), "reps": frames, "timed": False, "out": out}
-            made = run.render(point.program, scene.path, size[1], size[0], **how)
-            ns = [frame["ns"] for frame in made["frames"] if not frame["warmup"]]
+            how |= {"warmup": int(frames > 1), "reps": frames, "out": out}
+            made = launches.render(point.program, scene.path, size[1], size[0], **how)
+            ns = [frame.ns for frame in made.timed]
             return Drawn(ns, "", images.rgb(images.read(out)) if out else None)
 
     def judge(self, point: Point, height: int) -> Errors:
@@ -99,7 +98,6 @@ class Measuring:
     def judged(
         self, points: Sequence[Point], height: int
     ) -> tuple[dict[tuple[str, str], Errors], list[Skipped]]:
-        """Errors by program and scene, and what could not be drawn."""
         found, out = {}, []
         for program, scene in dict.fromkeys((point.program, point.scene) for point in points):
             try:

@@ -78,6 +78,10 @@ class Peer(abc.ABC):
     least_db: dict[str, float]
     cores: bool = True
 
+    @property
+    def home(self) -> Path:
+        return HOME / self.name
+
     @abc.abstractmethod
     def lacking(self) -> str | None:
         """What it needs and how to get it; None where it can run."""
@@ -113,10 +117,6 @@ class Python(Peer):
     packages: Sequence[str] = ()
     modules: str = ""
     environment: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def home(self) -> Path:
-        return HOME / self.name
 
     def lacking(self) -> str | None:
         if venvs.has(venvs.python_of(self.home), self.modules):
@@ -156,7 +156,6 @@ class Python(Peer):
 
 @cache
 def find_all() -> dict[str, Peer]:
-    """Every peer by its name, found by its file."""
     names = sorted(path.stem for path in Path(__file__).with_name("programs").glob("[a-z]*.py"))
     found = [importlib.import_module(f"study.experiments.peers.programs.{name}").PEER for name in names]
     return {one.name: one for one in found}

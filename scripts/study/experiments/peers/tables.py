@@ -61,7 +61,6 @@ def answer(result: Peers) -> str:
 
 
 def note(result: Peers) -> str:
-    """What was run, and what was left out."""
     lines = [
         f"{result.machine}; n = {result.n}, {result.launches} interleaved launches; errors in linear RGB at "
         f"n = {result.error_n}, of a Mandelbulb's 4×4 means. Scenes `_plain` have no shadows and no mirrors. "

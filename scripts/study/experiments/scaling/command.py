@@ -2,11 +2,9 @@
 
 import argparse
 import time
-from collections.abc import Iterable
 
 from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
-from study.core.registry import Spec
 from study.experiments import running
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling import tables
@@ -29,28 +27,11 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--phase", nargs="+", default=ladder, metavar="PHASE", help="default: the ladder")
     about = f"height where it is not what varies; default: {HEIGHT}"
     add("-n", type=cli.at_least(16), metavar="HEIGHT", help=about)
-    about = f"for everything; default: {SECONDS:g}"
-    add("--budget", type=cli.at_least(1, float), metavar="SECONDS", help=about)
+    running.budget(parser, SECONDS, full=True)
     add("--full", action="store_true", help=f"n = {FULL_HEIGHT} and {FULL_SECONDS:g} s: nearly every point")
     add("--scene-seed", type=int, default=1, help="of the generated scenes; default: 1")
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     running.options(parser, f"{FILE}, figures/", "scaling")
-
-
-def programs(names: Iterable[str]) -> tuple[list[Spec], list[LeftOut]]:
-    """Those that can run here, and the others with the reason. Raises StudyError."""
-    able, left_out = [], []
-    for spec in map(Spec.parse, dict.fromkeys(names)):
-        if registry.find_phase(spec.phase).family == registry.TRUTH:
-            raise StudyError(f"{spec}: is truth itself; name phases that are to be timed")
-        if lacking := registry.missing_isa(spec):
-            reason = f"this CPU lacks {' '.join(lacking)}"
-            left_out.append(LeftOut(series="all", x=0, phase=str(spec), reason=reason))
-        else:
-            able.append(spec)
-    if not able:
-        raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
-    return able, left_out
 
 
 def measure(args: argparse.Namespace) -> Outcome:
@@ -59,7 +40,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     run.cpu_set(args.cpu, 1)
     height = args.n or (FULL_HEIGHT if args.full else HEIGHT)
     seconds = args.budget or (FULL_SECONDS if args.full else SECONDS)
-    specs, left_out = programs(args.phase)
+    specs, unable = running.programs(args.phase)
+    left_out = [LeftOut(series="all", x=0, phase=str(spec), reason=why) for spec, why in unable.items()]
     scenes = registry.ROOT / "build" / "scaling" / "scenes"
     known = series(height, args.scene_seed, scenes)
     wanted = chosen(known, args.series or [*known])

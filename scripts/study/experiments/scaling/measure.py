@@ -45,8 +45,6 @@ MOST_JUDGED = 2_100_000  # pixels of a picture that is kept with its planes; lar
 
 @dataclass
 class First:
-    """What a point's first frame told: seconds, and its picture where that was kept."""
-
     seconds: float
     picture: Path | None = None
 
@@ -84,7 +82,6 @@ def frames_of(series: Series, seconds: float) -> tuple[int, int]:
 
 
 def cost(seconds: float, launches: int, series: Series) -> float:
-    """Seconds of all launches of a point."""
     return launches * (sum(frames_of(series, seconds)) * seconds + OVERHEAD)
 
 
@@ -160,8 +157,6 @@ def too_long(needed: float, seconds: float) -> str:
 
 
 class Measuring:
-    """One series: pictures, times and errors of its points."""
-
     def __init__(self, series: Series, settings: Settings, seconds: float) -> None:
         self.series, self.settings = series, settings
         self.truth_left = settings.truth_left + TRUTH_SHARE * seconds

@@ -61,9 +61,7 @@ class Crowd(Record, kw_only=True):
     phase: Annotated[str, key("", "its name")]
     n: Annotated[int | None, key("pixels", "height of the pictures")] = None
     shapes: Annotated[int | None, key("shapes", "the largest number measured")] = None
-    ratio: Annotated[
-        Interval | None, key("×", "time over that of 16 shapes, of `crowd` where it is there")
-    ] = None
+    ratio: Annotated[Interval | None, key("×", "time over that of 16 shapes; of `crowd`, if any")] = None
     coverage: Annotated[list[float | None] | None, key("share of pixels", "that hit, of both")] = None
     scenes: Annotated[list[int] | None, key("scenes", "of `crowd`; null: one of each")] = None
     mean_ms: Annotated[list[float] | None, key("ms", "their means; `ratio` is of these, by Welch")] = None

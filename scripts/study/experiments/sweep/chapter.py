@@ -41,13 +41,11 @@ def to_truth(row: Row) -> str:
 
 
 def fastest(data: Data) -> dict[str, Row]:
-    """Scene → the fastest row of its ladder."""
     ladders = ladder.ladders(ladder.rows(data))
     return {scene: group.loc[group.ms.idxmin()] for scene, group in ladders.items()}
 
 
 def _answer(best: dict[str, Row]) -> str:
-    """Of each scene the fastest phase, its gain, its error."""
     said = []
     for scene, row in best.items():
         text = f"on {scene} {row.phase} takes {show.interval(row, 'ms')} ms"
@@ -90,7 +88,6 @@ def speeds(data: Data) -> Section:
 
 
 def sizes(data: Data) -> Section:
-    """Time of a frame against picture height."""
     made, file = Found(), data.path / "frames.jsonl"
     with reading(file, f"scripts/stepwise sweep --run {data.path}"):
         rows = ladder.rows(data)

@@ -115,8 +115,6 @@ def with_defaults(args: argparse.Namespace) -> argparse.Namespace:
 
 
 class Drawn(msgspec.Struct):
-    """What a sweep asks of a frame that the driver prints."""
-
     schema: int
     scene_hash: str
     frame: int
@@ -169,7 +167,6 @@ class Sweep:
         return seconds[len(seconds) // 2]
 
     def remaining(self) -> float:
-        """Seconds that the missing launches are expected to take."""
         return sum(self.expected(c) * (self.plan.launches - self.done(c)) for c in self.configs)
 
     def budget(self) -> float:
@@ -252,7 +249,6 @@ class Sweep:
             bar.to(total)
 
     def finish(self) -> None:
-        """Write what the budget did not reach, and that the run is over."""
         self.plan.not_reached = [
             Short(name=str(config), config=config.config, launches=self.done(config))
             for config in self.configs
@@ -289,7 +285,6 @@ def resume(args: argparse.Namespace) -> Sweep:
 
 
 def start(plan: Plan, args: argparse.Namespace) -> Sweep:
-    """A new run, with its folder and context."""
     target = store.Run.create(args.results, machine.slug())
     target.lock()
     context = machine.context(plan.cpu or 0)
@@ -300,14 +295,11 @@ def start(plan: Plan, args: argparse.Namespace) -> Sweep:
 
 
 class Estimate(Plan, kw_only=True):
-    """What a dry run says."""
-
     estimated_s: float
     launches_to_do: int
 
 
 def dry_run(sweep: Sweep) -> Outcome:
-    """What would be measured and how long it would take."""
     plan, seconds = sweep.plan, sweep.remaining()
     rows = [
         {"name": str(one), "s": sweep.expected(one), "launches": plan.launches - sweep.done(one)}

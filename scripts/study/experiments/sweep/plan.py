@@ -29,8 +29,6 @@ class One(msgspec.Struct):
 
 
 class Tried(msgspec.Struct):
-    """What a plan asks of the driver's answer."""
-
     frames: list[One]
     width: int
     height: int
@@ -83,14 +81,12 @@ def wanted_specs(names: Iterable[str], second_base: bool) -> list[Spec]:
 
 
 def skip(plan: Plan, left: Left) -> None:
-    """Record in the plan what cannot run here, and say so."""
     plan.skipped.append(left)
     what = [left.spec, left.scene, left.threads]
     cli.say(f"skipped: {' '.join(str(word) for word in what if word)}: {left.reason}")
 
 
 def fail(plan: Plan, left: Left, error: DriverError) -> None:
-    """Record a crash in the plan, and say so."""
     about = {"status": error.status, "message": error.message, "time": now()}
     plan.failures.append(msgspec.structs.replace(left, **about))
     cli.say(f"failed: {left.spec} {left.scene}: {error.message}")

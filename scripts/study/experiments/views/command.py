@@ -28,8 +28,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     running.height(parser, 45, "of what is held against ground truth", "--error-n", 8)
     about = "timed frames of a launch at least, and 20 ms of them; default: 1"
     add("--reps", type=cli.at_least(1), default=1, help=about)
-    about = f"for everything; default: {SECONDS}"
-    add("--budget", type=cli.at_least(1, float), metavar="SECONDS", help=about)
+    running.budget(parser, SECONDS, full=True)
     add("--full", action="store_true", help="every phase, however long that takes")
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
     running.options(parser, f"{FILE}, figures/", "views")

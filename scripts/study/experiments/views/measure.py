@@ -120,8 +120,6 @@ def choose(
 def _tried(
     spec: Spec, views: Sequence[View], jobs: int, first: Callable[[Spec, View], float], plan: Plan
 ) -> dict[Point, float]:
-    """Small pictures of every view: their pace."""
-
     def one(view: View) -> float | DriverError:
         try:
             return first(spec, view)

@@ -94,25 +94,20 @@ def ratios(result: Views) -> Figure:
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     axes = figure.subplots()
     axes.axhline(1, color="#888888", linewidth=1)
+    line = {"color": "black", "linewidth": 2, "zorder": 4}
+    dots: dict[str, Any] = {"s": 16, "color": "#56B4E9", "linewidth": 0, "zorder": 2}
+    marks: dict[str, Any] = {"s": 46, "marker": "D", "color": "#D55E00", "zorder": 3}
     for place, gain in enumerate(found):
         named = (lambda text: text) if place == 0 else (lambda text: "")  # for the legend, once
         mine = [row for row in result.rows if row.phase == gain.phase and row.ratio]
         others, tuned = ([row.ends[0] for row in mine if row.tuned is flag] for flag in (False, True))
         aside = place + 0.5 * (np.arange(len(others)) / max(1, len(others) - 1) - 0.5)
-        dots: dict[str, Any] = {"s": 16, "color": "#56B4E9", "linewidth": 0, "zorder": 2}
         axes.scatter(aside, others, **dots, label=named("another view"))
-        marks: dict[str, Any] = {"s": 46, "marker": "D", "color": "#D55E00", "zorder": 3}
-        axes.scatter(
-            [place - 0.36 + 0.08 * i for i in range(len(tuned))], tuned, **marks, label=named("a tuned view")
-        )
+        beside = place - 0.36 + 0.08 * np.arange(len(tuned))
+        axes.scatter(beside, tuned, **marks, label=named("a tuned view"))
         middle = gain.median.ends[0] if gain.median else math.nan
-        about: dict[str, Any] = {
-            "color": "black",
-            "linewidth": 2,
-            "zorder": 4,
-            "label": named("median of the other views"),
-        }
-        axes.plot([place - 0.3, place + 0.3], [middle] * 2, **about)
+        label = named("median of the other views")
+        axes.plot([place - 0.3, place + 0.3], [middle] * 2, label=label, **line)
         if gain.worst:
             box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.85}
             under: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "top", "bbox": box}

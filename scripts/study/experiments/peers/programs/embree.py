@@ -7,7 +7,7 @@ import numpy as np
 
 from study.core.cli import StudyError
 from study.core.registry import Scene, find_scene
-from study.experiments.peers import shade
+from study.experiments.peers import shader
 from study.experiments.peers.peer import Drawn, Job, Peer
 from study.measuring import rays as packets
 
@@ -18,21 +18,20 @@ def shaded(scene: Scene, rays: packets.Rays, hits: np.ndarray) -> np.ndarray:
     met, d = shape >= 0, rays[:, 3:6].astype(float)
     which = shape[met].astype(int)
     p = rays[met, :3] + t[met, None] * d[met]
-    return shade.colours(scene.content, d, met, p, packets.normals(scene.content.shapes, p, which), which)
+    return shader.colours(scene.content, d, met, p, packets.normals(scene.content.shapes, p, which), which)
 
 
 @dataclass(frozen=True)
 class Embree(Peer):
     def lacking(self) -> str | None:
         """It is asked for the hits of one ray."""
-        scene = find_scene("spheres40")
+        lacking = "needs Debian's package libembree-dev when build/packets/hits is built"
         try:
             record, _ = packets.hits(
-                scene.path, np.zeros((1, 7), "<f4") + np.float32(1), "primary", beside=True
+                find_scene("spheres40").path, np.ones((1, 7), "<f4"), "primary", beside=True
             )
         except StudyError as error:
-            return f"needs Debian's package libembree-dev when build/packets/hits is built: {error}"
-        lacking = "needs Debian's package libembree-dev when build/packets/hits is built"
+            return f"{lacking}: {error}"
         return None if record.embree16_ns else lacking  # packets of 16: its fastest for camera rays
 
     def draw(self, job: Job) -> Drawn:

@@ -16,7 +16,7 @@ from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.scene_json import Content, Shape
 from study.experiments.peers import peer as common
-from study.experiments.peers import shade, shader
+from study.experiments.peers import shader
 from study.experiments.peers.peer import Drawn, Job, Peer, Said, run
 
 WORKER = common.WORKERS / "fidget"
@@ -110,15 +110,11 @@ def shaded(scene: Content, depth: np.ndarray) -> np.ndarray:
     which = np.abs(at(p)).argmin(axis=0)
     n = np.stack([(at(p + e) - at(p - e))[which, np.arange(len(p))] for e in STEP * np.eye(3)], -1)
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    return shade.colours(scene, d, met, p, n, which).reshape(*depth.shape, 3)
+    return shader.colours(scene, d, met, p, n, which).reshape(*depth.shape, 3)
 
 
 @dataclass(frozen=True)
 class Fidget(Peer):
-    @property
-    def home(self) -> Path:
-        return common.HOME / self.name
-
     @property
     def program(self) -> Path:
         return self.home / "target" / "release" / "draw_fidget"

@@ -89,7 +89,6 @@ def translated(scene: Content, width: int, height: int) -> str:
 
 
 def read_linear(path: Path) -> np.ndarray:
-    """The linear colours of a PNG of 16 bits."""
     pixels = oiio.ImageBuf(str(path)).get_pixels("uint16")
     if pixels is None or not pixels.size:
         raise StudyError(f"POV-Ray: {path.name} is no readable picture", CANNOT_RUN)
