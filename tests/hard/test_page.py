@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from study.core import cli, commands, store
 from study.core.cli import StudyError
 from study.experiments.stability import cases as hard
-from study.experiments.stability import chapter, figures, tables
+from study.experiments.stability import experiment, figures, tables
 from study.experiments.stability.cases import measure
 from study.experiments.stability.schema import FILE, Phase, Skipped, Stability
 
@@ -33,9 +34,9 @@ def data() -> Stability:
 
 
 def test_the_chapter_is_of_the_file_alone(tmp_path: Path) -> None:
-    assert chapter.hard(tmp_path).html == ""
+    assert experiment.section(SimpleNamespace(path=tmp_path)).html == ""
     store.write_json(tmp_path / FILE, cli.plain(data()))
-    found = chapter.hard(tmp_path)
+    found = experiment.section(SimpleNamespace(path=tmp_path))
     assert "narrow &amp; &lt;b&gt;wide&lt;/b&gt;, <em>so</em>" in found.html and "a &lt;i&gt; b" in found.html
     assert 'href="#hard-03-halo"' in found.html and "data:image/" in found.html
     assert ">0.1</td>" in found.html and '<td class="good">·</td>' in found.html

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 
 from study.core.schema import Record, key
+from study.counting.schema import Drawn
 from study.numbers.schema import Result
 
 
@@ -21,15 +22,10 @@ class Share(Record, kw_only=True, omit_defaults=True):
     seconds: Annotated[float | None, key("s", "of a frame")] = None
 
 
-class Profiled(Record, kw_only=True, omit_defaults=True):
+class Profiled(Drawn, kw_only=True, omit_defaults=True):
     """Samples of one build's timed frames."""
 
-    phase: Annotated[str, key("", "its name")]
-    flags_from: Annotated[str, key("", "the phase whose compiler flags built it")]
     variant: Annotated[Literal["shipped", "calls"], key("", "`shipped`, or `calls`: without inlining")]
-    scene: Annotated[str, key("", "its name")]
-    width: Annotated[int, key("pixels", "of the picture", ge=1)]
-    height: Annotated[int, key("pixels", "of the picture", ge=1)]
     event: Annotated[str, key("", "that was sampled")]
     frames: Annotated[int, key("frames", "sampled", gt=0)]
     frame_ns: Annotated[float, key("ns", "median wall time of these")]
@@ -41,10 +37,6 @@ class Profiled(Record, kw_only=True, omit_defaults=True):
     functions: Annotated[list[Share], key("", "most first", min_length=1)]
     left_out: Annotated[dict[str, int], key("samples", "function → what was not of a frame")]
     kernel: Annotated[str | None, key("", "why general code ran; null: the phase generates none")] = None
-
-    @property
-    def spec(self) -> str:
-        return self.phase if self.phase == self.flags_from else f"{self.phase}@{self.flags_from}"
 
     @property
     def picture(self) -> tuple[str, str, int, int]:
@@ -113,14 +105,9 @@ class Region(Record, kw_only=True, omit_defaults=True):
     measured: Annotated[float | None, key("core cycles", "a pass, from samples and counts")] = None
 
 
-class Bound(Record, kw_only=True, omit_defaults=True):
+class Bound(Drawn, kw_only=True, omit_defaults=True):
     """What bounds a phase on a scene: a model of its hot regions."""
 
-    phase: Annotated[str, key("", "its name")]
-    flags_from: Annotated[str, key("", "the phase whose compiler flags built it")]
-    scene: Annotated[str, key("", "its name")]
-    width: Annotated[int, key("pixels", "of the picture")]
-    height: Annotated[int, key("pixels", "of the picture")]
     by: Annotated[str, key("", "`model`")]
     processor: Annotated[str | None, key("", "that it is of")] = None
     model: Annotated[str | None, key("", "program, version and processor modelled")] = None
@@ -131,10 +118,6 @@ class Bound(Record, kw_only=True, omit_defaults=True):
     samples: Annotated[int | None, key("samples", "of frames")] = None
     compared: Annotated[Compared | None, key("core cycles", "modelled beside measured")] = None
     regions: Annotated[list[Region], key("", "hot regions")] = msgspec.field(default_factory=list)
-
-    @property
-    def spec(self) -> str:
-        return self.phase if self.phase == self.flags_from else f"{self.phase}@{self.flags_from}"
 
 
 class Hotspots(Result, kw_only=True):

@@ -329,7 +329,7 @@ def run(args: argparse.Namespace) -> Outcome:
             raise StudyError("--history takes no RUN, --export takes one RUN; not both")
         if args.history:
             return over_time(args)
-        made = exports.text(Run.open(args.runs[0]), args.export, args.by == "baseline")
+        made = exports.text(Run.open(args.runs[0]), args.by == "baseline")
         if args.out:
             store.write_text(args.out, made)
         return Outcome(made, [] if args.out else [made.rstrip("\n")])

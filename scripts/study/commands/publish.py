@@ -91,7 +91,7 @@ def copy_pictures(run: Path, folder: Path) -> list[str]:
                 shrink(picture, folder / names[-1])
     for path, pixels in compared.kept(analysis.load(run, strict=False)).items():
         names.append(str(path.relative_to(run)))
-        images.write_png(folder / names[-1], np.ascontiguousarray(pixels))
+        images.write_png(folder / names[-1], pixels)
     return names
 
 

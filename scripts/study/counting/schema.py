@@ -8,18 +8,14 @@ from study.core.schema import Record, key
 from study.numbers.schema import Result
 
 
-class Picture(Record, kw_only=True, omit_defaults=True):
-    """What was drawn, by which program."""
+class Drawn(Record, kw_only=True, omit_defaults=True):
+    """A program's picture."""
 
     phase: Annotated[str, key("", "its name")]
     flags_from: Annotated[str, key("", "the phase whose compiler flags built it")] = ""
     scene: Annotated[str, key("", "its name")]
-    scene_hash: Annotated[str | None, key("", "as in frames.jsonl")] = None
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     height: Annotated[int, key("pixels", "of the picture", ge=1)]
-    compiler: Annotated[str | None, key("", "name and version")] = None
-    flags: Annotated[str | None, key("", "of the compiler")] = None
-    kernel: Annotated[str | None, key("", "that general code was counted; null: another phase")] = None
 
     def __post_init__(self) -> None:
         self.flags_from = self.flags_from or self.phase
@@ -31,6 +27,15 @@ class Picture(Record, kw_only=True, omit_defaults=True):
     @property
     def size(self) -> tuple[int, int]:
         return self.width, self.height
+
+
+class Picture(Drawn, kw_only=True, omit_defaults=True):
+    """What was drawn, by which program."""
+
+    scene_hash: Annotated[str | None, key("", "as in frames.jsonl")] = None
+    compiler: Annotated[str | None, key("", "name and version")] = None
+    flags: Annotated[str | None, key("", "of the compiler")] = None
+    kernel: Annotated[str | None, key("", "that general code was counted; null: another phase")] = None
 
 
 def named(one: Any) -> dict[str, Any]:

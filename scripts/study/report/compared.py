@@ -10,26 +10,16 @@ from study.core import html
 from study.numbers.analysis import Data
 from study.pictures import embed, images
 
-WIDEST = (
-    640  # pixels across; of a larger picture every second, third … pixel, so that each shown is one of its
-)
+WIDEST = 640  # pixels across on the page
 MOST = 900_000  # bytes of all of them on the page
 KEPT, SCENES = 320, 2  # of a published run: pixels across, scenes
 FIRST = ("scene0", "mandelbulb")  # the paper's scenes
 
 
-def _uri(pixels: np.ndarray) -> str:
-    """Lossless, of 8-bit grey (height × width) or colour (… × 3)."""
-    return embed.exact(Image.fromarray(np.ascontiguousarray(pixels)))
-
-
-def _step(width: int) -> int:
-    return -(-width // WIDEST)
-
-
-def _picture(path: Path) -> np.ndarray | None:
-    """The PNG's pixels, height × width × 3 bytes; None where the run has it no more."""
-    return images.read_png(path) if path.is_file() else None
+def _thinned(pixels: np.ndarray, most: int) -> tuple[np.ndarray, int]:
+    """Every second, third … pixel each way, at most `most` across; and which."""
+    every = -(-pixels.shape[1] // most)
+    return np.ascontiguousarray(pixels[::every, ::every]), every
 
 
 def _evaluations(path: Path) -> tuple[np.ndarray, int] | None:
@@ -41,31 +31,27 @@ def _evaluations(path: Path) -> tuple[np.ndarray, int] | None:
 
 
 def _files(data: Data) -> list[tuple[str, str, int, Path]]:
-    """Scene, phase, pixels across as verified, and PNG: of each scene the reference, then its phases."""
+    """Scene, phase, pixels across as verified, and PNG: of each scene the reference, then its phases;
+    what the run still has."""
     found: dict[tuple[str, str], tuple[int, Path]] = {}
     scenes = {pair.scene for pair in data.pairs}
     for scene in [*(one for one in FIRST if one in scenes), *sorted(scenes - {*FIRST})]:
         for pair in data.pairs:
             for who, png in ((pair.reference, pair.reference_png), (pair.phase, pair.png)):
-                if pair.scene == scene and png:
+                if pair.scene == scene and png and (data.path / png).is_file():
                     found.setdefault((scene, who or ""), (pair.width, data.path / png))
     return [(*key, *value) for key, value in found.items()]
 
 
 def kept(data: Data) -> dict[Path, np.ndarray]:
     """What a published run keeps for the slider: of its first two scenes the reference's picture and the last
-    phase's, every second, third … pixel each way, so that they are at most KEPT across."""
+    phase's, at most KEPT across."""
     by_scene: dict[str, list[Path]] = {}
     for scene, _, _, path in _files(data):
-        if path.is_file():
-            by_scene.setdefault(scene, []).append(path)
+        by_scene.setdefault(scene, []).append(path)
     several = [paths for paths in by_scene.values() if len(paths) > 1][:SCENES]
-    made = {}
-    for path in (end for paths in several for end in (paths[0], paths[-1])):
-        pixels = images.read_png(path)
-        every = -(-pixels.shape[1] // KEPT)
-        made[path] = pixels[::every, ::every]
-    return made
+    ends = [end for paths in several for end in (paths[0], paths[-1])]
+    return {path: _thinned(images.read_png(path), KEPT)[0] for path in ends}
 
 
 def fragment(data: Data) -> str:
@@ -79,14 +65,10 @@ def fragment(data: Data) -> str:
     left_out, used, step = 0, 0, 1
     for scene, phase, width, path in _files(data):
         if left_out:
-            left_out += path.is_file()
+            left_out += 1
             continue
-        pixels = _picture(path)
-        if pixels is None:
-            continue
-        every = _step(pixels.shape[1])
-        small = pixels[::every, ::every]
-        uri = _uri(small)
+        small, every = _thinned(images.read_png(path), WIDEST)
+        uri = embed.exact(Image.fromarray(small))
         if used + len(uri) > MOST:
             left_out = 1
             continue
@@ -99,8 +81,7 @@ def fragment(data: Data) -> str:
             continue
         if found := _evaluations(data.path / pair.reference_image):
             levels, most = found
-            every = _step(levels.shape[1])
-            uri = _uri(levels[::every, ::every])
+            uri = embed.exact(Image.fromarray(_thinned(levels, WIDEST)[0]))
             used += len(uri)
             if used <= MOST:
                 heats.append({"scene": scene, "phase": pair.reference, "most": most, "uri": uri})

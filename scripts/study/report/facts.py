@@ -103,10 +103,8 @@ def commands(data: Data) -> list[str]:
     """What makes the same again, from what the run recorded. RUN stands for the new run's folder."""
     heights = {pair.height for pair in data.pairs}
     size = f" -n {heights.pop()}" if len(heights) == 1 else ""
-    sweep, rest = (
-        command(data.plan) or "scripts/stepwise sweep",
-        ("scripts/stepwise pictures --run RUN", "scripts/stepwise report RUN"),
-    )
+    sweep = command(data.plan) or "scripts/stepwise sweep"
+    rest = "scripts/stepwise pictures --run RUN", "scripts/stepwise report RUN"
     return [sweep, f"scripts/stepwise verify --run RUN{size}", *rest]
 
 

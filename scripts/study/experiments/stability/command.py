@@ -22,6 +22,7 @@ from study.experiments.stability import tables
 from study.experiments.stability.cases import curves, phase
 from study.experiments.stability.cases import measure as running
 from study.experiments.stability.schema import FILE, Phase, Row, Stability
+from study.numbers import summary
 from study.pictures.processes import in_processes
 
 STATUSES = {1: "a phase wrote NaN, crashed or hung, or a case cannot run"}
@@ -56,17 +57,15 @@ def cell(row: Row) -> str:
     return curves.number(row.first_failure) + ("" if state == running.WRONG else f" {state}")
 
 
-def table(data: Stability) -> list[str]:
+def table(data: Stability) -> str:
     """A line a case, a column a phase: the first strength that fails."""
     names = [one.name for one in data.phases]
-    lines = [["", "case", *names, "strength (easy … hard)"]]
+    lines = []
     for case in data.cases:
         ends = f"{case.strength} ({curves.number(case.strengths[0])} … {curves.number(case.strengths[-1])})"
-        lines.append([str(case.number), case.title, *map(cell, data.rows_of(case)), ends])
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    sides = [">", "<", *">" * len(names), "<"]
-    form = "  ".join(f"{{:{side}{width}}}" for side, width in zip(sides, widths, strict=True))
-    return [form.format(*line).rstrip() for line in lines]
+        cells = dict(zip(names, map(cell, data.rows_of(case)), strict=True))
+        lines.append({"": str(case.number), "case": case.title, **cells, "strength (easy … hard)": ends})
+    return summary.table(lines, [(name, name) for name in lines[0]])
 
 
 def draw(data: Stability, folder: Path) -> None:
@@ -116,4 +115,4 @@ def measure(args: argparse.Namespace) -> Outcome:
         draw(data, folder / "figures")
     where = f"Rows: {path}" if args.shard else f"Curves: {folder}/figures"
     legend = "·: right at every strength that was run; else the first strength that fails."
-    return Outcome(result, [*table(data), legend, where], folder, failed=running.breaks(data.results))
+    return Outcome(result, [table(data), legend, where], folder, failed=running.breaks(data.results))

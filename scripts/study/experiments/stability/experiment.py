@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
+from study.experiments.section import Found, chapters
 from study.experiments.shards import Sharded
-from study.experiments.stability import chapter, command
-from study.experiments.stability.schema import FILE, SCHEMAS
+from study.experiments.stability import command, figures, tables
+from study.experiments.stability.schema import FILE, SCHEMAS, Stability
+from study.pictures.draw import Drawing
+
+NOTE = (
+    "Generated scenes whose answer is known; a parameter makes each harder. Where every phase fails alike, "
+    "the method fails (a march that stops at a hit distance or after so many steps), not its arithmetic."
+)
 
 
 def calls(study: Study) -> list[Call]:
@@ -14,6 +21,13 @@ def calls(study: Study) -> list[Call]:
     return [Call("stability", [*few, "--run", str(study.run)])]
 
 
+def found(data: Stability) -> Found:
+    """How far each phase gets in each case; the table, and each case behind its title."""
+    drawn = {"hard-cases": Drawing(figures.CAPTION, NOTE, lambda: figures.draw(data))}
+    return Found([], figures.answer(data), drawn, tables.section(data))
+
+
+section = chapters("stability", "Hard cases", FILE, Stability, found, "results")
 EXPERIMENT = Experiment(
     name="stability",
     what="hard cases",
@@ -22,7 +36,7 @@ EXPERIMENT = Experiment(
     calls=calls,
     depth="quick",
     cut="The first and the last phase, at the first, the middle and the last strength of each case.",
-    sections=[(530, lambda data: chapter.hard(data.path))],
+    sections=[(530, section)],
     sharded=Sharded(FILE, ("cases", "results"), command.units),
     command=command,
 )

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 
 from study.core.schema import Record, key
-from study.numbers.schema import Result
+from study.numbers.schema import Result, Skipped
 
 
 class Phase(Record, kw_only=True):
@@ -63,13 +63,6 @@ class Row(Record, kw_only=True):
     def place(self) -> int:
         """Of the first strength that fails; the number of strengths where none does."""
         return len(self.strengths) if self.first_failure is None else self.strengths.index(self.first_failure)
-
-
-class Skipped(Record, kw_only=True):
-    """A phase that could not run."""
-
-    phase: Annotated[str, key("", "its name")]
-    reason: Annotated[str, key("", "why")]
 
 
 class Stability(Result, kw_only=True):

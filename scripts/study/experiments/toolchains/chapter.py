@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.section import Found, Section, chapter, part
+from study.experiments.section import Found, chapters, part
 from study.experiments.toolchains.schema import FILE, Row, Toolchains
 from study.pictures import dots
 from study.pictures.draw import Drawing
@@ -51,18 +50,17 @@ def left_out(found: Toolchains) -> list[str]:
     return [f"skipped {one.compiler or one.phase}: {one.reason}" for one in found.skipped]
 
 
-def compilers(path: Path) -> Section:
+def found(result: Toolchains) -> Found:
     """Compilers and flags: time, pixels that change, error to ground truth."""
-    return chapter("toolchains", "Compilers and flags", path / FILE, Toolchains.load_if_there, _found)
-
-
-def _found(found: Toolchains) -> Found:
-    note = CHAINS_ABOUT.format(n=found.n, launches=found.launches, native=natives(found))
-    caption = f"Each phase by each compiler and set of flags, n = {found.n}"
-    parts = part("toolchains", caption, found.rows, CHAINS, "\n".join([note, *left_out(found)]))
+    note = CHAINS_ABOUT.format(n=result.n, launches=result.launches, native=natives(result))
+    caption = f"Each phase by each compiler and set of flags, n = {result.n}"
+    parts = part("toolchains", caption, result.rows, CHAINS, "\n".join([note, *left_out(result)]))
     caption = "Speed of each build over gcc's with the phase's own flags"
-    drawn = {"toolchains": Drawing(caption, note, partial(_draw, found.rows))}
-    return Found(parts, _answer(found.rows), drawn)
+    drawn = {"toolchains": Drawing(caption, note, partial(_draw, result.rows))}
+    return Found(parts, _answer(result.rows), drawn)
+
+
+section = chapters("toolchains", "Compilers and flags", FILE, Toolchains, found)
 
 
 def _draw(rows: list[Row]) -> Figure:

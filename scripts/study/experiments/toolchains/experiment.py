@@ -20,5 +20,5 @@ EXPERIMENT = Experiment(
     depth="full",
     cut="Every phase is built by two compilers with four sets of flags, which takes minutes.",
     command=command,
-    sections=[(630, lambda data: chapter.compilers(data.path))],
+    sections=[(630, chapter.section)],
 )
