@@ -157,12 +157,7 @@ def left_out(name: str, rows: Sequence[Any]) -> list[Part]:
 
 
 def part(
-    name: str,
-    caption: str,
-    rows: Sequence[Any],
-    shown: Sequence[Column],
-    foot: str = "",
-    open: bool = False,
+    name: str, caption: str, rows: Sequence[Any], shown: Sequence[Column], foot: str = "", open: bool = False
 ) -> list[Part]:
     rows = list(rows)
     if not rows:

@@ -329,9 +329,9 @@ def test_a_wrong_picture_is_said() -> None:
 
 
 def test_the_chapter_is_made_from_the_file_alone(tmp_path: Path) -> None:
-    assert tables.section(tmp_path).parts == []
+    assert tables.section(SimpleNamespace(path=tmp_path)).parts == []
     store.write_json(tmp_path / PEERS, result())
-    chapter = tables.section(tmp_path)
+    chapter = tables.section(SimpleNamespace(path=tmp_path))
     assert [part.name for part in chapter.parts] == ["peers", "peers-programs"]
     text = chapter.parts[0].markdown
     assert "| Wall | 30.0 [30.0" in text and "Gone" in text

@@ -5,8 +5,6 @@ from typing import Annotated, ClassVar
 from study.core.schema import key
 from study.numbers.schema import Interval, Measured, PictureErrors, Skipped
 
-AWAY_ONCE = 3  # hit distances, where a file does not say
-
 
 class Row(PictureErrors, kw_only=True):
     """One phase, scene and hit distance. Errors are to `reference` by the same parameters."""
@@ -43,7 +41,7 @@ class Frames(Measured, kw_only=True):
     made_by: ClassVar[str] = "frames"
     threads: Annotated[int, key("threads", "of every row that can use them")]
     seconds: Annotated[float | None, key("s", "allowed")] = None
-    away: Annotated[float, key("hit distances", "from the surface to where secondary rays start")] = AWAY_ONCE
+    away: Annotated[float, key("hit distances", "from the surface to where secondary rays start")] = 3
     rows: Annotated[list[Row], key("", "the rates", min_length=1)]
     left_out: Annotated[list[LeftOut], key("", "what the seconds did not suffice for")] = []
 

@@ -13,9 +13,6 @@ from study.experiments.frames.schema import Frames, Row
 from study.experiments.section import Found, left_out, part
 from study.pictures.draw import Drawing, plain_log
 
-FIGURE = "frames"
-
-
 _rate = show.spread_of("frames_per_s")
 
 
@@ -39,28 +36,27 @@ def _hit(row: Row) -> str:
     return f"{row.hit}, {row.hit_distance:.2g}"
 
 
+TIME, SAME, OWN = (
+    "ms a frame, presenting included",
+    "error by the same parameters",
+    "to the scene's own parameters",
+)
 RATES = [
     Column("", "scene", show.picture),
     Column("", "hit distance", _hit),
     Column("", "phase", lambda r: r.phase),
     Column("", "threads", lambda r: str(r.threads)),
     Column("", "frames a second [95 %]", _rate),
-    Column("ms a frame, presenting included", "median", show.plain("median_ms")),
-    Column("ms a frame, presenting included", "99 %", _p99),
-    Column("ms a frame, presenting included", "of it presenting", _presenting),
-    Column("error by the same parameters", "to", lambda r: r.reference),
-    Column("error by the same parameters", "PSNR, dB", show.error_psnr),
-    Column(
-        "error by the same parameters", "pixels off > 1/255", lambda r: show.percent(r.fraction_over_1_255)
-    ),
-    Column("error by the same parameters", "wrong hit, ppm", show.plain("wrong_ppm")),
-    Column("error by the same parameters", "depth agrees", lambda r: show.share(r.depth_agree_fraction)),
-    Column("to the scene's own parameters", "PSNR, dB ", lambda r: show.error_psnr(r.to_own)),
-    Column(
-        "to the scene's own parameters",
-        "depth agrees ",
-        lambda r: show.share(r.to_own and r.to_own.depth_agree_fraction),
-    ),
+    Column(TIME, "median", show.plain("median_ms")),
+    Column(TIME, "99 %", _p99),
+    Column(TIME, "of it presenting", _presenting),
+    Column(SAME, "to", lambda r: r.reference),
+    Column(SAME, "PSNR, dB", show.error_psnr),
+    Column(SAME, "pixels off > 1/255", lambda r: show.percent(r.fraction_over_1_255)),
+    Column(SAME, "wrong hit, ppm", show.plain("wrong_ppm")),
+    Column(SAME, "depth agrees", lambda r: show.share(r.depth_agree_fraction)),
+    Column(OWN, "PSNR, dB ", lambda r: show.error_psnr(r.to_own)),
+    Column(OWN, "depth agrees ", lambda r: show.share(r.to_own and r.to_own.depth_agree_fraction)),
 ]
 
 
@@ -81,16 +77,14 @@ def draw(result: Frames) -> Figure:
             ms = np.concatenate([np.asarray(launch, float) for launch in one.ms])
             aside = place + 0.22 * (dice.random(len(ms)) * 2 - 1)
             axes.scatter(ms, aside, s=7, color="#56B4E9", linewidth=0, alpha=0.6, zorder=2)
-            axes.plot([one.median_ms] * 2, [place - 0.34, place + 0.34], color="black", linewidth=2, zorder=3)
+            ends = [place - 0.34, place + 0.34]
+            axes.plot([one.median_ms] * 2, ends, color="black", linewidth=2, zorder=3)
             if one.p99_ms is not None:
-                ends = [place - 0.34, place + 0.34]
                 axes.plot([one.p99_ms] * 2, ends, color="black", linewidth=1, linestyle=":", zorder=3)
         axes.set_yticks(range(len(mine)), [r.phase for r in mine], fontsize=9)
         title = f"{kind[0]}, {mine[0].width}×{mine[0].n}, hit distance {_hit(mine[0])}"
-        axes.set(
-            xscale="log", xlabel="ms a frame (left is faster)", ylim=(-0.6, len(mine) - 0.4), title=title
-        )
-        axes.title.set_fontsize(9)
+        axes.set(xscale="log", xlabel="ms a frame (left is faster)", ylim=(-0.6, len(mine) - 0.4))
+        axes.set_title(title, fontsize=9)
         plain_log(axes.xaxis)
     marks = [
         Line2D([], [], marker="o", color="#56B4E9", linestyle="none", markersize=4, label="a frame"),
@@ -102,15 +96,12 @@ def draw(result: Frames) -> Figure:
 
 
 def note(result: Frames) -> str:
-    cpu = result.machine
     tiles = (
         " (in its tiles where a phase can, before they leave the cache: to the byte what is displayed of the "
         "picture whose errors stand here)"
-        if any(row.presented_by == PHASE for row in result.rows)
-        else ""
-    )
+    ) * any(row.presented_by == PHASE for row in result.rows)
     return (
-        f"{cpu}; {result.threads} threads, {result.launches} interleaved launches. A frame is its "
+        f"{result.machine}; {result.threads} threads, {result.launches} interleaved launches. A frame is its "
         f"rendering, gamma and 8 bits{tiles}, all on all cores. Hit distance: {HALF} is half of what a pixel "
         f"covers at the mean distance of the shapes; secondary rays start {result.away} of "
         "them off the surface then. Errors are of these very pictures, in linear RGB, to the fastest double "
@@ -133,7 +124,7 @@ def answer(result: Frames) -> str:
 
 def drawings(result: Frames) -> dict[str, Drawing]:
     caption = "Time of every frame, by phase"
-    return {FIGURE: Drawing(caption, note(result), lambda: draw(result))} if result.rows else {}
+    return {"frames": Drawing(caption, note(result), lambda: draw(result))} if result.rows else {}
 
 
 def found(result: Frames) -> Found:

@@ -1,9 +1,7 @@
 """Speed against error: fronts, the fastest at each level, and the sentences that they support.
 
-A row is a point of the grid (experiments.pareto.measure): its errors to ground truth (truth.truth), the
-same for all points of a scene, and its time. Proved hits know nothing of hit distance and step cap; the
-shadow estimator and the Mandelbulb, which ground truth marches, have the scene's own. The parameters are
-changed for this study alone, and every point names its own. Only points that were timed in full stand on a
+A row is a point of the grid: its errors to ground truth, the same for all points of a scene, and its time.
+Ground truth has the scene's own parameters where it marches. Only points that were timed in full stand on a
 front or win a level.
 """
 
@@ -91,8 +89,7 @@ def answer(winners: Sequence[Winner], level: int = 50) -> str:
 
 def left_out(rows: Sequence[Row]) -> str:
     """How many points were launched once only, and by which rule."""
-    few = sum(not row.timed for row in rows)
-    if not few:
+    if not (few := sum(not row.timed for row in rows)):
         return "Every point was timed in full."
     return (
         f"{few} of {len(rows)} points are faint: they were launched once only, clearly beaten, and not "

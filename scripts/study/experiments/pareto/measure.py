@@ -102,10 +102,7 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
 
 
 def evaluations(point: Point, scene: Scene, height: int) -> float | None:
-    """Evaluations of the scene's distance per pixel, of all rays and normals, by the counting build.
-
-    Of lanes at work only. None for a phase that counts no `sdf`, or that cannot be counted here.
-    """
+    """Evaluations per pixel by the counting build, lanes at work, all rays and normals; None: no count."""
     size = height, scene.size(height)[0]
     try:
         said = run.render(point.spec, scene.path, *size, target="render-count", timed=False, **point.march)
@@ -148,10 +145,7 @@ def measure(
     cpu: int,
     warm: Collection[Point] = (),
 ) -> dict[Point, list[float]]:
-    """Milliseconds of one frame per process launch, every point once a round in random order; one thread.
-
-    Points of `warm` draw a frame before it.
-    """
+    """Milliseconds of one frame per launch, interleaved, one thread. Points of `warm` draw a frame before."""
 
     def once(point: Point, padding: int) -> float:
         how = {"cpu": cpu, "warmup": int(point in warm), **point.march}

@@ -10,7 +10,7 @@ EXPERIMENT = Experiment(
     turn=145,
     schemas={PEERS: Peers},
     depth=None,  # it draws with what the user has installed for it, so no two studies would have the same
-    sections=[(165, lambda data: tables.section(data.path))],
+    sections=[(165, tables.section)],
     cut="The other programs are not among what `make study` installs.",
     command=command,
 )

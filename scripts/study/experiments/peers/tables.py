@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.section import Found, Part, Section, chapter, part
+from study.experiments.section import Found, Part, chapters, part
 from study.numbers.beside import PEERS, PeerRow, Peers
 from study.pictures import dots
 from study.pictures.draw import Drawing
@@ -95,5 +94,4 @@ def found(result: Peers) -> Found:
     return Found(parts(result), answer(result), drawn)
 
 
-def section(run: Path) -> Section:
-    return chapter("peers", "Beside what one would use instead", run / PEERS, Peers.load_if_there, found)
+section = chapters("peers", "Beside what one would use instead", PEERS, Peers, found)

@@ -92,11 +92,7 @@ def newest(specs: Iterable[Spec]) -> list[Spec]:
 
 
 def choose(
-    series: Series,
-    specs: Sequence[Spec],
-    seconds: float,
-    launches: int,
-    first: Callable[[Point], First],
+    series: Series, specs: Sequence[Spec], seconds: float, launches: int, first: Callable[[Point], First]
 ) -> Plan:
     """Takes points by their worth (the module's head), while `seconds` last. `first` renders one, or raises
     DriverError: that point is left out, and the program's larger ones."""

@@ -256,12 +256,8 @@ class Sweep:
         ]
         self.plan.finished = now()
         store.write_json(self.run.path / "plan.json", self.plan)
-        self.run.context.end = End(
-            time=now(),
-            load_average=list(os.getloadavg()),
-            steal_ticks=machine.steal_ticks(),
-            limits=quotas.limits(),
-        )
+        about = {"load_average": list(os.getloadavg()), "steal_ticks": machine.steal_ticks()}
+        self.run.context.end = End(time=now(), limits=quotas.limits(), **about)
         store.write_json(self.run.path / "context.json", self.run.context)
 
 
@@ -294,11 +290,6 @@ def start(plan: Plan, args: argparse.Namespace) -> Sweep:
     return Sweep(target, plan, args.budget)
 
 
-class Estimate(Plan, kw_only=True):
-    estimated_s: float
-    launches_to_do: int
-
-
 def dry_run(sweep: Sweep) -> Outcome:
     plan, seconds = sweep.plan, sweep.remaining()
     rows = [
@@ -311,7 +302,7 @@ def dry_run(sweep: Sweep) -> Outcome:
         f"{todo} launches; CPU {plan.cpu}, seed {plan.seed}",
         f"estimated duration: {progress.duration(min(seconds, sweep.budget()))}",
     ]
-    result = Estimate(**msgspec.structs.asdict(plan), estimated_s=seconds, launches_to_do=todo)
+    result = cli.plain(plan) | {"estimated_s": seconds, "launches_to_do": todo}
     return Outcome(result, lines, sweep.run and sweep.run.path)
 
 

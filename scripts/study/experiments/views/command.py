@@ -26,8 +26,6 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: all")
     running.height(parser, 90, "height of what is timed", least=8)
     running.height(parser, 45, "of what is held against ground truth", "--error-n", 8)
-    about = "timed frames of a launch at least, and 20 ms of them; default: 1"
-    add("--reps", type=cli.at_least(1), default=1, help=about)
     running.budget(parser, SECONDS, full=True)
     add("--full", action="store_true", help="every phase, however long that takes")
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
@@ -47,16 +45,14 @@ def measure(args: argparse.Namespace) -> Outcome:
             scenes += views.of(scene, registry.ROOT / "build" / "views" / "scenes")
         except StudyError as error:
             left_out.append(LeftOut(phase="all", scene=scene.name, view="all", reason=str(error)))
-    keys = ("n", "error_n", "launches", "reps", "seed", "cpu")
-    told = {key: getattr(args, key) for key in keys}
+    told = (args.n, args.error_n, args.launches, args.seed, args.cpu, seconds)
     with temporary.folder() as scratch:
-        settings = viewing.Settings(**told, seconds=seconds, jobs=len(run.USABLE), scratch=scratch)
+        settings = viewing.Settings(*told, jobs=len(run.USABLE), scratch=scratch)
         rows, plan = viewing.study(pairs, scenes, settings)
     result = Views(
         **running.about(args),
         n=args.n,
         error_n=args.error_n,
-        reps=args.reps,
         seconds=seconds if math.isfinite(seconds) else None,
         reference=gains.BASE,
         rows=rows,

@@ -42,7 +42,6 @@ class Settings:
     n: int
     error_n: int
     launches: int
-    reps: int
     seed: int
     cpu: int
     seconds: float
@@ -74,17 +73,15 @@ def parents(names: Iterable[str]) -> list[Pair]:
     return found
 
 
-def frames_of(seconds: float, reps: int) -> tuple[int, int]:
-    """Warm-up and timed frames of a launch, by the time of one frame in s: `reps` and LEAST s at least."""
-    if seconds > LONG:
-        return 0, 1
-    return 1, max(reps, min(MOST_REPS, math.ceil(LEAST / seconds)))
+def frames_of(seconds: float) -> tuple[int, int]:
+    """Warm-up and timed frames of a launch, by the time of one frame in s: LEAST s at least."""
+    return (0, 1) if seconds > LONG else (1, min(MOST_REPS, math.ceil(LEAST / seconds)))
 
 
 def cost(pace: float, view: View, settings: Settings) -> float:
     """Seconds of all launches of a point whose frames take `pace` s a pixel."""
     seconds = pace * math.prod(view.size(settings.n))
-    return settings.launches * (sum(frames_of(seconds, settings.reps)) * seconds + OVERHEAD)
+    return settings.launches * (sum(frames_of(seconds)) * seconds + OVERHEAD)
 
 
 def choose(
@@ -144,7 +141,7 @@ def measure(points: Mapping[Point, float], settings: Settings) -> dict[Point, li
     def once(point: Point, padding: int) -> float:
         spec, view = point
         size = view.size(settings.n)
-        warmup, reps = frames_of(points[point] * math.prod(size), settings.reps)
+        warmup, reps = frames_of(points[point] * math.prod(size))
         return milliseconds(spec, view.scene, size, reps, padding, cpu=settings.cpu, warmup=warmup)
 
     return run.interleaved(list(points), settings.launches, settings.seed, settings.cpu, once, "time views")

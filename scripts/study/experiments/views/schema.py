@@ -97,7 +97,6 @@ class Views(Measured, kw_only=True):
     made_by: ClassVar[str] = "views"
     n: Annotated[int, key("pixels", "height of the timed pictures")]
     error_n: Annotated[int, key("pixels", "height of those that errors are of")]
-    reps: Annotated[int | None, key("frames", "timed in a launch")] = None
     seconds: Annotated[float | None, key("s", "allowed")] = None
     reference: Annotated[str | None, key("", "where truth is not had")] = None
     rows: Annotated[list[Row], key("", "the views", min_length=1)]

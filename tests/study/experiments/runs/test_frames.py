@@ -19,7 +19,6 @@ from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments.frames import experiment
 from study.experiments.frames import measure as frames
-from study.experiments.frames import tables as frames_page
 from study.experiments.frames.measure import Case, Settings
 from study.experiments.frames.schema import FILE, Frames
 from study.numbers import stats
@@ -112,7 +111,7 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
     assert "61.5 [60" in chapter.answer and "50.0 dB (4×4 means) to opt3" in chapter.answer
     assert "16.5 (largest of 120)" in text
     with matplotlib.rc_context(STYLE):
-        assert chapter.drawn[frames_page.FIGURE].make().axes
+        assert chapter.drawn["frames"].make().axes
 
 
 @pytest.mark.slow
