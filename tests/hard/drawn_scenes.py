@@ -4,8 +4,6 @@ Every number is a multiple of 1/16 within a few units, so that a shrunk scene is
 exactly.
 """
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 
 

@@ -1,7 +1,5 @@
 """Hard cases by number, and first hits of rays held against distances from geometry."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The angle between a known normal and one of a picture: one of no length is no right one."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

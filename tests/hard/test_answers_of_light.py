@@ -1,7 +1,5 @@
 """Hard cases of light: their known answers, computed in another way."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Hard cases of rays and cameras: their known answers, computed in another way."""
 
-from __future__ import annotations
-
 import math
 from decimal import Decimal
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Hard cases of shapes: their known answers, computed in another way."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from fractions import Fraction

@@ -2,8 +2,6 @@
 plate, at the bounds, on a sphere wider than they are, from inside a shape. Few other scenes lead there.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """No phase may write NaN, hang or crash on any hard case. How wrong it is: scripts/stepwise stability."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """The chapter of the hard cases comes from stability.json alone; the command's files and statuses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

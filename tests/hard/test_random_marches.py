@@ -7,8 +7,6 @@ stays in build/test-scenes; STEPWISE_RANDOM=n looks at n others. A pixel is wron
 baseline's nor opt4's: where those differ, rounding decides (a ray that grazes, the Mandelbulb's own dust).
 """
 
-from __future__ import annotations
-
 import os
 import random
 

@@ -4,8 +4,6 @@ see what the baseline sees. A failing scene is shrunk by hypothesis and kept in 
 Benign: nothing that rounding alone decides over much of the picture (see `agree`).
 """
 
-from __future__ import annotations
-
 import math
 import os
 

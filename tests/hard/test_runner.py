@@ -1,7 +1,5 @@
 """What is made of a phase that hangs, crashes, refuses, writes NaN or is wrong, and of a broken case."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import stat

@@ -83,8 +83,7 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
     estimate: Annotated[str | None, key("", "how `value` is made")] = None
     seconds: Annotated[float | None, key("s", "that measuring took")] = None
     tries: Annotated[
-        int | None,
-        key("", "how often all was measured, until the FMA ceilings agree within 3 %; absent: 1"),
+        int | None, key("", "how often all was measured, until the FMA ceilings agree within 3 %; absent: 1")
     ] = None
     ceilings: Annotated[list[Ceiling], key("", "the rates", min_length=1)]
 

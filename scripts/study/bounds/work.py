@@ -147,9 +147,7 @@ COLUMNS = [
     Column("", "evaluations/pixel", _work("evals_per_pixel", show.number)),
     Column("", "lane efficiency", _work("lane_efficiency", _percent)),
     Column(
-        "",
-        "share of the roof of its own operations",
-        _work("share_of_mix_roof", _percent, "roof_counted_at"),
+        "", "share of the roof of its own operations", _work("share_of_mix_roof", _percent, "roof_counted_at")
     ),
     Column("to ground truth", "PSNR, dB", plain("truth_own_db")),
     Column("to ground truth", "wrong hits, ppm", plain("truth_wrong_ppm")),

@@ -100,14 +100,6 @@ def contact_sheet(folder: Path, verified: Verify) -> Figure:
     return figure
 
 
-def evaluation_planes(folder: Path, verified: Verify) -> dict[str, np.ndarray]:
-    """Scene → evaluations of the reference's camera rays (height × width)."""
-    paths = {
-        pair.scene: folder / pair.reference_image for pair in verified.pairs or [] if pair.reference_image
-    }
-    return {scene: images.read(path)["evals"] for scene, path in paths.items()}
-
-
 def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--run", type=Path, metavar="DIR", help="what scripts/stepwise verify wrote; default: the latest run")
@@ -121,10 +113,12 @@ def run(args: argparse.Namespace) -> Outcome:
     verified = Verify.load_if_there(folder / "verify.json")
     if verified is None:
         raise StudyError(f"{folder}: has no verify.json; make it with scripts/stepwise verify --run {folder}")
-    if not any(pair.reference_image for pair in verified.pairs or []):
+    drawn = {p.scene: folder / p.reference_image for p in verified.pairs or [] if p.reference_image}
+    if not drawn:
         raise StudyError(f"{folder}/verify.json: has no picture", cli.CANNOT_RUN)
     out = args.out or folder / "figures"
-    heat = panels.evaluations(evaluation_planes(folder, verified), verified.reference or BASE)
+    planes = {scene: images.read(path)["evals"] for scene, path in drawn.items()}
+    heat = panels.evaluations(planes, verified.reference or BASE)
     sheet = contact_sheet(folder, chosen(verified, args.scene, args.phase))
     made = {
         "contact_sheet": panels.save(sheet, out / "contact-sheet.png"),

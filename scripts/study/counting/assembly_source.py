@@ -302,9 +302,7 @@ class Counters:
         repeated = [key for key, one in each if one.repeat]
         numbers = itertools.count(len(blocks))
         return cls(
-            len(blocks),
-            {key: next(numbers) for key in masked},
-            {key: next(numbers) for key in repeated},
+            len(blocks), {key: next(numbers) for key in masked}, {key: next(numbers) for key in repeated}
         )
 
 

@@ -103,10 +103,7 @@ def strongest(folder: Path, height: int) -> list[list[str]]:
     for name in sorted(slower, key=slower.__getitem__)[:STRONGEST]:
         cells = [name, "Another program, without shadows", show.NOTHING]
         for row in (whole[name][scene] for scene in beside.PLAIN):
-            cells += [
-                show.spread(row.ms, 4),
-                f"{show.spread(row.ratio, 3, '×')} as long as {row.beside}",
-            ]
+            cells += [show.spread(row.ms, 4), f"{show.spread(row.ratio, 3, '×')} as long as {row.beside}"]
             cells.append("identical" if row.psnr_db is None else show.number(row.psnr_db))
         lines.append(cells)
     return lines

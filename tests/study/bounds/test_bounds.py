@@ -1,7 +1,5 @@
 """What bounds the hot code: loops found in the disassembly, analysers' output, known chains, Table 3."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 from pathlib import Path

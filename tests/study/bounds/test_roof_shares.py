@@ -1,7 +1,5 @@
 """study/bounds/roof_shares.py: the roof of an operation mix, by hand, with ceilings of round numbers."""
 
-from __future__ import annotations
-
 import math
 
 import msgspec

@@ -3,8 +3,6 @@
 At n = 180 the fixture's opt4 takes 2000 core cycles and 1250 TSC cycles per pixel of scene0, opt3 twice that.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

@@ -1,7 +1,5 @@
 """Phases a line each: evaluations and lane efficiency from counts, joined with ladder and roof."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """scripts/stepwise: its commands are found by their files, and docs/commands.md is what they say."""
 
-from __future__ import annotations
-
 import pytest
 
 from study.commands import docs

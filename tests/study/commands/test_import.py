@@ -1,8 +1,6 @@
 """Scene files of the paper's program: known values from a small file, every bad one in a line, and where its
 program can be had, its own picture of each of its files."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math

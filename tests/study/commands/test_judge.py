@@ -1,7 +1,5 @@
 """The labs: each judged on the ladder's solution and on wrong ones. Times are made up, the rest is real."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """stepwise publish: a small folder from which the report makes every chapter that it makes of the run."""
 
-from __future__ import annotations
-
 import gzip
 import html
 import json

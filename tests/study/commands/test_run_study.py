@@ -1,7 +1,5 @@
 """The study: which experiments it runs, with which arguments, and what it makes of their ends."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """tables.py and what it stands on, on tests/fixtures/run: its medians and ratios are known by arithmetic."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

@@ -1,7 +1,5 @@
 """scripts/stepwise try: a phase beside its parent."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import threading

@@ -1,7 +1,5 @@
 """Assembly as basic blocks, and instructions decoded; what is expected is told from the text."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

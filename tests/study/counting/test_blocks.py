@@ -1,7 +1,5 @@
 """Block counters: known work exactly, the shipped code byte for byte, its picture, counts that add up."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import json

@@ -3,8 +3,6 @@
 Expected calls come from the geometry of small scenes and from the pictures' own evals and id planes.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Declared against measured: folding, comparing, residues, the files of a run."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`stepwise flops` for real, and Table 1: what the phases declare against the blocks that ran."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The paper's rule of counting FLOPs: by hand, by the calls of the compiled programs, on a published run."""
 
-from __future__ import annotations
-
 import pytest
 
 from study.claims import claims

@@ -1,7 +1,5 @@
 """Counts by perf stat: recorded and documented output (fixtures/perf/README.md), events, a stand-in perf."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The stepper, for real: known work, phases with 16 lanes next to the block counters, refusals."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

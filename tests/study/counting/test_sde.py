@@ -1,7 +1,5 @@
 """The SDE back end on files of the documented form (fixtures/sde/README.md), with a stand-in for sde64."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

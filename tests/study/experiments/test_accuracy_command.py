@@ -1,7 +1,5 @@
 """stepwise accuracy as a command: rows, verdicts, what cannot be, and one chain against a quadratic."""
 
-from __future__ import annotations
-
 import math
 import shutil
 import types

@@ -1,7 +1,5 @@
 """scripts/stepwise functions: fronts, edges, what is missing, the command, its tables and figures."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Where the time goes: perf's output read and refused, what counts as a frame, tables that sum to it."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

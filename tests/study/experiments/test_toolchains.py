@@ -1,7 +1,5 @@
 """Compilers and flags: what is asked for is what is built, and a changed bit is a changed pixel."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

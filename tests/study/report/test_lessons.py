@@ -1,7 +1,5 @@
 """The lessons, phases/NAME/NOTES.md: their form, their excerpts of code, and their figures."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

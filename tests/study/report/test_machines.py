@@ -1,7 +1,5 @@
 """The ladders among which a reader of the page can choose: whose they are, and what they may state."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Plots of tests/fixtures/run: every figure is there, is the same each time, and shows what it should."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

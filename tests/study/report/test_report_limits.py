@@ -1,7 +1,5 @@
 """The page of the newest published study: its size, its questions in order, an answer to each chapter."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """The PDF of a run: what it says is what the run's files say, and typst takes it."""
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 from pathlib import Path

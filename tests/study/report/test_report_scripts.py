@@ -1,7 +1,5 @@
 """What the report's page does with scripts, in headless Chromium: tables, figures, pictures, machine."""
 
-from __future__ import annotations
-
 import base64
 import html
 import io

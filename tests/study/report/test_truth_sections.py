@@ -1,7 +1,5 @@
 """The chapters that hold a run against truth have their figures from its files alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -134,10 +134,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     rows, left = compared(args, chosen, gated, folder)
     unable = [Left(phase=str(s), reason=f"this CPU lacks {what}") for s, what in lacking.items() if what]
     result = Accuracy(
-        flip_tool=images.FLIP_TOOL,
-        picture_tool=images.PICTURE_TOOL,
-        rows=rows,
-        skipped=[*unable, *left],
+        flip_tool=images.FLIP_TOOL, picture_tool=images.PICTURE_TOOL, rows=rows, skipped=[*unable, *left]
     )
     path = folder / shards.file_name(FILE, args.shard)
     store.write_json(path, shards.marked(cli.plain(result), args.shard))

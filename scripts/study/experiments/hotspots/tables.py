@@ -87,16 +87,8 @@ def theirs(phase: str) -> dict[str, dict[str, Any]]:
 # Golden Cove and its kin take in six operations a cycle: Intel, 64 and IA-32 Architectures Optimization
 # Reference Manual; so do Zen 2 to Zen 4: AMD, Software Optimization Guides for families 17h and 19h. A fused
 # pair is one operation: what is a little above six is left out with the rest.
-_SIX_WIDE = {
-    "Alder Lake",
-    "Raptor Lake",
-    "Meteor Lake",
-    *machine.AMX,
-    machine.SOME_AMX,
-    "Zen 2",
-    "Zen 3",
-    "Zen 4",
-}
+_SIX_WIDE = {"Alder Lake", "Raptor Lake", "Meteor Lake", *machine.AMX, machine.SOME_AMX}
+_SIX_WIDE |= {"Zen 2", "Zen 3", "Zen 4"}
 WIDEST = 8  # AMD, Software Optimization Guide for the Zen5 Microarchitecture; no x86 core here is wider
 
 

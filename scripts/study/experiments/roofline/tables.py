@@ -54,9 +54,7 @@ PERFORMANCE = [
     Column("", "phase", word("phase")),
     Column("", "n", whole("height")),
     Column(
-        "machine's convention",
-        "flop/core cycle [95\u00a0%]",
-        lambda r: interval(r, "flops_per_core_cycle"),
+        "machine's convention", "flop/core cycle [95\u00a0%]", lambda r: interval(r, "flops_per_core_cycle")
     ),
     Column("machine's convention", "flop/TSC cycle", plain("flops_per_tsc_cycle", 4)),
     _share("machine's convention", "share of AVX2 peak", "share_of_avx2_peak"),

@@ -9,17 +9,7 @@ import numpy as np
 from study.experiments.stability.cases import Outcome, Phase, exact
 from study.experiments.stability.cases.arithmetic import differing_bits
 from study.experiments.stability.cases.exact import share
-from study.experiments.stability.cases.scenes import (
-    ball,
-    depths,
-    eye,
-    found,
-    ids,
-    rays,
-    scene,
-    shape,
-    worst,
-)
+from study.experiments.stability.cases.scenes import ball, depths, eye, found, ids, rays, scene, shape, worst
 
 # 9: repetition at cell 10² to 10⁶, and shapes that reach over their cell
 CELL = 4.0  # a power of two: the places in a cell and the cells' own add up exactly
