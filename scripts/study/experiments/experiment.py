@@ -75,12 +75,10 @@ class Experiment:
     may lack what it needs. `depth`: the least depth of a study that has it; None: only by its name.
     `sections`: chapters of the report, each with its place there: the hundreds say which of QUESTIONS it
     answers. `cut`: what a quick study has of it (empty: all), or why it has nothing of it. `sharded`: how its
-    work is parted, where its command has --shard.
-    `lesson`: a phase and the text of its NOTES.md → that text with the experiment's table made anew, None
-    where it has none there. `system`: what a run has of another article's system. `sheets`: pictures that are
-    rendered anew into a run's images, by name. `command`: the module with `options(parser)` and
-    `measure(args) -> Outcome`.
-    """
+    work is parted, where its command has --shard. `lesson`: a phase and the text of its NOTES.md → that text
+    with the experiment's table made anew, None where it has none there. `system`: what a run has of another
+    article's system. `sheets`: pictures that are rendered anew into a run's images, by name. `command`: the
+    module with `options(parser)` and `measure(args) -> Outcome`."""
 
     name: str
     what: str

@@ -46,8 +46,7 @@ class Section:
     error; empty where there is no data. `lacking`: the command that would fill it. `drawn`: file names and
     figures, made by `script` from `file`; the first opens the chapter, the others are behind a summary.
     `failing`: what is not as it should be, in red; `remarks`: what the reader must know at once, a line each;
-    `details`: what was sampled and left out, behind a summary.
-    """
+    `details`: what was sampled and left out, behind a summary."""
 
     id: str
     title: str

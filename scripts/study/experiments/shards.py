@@ -58,9 +58,7 @@ def option(parser: argparse.ArgumentParser, what: str) -> None:
 
 def part(units: Sequence[T], shard: Shard | None) -> list[T]:
     """The units of a shard: neighbours, and as many as of any other shard or one less. None: all of them.
-
-    Raises StudyError where there are more shards than units.
-    """
+    Raises StudyError where there are more shards than units."""
     if shard is None:
         return list(units)
     if shard.of > len(units):
@@ -84,9 +82,7 @@ def marked(result: Mapping[str, Any], shard: Shard | None) -> dict[str, Any]:
 
 def join(parts: Sequence[Mapping[str, Any]], lists: Sequence[str]) -> dict[str, Any]:
     """The whole's content from that of its shards, in order: what one run over all units would have written.
-
-    Raises StudyError for a shard that is missing or twice there, or was made under other settings.
-    """
+    Raises StudyError for a shard that is missing or twice there, or was made under other settings."""
     about = [one.get(KEY) for one in parts]
     if about != [{"number": number, "of": len(parts)} for number in range(1, len(parts) + 1)]:
         raise StudyError(f"these are not shards 1 to {len(parts)} of {len(parts)}, each once, in order")

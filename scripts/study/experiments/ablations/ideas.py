@@ -56,9 +56,7 @@ def function_lines(text: str, name: str) -> int:
 
 def code_lines(name: str, root: Path = ROOT) -> int:
     """Lines that hold the idea of NAME+TITLE: those of its head's `code`, else those that the patch changes.
-
-    Raises StudyError for a file or function that the phase's tree does not have.
-    """
+    Raises StudyError for a file or function that the phase's tree does not have."""
     patch = patches.chain(name, root)[-1]
     if "code" not in patch.head:
         return sum(line[:1] in "+-" and line[:3] not in ("+++", "---") for line in patch.diff)
@@ -106,10 +104,8 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def table(phase: str, run: Path | None) -> list[str]:
-    """The lines of a lesson's table: each idea on the first scene of its head, the largest gain first.
-
-    `run`: the published run. None: the gains are not known, and a dash stands for each.
-    """
+    """The lines of a lesson's table: each idea on the first scene of its head, the largest gain first. `run`:
+    the published run. None: the gains are not known, and a dash stands for each."""
     about = "Each idea taken out alone: time without it over time with it (`stepwise ablations --ideas`"
     rows: dict[tuple[str, str], Row] = {}
     if run:
@@ -131,10 +127,8 @@ def table(phase: str, run: Path | None) -> list[str]:
 
 
 def filled(text: str, phase: str, run: Path | None) -> str:
-    """The lesson with its table made anew: what stands between the marker and the table's last line.
-
-    Raises StudyError for a lesson without the marker.
-    """
+    """The lesson with its table made anew: what stands between the marker and the table's last line. Raises
+    StudyError for a lesson without the marker."""
     before, begin, rest = text.partition(f"{BEGIN}\n")
     if not begin:
         raise StudyError(f"{phase}: NOTES.md lacks the line {BEGIN}, below which its table stands")

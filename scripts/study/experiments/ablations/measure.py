@@ -85,9 +85,7 @@ def find(
     names: Iterable[str] | None = None, root: Path = ROOT
 ) -> tuple[list[Ablation], dict[str, Exception]]:
     """Ablations by name (opt2+horizontal) or of whole phases (opt2), None: all; and what cannot be read.
-
-    Raises StudyError for a name that is neither, with the nearest ones.
-    """
+    Raises StudyError for a name that is neither, with the nearest ones."""
     wanted: list[str] = []
     for name in names if names is not None else registry.phases(root):
         phase, _, title = name.partition("+")
@@ -137,10 +135,8 @@ def error_of(gallery: Gallery, reference: Spec, spec: Spec, scene: Scene, size: 
 
 
 def judge(ablation: Ablation, scene: Scene, metrics: dict[str, Any]) -> tuple[str, dict[str, str]]:
-    """identical, within, approximate or OUTSIDE; and the metrics outside the tolerance, with why.
-
-    What declares an error may have one, but no sample that is not finite.
-    """
+    """identical, within, approximate or OUTSIDE; and the metrics outside the tolerance, with why. What
+    declares an error may have one, but no sample that is not finite."""
     declared = gate.tolerance(registry.find_phase(ablation.spec.phase), scene)
     failed = gate.failures(metrics, declared)
     if failed and ablation.error and not {"non_finite", "antialiased.non_finite"} & failed.keys():

@@ -40,11 +40,9 @@ def run_shard(command: list[str], number: int, of: int, file: str) -> SimpleName
 
 
 def drawn(words: list[str], run: Path, file: str) -> dict[str, Any]:
-    """One shard by the project's command, in the folder `run` of this worker. Raises OSError.
-
-    Pictures of the worker's earlier shards lie there, so that none is rendered twice. The command ends with
-    its worker, even if that is killed.
-    """
+    """One shard by the project's command, in the folder `run` of this worker. Raises OSError. Pictures of the
+    worker's earlier shards lie there, so that none is rendered twice. The command ends with its worker, even
+    if that is killed."""
     made = run / file
     made.unlink(missing_ok=True)
     libc = ctypes.CDLL(None)

@@ -53,9 +53,8 @@ def enough(found: HitErrors, psnr_db: float, wrong_ppm: float) -> bool:
 
 
 def larger(scene: Scene, n: int, words: str, count: int, seed: int) -> Large:
-    """The chosen setting and packets alone at another size, in interleaved launches; how far the two
-    pictures are apart. Raises StudyError.
-    """
+    """The chosen setting and packets alone at another size, in interleaved launches; how far the two pictures
+    are apart. Raises StudyError."""
     size = scene.size(n)
     times = launches.interleaved({w: timer(PHASE, w, scene, size, 2) for w in (PLAIN, words)}, count, seed)
     bare, made = (hits.picture(PHASE, scene, size, {SETTINGS: w}) for w in (PLAIN, words))
@@ -86,8 +85,7 @@ def choose(
     those within it timed again, interleaved. The fastest of them is the choice. It and packets alone are
     timed anew, for the time by which it was chosen is the least of several. `large`: the height of another
     size for both. Where packets alone are further off than the error asked for, theirs is what is allowed.
-    Raises StudyError.
-    """
+    Raises StudyError."""
     size = scene.size(n)
     exact = truth.picture(scene, size)
 

@@ -136,8 +136,7 @@ def of_rays(scene: Scene, wanted: Rays, kind: str, count: int, reps: int, seed: 
 
 def limits_of(scene: Scene) -> list[dict[str, Any]]:
     """What a march may be told: each hit distance with the scene's own cap of steps, and with one that does
-    not bind where the scene's does. None: the scene's own.
-    """
+    not bind where the scene's does. None: the scene's own."""
     caps = [None, UNBOUND_STEPS] if scene.content.march.max_steps < UNBOUND_STEPS else [None]
     return [{"hit_distance": hit, "max_steps": cap} for cap in caps for hit in HIT_DISTANCES]
 
@@ -166,8 +165,7 @@ def chosen(tried: Sequence[Limits], target: float, milliseconds: Callable[[Limit
 
 def equal_error(scene: Scene, n: int, threads: Sequence[int], count: int, seed: int) -> SceneRow:
     """Times of packets and of the marching phases, each by the hit distance and the cap of steps with which
-    it is fastest among those that reach packets' PSNR, or 80 dB; `reached`: whether any does.
-    """
+    it is fastest among those that reach packets' PSNR, or 80 dB; `reached`: whether any does."""
     size = scene.size(n)
     exact = truth.picture(scene, size)
 

@@ -40,10 +40,8 @@ def reaching(rows: Sequence[Row], metric: str, level: float) -> list[Row]:
 
 
 def rivals(able: Sequence[Row]) -> list[str]:
-    """Who else reaches the level in an interval that overlaps the fastest's, or without one; once each.
-
-    None where the fastest itself has no interval: then nothing is told apart.
-    """
+    """Who else reaches the level in an interval that overlaps the fastest's, or without one; once each. None
+    where the fastest itself has no interval: then nothing is told apart."""
     if not able or (mine := able[0].ends) is None:
         return []
     near = [row.phase for row in able[1:] if row.ends is None or row.ends[0] <= mine[1]]

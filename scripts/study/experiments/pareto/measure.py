@@ -67,10 +67,8 @@ def grid(
 
 def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folder: Path) -> Row:
     """The point's row without its time: errors to truth's picture, and the evaluations of its camera rays.
-
     Fractals: `exact` is converged only, so PSNR is that of 4 × 4 averaged pictures of `height`, and hits are
-    not judged. Raises DriverError.
-    """
+    not judged. Raises DriverError."""
     factor = FACTOR if scene.fractal else 1
     out = folder / f"{scene.name}-{point.spec}-{point.hit_distance:g}-{point.max_steps}.exr"
     width, _ = scene.size(height)
@@ -155,12 +153,9 @@ def measure(
 
 
 def beaten(found: Mapping[Point, Row], once: Mapping[Point, float]) -> dict[Point, dict[str, Point]]:
-    """Points that can be on no front, each with who beats it by measure.
-
-    Beaten by a measure is what another point, of at most its error, undercuts WITHIN times in one launch. It
-    must be so by every measure that has a figure; a picture that is not finite, or without any figure, is on
-    no front and needs nobody.
-    """
+    """Points that can be on no front, each with who beats it by measure. Beaten by a measure is what another
+    point, of at most its error, undercuts WITHIN times in one launch. It must be so by every measure that has
+    a figure; a picture that is not finite, or without any figure, is on no front and needs nobody."""
     bad = {m: {p: row.badness(m) for p, row in found.items()} for m in MEASURES}
     out = {}
     for point in found:

@@ -74,12 +74,10 @@ class Winner(Record, kw_only=True):
 
 
 class Pareto(Measured, kw_only=True):
-    """Speed against error over hit distance, step cap and approximations.
-
-    Every point is drawn, judged and launched once. It is left at that, and `beaten_by` names what beats it,
-    if by every measure (both PSNR, `false_ppm`, `dt_p99`) a point of at most its error took less than half
-    its time. The others are timed anew in interleaved launches: they alone stand on a front or win a level.
-    """
+    """Speed against error over hit distance, step cap and approximations. Every point is drawn, judged and
+    launched once. It is left at that, and `beaten_by` names what beats it, if by every measure (both PSNR,
+    `false_ppm`, `dt_p99`) a point of at most its error took less than half its time. The others are timed
+    anew in interleaved launches: they alone stand on a front or win a level."""
 
     made_by: ClassVar[str] = "pareto"
     n: Annotated[int | None, key("pixels", "height of the pictures")] = None

@@ -35,10 +35,8 @@ FIRST = next(iter(FIGURES))
 
 
 def paper_point(scene: str, rows: Sequence[Row]) -> tuple[float, float] | None:
-    """(ns/pixel, dB) of the paper's opt4: baseline's time here over its program's speed-up, run again.
-
-    Its error is against its own baseline at n = 720, of linear values as the axis.
-    """
+    """(ns/pixel, dB) of the paper's opt4: baseline's time here over its program's speed-up, run again. Its
+    error is against its own baseline at n = 720, of linear values as the axis."""
     base = [r for r in rows if r.phase == registry.BASE and r.own_parameters]
     theirs = paper.ladder().set_index(["scene", "phase"])
     if not base or (scene, "opt4") not in theirs.index:
@@ -58,10 +56,8 @@ def _scatter(axes: Axes, rows: Sequence[Row], measure: str, **style: Any) -> Non
 
 
 def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
-    """One program's: its mark with the scene's own parameters, dots of its colour with others.
-
-    Dots are faint where launched once. A mark that is hollow has a word beside it: which root.
-    """
+    """One program's: its mark with the scene's own parameters, dots of its colour with others. Dots are faint
+    where launched once. A mark that is hollow has a word beside it: which root."""
     hollow = "+" in name
     once = [r for r in rows if not r.timed]
     full = [r for r in rows if r.timed and not r.own_parameters]
@@ -126,10 +122,8 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
 
 
 def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
-    """A panel per scene, all of one scale: ns per pixel against an error to ground truth.
-
-    Marks: the scene's own parameters; dots: others.
-    """
+    """A panel per scene, all of one scale: ns per pixel against an error to ground truth. Marks: the scene's
+    own parameters; dots: others."""
     frame = pd.DataFrame([{"scene": r.scene, "phase": r.phase, "threads": 1} for r in rows])
     # A switch looks like its phase, drawn hollow: the shape says which phase it is of.
     looks = look(frame.assign(phase=frame.phase.str.partition("+")[0]))

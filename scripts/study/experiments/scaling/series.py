@@ -51,13 +51,11 @@ class Point:
 @dataclass(frozen=True)
 class Series:
     """`grows`: exponent that costs are foreseen by; `paper`: the one of its law, None where it has none.
-
     `scene(x, number)` makes a generated scene's file when it is first asked for; `number`: which of the
     scenes, where every launch has one of its own (`drawn`). `varies`: height, threads or max_steps; "": the
     scene itself. `first`: the x that every program should have before any other. `fast_only`: for the last
     programs of the ladder alone; `kept`: whether pictures are kept and judged; `weight`: of its share of the
-    time.
-    """
+    time."""
 
     name: str
     title: str
@@ -92,11 +90,9 @@ def thread_counts(cpus: int) -> tuple[int, ...]:
 
 
 def foreseen(known: Sequence[tuple[float, float]], x: float, grows: float) -> float:
-    """Seconds of a frame at x from what is known, (x, s) in any order; 0 where nothing is.
-
-    Beyond the last point at least as `grows` says; between two on the line through them (in logarithms);
-    below the least as long as that took.
-    """
+    """Seconds of a frame at x from what is known, (x, s) in any order; 0 where nothing is. Beyond the last
+    point at least as `grows` says; between two on the line through them (in logarithms); below the least as
+    long as that took."""
     below = sorted(one for one in known if one[0] < x)
     above = sorted(one for one in known if one[0] > x)
     if not below:

@@ -27,10 +27,8 @@ BASES = (
 
 
 def to_truth(row: Row) -> str:
-    """A row's error to ground truth in words, else that to baseline; "" where neither was measured.
-
-    Of a phase that draws the ideal shadow, ground truth is the picture with that shadow.
-    """
+    """A row's error to ground truth in words, else that to baseline; "" where neither was measured. Of a
+    phase that draws the ideal shadow, ground truth is the picture with that shadow."""
     found = row.get("truth_own_db")
     if found is not None and not math.isnan(found):
         means = " by 4×4 means" if show.yes(row.get("truth_converged_only")) else ""

@@ -173,11 +173,9 @@ class Sweep:
         return max(self.deadline - time.monotonic(), 0)
 
     def round(self, number: int) -> list[Configuration]:
-        """The configurations of a round in random order: the comparisons that fit the budget whole.
-
-        A comparison (scene and size) goes in with all its phases or not at all, cheap ones first: so
-        its phases share the same stretch of time, and what is left of a budget is still of use.
-        """
+        """The configurations of a round in random order: the comparisons that fit the budget whole. A
+        comparison (scene and size) goes in with all its phases or not at all, cheap ones first: so its phases
+        share the same stretch of time, and what is left of a budget is still of use."""
         due = [config for config in self.configs if self.due(config, number + 1)]
         groups = [[c for c in due if c.group == group] for group in dict.fromkeys(c.group for c in due)]
         left, chosen = self.budget(), []

@@ -55,11 +55,9 @@ def overrides(plan: Plan | argparse.Namespace) -> dict[str, Any]:
 
 
 def wanted_specs(names: Iterable[str], second_base: bool) -> list[Spec]:
-    """Specs without duplicates, then opt2 with each set of flags it is to be compared under.
-
-    Two specs with the same sources and equal compiler flags are the same program; of opt2 no further one is
-    built for flags that change no arithmetic.
-    """
+    """Specs without duplicates, then opt2 with each set of flags it is to be compared under. Two specs with
+    the same sources and equal compiler flags are the same program; of opt2 no further one is built for flags
+    that change no arithmetic."""
     found: dict[tuple[str, str], Spec] = {}
 
     def add(spec: Spec) -> None:
@@ -108,12 +106,10 @@ def tried(plan: Plan, case: Left, scene: Scene, width: int, height: int, **more:
 
 
 def make_plan(args: argparse.Namespace) -> Plan:
-    """The plan of a new run (plan.json), from the options of a sweep.
-
-    Builds every spec and renders every scene once, tiny: what this CPU or a phase refuses is skipped
-    with the reason, the rest gets an expected duration in proportion to its pixels; what would by that be
-    too long for more than a frame, but not by far, that of a first frame of its size.
-    """
+    """The plan of a new run (plan.json), from the options of a sweep. Builds every spec and renders every
+    scene once, tiny: what this CPU or a phase refuses is skipped with the reason, the rest gets an expected
+    duration in proportion to its pixels; what would by that be too long for more than a frame, but not by
+    far, that of a first frame of its size."""
     same = ("seed", "cpu", "launches", "reps", "warmup", "long", "hit_distance", "max_steps")
     plan = Plan(**{key: getattr(args, key) for key in same}, budget_s=args.budget, began=now())
     specs = []

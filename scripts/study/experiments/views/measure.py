@@ -87,11 +87,9 @@ def cost(pace: float, view: View, settings: Settings) -> float:
 def choose(
     pairs: Sequence[Pair], views: Sequence[View], settings: Settings, first: Callable[[Spec, View], float]
 ) -> Plan:
-    """Takes phases from the last on while the seconds last, the last one always.
-
-    `first` renders the small picture and returns seconds a pixel. A phase's refusal (DriverError with the
-    status for it) leaves out that view, a crash is a failure.
-    """
+    """Takes phases from the last on while the seconds last, the last one always. `first` renders the small
+    picture and returns seconds a pixel. A phase's refusal (DriverError with the status for it) leaves out
+    that view, a crash is a failure."""
     plan, begun, ahead = Plan(), time.monotonic(), 0.0
     known: set[Spec] = set()
     for number, pair in enumerate(reversed(pairs)):
