@@ -181,7 +181,6 @@ def profile(
 
 
 def _repetitions(spec: Spec, scene: Scene, height: int, width: int | None, target: str, samples: int) -> int:
-    """Frames that make so many samples, by the time of one."""
     first = run.render(spec, scene.path, *reversed(scene.size(height, width)), target=target)
     seconds = msgspec.convert(first, Driven).frames[0].ns / 1e9
     return max(1, min(1000, math.ceil(samples / perf.FREQUENCY / seconds)))

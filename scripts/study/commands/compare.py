@@ -92,7 +92,6 @@ def read(letter: str, path: Path, leave_out: bool) -> Side:
 
 
 def _of_scene(sides: Sequence[Side]) -> Iterator[tuple[str, list[pd.DataFrame]]]:
-    """The scenes that both runs have, with the frames of each run."""
     frames = [dict(iter(side.frames.groupby("scene"))) for side in sides]
     for scene in sorted(frames[0].keys() & frames[1].keys()):
         yield str(scene), [each[scene] for each in frames]
@@ -228,7 +227,6 @@ def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = F
 
 
 def warnings(base: Side, other: Side, machine_may_differ: bool) -> list[Fault]:
-    """What has no verdict, to be said before anything else."""
     found = [Fault(SCENE, other.letter, text) for text in other_work(base, other).values()]
     found += [Fault(SIZE, other.letter, text) for text in other_sizes(base, other).values()]
     if (text := other_machine(base, other)) and not machine_may_differ:

@@ -31,7 +31,6 @@ def completed(action: argparse.Action) -> None:
 
 
 def whole() -> argparse.ArgumentParser:
-    """One parser of all commands."""
     made = argparse.ArgumentParser("stepwise")
     below = made.add_subparsers()
     below.add_parser("list", help="the commands")

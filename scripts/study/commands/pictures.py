@@ -20,7 +20,6 @@ THUMBNAIL = 320  # pixels across, at most
 
 
 def caption(pair: Pair) -> tuple[str, str]:
-    """What stands under a picture, and its colour."""
     outside = pair.within_tolerance is False
     colour = panels.BAD if outside else panels.GOOD
     if not pair.image:

@@ -56,7 +56,6 @@ def chapter(section: Section, folder: Path) -> dict[str, Any]:
 
 
 def content(data: Data, questions: dict[str, Sequence[Section]], folder: Path) -> dict[str, Any]:
-    """Everything that the template shows, as JSON types."""
     return {
         "questions": [
             {"title": text, "chapters": [chapter(one, folder) for one in some]}

@@ -53,7 +53,6 @@ def call(name: str, *words: str | Path | int) -> Outcome:
 
 
 def swept(scenes: Sequence[str], sizes: Sequence[int], launches: int, *more: str | Path) -> Outcome:
-    """A sweep of those heights."""
     plan = ["--scene", *scenes, "-n", *sizes, "--launches", launches, "--long", LONG_FRAME]
     return call("sweep", *map(str, plan), *more)
 
@@ -170,7 +169,6 @@ def report(run: Path, left: Sequence[str]) -> None:
 
 
 def finish(run: Path) -> None:
-    """The page, and its tables and figures also with the run."""
     report(run, [])
     for name in ("tables", "figures"):
         if (PAGE.parent / name).is_dir():

@@ -185,7 +185,6 @@ def calls(parent: Declared, mine: Declared) -> list[tuple[str, int, int]]:
 
 
 def compared(args: argparse.Namespace) -> Compared:
-    """Everything that is shown."""
     both, scene = sides(args.name, args.against), registry.find_scene(args.scene)
     targets = [(spec, target) for spec in both for target in ("render", "render-count")]
     build_together([*targets, (BASE, "render")], len(driver.USABLE))
@@ -221,7 +220,6 @@ def compared(args: argparse.Namespace) -> Compared:
 
 
 def cells(side: Side) -> dict[str, str]:
-    """A side's numbers as text, by what they are."""
     truth, base = side.truth, side.baseline
     decibels, means = truth.colours.psnr_db, " (4×4 means)" * truth.converged_only
     declared = show.NOTHING
@@ -263,7 +261,6 @@ def text(result: Compared) -> str:
 
 
 def doubtful(ratio: Interval) -> bool:
-    """Whether the interval holds 1."""
     return ratio.sufficient and ratio.low <= 1 <= ratio.high
 
 

@@ -85,7 +85,6 @@ class Program:
         return next((s.address + offset - s.offset for s in inside), None)
 
     def function_at(self, address: int) -> Function | None:
-        """The function whose code has this address."""
         place = bisect.bisect_right(self._starts, address) - 1
         found = self.functions[place] if place >= 0 else None
         return found if found and address < found.start + found.size else None

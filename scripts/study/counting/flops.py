@@ -37,7 +37,6 @@ def missing(backend: str) -> str | None:
 
 
 def measure(backend: str, spec: Spec, scene: Scene, height: int, variant: str = "shipped") -> Measurement:
-    """One picture's timed region by that back end."""
     return importlib.import_module(f"study.counting.{backend}").measure(spec, scene, height, variant)
 
 

@@ -139,7 +139,6 @@ def _samples(perf: str, data: str) -> bool:
 
 
 def missing() -> str | None:
-    """None, or in one line what is missing and what it would add."""
     if program() is None:
         return f"perf is missing; linux-perf (Debian) or linux-tools-generic (Ubuntu) {ADDS}"
     if event() is not None:

@@ -162,7 +162,6 @@ def tool() -> str | None:
 
 
 def missing() -> str | None:
-    """None if there is an SDE, else why not, in one line."""
     return (
         None if tool() else f"{TOOL} is not on PATH or in SDE_HOME: Intel SDE would count AVX-512 and masks"
     )

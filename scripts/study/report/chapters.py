@@ -73,7 +73,6 @@ def _draw(found: Sequence[Checked]) -> Figure:
 
 
 def reproduced(data: Data, rows: pd.DataFrame) -> Section:
-    """The claims register, and the paper's own ladder."""
     found = claims.check(data, rows)
     totals = sum(by_paper(found).values(), Counter())
     said = [f"{totals[word]} “{word}”" for word in verdicts.WORDS if totals[word]]

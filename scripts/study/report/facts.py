@@ -63,7 +63,6 @@ def _join(*parts: Any) -> str:
 
 
 def _measured(data: Data) -> dict[str, str | None]:
-    """Toolchain, clocks and noise as the frames have them."""
     frames = data.frames
     if frames.empty:
         return {"compiler": data.context.compiler, "libc": data.context.libc}

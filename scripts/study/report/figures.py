@@ -48,7 +48,6 @@ def draw(sections: Sequence[Section], folder: Path, reuse: bool = False) -> None
 
 
 def figures(section: Section, folder: Path) -> list[Shown]:
-    """A chapter's figures, which `draw` has drawn."""
     return [
         {"name": name, "caption": drawing.caption, "uri": embed.figure((folder / f"{name}.png").read_bytes())}
         for name, drawing in section.drawn.items()

@@ -141,7 +141,6 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
 
 
 def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    """A table of texts."""
     rows = [head, ["---"] * len(head), *lines]
     return "".join(f"| {' | '.join(map(show.inert, cells))} |\n" for cells in rows)
 

@@ -70,7 +70,6 @@ def _value(*ends: float | None) -> Value:
 
 
 def _found(found: Any) -> Value:
-    """Of an interval as files have it."""
     return _value(found.value, found.low, found.high)
 
 
@@ -152,7 +151,6 @@ def lanes(phase: registry.Phase) -> Panel:
 
 
 def flops(phase: registry.Phase) -> Panel:
-    """FLOPs of a pixel, of the parent and of the phase."""
     found = _file("counts.json")
     counts = [(one, one.flops.machine) for one in found.declared if one.flops]
     counts += [(one, one.total.machine) for one in found.measured if one.variant == "shipped"]
@@ -193,7 +191,6 @@ def steps(phase: registry.Phase) -> Panel:
 
 
 def threads(phase: registry.Phase) -> Panel:
-    """Frame time on one and on two threads."""
     mine = [row for row in _ladder(THREADS) if row.phase == phase.name]
     times = {(row.scene, row.threads): _ms(row) for row in mine}
     rows = [

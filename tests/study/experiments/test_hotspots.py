@@ -22,7 +22,7 @@ from study.core.registry import ROOT
 from study.counting import elf, perf
 from study.counting.elf import Program, Segment
 from study.counting.schema import Function
-from study.experiments.hotspots import chapter, tables
+from study.experiments.hotspots import experiment, tables
 from study.experiments.hotspots.command import VARIANTS
 
 pytestmark = pytest.mark.slow
@@ -285,7 +285,7 @@ def test_quotients_beside_the_shares():
 )
 def test_no_core_runs_more_than_its_width(tmp_path, per_cycle, name, shown):
     store.write_json(tmp_path / "hotspots.json", sampled(per_cycle))
-    section = chapter.hot(tmp_path, name)
+    section = experiment.hot(tmp_path, name)
     row = section.parts[0].rows[0]
     assert (row.function, row.per_cycle) == ("sdf", per_cycle if shown else None)
 

@@ -6,7 +6,7 @@ import pytest
 
 from study.core import cli, store
 from study.core.registry import ROOT
-from study.experiments.accuracy import chapter as accuracy
+from study.experiments.accuracy import experiment as accuracy
 from study.numbers.accuracy import FILE, Accuracy
 from study.report import figures
 

@@ -1,7 +1,5 @@
 """Error of every phase to truth, per scene: hits, shapes, distances, normals, shadows, colours, and where."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from collections.abc import Mapping
@@ -66,7 +64,6 @@ def specs_of(names: list[str] | None) -> list[Spec]:
 
 
 def judge(subject: Subject, specs: list[Spec], refused: Refused) -> tuple[list[Row], list[Left]]:
-    """Rows of a scene, and what could not be had."""
     rows, missing = [], []
     for spec in progress.each(specs, f"compare {subject.scene.name}"):
         if error := _trouble(refused, spec, subject.scene, subject.plain):

@@ -1,7 +1,5 @@
 """The tables and figures of the errors to ground truth, made from accuracy.json alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -129,7 +127,6 @@ def tables(result: Accuracy) -> list[tuple[str, str, list[Any], list[Column]]]:
 
 
 def lines(result: Accuracy) -> list[str]:
-    """The tables for a terminal."""
     made = []
     for name, caption, rows, columns in tables(result):
         made += [caption, show.markdown(show.table(rows, columns)), *FEET.get(name, "").splitlines(), ""]

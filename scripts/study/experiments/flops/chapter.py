@@ -1,7 +1,5 @@
 """FLOPs of a picture, what their difference from the paper's is made of, and the validation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from functools import partial
 from math import isnan, nan

@@ -1,7 +1,5 @@
 """Columns of what was counted: Table 1, its terms, declared against measured."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

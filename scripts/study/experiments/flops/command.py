@@ -1,7 +1,5 @@
 """FLOPs by the paper's method (Table 1), and declared × counted against what a back end measures."""
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import os

@@ -1,7 +1,5 @@
 """FLOPs of a picture, declared, counted and measured."""
 
-from __future__ import annotations
-
 from study.counting.schema import SCHEMAS
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study

@@ -1,7 +1,5 @@
 """Table 1 of the paper, and more: FLOPs of a picture per phase and scene, and which functions they are in."""
 
-from __future__ import annotations
-
 import fnmatch
 from collections import Counter
 from collections.abc import Iterable

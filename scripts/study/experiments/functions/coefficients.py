@@ -12,8 +12,6 @@ and exp, which the bench has copies of. Lowest power first, u = the reduced argu
 functions" (1980): with a fused multiply-add each part may fill its format.
 """
 
-from __future__ import annotations
-
 import textwrap
 
 from mpmath import asin, atan, chebyfit, cos, mp, mpf, nstr, pi, sin, sqrt, tan
@@ -38,7 +36,6 @@ def _array(name: str, numbers: list[str]) -> list[str]:
 
 
 def header() -> str:
-    """The text of coefficients.h."""
     about = (
         "// Made by `scripts/stepwise functions --derive` (experiments/functions/coefficients.py says how)."
     )

@@ -1,7 +1,5 @@
 """Speed against error of sqrt, 1/sqrt, exp, log, pow, sin, cos, atan2, acos and of vector normalisation."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import secrets

@@ -2,8 +2,6 @@
 implementations that differ from what C's Annex F and IEEE 754 ask, and only inputs at which one does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -80,7 +78,6 @@ def columns(rows: list[Line]) -> list[Column]:
 
 
 def parts(result: Functions) -> list[Part]:
-    """The tables, each with how many are not in it."""
     made = []
     for table, names in TABLES.items():
         tried = [row for row in result.entries if row.edges and row.function in names]

@@ -5,8 +5,6 @@ rSqrt (clause 9.2). A value is right if NaN, infinities and zeros are what is as
 other finite value is within 5 % or 1 ulp: how near it is, is another table's matter.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Approximations of functions: speed against ulp, vectors normalised."""
 
-from __future__ import annotations
-
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.functions import command, edge_tables, figures, tables
 from study.experiments.functions.schema import FILE, SCHEMAS, Functions

@@ -1,7 +1,5 @@
 """Figures of function approximations, made from functions.json alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

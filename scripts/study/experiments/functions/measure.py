@@ -6,8 +6,6 @@ Times are medians of interleaved rounds, of elements in the L1 cache: throughput
 of a chain in which each waits for the last (less what the waiting itself costs: the chain of no function).
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -43,7 +41,6 @@ class Ran(msgspec.Struct):
 
 
 def entries() -> tuple[list[Entry], bool]:
-    """All entries with their `missing`, and whether there is MPFR."""
     found = msgspec.json.decode(bench("list"), type=Listed)
     return found.entries, found.mpfr
 
@@ -90,7 +87,6 @@ def add_times(rows: Sequence[Entry], rounds: int, seed: int, cpu: int | None) ->
 
 
 def add_edges(rows: Sequence[Entry]) -> None:
-    """`edges` to each entry that runs."""
     for row in rows:
         if not row.missing and row.function in FUNCTIONS:
             row.edges = edges.judge(*row.kind, lambda a, b, row=row: evaluate(row, a, b))
@@ -122,7 +118,6 @@ def without(rows: Sequence[Entry], mpfr: bool) -> list[str]:
 
 
 def study(quick: bool, rounds: int, vectors: int, threads: int, seed: int, cpu: int | None) -> Functions:
-    """functions.json."""
     rows, mpfr = entries()
     lacking = without(rows, mpfr)
     cli.say("\n".join([*lacking, "errors …"]))

@@ -1,7 +1,5 @@
 """functions.json."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, ClassVar
 
@@ -61,7 +59,6 @@ class Entry(Record, kw_only=True):
 
     @property
     def agrees(self) -> bool:
-        """Whether all values at the edges are right."""
         return all(edge.right for edge in self.edges)
 
 

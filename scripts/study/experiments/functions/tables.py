@@ -1,7 +1,5 @@
 """Tables of function approximations, made from functions.json alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

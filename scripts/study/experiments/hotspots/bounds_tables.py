@@ -1,7 +1,5 @@
 """Table 3 and the hot regions as tables of a page, from a run's hotspots.json."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -45,7 +43,6 @@ def rows(record: Hotspots) -> list[Row]:
 
 
 def region_rows(record: Hotspots) -> list[Row]:
-    """The hot regions of every phase, flat."""
     made = []
     for one in record.bounds:
         for region in one.regions:

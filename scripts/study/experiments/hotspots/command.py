@@ -1,7 +1,5 @@
 """Which functions take the time (Tables 2 and 4) and what bounds them (Table 3), beside the paper's."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 from collections import Counter

@@ -1,7 +1,5 @@
 """Functions by the time that they take in a frame: Tables 2 and 4 of the paper, from bounds.profiles."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

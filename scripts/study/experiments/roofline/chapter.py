@@ -1,7 +1,5 @@
 """The chapter of the roofline: ceilings, Tables 5 and 6, the share of each roof."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from study.bounds import roof

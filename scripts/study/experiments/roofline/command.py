@@ -1,7 +1,5 @@
 """The roofline of a run and the performance of every phase against n (Tables 5 and 6, Figure 6)."""
 
-from __future__ import annotations
-
 import argparse
 
 from study.bounds import roof

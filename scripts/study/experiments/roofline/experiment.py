@@ -1,7 +1,5 @@
 """The roofline: every timed program against what the machine can do."""
 
-from __future__ import annotations
-
 from study.counting import flops
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.roofline import chapter, command

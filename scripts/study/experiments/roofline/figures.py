@@ -1,7 +1,5 @@
 """Figures of the roofline: the roofs with every timed program, and performance against picture height."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Columns of the roofline: shares of roofs (Tables 5 and 6), points."""
 
-from __future__ import annotations
-
 import math
 
 from study.bounds.roof import Point

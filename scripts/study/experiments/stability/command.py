@@ -3,8 +3,6 @@
 A wrong picture is a result and shown as such. A NaN, a crash, a hang, or a case that cannot run is a failure.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import os
@@ -48,7 +46,6 @@ def units(args: argparse.Namespace) -> list[hard.Case]:
 
 
 def cell(row: Row) -> str:
-    """What the terminal's table says of one phase and case."""
     if row.refused:
         return "refuses"
     if row.first_failure is None:

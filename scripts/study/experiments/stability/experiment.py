@@ -1,7 +1,5 @@
 """Hard cases with a known answer."""
 
-from __future__ import annotations
-
 from study.experiments import cuts
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.section import Found, chapters

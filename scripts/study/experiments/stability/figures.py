@@ -1,7 +1,5 @@
 """All hard cases as one figure, made from stability.json alone."""
 
-from __future__ import annotations
-
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch

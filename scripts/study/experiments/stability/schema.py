@@ -1,7 +1,5 @@
 """stability.json."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 import msgspec

@@ -1,8 +1,6 @@
 """The hard cases as a fragment of the report's page, from stability.json alone: a table phase × case, and for
 each case its text, its curve and what each phase does."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

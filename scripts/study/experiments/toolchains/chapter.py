@@ -1,7 +1,5 @@
 """The chapter of compilers and flags."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """Compilers and flags: time, pixels that change and error to truth of every phase by each of them."""
 
-from __future__ import annotations
-
 import argparse
 
 from study.core import cli, registry, run, show, store

@@ -1,7 +1,5 @@
 """Compilers and flags."""
 
-from __future__ import annotations
-
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.toolchains import chapter, command
 from study.experiments.toolchains.schema import SCHEMAS

@@ -4,8 +4,6 @@ The paper compares GCC and ICC under three sets of flags without saying at what 
 (compiler, set of flags, phase), built into a folder of its own by the house's recipe with CFLAGS_MORE.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os
@@ -96,7 +94,6 @@ def built(programs: Iterable[Program]) -> tuple[list[Program], list[Failure]]:
 
 
 def picture(program: Program, scene: Scene, height: int, folder: Path) -> Picture | StudyError:
-    """Its picture with every plane, or why there is none."""
     out = folder / f"{program.folder.name}-{program.phase}-{scene.name}-{height}.exr"
     width, _ = scene.size(height)
     try:

@@ -1,7 +1,5 @@
 """toolchains.json."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar
 
 from study.core.schema import Record, key

@@ -10,8 +10,6 @@ project's own. The function says how wrong the phase is, as a number:
 NaN, a crash and a hang are seen without its help (phase.py).
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 import re

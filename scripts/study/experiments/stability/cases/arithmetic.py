@@ -1,7 +1,5 @@
 """Hard cases of arithmetic: scenes moved, scaled or of unlike sizes, roots of 0, other compilers."""
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import Any
@@ -165,7 +163,6 @@ def twins(k: float) -> dict:
 
 
 def differing_bits(a: Picture, b: Picture) -> np.ndarray:
-    """Pixels in which any bit of any plane differs."""
     return np.any([a[name].view(np.uint32) != b[name].view(np.uint32) for name in a], axis=0)
 
 

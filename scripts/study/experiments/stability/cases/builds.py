@@ -3,8 +3,6 @@
 Kept apart from the phases' own flags: they are for asking what a phase's arithmetic stands.
 """
 
-from __future__ import annotations
-
 import shutil
 
 from study.core import registry
@@ -28,5 +26,4 @@ def contracted(phase: Phase) -> Phase | None:
 
 
 def clang(phase: Phase) -> Phase | None:
-    """clang with the phase's own flags."""
     return _made(phase, ("CC=clang",), "build/clang")

@@ -1,7 +1,5 @@
 """One figure a case: error against strength, all phases, the limit as a line."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from pathlib import Path
@@ -108,14 +106,12 @@ def _figure(case: Case, rows: list[Row], names: list[str]) -> tuple[Figure, str]
 
 
 def draw(case: Case, rows: list[Row], names: list[str], stem: Path) -> list[Path]:
-    """STEM.svg and STEM.png of a case."""
     with matplotlib.rc_context(STYLE):
         figure, note = _figure(case, rows, names)
         return save(figure, stem, note)
 
 
 def small(case: Case, rows: list[Row], names: list[str]) -> bytes:
-    """The figure of a case as a small PNG."""
     with matplotlib.rc_context(STYLE):
         return thumbnail(*_figure(case, rows, names))
 

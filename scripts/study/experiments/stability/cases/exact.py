@@ -3,8 +3,6 @@
 Nothing here marches. Origins are (3,), directions (..., 3) of unit length, results t (...), +inf for a miss.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

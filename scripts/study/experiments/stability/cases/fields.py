@@ -1,7 +1,5 @@
 """Hard cases of fields: one that is no distance, and the Mandelbulb's estimate where its angles are lost."""
 
-from __future__ import annotations
-
 import functools
 import threading
 

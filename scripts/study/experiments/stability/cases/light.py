@@ -1,7 +1,5 @@
 """Hard cases of light: shadows, mirrors, fog, gloss."""
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import Any

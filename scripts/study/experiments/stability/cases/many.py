@@ -1,7 +1,5 @@
 """Hard cases of many shapes: repeated ones, and equal ones in one place."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

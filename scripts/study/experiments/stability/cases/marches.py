@@ -1,7 +1,5 @@
 """Hard cases of where a march ends: at grazing angles, past near misses, far away, at a cap or a bound."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs hard cases on phases: the rows of stability.json."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence

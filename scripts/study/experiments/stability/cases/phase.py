@@ -4,8 +4,6 @@ Each program run has a time limit; running out of it, being killed by a signal a
 apart, since a phase may do the last and neither of the others.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Scenes of hard cases, as dicts in the format of common/scenes/README.md, and the rays they are seen by."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -38,7 +36,6 @@ def wall(z: float, **more: Any) -> dict:
 
 
 def eye(position: Sequence[float], look_at: Sequence[float], degrees: float = 30, **more: Any) -> dict:
-    """A scene's camera."""
     return {
         "position": list(position),
         "look_at": list(look_at),

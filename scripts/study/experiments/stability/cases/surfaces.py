@@ -1,7 +1,5 @@
 """Hard cases of surfaces: silhouettes, thin and coplanar shapes, edges, creases, rims."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterator
