@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import msgspec
 
 from study.bounds import peaks
-from study.core import machine, run, store
+from study.core import machine, run
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.run_schema import Cpu
@@ -238,19 +238,6 @@ def _once(program: Path, cpu: int | None, samples: int | None) -> Ceilings:
     about = machine.cpu()
     known = Cpu(**{name: getattr(about, name) for name in (*_CPU, "microarchitecture")})
     return msgspec.structs.replace(made, cpu=known, tries=1)
-
-
-def read(folder: Path) -> Ceilings:
-    """A run's ceilings. Raises StudyError, also where there are none."""
-    if (found := Ceilings.load_if_there(folder / FILE)) is None:
-        path = folder / FILE
-        raise StudyError(f"{path} is missing: no ceilings; run scripts/stepwise ceilings --run {folder}")
-    return found
-
-
-def write(folder: Path, ceilings: Ceilings) -> Path:
-    store.write_json(folder / FILE, ceilings)
-    return folder / FILE
 
 
 # --- as tables, a column per kernel

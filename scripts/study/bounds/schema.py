@@ -3,8 +3,6 @@
 from collections.abc import Collection
 from typing import Annotated, ClassVar, Literal
 
-import msgspec
-
 from study.core.schema import Record, key
 from study.counting.schema import Drawn
 from study.numbers.schema import Result
@@ -117,7 +115,7 @@ class Bound(Drawn, kw_only=True, omit_defaults=True):
     cpu_ns: Annotated[float, key("ns", "of a frame in which the process ran")]
     samples: Annotated[int | None, key("samples", "of frames")] = None
     compared: Annotated[Compared | None, key("core cycles", "modelled beside measured")] = None
-    regions: Annotated[list[Region], key("", "hot regions")] = msgspec.field(default_factory=list)
+    regions: Annotated[list[Region], key("", "hot regions")] = []
 
 
 class Hotspots(Result, kw_only=True):
@@ -125,13 +123,9 @@ class Hotspots(Result, kw_only=True):
 
     made_by: ClassVar[str] = "hotspots"
     schema: Annotated[Literal[1], key("", "version of the form")] = 1
-    profiles: Annotated[list[Profiled], key("", "by phase, scene and build")] = msgspec.field(
-        default_factory=list
-    )
-    beside: Annotated[dict[str, Beside], key("", "`scene|phase|width|height` → counts")] = msgspec.field(
-        default_factory=dict
-    )
-    bounds: Annotated[list[Bound], key("", "what bounds each phase")] = msgspec.field(default_factory=list)
+    profiles: Annotated[list[Profiled], key("", "by phase, scene and build")] = []
+    beside: Annotated[dict[str, Beside], key("", "`scene|phase|width|height` → counts")] = {}
+    bounds: Annotated[list[Bound], key("", "what bounds each phase")] = []
 
 
 SCHEMAS = {"hotspots.json": Hotspots}

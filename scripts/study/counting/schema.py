@@ -2,8 +2,6 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-import msgspec
-
 from study.core.schema import Record, key
 from study.numbers.schema import Result
 
@@ -58,9 +56,7 @@ class Function(Record, kw_only=True, omit_defaults=True):
     paper: Annotated[int, key("FLOP", "of all lanes, the paper's convention")] = 0
     machine: Annotated[int, key("FLOP", "of all lanes, the machine's")] = 0
     useful: Annotated[int, key("FLOP", "of lanes whose ray is under way, the machine's")] = 0
-    parts: Annotated[dict[str, int], key("executions", "of each line of costs.def")] = msgspec.field(
-        default_factory=dict
-    )
+    parts: Annotated[dict[str, int], key("executions", "of each line of costs.def")] = {}
 
 
 class Declared(Picture, kw_only=True, omit_defaults=True):
@@ -70,9 +66,7 @@ class Declared(Picture, kw_only=True, omit_defaults=True):
     threads: Annotated[int | None, key("threads", "that drew it")] = None
     flops: Annotated[Flops | None, key("FLOP", "of the picture; null: the phase declares no costs")] = None
     by_function: Annotated[dict[str, Function], key("", "function → its counts")]
-    by_class: Annotated[dict[str, int], key("operations", "lane by lane, by class")] = msgspec.field(
-        default_factory=dict
-    )
+    by_class: Annotated[dict[str, int], key("operations", "lane by lane, by class")] = {}
     executed: Annotated[int, key("FLOP", "of all lanes, the machine's")] = 0
     useful: Annotated[int, key("FLOP", "of lanes whose ray is under way, the machine's")] = 0
     useful_paper: Annotated[int, key("FLOP", "the same, the paper's")] = 0
@@ -114,9 +108,7 @@ class Measurement(Picture, kw_only=True, omit_defaults=True):
     calibrated: Annotated[
         bool | None, key("", "gave the known counts of tests/calibration on this machine; null: never tried")
     ]
-    edges: Annotated[dict[str, dict[str, int]], key("calls", "caller → callee → direct calls")] = (
-        msgspec.field(default_factory=dict)
-    )
+    edges: Annotated[dict[str, dict[str, int]], key("calls", "caller → callee → direct calls")] = {}
     cpu: Annotated[str | None, key("", "it ran on")] = None
 
 

@@ -24,7 +24,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     context = Context.load_if_there(target.path / "context.json") or Context()
     ceilings.refuse(target.path, context.cpu)
     measured = ceilings.measure(args.cpu, args.samples)
-    path = ceilings.write(target.path, measured)
+    path = target.path / ceilings.FILE
+    store.write_json(path, measured)
     tables = [
         f"{title}\n\n{show.markdown(show.table(grid(measured, by), columns))}"
         for by, title, columns in (

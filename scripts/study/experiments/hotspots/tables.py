@@ -14,7 +14,7 @@ from study.counting.schema import Function
 from study.numbers import paper
 
 SHOWN = 10  # functions of a table, as many as the paper has
-REST = "other functions"
+REST, LIBM = "other functions", " (libm)"
 
 
 @dataclass(frozen=True)
@@ -95,10 +95,6 @@ def core_width(microarchitecture: str | None) -> int:
     return 6 if microarchitecture in _SIX_WIDE else WIDEST
 
 
-def _plain(name: str) -> str:
-    return name.removesuffix(" (libm)")
-
-
 def table_rows(record: Hotspots, shown: int = SHOWN, widest: int = WIDEST) -> list[Row]:
     """Rows of Tables 2 and 4 from a run's hotspots.json: per phase the `shown` functions of the most time,
     those of the paper, and the rest, so that each column sums to the frame. Quotients of instructions over
@@ -111,18 +107,18 @@ def table_rows(record: Hotspots, shown: int = SHOWN, widest: int = WIDEST) -> li
         stated = theirs(first.phase) if first.scene == "scene0" else {}
         order = sorted(first.functions, key=lambda one: -one.weight)
         names = [one.function for one in order[:shown]]
-        more = {_plain(one.function): one.function for one in order[shown:] if one.weight}
+        more = {one.function.removesuffix(LIBM): one.function for one in order[shown:] if one.weight}
         names += [more[name] for name in stated if name in more]
         beside = record.beside.get("|".join(map(str, which)), Beside(per_cycle={}, lanes_active={}))
         for name in names:
             quotient = beside.per_cycle.get(name)
-            more = stated.get(_plain(name), {}) | {"lanes_active": beside.lanes_active.get(name)}
+            more = stated.get(name.removesuffix(LIBM), {}) | {"lanes_active": beside.lanes_active.get(name)}
             if quotient is not None and quotient <= widest:
                 more |= {"per_cycle": quotient}
             rows.append(replace(_cells(which, name, by, [name]), **more))
         rest = {one.function for profile in by.values() for one in profile.functions} - set(names)
         rows.append(_cells(which, f"{REST} ({len(rest)})", by, rest))
-        shown_names = set(map(_plain, names))
+        shown_names = {name.removesuffix(LIBM) for name in names}
         rows += [Row(*which, name, **one) for name, one in stated.items() if name not in shown_names]
     return rows
 

@@ -2,8 +2,6 @@
 
 from typing import Annotated, ClassVar, Literal
 
-import msgspec
-
 from study.core.schema import Record, key
 from study.numbers.schema import Result, Skipped
 
@@ -71,9 +69,7 @@ class Stability(Result, kw_only=True):
     phases: Annotated[list[Phase], key("", "programs")]
     cases: Annotated[list[Case], key("", "what was tried")]
     results: Annotated[list[Row], key("", "cases on phases", min_length=1)]
-    skipped: Annotated[list[Skipped], key("", "phases that could not run")] = msgspec.field(
-        default_factory=list
-    )
+    skipped: Annotated[list[Skipped], key("", "phases that could not run")] = []
 
     def rows_of(self, case: Case) -> list[Row]:
         return [row for row in self.results if row.number == case.number]
