@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from study.core import cli, store
 from study.core.cli import StudyError
 
 T = TypeVar("T")
@@ -75,9 +76,12 @@ def file_name(whole: str, shard: Shard | None) -> str:
     return f"{path.stem}.shard-{shard.number}-of-{shard.of}{path.suffix}"
 
 
-def marked(result: Mapping[str, Any], shard: Shard | None) -> dict[str, Any]:
-    """The content of a file, which says of which shard it is. None: of the whole, which says nothing."""
-    return {**result} if shard is None else {KEY: {"number": shard.number, "of": shard.of}, **result}
+def write(folder: Path, whole: str, result: Any, shard: Shard | None) -> Path:
+    """The file of a shard, which says of which; None: of the whole, which says nothing."""
+    path = folder / file_name(whole, shard)
+    about = {KEY: vars(shard)} if shard else {}
+    store.write_json(path, about | cli.plain(result))
+    return path
 
 
 def join(parts: Sequence[Mapping[str, Any]], lists: Sequence[str]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from study.core import cli, progress, registry, store
+from study.core import cli, progress, registry
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED, DriverError
@@ -133,8 +133,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     result = Accuracy(
         flip_tool=images.FLIP_TOOL, picture_tool=images.PICTURE_TOOL, rows=rows, skipped=[*unable, *left]
     )
-    path = folder / shards.file_name(FILE, args.shard)
-    store.write_json(path, shards.marked(cli.plain(result), args.shard))
+    shards.write(folder, FILE, result, args.shard)
     return _told(result, folder, drawn=not args.shard)
 
 

@@ -111,7 +111,6 @@ def measure(args: argparse.Namespace) -> Outcome:
         made = list(progress.each(pool.map(one, chosen), "frames", len(chosen)))
     failed = [f"{row.scene}, frame {row.frame}: {bad} samples are not finite" for row, bad in made if bad]
     result = {"schema": 1, "rows": cli.plain([row for row, _ in made])}
-    path = folder / shards.file_name(FILE, args.shard)
-    store.write_json(path, shards.marked(result, args.shard))
+    path = shards.write(folder, FILE, result, args.shard)
     lines = [*([] if args.shard else films(result, folder)), path]
     return Outcome(result, lines, folder, failed=failed)

@@ -58,15 +58,9 @@ def fly(args: argparse.Namespace) -> Outcome:
         rows = [flight.fly(scene, flight.Settings(*how), scratch) for scene in scenes]
     allowed = {"psnr_db": args.psnr, "wrong_ppm": args.wrong}
     result = Flight(**running.about(args), **allowed, article=flight.ARTICLE, rows=rows)
-    failed = hit_tables.not_finite(
-        [
-            (f"{row.scene} at {place.seconds:g} s by {way.phase}", way)
-            for row in rows
-            for place in row.places
-            for way in place.ways
-        ]
-    )
-    made = tables.found(result)
+    places = [(f"{row.scene} at {place.seconds:g} s by", place) for row in rows for place in row.places]
+    ways = [(f"{name} {way.phase}", way) for name, place in places for way in place.ways]
+    failed, made = hit_tables.not_finite(ways), tables.found(result)
     return running.end(folder / FILE, result, made.parts, made.drawn, failed=failed)
 
 

@@ -154,12 +154,8 @@ def faults(result: Packets) -> list[str]:
         for r in result.rays
         if r.agreement and r.agreement.other_shape > 2 + MOST_OTHERS * r.rays
     ]
-    return found + [
-        f"{drawn.scene}, {row.phase}: {row.non_finite} samples are not finite"
-        for drawn in result.drawn
-        for row in drawn.rows
-        if row.non_finite
-    ]
+    pictures = [(f"{drawn.scene}, {row.phase}", row) for drawn in result.drawn for row in drawn.rows]
+    return found + hit_tables.not_finite(pictures)
 
 
 def parts(result: Packets) -> list[Part]:

@@ -7,7 +7,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from study.core import cli, progress, store
+from study.core import cli, progress
 from study.core.cli import Outcome
 from study.experiments import running, shards
 from study.experiments.random import inputs
@@ -62,8 +62,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     with ThreadPoolExecutor(args.jobs) as pool:
         rows = list(progress.each(pool.map(one, chosen), "seeds", len(chosen)))
     result = Random(schema=1, rows=rows)
-    path = folder / shards.file_name(FILE, args.shard)
-    store.write_json(path, shards.marked(cli.plain(result), args.shard))
+    path = shards.write(folder, FILE, result, args.shard)
     failed = [f"{row.kind}, seed {row.seed}: {row.found}" for row in rows if row.found]
     lines = []
     for kind in dict.fromkeys(row.kind for row in rows):

@@ -10,6 +10,7 @@ from study.experiments.scaling import measure as scaling
 from study.experiments.scaling import tables
 from study.experiments.scaling.schema import LeftOut, Row, Scaling
 from study.experiments.scaling.series import chosen, series
+from study.measuring import hit_tables
 
 DESCRIPTION = """\
 Each program is timed over picture height, number of shapes, step cap, bounces and threads, in interleaved
@@ -72,8 +73,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         axes={one.name: one.axis for one in wanted},
         titles={one.name: one.title for one in wanted},
     )
-    bad = [row for row in rows if row.non_finite]
-    failed = [f"{r.phase} in {r.series} at {r.x:g}: {r.non_finite} samples not finite" for r in bad]
+    failed = hit_tables.not_finite([(f"{row.phase} in {row.series} at {row.x:g}", row) for row in rows])
     first = {(row.series, row.phase): row for row in reversed(left_out)}
     remarks = [f"left out {r.phase} in {r.series} from {r.x:g} on: {r.reason}" for r in first.values()]
     made = tables.found(result)

@@ -106,8 +106,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     folder = store.writable(args.run or registry.ROOT / "build" / "stability")
     data = measured(args, chosen)
     result = cli.plain(data)
-    path = folder / shards.file_name(FILE, args.shard)
-    store.write_json(path, shards.marked(result, args.shard))
+    path = shards.write(folder, FILE, result, args.shard)
     if not args.shard:
         draw(data, folder / "figures")
     where = f"Rows: {path}" if args.shard else f"Curves: {folder}/figures"

@@ -75,8 +75,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args)
     rows = [kept(scene, scene.size(args.n, args.w), args.jobs, folder) for scene in scenes]
     result = Truth(schema=1, rows=rows)
-    path = folder / shards.file_name(FILE, args.shard)
-    store.write_json(path, shards.marked(cli.plain(result), args.shard))
+    shards.write(folder, FILE, result, args.shard)
     smooth = {scene.name for scene in scenes if not scene.fractal}
     failed = [f"{r.scene}: {r.undecided} rays undecided" for r in rows if r.undecided and r.scene in smooth]
     return Outcome(result, [show.markdown(show.table(rows, COLUMNS))], folder, failed=failed)
