@@ -2,6 +2,7 @@
 
 import argparse
 import functools
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from study.core import cli, machine, progress, registry, run, show, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.counting import blocks, elf, flops, perf
+from study.experiments import running
 from study.experiments.hotspots import bounds_tables, tables
 
 VARIANTS: tuple[Literal["calls", "shipped"], ...] = ("calls", "shipped")
@@ -100,11 +102,13 @@ def measure(args: argparse.Namespace) -> Outcome:
     old = Hotspots.load_if_there(target.path / FILE) if target else None
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
     scenes = [registry.find_scene(name) for name in args.scene]
-    pairs = [(Spec.parse(name), scene) for scene in scenes for name in args.phase or ladder]
+    specs, lacks = running.programs(args.phase or ladder)
+    for spec, why in lacks.items():
+        cli.say(f"{spec} left out: {why}")
     if lacking := perf.missing():
         raise StudyError(lacking, cli.CANNOT_RUN)
     record = Hotspots()
-    for spec, scene in progress.each([pair for pair in pairs if not skipped(pair[0])], "sample"):
+    for scene, spec in progress.each(list(itertools.product(scenes, specs)), "sample"):
         try:
             add(record, spec, scene, args)
         except run.DriverError as error:
@@ -122,9 +126,3 @@ def measure(args: argparse.Namespace) -> Outcome:
     bounds, regions = bounds_tables.rows(record), bounds_tables.region_rows(record)
     result = {"hotspots": rows, "bounds": bounds, "record": record, "regions": regions}
     return Outcome(result, text(record, rows), args.run, few)
-
-
-def skipped(spec: Spec) -> bool:
-    if lacking := registry.missing_isa(spec):
-        cli.say(f"{spec} left out: this CPU lacks {', '.join(lacking)}")
-    return bool(lacking)

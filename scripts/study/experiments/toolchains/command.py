@@ -4,7 +4,6 @@ import argparse
 
 from study.core import cli, registry, run, show, store
 from study.core.cli import Outcome, StudyError
-from study.core.registry import Spec
 from study.experiments import running
 from study.experiments.toolchains import chapter
 from study.experiments.toolchains import measure as toolchains
@@ -37,22 +36,14 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def study(args: argparse.Namespace) -> Toolchains:
     """Raises StudyError where not even gcc as shipped can be built and run."""
-    specs = [Spec.parse(name) for name in dict.fromkeys(args.phase)]
-    if other := next((spec for spec in specs if spec.flags_from != spec.phase), None):
+    specs, lacking = running.programs(args.phase)
+    if other := next((spec for spec in [*specs, *lacking] if spec.flags_from != spec.phase), None):
         raise StudyError(f"{other}: flags are what is compared here; name {other.phase} alone")
-    lacking = {spec: registry.missing_isa(spec) for spec in specs}
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
     run.cpu_set(args.cpu, 1)
     compilers, missing = toolchains.present(dict.fromkeys(args.compiler))
-    skipped = [
-        Missing(phase=spec.phase, reason=f"this CPU lacks {' '.join(what)}")
-        for spec, what in lacking.items()
-        if what
-    ]
-    wanted = toolchains.programs(compilers, args.flags, [spec for spec in specs if not lacking[spec]])
-    if not wanted:
-        raise StudyError("nothing to measure: no phase can run on this CPU", cli.CANNOT_RUN)
-    wanted, failures = toolchains.built(wanted)
+    skipped = [Missing(phase=spec.phase, reason=why) for spec, why in lacking.items()]
+    wanted, failures = toolchains.built(toolchains.programs(compilers, args.flags, specs))
     rows: list[Row] = []
     folder = store.writable(registry.ROOT / "build" / "toolchains" / "images")
     for scene in scenes:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
 from study.core import progress, registry
+from study.experiments import running
 from study.experiments.stability.cases import Case, Crashed, Hung, Phase, Refused
 from study.experiments.stability.schema import Row, Skipped
 
@@ -63,13 +64,9 @@ def row(name: str, case: Case, points: Sequence[Point]) -> Row:
 
 def able(names: Iterable[str] | None) -> tuple[list[str], list[Skipped]]:
     """The phases that can run here, and those that cannot with the reason. None: the ladder's."""
-    runs, skipped = [], []
-    for name in dict.fromkeys(names or [p.name for p in registry.phases().values() if p.family == FAMILY]):
-        if lacking := registry.missing_isa(registry.Spec.parse(name)):
-            skipped.append(Skipped(phase=name, reason=f"this CPU lacks {' '.join(lacking)}"))
-        else:
-            runs.append(name)
-    return runs, skipped
+    family = [p.name for p in registry.phases().values() if p.family == FAMILY]
+    specs, lacking = running.programs(names or family)
+    return [*map(str, specs)], [Skipped(phase=str(spec), reason=why) for spec, why in lacking.items()]
 
 
 def sweep(
