@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
+import msgspec
 
-from study.claims import claim
-from study.claims.claim import Claim
+from study.claims import register
+from study.claims.register import Claim
 
-ANY = Claim("P1", "", "scene0", "baseline", "baseline", math.nan, "×", math.nan, "", 1, "", "a note", "")
+ANY = Claim("P1", "", "scene0", "baseline", "baseline", "×", "", 1, "", "a note", "")
 
 
 def claimed(**about: object) -> Claim:
-    return dataclasses.replace(ANY, **about)
+    return msgspec.structs.replace(ANY, **about)
 
 
 def of(quantity: str) -> Claim:
     """The register's only one of that kind."""
-    (found,) = [one for one in claim.read() if one.quantity == quantity]
+    (found,) = [one for one in register.read() if one.quantity == quantity]
     return found

@@ -13,25 +13,13 @@ from typing import Any
 import pandas as pd
 
 from study.claims import register
-from study.claims.claim import Claim, read
+from study.claims.register import Claim
 from study.core import show
 from study.core.show import Column, whole, word
-from study.numbers import ladder, paper, stats
+from study.numbers import ladder, paper, stats, verdicts
 from study.numbers.analysis import Cell, Data
 from study.numbers.stats import Interval
-from study.numbers.verdicts import (
-    FAILS,
-    HOLDS,
-    NEVER,
-    UNSURE,
-    Found,
-    figure,
-    judged,
-    missing,
-    near,
-    reached,
-    sized,
-)
+from study.numbers.verdicts import FAILS, HOLDS, NEVER, UNSURE, Found, figure, judged, missing, sized
 
 ABOUT = ("text", "quote", "source", "line", "scene", "command", "note", "unit")
 EVEN = 1.10  # what counts as the same time: a clock or a page can be worth several percent
@@ -68,7 +56,7 @@ def check(data: Data, rows: pd.DataFrame) -> list[Checked]:
     """Every claim of the register, held against the run."""
     theirs = paper.ladder().set_index(["scene", "phase"])
     made = []
-    for claim in read():
+    for claim in register.read():
         what = claim.quantity
         found = CHECKS[what](data, rows, claim) if what in CHECKS else register.CHECKS[what](data, claim)
         if found.verdict == NEVER and not found.why:
@@ -161,7 +149,7 @@ def _speedup(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
     size = sizes.pop()
     cell = _at(data, scene, phase, size)
     ratio = cell.over(_at(data, scene, base, size))
-    verdict, why = reached(ratio, claim.value)
+    verdict, why = verdicts.reached(ratio, claim.value)
     if verdict == FAILS and int(cell.facts.lanes or 1) > 1 and size[0] < claim.n:
         verdict, why = UNSURE, f"{why}, and a smaller n gains less"
     text = f"{phase} over {base}: {_times(ratio)}"
@@ -176,7 +164,7 @@ def _scene_ratio(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
         return missing(NO_CELLS)
     ratio = _at(data, base, phase, sizes[-1]).over(_at(data, scene, phase, sizes[-1]))
     text, value = f"{_times(ratio)} its time, at n = {sizes[-1][0]}", claim.value
-    verdict, why = near(ratio.value, value)
+    verdict, why = verdicts.near(ratio.value, value)
     if verdict == FAILS and ratio.low <= value <= ratio.high:
         verdict, why = UNSURE, f"{value:g} is within the interval"
     return sized(figure(ratio, text, verdict, why, sizes[-1][0]), claim.n)

@@ -5,27 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from study.core.show import (
-    NOTHING,
-    Column,
-    Row,
-    cell,
-    gate,
-    gate_mark,
-    gone,
-    interval,
-    number,
-    percent,
-    plain,
-    psnr,
-    rerun,
-    share,
-    speedup,
-    times,
-    whole,
-    word,
-    yes,
-)
+from study.core import show
+from study.core.show import NOTHING, Column, Row, cell, gone, interval, number, plain, whole, word
 from study.numbers.analysis import GENERATED
 
 TO_TRUTH = "to ground truth"  # in a head: this column is of accuracy.json
@@ -45,7 +26,7 @@ def _code(row: Row) -> str:
 
 def _load(row: Row) -> str:
     """Of a scalar phase there is none (0)."""
-    return plain("core_hz_load", 4, 1e9)(row) if yes(cell(row, "core_hz_load")) else NOTHING
+    return plain("core_hz_load", 4, 1e9)(row) if show.yes(cell(row, "core_hz_load")) else NOTHING
 
 
 def _known(name: str, digits: int = 3, unit: str = "") -> Callable[[Row], str]:
@@ -56,19 +37,19 @@ def _known(name: str, digits: int = 3, unit: str = "") -> Callable[[Row], str]:
 def _fractal_depth(row: Row) -> str:
     """Only where single samples are chaotic, so that depth is what can be judged."""
     averaged = cell(row, "antialiased_fraction_over_1_255")
-    return NOTHING if gone(averaged) else share(cell(row, "depth_agree_fraction"))
+    return NOTHING if gone(averaged) else show.share(cell(row, "depth_agree_fraction"))
 
 
 def _psnr(name: str) -> Callable[[Row], str]:
-    return lambda row: psnr(row, name)
+    return lambda row: show.psnr(row, name)
 
 
 def _part(name: str) -> Callable[[Row], str]:
-    return lambda row: percent(cell(row, name))
+    return lambda row: show.percent(cell(row, name))
 
 
 def _times(name: str) -> Callable[[Row], str]:
-    return lambda row: times(cell(row, name))
+    return lambda row: show.times(cell(row, name))
 
 
 def _pictures() -> list[Column]:
@@ -123,7 +104,10 @@ def _over_one_thread(row: Row) -> str:
 
 
 STEADY, TRUE, BELOW = "time of a steady frame", f"error {TO_TRUTH}", "error below the picture"
-OVER_BASE, OVER_OPT2 = speedup("speedup", "speedup_base"), speedup("speedup_same_flags", "same_flags_base")
+OVER_BASE, OVER_OPT2 = (
+    show.speedup("speedup", "speedup_base"),
+    show.speedup("speedup_same_flags", "same_flags_base"),
+)
 LADDER = [
     Column("", "phase", _phase),
     Column("", "precision", word("precision")),
@@ -133,7 +117,7 @@ LADDER = [
     Column(STEADY, "ns/pixel", plain("ns_per_pixel", 4)),
     Column("speed-up over", "baseline [95\u00a0%]", OVER_BASE),
     Column("speed-up over", "opt2, same flags [95\u00a0%]", OVER_OPT2),
-    Column("error against baseline", "tolerance", gate, gate_mark),
+    Column("error against baseline", "tolerance", show.gate, show.gate_mark),
     *_pictures(),
     Column(TRUE, "PSNR linear, dB", _truth_psnr("truth_psnr_db")),
     Column(TRUE, "ideal shadow, dB", _truth_psnr("truth_psnr_ideal_db")),
@@ -151,7 +135,7 @@ BESIDE = [
     Column("here, over baseline", "PSNR display, dB", _psnr("psnr_display_db")),
     Column("the paper, over its baseline", "by its tables", _times("implied")),
     Column("the paper, over its baseline", "by its text", _times("stated")),
-    Column("the paper, over its baseline", "its program, run again (PSNR display)", rerun),
+    Column("the paper, over its baseline", "its program, run again (PSNR display)", show.rerun),
 ]
 
 
@@ -201,7 +185,7 @@ MAIN = [
     Column(f"PSNR {TO_TRUTH}, dB", "ideal shadow", _truth_psnr("truth_psnr_ideal_db")),
     Column("", "wrong hits, ppm", plain("truth_wrong_ppm")),
     Column("against baseline", "PSNR, dB", _psnr("psnr_db")),
-    Column("against baseline", "tolerance", gate, gate_mark),
+    Column("against baseline", "tolerance", show.gate, show.gate_mark),
 ]
 # What a scene's ladder consists of: columns and title of each table.
 PARTS = (
@@ -228,7 +212,7 @@ RUNTIME = [
     Column("", "speed-up over baseline [95\u00a0%]", OVER_BASE),
     Column("", "over its one thread [95\u00a0%]", _over_one_thread),
     Column("", "PSNR linear, dB", _psnr("psnr_db")),
-    Column("", "tolerance", gate, gate_mark),
+    Column("", "tolerance", show.gate, show.gate_mark),
 ]
 
 
@@ -240,6 +224,6 @@ PAPER = [
     Column(THEIRS, "speed-up by its tables", _times("implied")),
     Column(THEIRS, "speed-up by its text", _times("stated")),
     Column(AGAIN, "TSC cycles/pixel", plain("rerun_tsc_cycles_per_pixel", 3)),
-    Column(AGAIN, "speed-up (PSNR display)", rerun),
+    Column(AGAIN, "speed-up (PSNR display)", show.rerun),
     Column(AGAIN, "pixels off > 1/255 (display)", _part("rerun_over_display")),
 ]
