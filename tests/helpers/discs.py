@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 
+from study.pictures.images import Picture
+
 HEIGHT, WIDTH, RADIUS = 40, 60, 11.5
 
 
-def made_truth(picture: dict) -> dict:
+def made_truth(picture: Picture) -> Picture:
     """A picture as truth's: without any shadow, every ray proved."""
-    truth = {name: plane.copy() for name, plane in picture.items()}
+    truth = Picture({name: plane.copy() for name, plane in picture.items()})
     for prefix in ("ideal.", "none."):
         truth |= {prefix + name: picture[name].copy() for name in "RGB"}
     for name, value in {"shadow": 1, "status": 2, "status.all": 2}.items():

@@ -13,8 +13,7 @@ import pytest
 from discs import HEIGHT, RADIUS, WIDTH
 
 from study.core import cli
-
-Picture = dict[str, np.ndarray]
+from study.pictures.images import Picture
 
 
 @pytest.fixture
@@ -24,7 +23,7 @@ def blank() -> Callable[..., Picture]:
     def make(height: int = 10, width: int = 10, grey: float = 0.5) -> Picture:
         values = {"Z": 10, "id": 0, "N.x": 0, "N.y": 0, "N.z": -1, "evals": 7}
         values = {"R": grey, "G": grey, "B": grey, **values}
-        return {name: np.full((height, width), value, np.float32) for name, value in values.items()}
+        return Picture({name: np.full((height, width), value, np.float32) for name, value in values.items()})
 
     return make
 
@@ -45,7 +44,7 @@ def miss() -> Callable[..., None]:
 def disc(blank, miss):
     """Picture factory: a disc of radius 11.5 around (20, 25 + shift), shape 0, on an empty background."""
 
-    def make(shift: int = 0) -> dict:
+    def make(shift: int = 0) -> Picture:
         picture = blank(HEIGHT, WIDTH)
         rows, columns = np.mgrid[:HEIGHT, :WIDTH]
         miss(picture, (rows - 20) ** 2 + (columns - 25 - shift) ** 2 > RADIUS**2)

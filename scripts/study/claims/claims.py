@@ -53,7 +53,6 @@ class Checked:
 
 
 def check(data: Data, rows: pd.DataFrame) -> list[Checked]:
-    """Every claim of the register, held against the run."""
     theirs = paper.ladder().set_index(["scene", "phase"])
     made = []
     for claim in register.read():
@@ -68,7 +67,6 @@ def check(data: Data, rows: pd.DataFrame) -> list[Checked]:
 
 
 def _figure(row: Checked) -> str:
-    """The figure in the claim's unit, with its interval where there is one."""
     if math.isnan(row.value):
         return show.NOTHING
     ends = "" if math.isnan(row.low) else f" [{show.number(row.low)}, {show.number(row.high)}]"

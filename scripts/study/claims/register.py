@@ -371,14 +371,12 @@ def _rods_gain(data: Data, claim: Claim) -> Found:
 
 
 def _timed(data: Data, scene: str) -> tuple[Timed, int | None]:
-    """What was timed on the scene, and the height of its pictures."""
     result = experiment.load(data.path, "toolchains.json")
     mine = [r for r in result.rows if r.scene == scene and math.isfinite(known(r.ms.value))] if result else []
     return {(r.compiler, r.phase, r.flags): r for r in mine}, min((r.n for r in mine if r.n), default=None)
 
 
 def _fastest(timed: Timed, compiler: str) -> Any:
-    """The row of its fastest program, None without one."""
     mine = [row for (name, *_), row in timed.items() if name == compiler]
     return min(mine, key=lambda row: row.ms.value, default=None)
 

@@ -143,7 +143,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("folder", type=Path, metavar="FOLDER", help="new, e.g. results/reference/MACHINE-DATE")
     add("--command", nargs="+", default=[], metavar="TEXT", help="what made the run, for run.toml")
     add("--caveat", default="", metavar="TEXT", help="what limits its numbers, for run.toml")
-    cli.add_unclean(parser)
+    about = "take runs of sources with uncommitted changes, or of an unknown commit"
+    add("--unclean", action="store_true", help=about)
 
 
 def run(args: argparse.Namespace) -> Outcome:

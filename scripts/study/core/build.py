@@ -29,11 +29,9 @@ _one_at_a_time = threading.RLock()  # two makes of one target would write the sa
 def build(
     spec: Spec | str, target: str = "render", folder: str = "build", settings: tuple[str, ...] = ()
 ) -> Path:
-    """Path of the binary, brought up to date once per process: what a script runs stays the same.
-
-    `settings` are make's, with a folder of their own. StudyError with the compiler's last lines, or the name
-    of the missing tool.
-    """
+    """Path of the binary, brought up to date once per process: what a script runs stays the same. `settings`
+    are make's, with a folder of their own. StudyError with the compiler's last lines, or a missing tool's
+    name."""
     with _one_at_a_time:
         return _build(str(spec), target, folder, settings)
 

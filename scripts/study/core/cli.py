@@ -84,12 +84,6 @@ def parser(description: str, statuses: dict[int, str] | None = None) -> argparse
     return made
 
 
-def add_unclean(parser: argparse.ArgumentParser) -> None:
-    """--unclean, of what would pass a run's numbers on."""
-    text = "take runs of sources with uncommitted changes, or of an unknown commit"
-    parser.add_argument("--unclean", action="store_true", help=text)
-
-
 def of_run(parser: argparse.ArgumentParser, out: str, height: bool = False) -> None:
     """RUN and -o, whose default is `out`; -n of the ladder's pictures if `height`."""
     add = parser.add_argument

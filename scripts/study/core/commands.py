@@ -76,7 +76,6 @@ class Body(Protocol):
 
 
 def parser_for(name: str, body: Any) -> argparse.ArgumentParser:
-    """The parser of a command's module."""
     text = getattr(body, "DESCRIPTION", body.__doc__) or ""
     made = cli.parser(text, getattr(body, "STATUSES", None))
     made.prog = f"stepwise {name}"
@@ -98,7 +97,6 @@ def parser_of(command: Command) -> argparse.ArgumentParser:
 
 
 def find_all() -> dict[str, Command]:
-    """Every command by its name, experiments first."""
     experiments = sorted((STUDY / "experiments").glob("*/command.py"))
     others = sorted(path for path in (STUDY / "commands").glob("*.py") if path.stem != "__init__")
     found = [Command(path.parent.name.replace("_", "-"), path, True) for path in experiments]
@@ -107,7 +105,6 @@ def find_all() -> dict[str, Command]:
 
 
 def listing(found: dict[str, Command]) -> str:
-    """A line each, in two groups."""
     width = max(map(len, found))
     lines = [USAGE]
     for title, kind in (("experiments, which measure into a run:", True), ("other commands:", False)):

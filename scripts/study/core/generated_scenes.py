@@ -113,10 +113,8 @@ def placed(arrangement: str, count: int, seed: int) -> Placed:
 
 
 def _gauge(kind: str, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Least gauge, along each line, of the shape of that kind and size 1 at 0. Both of shape (lines, 3).
-
-    Octahedra and boxes: a sum or a maximum of |linear|, which is least where a term is 0 or two are equal.
-    """
+    """Least gauge, along each line (both of shape (lines, 3)), of the shape of that kind and size 1 at 0. For
+    octahedra and boxes, of a sum or a maximum of |linear|: least where a term is 0 or two are equal."""
     if kind == "sphere":
         nearest = origin - (origin * direction).sum(1, keepdims=True) * direction
         return np.linalg.norm(nearest, axis=1)
@@ -137,10 +135,8 @@ def _gauge(kind: str, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def least_gauge(shapes: Placed, directions: np.ndarray) -> np.ndarray:
-    """Per ray from 0: the common factor from which on it hits a shape. Shape (rays,).
-
-    The exact gauge is worked out only of the shapes whose outer ball is not beyond another's inner ball.
-    """
+    """Per ray from 0: the common factor from which on it hits a shape. Exact gauges are worked out only of
+    shapes whose outer ball is not beyond another's inner ball."""
     centres = np.array([shape[:3] for shape in shapes])
     kinds = np.array([KINDS.index(shape[4]) for shape in shapes])
     size = np.array([shape[3] for shape in shapes])
@@ -161,8 +157,7 @@ def least_gauge(shapes: Placed, directions: np.ndarray) -> np.ndarray:
 
 def quantile(values: np.ndarray, share: float) -> float:
     """A number with that share of the values below it, halfway between two that are not nearly equal: at a
-    value itself an outline would go through a pixel's very centre, along an edge through a row of them.
-    """
+    value itself an outline would go through a pixel's very centre."""
     ordered = np.sort(values)
     gaps = np.flatnonzero(np.diff(ordered) > 1e-6 * ordered[:-1])  # a value below each gap, another above
     nearest = gaps[np.abs(gaps + 1 - share * len(ordered)).argmin()]
@@ -233,5 +228,4 @@ def of_shapes(arrangement: str, count: int, seed: int, folder: Path) -> Scene:
 
 
 def of_mirrors(bounces: int, folder: Path) -> Scene:
-    """`hall` as a file below `folder`."""
     return _written(f"hall-{bounces}", lambda: hall(bounces), folder)

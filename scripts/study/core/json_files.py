@@ -28,16 +28,11 @@ def content(path: Path) -> bytes:
         raise StudyError(f"{path}: {error.strerror or error}") from None
 
 
-def parsed(data: bytes, where: str) -> Any:
-    """The JSON in `data`. Raises StudyError: `where`, line and column."""
-    try:
-        return json.loads(data)
-    except json.JSONDecodeError as error:
-        raise StudyError(f"{where}:{error.lineno}:{error.colno}: {error.msg}") from None
-    except (ValueError, RecursionError) as error:  # not UTF-8
-        raise StudyError(f"{where}: {error}") from None
-
-
 def read_json(path: Path) -> Any:
-    """`parsed` of `path`, which may be packed (`stored`). Raises StudyError with file, line and column."""
-    return parsed(content(path), str(path))
+    """The JSON in `path`, which may be packed. Raises StudyError with file, line and column."""
+    try:
+        return json.loads(content(path))
+    except json.JSONDecodeError as error:
+        raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
+    except (ValueError, RecursionError) as error:  # not UTF-8
+        raise StudyError(f"{path}: {error}") from None

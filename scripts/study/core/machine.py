@@ -53,7 +53,6 @@ AMD = {
 
 
 def _output(*command: str) -> str | None:
-    """Standard output of a command, or None if it is missing or fails."""
     try:
         done = subprocess.run(command, capture_output=True, timeout=60)
     except (OSError, subprocess.TimeoutExpired):
@@ -99,9 +98,7 @@ def cpu(cpuinfo: str | None = None) -> Cpu:
 
 
 def name(context: Context | Mapping[str, Any] | None) -> str:
-    """The CPU of a context.json, and what it is (a virtual machine's may be called just "AMD EPYC"): by its
-    common name, else by family and model.
-    """
+    """The CPU of a context.json, and what it is (a virtual machine's may be called just "AMD EPYC")."""
     found = msgspec.convert(context or {}, Context).cpu
     known = found.microarchitecture
     if not known and found.family:

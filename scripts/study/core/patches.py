@@ -63,7 +63,6 @@ class Patch:
 
     @property
     def name(self) -> str:
-        """NAME+TITLE."""
         return f"{self.path.parents[1].name}+{self.path.stem}"
 
 
@@ -148,10 +147,8 @@ def _place(lines: list[str], old: list[str], expected: int) -> int | None:
 
 
 def apply(files: dict[str, str], patch: Patch) -> dict[str, str]:
-    """The files (name → text) with the patch applied, whole or not at all.
-
-    Every line of context must be there as it is: no fuzz. Raises PatchError with the patch's line.
-    """
+    """The files (name → text) with the patch applied, whole or not at all: every line of context must be
+    there as it is. Raises PatchError with the patch's line."""
     made = {name: text.splitlines() for name, text in files.items()}
     name, shift, i = "", 0, 0
 
@@ -262,11 +259,8 @@ def files(phase: str, root: Path = ROOT) -> dict[str, Path]:
 
 
 def tree(name: str, root: Path = ROOT) -> dict[str, str]:
-    """Every source file of NAME or NAME+TITLE (path in the tree -> text), and its phase.json.
-
-    A C file that no patch changed begins with #line: the compiler names the file that is edited.
-    Raises PatchError.
-    """
+    """Every source file of NAME or NAME+TITLE (path in the tree -> text), and its phase.json. A C file that
+    no patch changed begins with #line: the compiler names the file that is edited. Raises PatchError."""
     paths = files(name.partition("+")[0], root)
     texts = {file: _text(path) for file, path in sorted(paths.items())}
     made = texts

@@ -29,9 +29,7 @@ def duration(seconds: float) -> str:
 
 class Progress(contextlib.AbstractContextManager["Progress"]):
     """Of `about`; `total` steps, None where that is not known. `share`: in percent, and the end is said.
-
-    Lines come every PAUSE seconds, so that work of a few seconds says nothing.
-    """
+    Lines come every PAUSE seconds, so that work of a few seconds says nothing."""
 
     def __init__(self, about: str, total: float | None, share: bool = False) -> None:
         self.about, self.total, self.share = about, total, share

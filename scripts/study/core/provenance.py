@@ -43,7 +43,6 @@ def commit(context: Context) -> str:
 
 
 def place(context: Context) -> str:
-    """CPU and compiler."""
     return f"{machine.name(context)}; {context.compiler or 'unknown compiler'}"
 
 
@@ -80,7 +79,6 @@ def need_clean(path: Path, allowed: bool) -> None:
 
 
 def _launches(content: Any) -> Iterator[Sequence[float]]:
-    """Times per process launch, wherever in a file they are."""
     values = content.items() if isinstance(content, Mapping) else [("", one) for one in content]
     for key, value in values:
         if key in SPREADS and isinstance(value, list):

@@ -73,10 +73,8 @@ class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         return "ideal" in self.tolerance
 
     def file(self, name: str) -> Path:
-        """Where the file `name` of the phase's tree stands: in its own folder or in the nearest ancestor's.
-
-        A path in its own folder if no such file exists. Raises StudyError for a broken lineage.
-        """
+        """Where the file `name` of the phase's tree stands: in its own folder or in the nearest ancestor's;
+        in its own if there is none. Raises StudyError for a broken lineage."""
         own = self.path / name
         if own.exists() or not self.derives or "+" in self.name:
             return own
@@ -98,7 +96,6 @@ class Scene:
 
     @property
     def content(self) -> Content:
-        """`data` with types."""
         return scene_json.read(self.data)
 
     def size(self, height: int, width: int | None = None) -> tuple[int, int]:
@@ -199,10 +196,8 @@ def is_exact(spec: str) -> bool:
 
 
 def find_phase(name: str, root: Path = ROOT) -> Phase:
-    """The phase of that name, or a StudyError that names the nearest ones.
-
-    NAME+TITLE is the ablation NAME/ablations/TITLE.patch; its `path` is there once it is built.
-    """
+    """The phase of that name, or a StudyError that names the nearest ones. NAME+TITLE is the ablation
+    NAME/ablations/TITLE.patch; its `path` is there once it is built."""
     if "+" in name:
         return _ablation(name, root)
     if name not in phases(root):
@@ -242,7 +237,6 @@ def find_scene(name: str, root: Path = ROOT) -> Scene:
 
 @functools.cache
 def cpu_flags() -> frozenset[str]:
-    """Instruction-set flags of this CPU as /proc/cpuinfo names them."""
     match = re.search(r"^flags\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
     return frozenset(match[1].split() if match else ())
 
@@ -258,9 +252,7 @@ def _limited() -> frozenset[str]:
 
 def missing_isa(what: Phase | Spec) -> list[str]:
     """Flags that `what` needs and this CPU lacks; a Spec needs those of its flags' phase as well.
-
-    STEPWISE_ISA_LIMIT stands for a smaller CPU, as it does for the driver (common/driver/variant.h).
-    """
+    STEPWISE_ISA_LIMIT stands for a smaller CPU, as it does for the driver (common/driver/variant.h)."""
     needy = [what] if isinstance(what, Phase) else [*map(find_phase, (what.phase, what.flags_from))]
     have = _limited()
     return [flag for flag in dict.fromkeys(flag for one in needy for flag in one.isa) if flag not in have]
@@ -291,10 +283,8 @@ def arithmetic_flags(flags: str, variants: Iterable[Variant] = ()) -> str:
 
 
 def short(flags: str) -> str:
-    """For small print: of the words for copies the first alone."""
     return re.sub(rf"({COPIES[0]}\S+)( ({'|'.join(COPIES[1:])})\S+)+", r"\1 …", flags)
 
 
 def cpu_supports(what: Phase | Spec) -> bool:
-    """Whether this CPU has every instruction set that the phase (or spec) needs."""
     return not missing_isa(what)

@@ -105,11 +105,8 @@ def _lines(
     timed: bool = True,
     more: Mapping[str, str] | None = None,
 ) -> Iterator[str]:
-    """Whole lines of a child's standard output as they come. DriverError at its end if it failed.
-
-    The child dies with its reader: killed when the generator is closed or it says nothing for too long, and
-    by the kernel's parent-death signal when this process is killed outright.
-    """
+    """Whole lines of a child's standard output as they come. DriverError at its end if it failed. The child
+    dies with its reader: with the generator, when it says nothing for too long, and with this process."""
     with contextlib.ExitStack() as stack:
         errors = stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
         begun = child.started(
@@ -188,14 +185,10 @@ def render(
     target: str = "render",
     **options: Any,
 ) -> dict[str, Any]:
-    """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
-
-    `spec`: or the path of a driver that was built elsewhere. Options: aov, display, out, reps, animation (its
-    frames), first_frame, warmup, hit_distance, max_steps; `target`: render-count … Not `timed`: for a picture
-    or counts alone; the clocks' rates are 0. `general`: no kernel is generated for the scene; so run all
-    other targets than render. `env_bytes`: as in frames. `told`: variables of its environment.
-    Raises DriverError(status, message).
-    """
+    """Render once and return the driver's JSON object (times in ns and cycles of the named clock). `spec`: or
+    the path of a driver that was built elsewhere. Options: those of _arguments. Not `timed`: for a picture or
+    counts alone; the clocks' rates are 0. `general`: no kernel is generated for the scene; so run all other
+    targets than render. `told`: variables of its environment. Raises DriverError(status, message)."""
     options |= {"threads": threads, "target": target}
     arguments = [*_arguments(spec, scene_path, height, width, **options), "--json"]
     more = dict(told or {}) | (GENERAL if (target != "render" if general is None else general) else {})
@@ -215,10 +208,8 @@ def frames(
     timed: bool = True,
     **options: Any,
 ) -> Iterator[dict[str, Any]]:
-    """The same, frame by frame, as each is done. `env_bytes`: padding of the child's environment.
-
-    Not `timed`: `ns` is as always, the clocks' rates are 0; without them a frame costs no more than itself.
-    """
+    """The same, frame by frame, as each is done. `env_bytes`: padding of the child's environment. Not
+    `timed`: the clocks' rates are 0; without them a frame costs no more than itself."""
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
     for line in _lines(arguments, cpu_set(cpu, threads), env_bytes, timed):
         yield _parse(line, arguments[0])
@@ -251,11 +242,8 @@ def interleaved(
     once: Callable[[T, int], float],
     about: str = "time",
 ) -> dict[T, list[float]]:
-    """`once(item, env_bytes)` of every item once a round in random order: what it returns per launch.
-
-    The environment's size is random too: it shifts the stack, which can look like 10 %. Meanwhile this
-    process, which only waits, keeps off the measured CPU.
-    """
+    """`once(item, env_bytes)` of every item once a round in random order: what it returns per launch. The
+    environment's size is random too: it shifts the stack, which can look like 10 %."""
     values: dict[T, list[float]] = {item: [] for item in what}
     dice = random.Random(seed)
     order = [item for _ in range(launches) for item in dice.sample(list(what), len(what))]

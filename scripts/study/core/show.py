@@ -24,7 +24,6 @@ def cell(row: Row, name: str) -> Any:
 
 
 def cells(row: Row) -> Mapping[str, Any]:
-    """A row's values by name."""
     if hasattr(row, "__struct_fields__"):
         return {name: getattr(row, name) for name in row.__struct_fields__}
     return row if isinstance(row, Mapping) else vars(row)
@@ -56,7 +55,6 @@ class Column:
 
     @property
     def long(self) -> bool:
-        """Whether its cells are sentences."""
         return self.name in LONG
 
 
@@ -74,7 +72,6 @@ def number(value: Any, digits: int = 3) -> str:
 
 
 def _places(value: float, digits: int) -> int:
-    """Decimal places that give so many significant digits."""
     return max(digits - 1 - math.floor(math.log10(abs(value))), 0) if value else 0
 
 
@@ -142,17 +139,6 @@ def psnr(row: Row, name: str) -> str:
     if value > MOST_DB and not (math.isinf(value) and yes(cell(row, "identical"))):
         return f"> {MOST_DB}"
     return "identical" if math.isinf(value) else number(value)
-
-
-def error_psnr(error: Row | None) -> str:
-    """Of an error as files have it: its PSNR is null where the pictures are identical."""
-    if not error:
-        return NOTHING
-    psnr_db = cell(error, "psnr_db")
-    if cell(error, "rmse") is None:
-        return "not finite"
-    same = psnr_db is None or math.isinf(psnr_db)
-    return ("identical" if same else number(psnr_db)) + (" (4×4 means)" if cell(error, "averaged") else "")
 
 
 def decibels(text: str) -> str:

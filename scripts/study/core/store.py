@@ -115,7 +115,6 @@ class Run:
 
     @functools.cached_property
     def context(self) -> Context:
-        """Machine, toolchain, commit (context.json)."""
         return Context.load(self.path / "context.json")
 
     @property
@@ -186,11 +185,8 @@ class Run:
             self._file = None
 
     def lines(self) -> list[Frame]:
-        """Every frame. Without a frames.jsonl of frames.jsonl.gz, as published runs have it.
-
-        A torn last line is dropped with a remark on stderr; any other broken line is a StudyError that names
-        file and line.
-        """
+        """Every frame, of frames.jsonl or frames.jsonl.gz. A torn last line is dropped with a remark; any
+        other broken line is a StudyError with file and line."""
         path = stored(self.frames_path)
         data = content(path) if path.exists() else b""
         whole = whole_lines(data)
@@ -214,7 +210,6 @@ class Run:
 
 
 def whole_lines(data: bytes) -> int:
-    """Length of the part of `data` that ends with its last newline."""
     return data.rfind(b"\n") + 1
 
 

@@ -43,7 +43,6 @@ def psnr(row: HitErrors) -> str:
 
 
 def error(row: HitErrors) -> str:
-    """PSNR and wrong hits."""
     return f"{psnr(row)}, {ppm(row, form='{:,.0f} ppm wrong hits'.format)}"
 
 
@@ -53,21 +52,16 @@ def depth_error(row: HitErrors) -> str:
 
 
 def to_truth(*names: str, group: str = TRUTH) -> list[Column]:
-    """The columns of those names."""
     return [dataclasses.replace(_COLUMNS[name], group=group) for name in names]
 
 
 def within(name: str, columns: Sequence[Column]) -> list[Column]:
     """The columns of what a row has as `name`; empty where that is None."""
-    return [
-        dataclasses.replace(
-            one,
-            text=lambda row, one=one: (
-                show.NOTHING if getattr(row, name) is None else one.text(getattr(row, name))
-            ),
-        )
-        for one in columns
-    ]
+
+    def of(text: Callable[[Any], str]) -> Callable[[Any], str]:
+        return lambda row: show.NOTHING if getattr(row, name) is None else text(getattr(row, name))
+
+    return [dataclasses.replace(one, text=of(one.text)) for one in columns]
 
 
 _COLUMNS = {

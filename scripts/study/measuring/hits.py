@@ -1,4 +1,4 @@
-"""A phase's picture with all its planes, and how far it is from ground truth."""
+"""A phase's picture with all its planes, and how far it is from ground truth's or from another's."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from study.core import run, temporary
+from study.core import cli, run, temporary
 from study.core.registry import Scene
+from study.core.schema import Record
 from study.measuring.launches import Size, Told
 from study.measuring.schema import HitErrors
 from study.pictures import images
 from study.pictures.images import Picture
 from study.truth import judging, truth
 
+FACTOR = judging.FACTOR
+Errors = dict[str, Any]  # keys of PictureErrors
+
 
 def picture(phase: str, scene: Scene, size: Size, told: Told | None = None, **more: Any) -> Picture:
-    """All planes of a frame. Raises StudyError."""
     with temporary.folder() as scratch:
         out = scratch / "picture.exr"
         run.render(phase, scene.path, size[1], size[0], aov=True, out=out, timed=False, told=told, **more)
@@ -31,19 +34,19 @@ def decibels(square: float) -> float | None:
 
 def errors(exact: Picture, made: Picture) -> HitErrors:
     """Errors of the pixels that truth proves; where it proves none, of those that converged."""
-    least = judging.PROVED if (exact["status"] == judging.PROVED).any() else judging.CONVERGED
-    count = int((exact["status"] >= least).sum())
+    least = judging.PROVED if (exact.status == judging.PROVED).any() else judging.CONVERGED
+    count = int((exact.status >= least).sum())
     off = judging.right_distances(exact, made, least)
     p50, p99, most = np.percentile(off, (50, 99, 100)).tolist() if off.size else (None, None, None)
     wrong = {
         kind: float(mask.sum() / count * 1e6) if count else math.nan
         for kind, mask in judging.wrong_hits(exact, made, least).items()
     }
-    square = mean_square(exact, made, exact["status.all"] >= truth.CONVERGED)
+    square = mean_square(exact, made, exact.chain >= truth.CONVERGED)
     return HitErrors(
-        evaluations=float((made["evals"] + made.get("rods", 0)).mean()),
-        judged=count / exact["status"].size,
-        known=float((exact["status"] >= truth.CONVERGED).mean()),
+        evaluations=float((made.evals + made.get("rods", 0)).mean()),
+        judged=count / exact.status.size,
+        known=float((exact.status >= truth.CONVERGED).mean()),
         **{f"{kind}_ppm": value for kind, value in wrong.items()},
         wrong_ppm=sum(wrong.values()),
         dt_p50=p50,
@@ -59,3 +62,35 @@ def mean_square(one: Picture, other: Picture, known: np.ndarray) -> float:
     a, b = (images.clamped(images.rgb(p)).astype(float) for p in (one, other))
     finite = np.isfinite(a).all(axis=-1) & known
     return float(np.mean((a[finite] - b[finite]) ** 2)) if finite.any() else math.nan
+
+
+def to_truth(exact: Picture, image: Picture) -> Errors:
+    """`wrong_ppm` is of the pixels that truth proves, PSNR of the colours that it knows. With the errors to
+    the ideal shadow."""
+    found = judging.metrics(exact, image)
+    kept = {name: found[name] for name in ("psnr_db", "rmse", "psnr_ideal_db", "rmse_ideal", "non_finite")}
+    wrong = sum(found[f"{name}_ppm"] for name in ("false_hits", "false_misses", "wrong_shape"))
+    return cli.plain(kept | {"wrong_ppm": wrong})
+
+
+def to_picture(reference: Picture, image: Picture, fractal: bool = False) -> Errors:
+    """Of a fractal's 4×4 means, as its single samples are chaotic."""
+    base, own = images.rgb(reference), images.rgb(image)
+    if fractal:
+        base, own = images.box_average(base, FACTOR), images.box_average(own, FACTOR)
+    colours = images.colour_errors(base, own, with_flip=False)
+    geometry = images.geometry(reference, image)
+    return cli.plain(
+        {
+            **{name: colours[name] for name in ("psnr_db", "rmse", "fraction_over_1_255")},
+            "averaged": fractal,
+            "wrong_ppm": geometry["mask_mismatch_ppm"] + geometry["id_mismatch_ppm"],
+            "depth_agree_fraction": geometry["depth_agree_fraction"],
+            "non_finite": images.non_finite(image),
+        }
+    )
+
+
+def fitting(kind: type[Record], found: Errors) -> Errors:
+    """What of the errors a row of that kind has a key for."""
+    return {name: value for name, value in found.items() if name in kind.__struct_fields__}

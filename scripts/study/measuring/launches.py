@@ -45,7 +45,6 @@ class Made(msgspec.Struct):
 
     @property
     def ms(self) -> float:
-        """The median timed frame's."""
         return float(np.median([frame.ns for frame in self.timed])) / 1e6
 
     @property

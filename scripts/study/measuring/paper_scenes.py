@@ -45,8 +45,6 @@ class Point(Struct, forbid_unknown_fields=True):
 
 
 class Light3(Struct, forbid_unknown_fields=True):
-    """A colour."""
-
     x: Colour
     y: Colour
     z: Colour
@@ -151,10 +149,8 @@ def shape_of(shape: Shape, number: int, theirs: Theirs, path: Path) -> dict[str,
 
 
 def converted(theirs: Theirs, path: Path) -> dict[str, Any]:
-    """The scene in our format, `path` its file. Its program casts no shadow in a scene of one shape.
-
-    Raises StudyError in one line: the file, the key, and what our format lacks.
-    """
+    """The scene in our format, `path` its file. Its program casts no shadow in a scene of one shape. Raises
+    StudyError: the file, the key, and what our format lacks."""
     shapes = [shape_of(one, i, theirs, path) for i, one in enumerate(theirs.geometric_objects)]
     used = {one.material_idx for one in theirs.geometric_objects}
     materials = {

@@ -64,9 +64,8 @@ def normals(shapes: Sequence[Shape], points: np.ndarray, shape: np.ndarray) -> n
 def secondary(
     data: dict[str, Any], rays: Rays, t: np.ndarray, shape: np.ndarray, seed: int
 ) -> dict[str, Rays]:
-    """From the hits of camera rays, in their order: from the light up to each that faces it, mirrored by
-    every shape, and in any direction off the surface, in no order.
-    """
+    """From the hits of camera rays: from the light up to each that faces it, mirrored by every shape, and in
+    any direction off the surface, in no order."""
     scene, met = scene_json.read(data), shape >= 0
     o, d = rays[met, :3].astype(float), rays[met, 3:6].astype(float)
     p = o + t[met, None] * d
@@ -121,9 +120,7 @@ def hits(
     env_bytes: int = 0,
 ) -> tuple[Record, np.ndarray]:
     """The program's record and hits, shape (1 or 2, count, 2): t and shape, of the phase and of Embree.
-
-    `cpu`, `env_bytes`: as run.frames has them, of one thread. Raises DriverError.
-    """
+    `cpu`, `env_bytes`: as run.frames has them, of one thread. Raises DriverError."""
     program = build("packets", "hits")
     told = {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": limit} if limit else {})
     cpus = run.cpu_set(cpu, 1) or set(run.USABLE)
@@ -149,7 +146,6 @@ def hits(
 
 
 def all_kinds(scene: Scene, height: int, seed: int) -> dict[str, Rays]:
-    """Rays of each of KINDS."""
     rays = camera(scene.data, *scene.size(height))
     _, found = hits(scene.path, rays, "primary")
     return {"primary": rays, **secondary(scene.data, rays, *found[0].T, seed)}

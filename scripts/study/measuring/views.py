@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from study.core import scene_json, store
 from study.core.build import build
@@ -52,10 +53,8 @@ class View:
 
 
 def pivot(data: dict[str, Any]) -> np.ndarray:
-    """A point on the view axis: at the mean distance of the shapes with a place, or look_at without any.
-
-    A plane has no place, and what lies behind the camera does not count. Scene units, shape (3,).
-    """
+    """A point on the view axis: at the mean distance of the shapes that have a place and lie ahead, or
+    look_at without any. Scene units, shape (3,)."""
     scene = scene_json.read(data)
     at, look_at = np.array(scene.camera.position), np.array(scene.camera.look_at)
     forward = (look_at - at) / np.linalg.norm(look_at - at)
@@ -65,17 +64,11 @@ def pivot(data: dict[str, Any]) -> np.ndarray:
 
 
 def turned(data: dict[str, Any], degrees: float, nearer: float = 1.0) -> dict[str, Any]:
-    """The scene with its camera moved round the pivot about camera.up, and to `nearer` of its distance.
-
-    Rodrigues's rotation; the camera looks at the pivot then.
-    """
+    """The scene with its camera moved round the pivot, at which it looks then, about camera.up (Rodrigues's
+    rotation), and to `nearer` of its distance."""
     camera, centre = scene_json.read(data).camera, pivot(data)
-    axis = np.array(camera.up, float)
-    axis /= np.linalg.norm(axis)
-    arm, angle = (camera.position - centre) * nearer, np.radians(degrees)
-    arm = (
-        arm * np.cos(angle) + np.cross(axis, arm) * np.sin(angle) + axis * (axis @ arm) * (1 - np.cos(angle))
-    )
+    turn = Rotation.from_rotvec(np.radians(degrees) * camera.up / np.linalg.norm(camera.up))
+    arm = turn.apply((camera.position - centre) * nearer)
     places = (np.round(place, DIGITS) + 0.0 for place in (centre + arm, centre))
     position, look_at = (place.tolist() for place in places)
     return data | {"camera": data["camera"] | {"position": position, "look_at": look_at}}

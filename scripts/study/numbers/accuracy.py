@@ -88,7 +88,6 @@ class Row(Colours, kw_only=True):
 
     @property
     def wrong_ppm(self) -> float:
-        """False hits, false misses and wrong shapes."""
         return self.false_hits_ppm + self.false_misses_ppm + self.wrong_shape_ppm
 
 

@@ -80,7 +80,6 @@ class Cell:
         return stats.median_interval(self.values[column])
 
     def over(self, base: Cell) -> Interval:
-        """Speed-up over `base`: ratio of the two medians."""
         return stats.ratio_interval(base.values.ns, self.values.ns)
 
 
@@ -106,11 +105,8 @@ class Data:
 
 
 def load(path: Path | str | None, strict: bool = True) -> Data:
-    """The run in `path`, by default the newest one.
-
-    Raises StudyError for a broken file or, when strict, if there is no timed frame: otherwise what is
-    missing is left empty and named in `notes`.
-    """
+    """The run in `path`, by default the newest one; what is missing is left empty and named in `notes`.
+    Raises StudyError for a broken file and, when strict, if there is no timed frame."""
     run = store.Run(Path(path)) if path else store.latest()
     if not run.path.is_dir():
         raise StudyError(f"{run.path}: no such run; a run is a folder like results/MACHINE/RUN")
@@ -194,7 +190,6 @@ def cells_of(frames: pd.DataFrame, plan: Plan | None = None) -> list[Cell]:
 
 
 def by_key(cells: Iterable[Cell]) -> dict[tuple[str, int, int, int, str], Cell]:
-    """Scene, width, height, threads and spec → the cell."""
     return {(*cell.picture, cell.threads, cell.spec): cell for cell in cells}
 
 

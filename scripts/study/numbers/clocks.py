@@ -57,6 +57,5 @@ def off(frames: pd.DataFrame) -> list[Off]:
 
 
 def without(frames: pd.DataFrame, launches: list[Off]) -> pd.DataFrame:
-    """The frames of all other launches."""
     names = {(one.config, one.launch) for one in launches}
     return frames[[key not in names for key in zip(frames.config, frames.launch, strict=True)]]

@@ -30,7 +30,6 @@ def _load(row: Row) -> str:
 
 
 def _known(name: str, digits: int = 3, unit: str = "") -> Callable[[Row], str]:
-    """An interval, nothing where it was not measured."""
     return lambda row: NOTHING if gone(cell(row, name)) else interval(row, name, digits, unit)
 
 
@@ -80,10 +79,8 @@ def truth_height(rows: Sequence[Row]) -> str:
 
 
 def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
-    """The columns, with the height of the pictures in the heads of those to ground truth (or their group's).
-
-    They may be of another size than the time beside them.
-    """
+    """The columns, with the height of the pictures in the heads of those to ground truth (or their group's):
+    it may be another than that of the time beside them."""
     at = TO_TRUTH + truth_height(rows)
 
     def named(column: Column) -> Column:
@@ -127,8 +124,6 @@ LADDER = [
     Column(BELOW, "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
     Column(BELOW, "depth agrees", _fractal_depth),
 ]
-
-
 BESIDE = [
     Column("", "phase", _phase),
     Column("here, over baseline", "speed-up [95\u00a0%]", OVER_BASE),
@@ -137,8 +132,6 @@ BESIDE = [
     Column("the paper, over its baseline", "by its text", _times("stated")),
     Column("the paper, over its baseline", "its program, run again (PSNR display)", show.rerun),
 ]
-
-
 WHOLE = [
     Column("", "phase", _phase),
     Column("", "threads", whole("threads")),
@@ -155,8 +148,6 @@ WHOLE = [
     Column("clocks, GHz", "core", plain("core_hz", 4, 1e9)),
     Column("clocks, GHz", "core under its vector load", _load),
 ]
-
-
 BUILT = [
     Column("", "phase", _phase),
     Column("", "precision", word("precision")),
@@ -169,8 +160,6 @@ BUILT = [
     Column("", "compiler", word("compiler")),
     Column("", "libc", word("libc")),
 ]
-
-
 BASES = {  # of the speed-ups, which a reader of the page can choose: name → column of a row, its text
     "baseline": ("speedup", OVER_BASE),
     "opt2, same flags": ("speedup_same_flags", OVER_OPT2),
@@ -194,8 +183,6 @@ PARTS = (
     (WHOLE, "First frame, presenting, cycles"),
     (BUILT, "As built"),
 )
-
-
 RUNTIME = [
     Column("", "scene", word("scene")),
     Column("", "n", whole("height")),
@@ -214,8 +201,6 @@ RUNTIME = [
     Column("", "PSNR linear, dB", _psnr("psnr_db")),
     Column("", "tolerance", show.gate, show.gate_mark),
 ]
-
-
 THEIRS, AGAIN = "the paper, i7-7700 at 3.6 GHz", "its program, run again on Zen 5"
 PAPER = [
     Column("", "scene", word("scene")),

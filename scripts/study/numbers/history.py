@@ -22,12 +22,9 @@ COLUMNS += [("over_base", "× baseline [95 %]"), ("ghz", "GHz"), ("step", "step:
 
 @dataclass(frozen=True)
 class Point:
-    """One configuration of one run.
-
-    `made`: ISO 8601, UTC. `ms` of a frame; `over_base`: baseline's time over the phase's in the same run;
-    `ghz`: the core's clock, NaN if it was not measured. `change`: the time of the point before over that of
-    this one, on the same machine and of the same work; `step`: whether that is a step.
-    """
+    """One configuration of one run. `made`: ISO 8601, UTC. `over_base`: baseline's time over the phase's in
+    the same run; `ghz`: the core's clock, NaN if it was not measured. `change`: the time of the point before
+    over this one's, on the same machine and of the same work; `step`: whether that is a step."""
 
     machine: str
     made: str

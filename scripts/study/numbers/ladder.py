@@ -24,10 +24,7 @@ ERRORS += ["failed"]
 
 def error_of(data: Data, cell: Cell) -> dict[str, Any]:
     """The pair of verify.json that judges the cell's phase against baseline: same size, else the largest.
-
-    Columns: ERRORS, error_width and error_height (pixels), within_tolerance (True, False or None), left_to
-    (the script that judges it instead), is_reference. None where nothing was verified.
-    """
+    `within_tolerance`: None where nothing was verified, or `left_to` names the script that judges it."""
     subject, size = (cell.spec, BASE, cell.scene), (cell.width, cell.height)
     pairs = [one for one in data.pairs if (one.phase, one.reference, one.scene) == subject]
     pair = max(pairs, key=lambda one: ((one.width, one.height) == size, one.height), default=None)
@@ -49,10 +46,7 @@ TRUTH += ["draws_ideal", "own_db", "converged_only", "height"]
 
 def truth_errors(data: Data) -> pd.DataFrame:
     """What accuracy.json has of each (scene, phase), columns truth_…; PSNR of a fractal is the averaged one.
-
-    `truth_wrong_ppm`: false hits, false misses and wrong shapes together, NaN where none could be proved.
-    `truth_own_db`: PSNR to the picture that the phase draws: with the ideal shadow, if `truth_draws_ideal`.
-    """
+    `truth_own_db`: to the picture that the phase draws: with the ideal shadow, if `truth_draws_ideal`."""
     made = []
     for row in accuracy.rows(data.path):
         known, colours = phases().get(re.split("[@+]", row.phase)[0]), row.colours
@@ -135,10 +129,7 @@ def headline_size(data: Data, scene: str, height: int | None = None) -> tuple[in
 
 def rows(data: Data, height: int | None = None) -> pd.DataFrame:
     """One row per configuration, ordered by scene, size and phase. Units are in the names of the columns.
-
-    `headline` marks the rows of each scene's ladder. `implied`, `stated` and `rerun` are the paper's
-    speed-ups over its own baseline (study.numbers.paper.ladder), for its phases on one thread.
-    """
+    `headline` marks each scene's ladder; `implied`, `stated` and `rerun` are of paper.ladder."""
     height = data.height if height is None else height
     if (name := f"ladder at {height}") not in data.kept:
         data.kept[name] = _rows(data, height)
@@ -158,7 +149,6 @@ def _rows(data: Data, height: int | None) -> pd.DataFrame:
 
 
 def ladders(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Scene → its headline rows, in order."""
     if table.empty:
         return {}
     return {scene: group for scene, group in table[table.headline].groupby("scene", sort=False)}

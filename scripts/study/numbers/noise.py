@@ -37,11 +37,9 @@ def counted(data: Data) -> Noise:
 
 
 def remarks(frames: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
-    """One sentence each for slow first launches, outliers, stolen time and other processes.
-
-    Outlier: ten robust standard deviations (1.4826 times the median absolute deviation, hyperfine's
-    rule) and 5 % away from the median: a quiet machine's smallest wobble is none.
-    """
+    """One sentence each for slow first launches, outliers, stolen time and other processes. Outlier: ten
+    robust standard deviations (1.4826 times the median absolute deviation, hyperfine's rule) and 5 % away
+    from the median: a quiet machine's smallest wobble is none."""
     found = [text for cell in cells for text in _outliers(cell)]
     if frames.empty:
         return found

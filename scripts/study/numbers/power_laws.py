@@ -52,9 +52,7 @@ def _exponent(value: float, resampled: np.ndarray | None) -> Range:
 
 def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = False, seed: int = 1) -> Law:
     """The law through x and the values of each point's launches, any unit. `exact`: counts, without noise.
-
-    Raises StudyError for fewer than two points and for what has no logarithm.
-    """
+    Raises StudyError for fewer than two points and for what has no logarithm."""
     points = [
         np.asarray(some, float) for _, some in sorted(zip(xs, samples, strict=True), key=lambda p: p[0])
     ]

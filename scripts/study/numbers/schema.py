@@ -75,7 +75,6 @@ class Measured(Result, kw_only=True):
 
     @property
     def machine(self) -> str:
-        """The name of its CPU."""
         return machine.name(self.context)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,10 +24,8 @@ ENOUGH = 6  # launches: of five the least and the greatest hold the true median 
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure and its 95 % interval, in the figure's unit; NaN ends when launches are too few.
-
-    `launches` is the smaller count when two samples made it.
-    """
+    """A figure and its 95 % interval, in the figure's unit; NaN ends when launches are too few. `launches`:
+    of two samples the smaller count."""
 
     value: float
     low: float
@@ -88,11 +87,8 @@ def median_interval(values: ArrayLike) -> Interval:
 
 
 def _pairs(base: ArrayLike, other: ArrayLike, rounds: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Places in `base` and in `other` of the launches that were of one round, in its order.
-
-    Of two Series their index tells the round (NaN: unknown). Of others launch k of both is of round k, if
-    they are as many. None without `rounds`.
-    """
+    """Places in `base` and in `other` of the launches that were of one round, in its order. Of two Series
+    their index tells the round (NaN: unknown), of others their place. None without `rounds`."""
     known = [some.index for some in (base, other) if isinstance(some, pd.Series) and not some.index.hasnans]
     if rounds and len(known) == 2:
         mine, others = map(np.asarray, known)
@@ -102,23 +98,12 @@ def _pairs(base: ArrayLike, other: ArrayLike, rounds: bool) -> tuple[np.ndarray,
 
 
 def resampled_ratios(
-    base: ArrayLike, other: ArrayLike, random: np.random.Generator, count: int, rounds: bool = True
+    base: ArrayLike, other: ArrayLike, random: np.random.Generator, count: int, pairs: Any = None
 ) -> np.ndarray:
-    """Ratios of medians of `count` draws with replacement, shape (count,). `rounds`: see ratio_interval.
+    """Ratios of medians of `count` draws with replacement, shape (count,). Each draw has as many launches of
+    both as there are: `pairs` (_pairs) together, launches that the other has none beside by themselves."""
+    pairs = pairs or _pairs(base, other, True)
 
-    Each draw has as many launches of both as there are: rounds of both, and by themselves launches that the
-    other has none beside.
-    """
-    return _resampled(base, other, _pairs(base, other, rounds), random, count)
-
-
-def _resampled(
-    base: ArrayLike,
-    other: ArrayLike,
-    pairs: tuple[np.ndarray, np.ndarray],
-    random: np.random.Generator,
-    count: int,
-) -> np.ndarray:
     def draws(places: np.ndarray) -> np.ndarray:
         if not len(places):
             return np.empty((count, 0), int)
@@ -140,16 +125,16 @@ def _ratio_ends(
     """Of arrays as their bytes: the chapters of a report ask for the same ratios several times, 5 ms each."""
     times = [np.frombuffer(one) for one in (base, other)]
     places = tuple(np.frombuffer(one, int) for one in pairs)
-    low, high = np.percentile(_resampled(*times, places, np.random.default_rng(seed), count), PERCENTILES)
+    low, high = np.percentile(
+        resampled_ratios(*times, np.random.default_rng(seed), count, places), PERCENTILES
+    )
     return float(low), float(high)
 
 
 def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: bool = True) -> Interval:
-    """median(base) / median(other): the speed-up of `other` when both are times.
-
-    `rounds`: they are of one interleaved run, and what slows a round of it slows both: launches of one round
-    are drawn together. Of other runs, and beside a launch that was lost, each by itself.
-    """
+    """median(base) / median(other): the speed-up of `other` when both are times. `rounds`: they are of one
+    interleaved run, and what slows a round of it slows both: launches of one round are drawn together. Of
+    other runs, and beside a launch that was lost, each by itself."""
     launches = min(np.size(base), np.size(other))
     value = float(np.median(base) / np.median(other)) if launches else np.nan
     if launches < ENOUGH or not (np.isfinite(base).all() and np.isfinite(other).all()):
@@ -163,10 +148,7 @@ def change_interval(
     before: tuple[ArrayLike, ArrayLike], after: tuple[ArrayLike, ArrayLike], seed: int = 1
 ) -> Interval:
     """The ratio median / median of `after` over that of `before`, two runs, each (of the one, of the other).
-
-    Launches of one round are drawn together, the two runs each by itself: what slows a whole run slows both
-    of its medians.
-    """
+    Launches of one round are drawn together, the two runs each by itself: what slows a run slows both."""
     both = before, after
     launches = min(np.size(one) for pair in both for one in pair)
     ratios = [float(np.median(one) / np.median(other)) if launches else np.nan for one, other in both]

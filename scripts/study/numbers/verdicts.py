@@ -22,11 +22,8 @@ NEAR = 1.10  # a figure within 10 % of the stated one is taken to be it
 
 
 class Found(NamedTuple):
-    """What came out here: in words, the verdict and its reason, and as numbers in the claim's own unit.
-
-    `value`, `low`, `high`: the figure and its 95 % interval, NaN where there is none. `n`: the largest size
-    tried (picture height, or vectors), None where none plays a part.
-    """
+    """What came out here, in words and as a figure in the claim's own unit with its 95 % interval (NaN:
+    none). `n`: the largest size tried (picture height, or vectors), None where none plays a part."""
 
     here: str
     verdict: str
@@ -83,9 +80,7 @@ def near(here: float, stated: float) -> tuple[str, str]:
 
 def sized(found: Found, stated: float, every: str = "", unit: str = "n = ") -> Found:
     """What was not tried up to the size that a statement is about holds in part at most, and says so.
-
-    `stated`: that size, NaN where a statement names none. `every`: the sizes that were tried, in words.
-    """
+    `stated`: that size, NaN where a statement names none. `every`: the sizes that were tried, in words."""
     if found.verdict not in (HOLDS, PART, FAILS, UNSURE) or math.isnan(stated):
         return found
     if found.n is not None and found.n >= stated:
@@ -97,7 +92,6 @@ def sized(found: Found, stated: float, every: str = "", unit: str = "n = ") -> F
 
 
 def stated(claim: str) -> float | None:
-    """The speed-up in a patch's `paper` line."""
     match = re.match(r"(\d+(?:\.\d+)?)×", claim)
     return float(match[1]) if match else None
 

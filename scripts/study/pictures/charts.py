@@ -81,7 +81,6 @@ def _place(chart: altair.LayerChart, hint: str) -> str:
 
 
 def _looks(phases: Sequence[str]) -> tuple[altair.Scale, altair.Scale]:
-    """Colours and shapes, those of the printed figures."""
     bases = [name.partition("+")[0] for name in phases]
     found = look(pd.DataFrame({"phase": bases, "threads": 1}))
     styles = [found[base, 1] for base in bases]
@@ -91,10 +90,6 @@ def _looks(phases: Sequence[str]) -> tuple[altair.Scale, altair.Scale]:
 
 def _choice(name: str, label: str, options: Sequence[str]) -> altair.Parameter:
     return altair.param(name, value=options[0], bind=altair.binding_select(options=options, name=f"{label} "))
-
-
-def _said(name: str, title: str) -> altair.Tooltip:
-    return altair.Tooltip(name, title=title)
 
 
 def _known(values: Sequence[str]) -> list[str]:
@@ -133,7 +128,12 @@ def speed_and_error(points: Sequence[Point]) -> str:
             shape=altair.Shape("phase:N", scale=shapes).legend(orient="bottom", columns=3, title=None),
             size=altair.condition("datum.own", altair.value(110), altair.value(22)),
             opacity=altair.condition("datum.own || datum.timed", altair.value(1), altair.value(0.35)),
-            tooltip=["phase", "scene", _said("text", "ns/pixel"), _said("psnr:Q", "dB")],
+            tooltip=[
+                "phase",
+                "scene",
+                altair.Tooltip("text", title="ns/pixel"),
+                altair.Tooltip("psnr:Q", title="dB"),
+            ],
         )
         .add_params(zoom)
     )
@@ -146,22 +146,17 @@ def speedups(ratios: Sequence[Ratio]) -> str:
     phases, scenes = _known([one.phase for one in ratios]), _known([one.scene for one in ratios])
     machines, bases = _known([one.machine for one in ratios]), _known([one.base for one in ratios])
     colours, shapes = _looks(phases)
-    chosen = [
+    chosen = (
         _choice("machine", "Machine", machines),
         _choice("scene", "Scene", scenes),
         _choice("base", "Over", bases),
-    ]
+    )
     base = altair.Chart(pd.DataFrame([asdict(one) for one in ratios])).transform_filter(
         "datum.machine == machine && datum.scene == scene && datum.base == base"
     )
     rows = altair.Y("phase:N", sort=phases, title=None)
     across = altair.X("value:Q", title="speed-up, ×, or ms a frame").scale(type="log", nice=False, padding=60)
-    tooltip = [
-        "phase",
-        "scene",
-        altair.Tooltip("text", title="interval"),
-        altair.Tooltip("label", title="PSNR"),
-    ]
+    texts = altair.Tooltip("text", title="interval"), altair.Tooltip("label", title="PSNR")
     bars = base.mark_rule(strokeWidth=2.5).encode(
         x="low:Q", x2="high:Q", y=rows, color=altair.Color("phase:N", scale=colours, legend=None)
     )
@@ -170,7 +165,7 @@ def speedups(ratios: Sequence[Ratio]) -> str:
         y=rows,
         color=altair.Color("phase:N", scale=colours, legend=None),
         shape=altair.Shape("phase:N", scale=shapes, legend=None),
-        tooltip=tooltip,
+        tooltip=["phase", "scene", *texts],
     )
     words = base.mark_text(align="left", dx=12, fontSize=10).encode(x=across, y=rows, text="label:N")
     chart = (bars + marks + words).add_params(*chosen)

@@ -28,13 +28,9 @@ class Dot:
     colour: str = FINE
 
 
-def of(found: Interval | dict, panel: str, label: str, text: str = "", even: bool = False) -> Dot:
+def of(found: Interval, panel: str, label: str, text: str = "", even: bool = False) -> Dot:
     """Of an interval as files have it. `even`: red where all of it is below 1, grey where 1 is in it."""
-    value, low, high = (
-        found.ends
-        if isinstance(found, Interval)
-        else (math.nan if found[k] is None else found[k] for k in ("value", "low", "high"))
-    )
+    value, low, high = found.ends
     colour = FINE if not even or low > 1 else LESS if high < 1 else QUIET
     return Dot(panel, label, value, low, high, text, colour)
 

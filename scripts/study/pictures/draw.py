@@ -55,7 +55,6 @@ class Drawing:
     make: Callable[[], Figure]
 
     def write(self, stem: Path) -> list[Path]:
-        """STEM.svg and STEM.png."""
         with matplotlib.rc_context(STYLE):
             return save(self.make(), stem, self.note)
 
@@ -79,10 +78,8 @@ def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
 
 
 def _places(phases: list[str]) -> dict[str, int]:
-    """Phase → place in the palettes: its number, so that it looks alike in every figure.
-
-    Others, and a second one of a number, get what is free, from the last on.
-    """
+    """Phase → place in the palettes: its number, so that it looks alike in every figure. Others, and a second
+    one of a number, get what is free, from the last on."""
     found: dict[str, int] = {}
     for name in phases:
         wanted = 0 if name == "baseline" else _number(name)
@@ -94,7 +91,6 @@ def _places(phases: list[str]) -> dict[str, int]:
 
 
 def _number(phase: str) -> int | None:
-    """4 of opt4 and of opt4_other."""
     found = re.fullmatch(r"opt(\d+)(_.*)?", phase)
     return int(found[1]) if found else None
 

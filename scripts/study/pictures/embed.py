@@ -23,7 +23,6 @@ def _webp(picture: Image.Image, **how: int) -> str:
 
 
 def exact(picture: Image.Image) -> str:
-    """The same pixels."""
     return _webp(picture, lossless=True)
 
 

@@ -60,10 +60,8 @@ class Gallery:
         return f"{self.folder.name}/{name}.png"
 
     def render_all(self, tasks: list[Task], jobs: int) -> dict[tuple[Spec, str], DriverError]:
-        """Renders every picture once, `jobs` at a time. Returns what failed, by spec and scene name.
-
-        Raises DriverError for what is the user's to mend: a size that cannot be, a full disk.
-        """
+        """Renders every picture once, `jobs` at a time. Returns what failed, by spec and scene name. Raises
+        DriverError for what is the user's to mend: a size that cannot be, a full disk."""
 
         def one(task: Task) -> DriverError | None:
             try:

@@ -14,26 +14,10 @@ from study.pictures import images
 
 # In the order in which they are judged: what explains the rest comes first.
 METRICS = (
-    "non_finite",
-    "identical",
-    "mask_mismatch_ppm",
-    "id_mismatch_ppm",
-    "dt_p99",
-    "dt_max",
-    "normal_p99_degrees",
-    "depth_agree_fraction",
-    "psnr_db",
-    "rmse",
-    "fraction_over_1_255",
-    "max_abs",
-    "psnr_display_db",
-    "fraction_over_1_255_display",
-    "flip_mean",
-    "flip_max",
-    "antialiased.non_finite",
-    "antialiased.psnr_db",
-    "antialiased.rmse",
-    "antialiased.fraction_over_1_255",
+    *("non_finite", "identical", "mask_mismatch_ppm", "id_mismatch_ppm", "dt_p99", "dt_max"),
+    *("normal_p99_degrees", "depth_agree_fraction", "psnr_db", "rmse", "fraction_over_1_255", "max_abs"),
+    *("psnr_display_db", "fraction_over_1_255_display", "flip_mean", "flip_max", "antialiased.non_finite"),
+    *("antialiased.psnr_db", "antialiased.rmse", "antialiased.fraction_over_1_255"),
 )
 AT_LEAST = {"psnr_db", "psnr_display_db", "antialiased.psnr_db", "depth_agree_fraction"}
 ALWAYS = {"non_finite": 0, "antialiased.non_finite": 0}  # no phase may allow any
@@ -49,9 +33,7 @@ TRUTH = "truth"  # key of a phase's tolerance: by how much it may be worse than 
 # distance to the estimator's picture is shown and not judged.
 IDEAL = "ideal"
 IDEAL_METRICS = ("psnr_ideal_db", "psnr_ideal_display_db", "antialiased.psnr_ideal_db")
-LAST_AGAINST_BASELINE = (
-    4  # place in the ladder up to which the reference is baseline (scripts/stepwise verify)
-)
+LAST_AGAINST_BASELINE = 4  # place in the ladder up to which baseline is the reference (stepwise verify)
 # dB: what is nearer counts as this near, an identical picture too. A float near 1 holds no more; a phase may
 # declare less with its margins, as ENOUGH, where it is beyond what anybody can see.
 NEAREST = 150.0
@@ -59,7 +41,8 @@ ENOUGH = "enough_db"
 # Pixels: hits in front of truth's, of a shape that truth sees so near by, are granted to a phase that says
 # how far its rays' footprint goes (accuracy.beyond_outlines), whatever their share: that falls with its size.
 OUTLINE = "outline_pixels"
-SHOWN = {"db": 0.05, "share": 0.005}  # what three digits can show: less is not called worse where no gate is
+# What three digits can show: less is not called worse where no gate is.
+SHOWN_DB, SHOWN_SHARE = 0.05, 0.005
 
 
 def flatten(nested: Mapping, prefix: str = "") -> dict:
@@ -122,9 +105,7 @@ def failures(metrics: Mapping, declared: Mapping | None) -> dict[str, str]:
 
 
 def by_truth(phase: Phase) -> bool:
-    """Whether the phase is held against truth: phases behind opt4, for baseline has errors of its own; and
-    systems.
-    """
+    """Whether the phase is held against truth: systems, and phases behind opt4, which are nearer to it."""
     return phase.family == SYSTEMS or (phase.family == "ladder" and phase.order > LAST_AGAINST_BASELINE)
 
 
@@ -133,30 +114,19 @@ def left_to_truth(phase: Phase) -> bool:
     return by_truth(phase) and set(phase.tolerance) - {IDEAL} == {TRUTH}
 
 
-def ideal_bounds(phase: Phase) -> dict[str, float]:
-    """Metric → the least PSNR to the ideal picture that the phase declares, in dB; or nothing."""
-    declared = flatten(phase.tolerance.get(IDEAL) or {})
-    return {name: bound for name, bound in declared.items() if name != "reason"}
-
-
-def margins(phase: Phase) -> dict[str, float]:
-    """Metric → by how much the phase may be worse than baseline; what is not named here, by nothing.
-
-    ENOUGH → the PSNR from which on a picture is near enough, in dB. OUTLINE → pixels.
-    """
-    declared = flatten(phase.tolerance.get(TRUTH) or {})
+def margins(phase: Phase, key: str = TRUTH) -> dict[str, float]:
+    """Metric → by how much the phase may be worse than baseline; what is not named here, by nothing. ENOUGH →
+    the PSNR in dB from which on a picture is near enough. OUTLINE → pixels. With the key IDEAL: metric → the
+    least PSNR to the ideal picture in dB."""
+    declared = flatten(phase.tolerance.get(key) or {})
     return {name: bound for name, bound in declared.items() if name != "reason"}
 
 
 def visible(baseline: Mapping) -> dict[str, float]:
     """Margins for phases that are shown and not gated: differences that a table of three digits has."""
     values = flatten(baseline)
-    names = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS))
-    return {
-        name: SHOWN["db"] if name.endswith("_db") else SHOWN["share"] * abs(values.get(name, math.nan))
-        for name in names
-        if name in values
-    }
+    names = [name for name in dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS)) if name in values]
+    return {name: SHOWN_DB if name.endswith("_db") else SHOWN_SHARE * abs(values[name]) for name in names}
 
 
 def inferior(
@@ -166,13 +136,11 @@ def inferior(
     ideal: Mapping[str, float] | None = None,
 ) -> dict[str, str]:
     """Metric on which the picture is further from truth than every reference, by more than is allowed → why.
-
-    `references`: name → metrics, baseline's first; per metric the worst of them is the bound. Where rounding
-    has brought baseline nearer to the ideal shadow than what it computes is (scene0: 45.254 to 45.252 dB), a
-    phase need not repeat that luck. A reference that lacks a metric does not judge it. A scene whose truth
-    is converged only has the hits of its proved pixels, if there are any. `ideal`: of a phase that draws the
-    ideal shadow, the least PSNR to that picture; then no metric is judged that holds the estimator's shadow.
-    """
+    `references`: name → metrics, baseline's first; per metric the worst of them is the bound, so that a phase
+    need not repeat baseline's luck in rounding. A reference that lacks a metric does not judge it. A scene
+    whose truth is converged only has the hits of its proved pixels, if there are any. `ideal`: of a phase
+    that draws the ideal shadow, the least PSNR to that picture; then the estimator's shadow is in no metric
+    that is judged."""
     mine, others = flatten(metrics), {who: flatten(values) for who, values in references.items()}
     found, enough = {}, allowed.get(ENOUGH, NEAREST)
     if not (mine["non_finite"] <= 0):

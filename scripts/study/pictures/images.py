@@ -1,8 +1,7 @@
 """Pictures: float EXR in, the metrics of the equivalence gate, PNG out.
 
-Metrics, units and their order are those of study/numbers/schema.py. A picture is a dict of float32 planes
-(height × width), one per EXR channel: R G B (linear, not clamped) and, rendered with --aov, Z id N.x
-N.y N.z evals.
+Metrics, units and their order are those of study/numbers/schema.py. A picture has float32 planes (height ×
+width), one per EXR channel: R G B (linear, not clamped) and, rendered with --aov, Z id N.x N.y N.z evals.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,8 +22,6 @@ try:
     import flip_evaluator
 except ImportError:  # no wheel for Python 3.14: setup says so, and pictures are judged without
     flip_evaluator = None
-
-Picture = dict[str, np.ndarray]
 
 AOVS = ("R", "G", "B", "Z", "id", "N.x", "N.y", "N.z", "evals")
 GAMMA = 0.4545
@@ -38,6 +36,36 @@ FLIP_TOOL = (
 )
 
 PICTURE_TOOL = f"OpenImageIO {oiio.VERSION_STRING} ImageBufAlgo.compare"
+
+
+class Picture(dict[str, np.ndarray]):
+    """Planes by name; those whose names are words are attributes too: `picture.id`."""
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        if name in self:
+            return self[name]
+        raise AttributeError(f"the picture has no plane {name}")
+
+    def __or__(self, other: Mapping[str, np.ndarray]) -> Picture:  # type: ignore[override]
+        return Picture({**self, **other})
+
+    @property
+    def chain(self) -> np.ndarray:
+        """Truth's status of the pixel's whole chain of rays."""
+        return self["status.all"]
+
+    @property
+    def hit(self) -> np.ndarray:
+        """A pixel with a NaN, or with a depth where there is no shape, is neither a hit nor a miss."""
+        return (self.id >= 0) & np.isfinite(self.Z)
+
+    @property
+    def miss(self) -> np.ndarray:
+        return (self.id == -1) & (np.inf == self.Z)
+
+    def where(self, mask: np.ndarray) -> Picture:
+        """Its pixels where `mask` holds, of the planes of a phase's picture."""
+        return Picture({name: self[name][mask] for name in AOVS})
 
 
 def _read(path: Path | str, kind: str) -> tuple[oiio.ImageSpec, np.ndarray]:
@@ -59,7 +87,8 @@ def read(path: Path | str) -> Picture:
     spec, samples = _read(path, "float")
     if str(spec.format) != "float" or any(str(f) != "float" for f in spec.channelformats):
         raise StudyError(f"{path}: its samples are {spec.format}, should be 32-bit float")
-    return {name: np.ascontiguousarray(samples[..., i]) for i, name in enumerate(spec.channelnames)}
+    planes = enumerate(spec.channelnames)
+    return Picture({name: np.ascontiguousarray(samples[..., i]) for i, name in planes})
 
 
 def read_ppm(path: Path) -> np.ndarray:
@@ -84,9 +113,9 @@ def read_png(path: Path) -> np.ndarray:
     return samples[:, :, :3]
 
 
-def rgb(picture: Picture) -> np.ndarray:
-    """Linear colour, height × width × 3."""
-    return np.stack([picture[name] for name in "RGB"], axis=-1)
+def rgb(picture: Picture, prefix: str = "") -> np.ndarray:
+    """Linear colour of the planes `prefix`R, G and B, height × width × 3."""
+    return np.stack([picture[prefix + name] for name in "RGB"], axis=-1)
 
 
 def clamped(linear: np.ndarray) -> np.ndarray:
@@ -102,11 +131,8 @@ def to_display(linear: np.ndarray) -> np.ndarray:
 
 def box_average(linear: np.ndarray, factor: int) -> np.ndarray:
     """Mean of the clamped colours of factor × factor blocks; a remainder at the right and bottom is cut off.
-
-    Each sample is clamped before the mean: it is what the eye makes of the large picture on a screen,
-    factor times as far away. A single bright sample cannot outweigh its block. Of a block with a sample that
-    is not finite the mean is NaN.
-    """
+    Samples are clamped before: it is what the eye makes of the picture from afar. NaN in a block with a
+    sample that is not finite."""
     height, width = (size // factor for size in linear.shape[:2])
     used = linear[: height * factor, : width * factor]
     blocks = np.where(np.isfinite(used), clamped(used), np.nan).astype(np.float64)
@@ -154,10 +180,8 @@ def non_finite(picture: Picture) -> int:
 def metrics(
     reference: np.ndarray, image: np.ndarray, threshold: float, peak: float
 ) -> tuple[float, float, float]:
-    """PSNR in dB, RMSE as a share of peak, share of pixels with any channel off by more than threshold.
-
-    NaN where a sample is not finite: OpenImageIO calls such pictures equal.
-    """
+    """PSNR in dB, RMSE as a share of peak, share of pixels with any channel off by more than threshold. NaN
+    where a sample is not finite: OpenImageIO calls such pictures equal."""
     if not (np.isfinite(reference).all() and np.isfinite(image).all()):
         return math.nan, math.nan, math.nan
     a, b = (oiio.ImageBuf(np.ascontiguousarray(x, np.float32)) for x in (reference, image))
@@ -186,13 +210,12 @@ def _percentile(values: np.ndarray, share: float, any_hit: bool) -> float:
 
 def geometry(reference: Picture, image: Picture) -> dict[str, float]:
     """Hit mask, shapes, hit distances and normals: the errors below the picture. Planes of any shape."""
-    hit_a, hit_b = ((p["id"] >= 0) & np.isfinite(p["Z"]) for p in (reference, image))
-    miss_a, miss_b = ((p["id"] == -1) & (p["Z"] == np.inf) for p in (reference, image))
-    # Neither hit nor miss (a NaN, or a depth where there is no shape) agrees with nothing.
-    both, agree = hit_a & hit_b, (hit_a & hit_b) | (miss_a & miss_b)
-    same = both & (reference["id"] == image["id"])
-    z_a, z_b = (np.where(both, p["Z"], 0).astype(np.float64) for p in (reference, image))
-    dt, pixels, any_hit = np.abs(z_a - z_b), both.size, bool((~miss_a | ~miss_b).any())
+    both = reference.hit & image.hit
+    agree = both | (reference.miss & image.miss)  # what is neither agrees with nothing
+    same = both & (reference.id == image.id)
+    z_a, z_b = (np.where(both, p.Z, 0).astype(np.float64) for p in (reference, image))
+    dt, pixels = np.abs(z_a - z_b), both.size
+    any_hit = bool((~reference.miss | ~image.miss).any())
 
     a, b = (
         np.stack([p[n][same] for n in ("N.x", "N.y", "N.z")], -1).astype(np.float64)
@@ -224,9 +247,7 @@ def colour_errors(
     reference: np.ndarray, image: np.ndarray, with_flip: bool = True, judged: np.ndarray | None = None
 ) -> dict[str, float]:
     """The picture metrics of two linear colours (height × width × 3), in linear and in display space.
-
-    `judged`: height × width, the pixels that they are of, else all. Of no pixel all are NaN.
-    """
+    `judged`: height × width, the pixels that they are of, else all. Of no pixel all are NaN."""
     judged = np.ones(reference.shape[:2], bool) if judged is None else judged
     linear = [np.where(judged[..., None], x, 0) for x in (reference, image)]
     finite = all(np.isfinite(x).all() for x in linear)
@@ -258,17 +279,19 @@ def antialiased(reference: Picture, image: Picture, factor: int = 4) -> dict[str
     return {"non_finite": bad, "psnr_db": psnr, "rmse": rmse, "fraction_over_1_255": over}
 
 
-def compare(reference: Picture, image: Picture, large: tuple[Picture, Picture] | None = None) -> dict:
-    """Every metric of the gate, in its order. `large`: both at four times the size, to be averaged.
+def same_size(reference: Picture, image: Picture) -> None:
+    if (a := reference.R.shape) != (b := image.R.shape):
+        raise StudyError(f"pictures of different size: {a[1]}x{a[0]} and {b[1]}x{b[0]}")
 
-    An infinite PSNR (identical pictures) is math.inf here and null in JSON; NaN stands for a metric
-    that has no value, and no tolerance lets it pass. Raises StudyError for pictures of unlike form.
-    """
+
+def compare(reference: Picture, image: Picture, large: tuple[Picture, Picture] | None = None) -> dict:
+    """Every metric of the gate, in its order. `large`: both at four times the size, to be averaged. NaN
+    stands for a metric that has no value: no tolerance lets it pass. Raises StudyError for pictures of unlike
+    form."""
     for picture in (reference, image):
         if missing := [name for name in AOVS if name not in picture]:
             raise StudyError(f"a picture lacks the channels {' '.join(missing)}: render it with --aov")
-    if (a := reference["R"].shape) != (b := image["R"].shape):
-        raise StudyError(f"pictures of different size: {a[1]}x{a[0]} and {b[1]}x{b[0]}")
+    same_size(reference, image)
     bad = non_finite(reference) + non_finite(image)
     hashes = sha256(reference), sha256(image)
     return {

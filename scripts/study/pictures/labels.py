@@ -26,7 +26,6 @@ def name(axes: Axes, x: float, y: float, text: str, colour: str, size: float = 7
 
 
 def _corners(axes: Axes) -> np.ndarray:
-    """The corners of the marks' boxes, in data coordinates, n × 2."""
     found = [
         line.get_xydata()
         for line in axes.lines

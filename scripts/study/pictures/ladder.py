@@ -18,6 +18,7 @@ from study.numbers import ladder
 from study.numbers.analysis import Data
 from study.pictures.draw import BAD, RING, Drawing, bars_of, legend, look, panels, plain_log
 
+LEFT = 0.8  # of a logarithmic axis
 SAME = 150  # dB; a difference below is less than what float holds of a colour near 1
 
 
@@ -31,7 +32,7 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
     launches = " to ".join(str(n) for n in dict.fromkeys((rows.launches.min(), rows.launches.max())))
     cpu = machine.name(context)
     compiler = context.compiler or rows.compiler.iloc[0]
-    clock = f"core {rows['core_hz'].median() / 1e9:.2f} GHz, TSC {rows['tsc_hz'].median() / 1e9:.3f} GHz"
+    clock = f"core {rows.core_hz.median() / 1e9:.2f} GHz, TSC {rows.tsc_hz.median() / 1e9:.3f} GHz"
     return (
         f"{cpu}, {clock}; {compiler}. Median over {launches} process launches; whiskers: 95 % "
         f"interval (none where launches are fewer than 6).\n{built}"
@@ -72,18 +73,6 @@ def runtime(rows: pd.DataFrame) -> Figure:
     return against_n(seconds, "s", "runtime of a frame, s", "Runtime against picture height")
 
 
-def cycles(rows: pd.DataFrame) -> Figure:
-    title = "Core cycles per pixel against picture height: flat where the work per pixel is the same"
-    return against_n(rows, "core_cycles_per_pixel", "core cycles per pixel", title)
-
-
-def pace(rows: pd.DataFrame) -> Figure:
-    return against_n(rows, "ns_per_pixel", "ns per pixel", "Time per pixel against picture height")
-
-
-LEFT = 0.8  # of a logarithmic axis
-
-
 def speedups(rows: pd.DataFrame) -> Figure:
     """Points over baseline at each scene's headline size, the paper's values beside them, and its errors."""
     rows = rows[rows.headline & rows.speedup.notna()]
@@ -107,7 +96,8 @@ def speedups(rows: pd.DataFrame) -> Figure:
             )
             beside = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 9}
             axes.text(1.15, i, f"{show.number(row['speedup'])}×", **beside, ha="right")
-            axes.text(1.19, i, error_text(row), **beside, color=text_colour(row))
+            colour = BAD if show.gate_mark(row) == "bad" else "#222222"
+            axes.text(1.19, i, error_text(row), **beside, color=colour)
             axes.text(1.43, i, truth_text(row), **beside)
         paper_marks(axes, group)
         axes.set_yticks(range(len(group)), [style["label"] for style in styles])
@@ -154,10 +144,6 @@ def error_text(row: pd.Series) -> str:
     if text not in (show.NOTHING, "reference", "identical"):
         text += " dB"
     return text + (", OUTSIDE" if show.gate_mark(row) == "bad" else "")
-
-
-def text_colour(row: pd.Series) -> str:
-    return BAD if show.gate_mark(row) == "bad" else "#222222"
 
 
 def error(rows: pd.DataFrame) -> Figure:
@@ -208,11 +194,16 @@ def error(rows: pd.DataFrame) -> Figure:
     return figure
 
 
+FLAT = "Core cycles per pixel against picture height: flat where the work per pixel is the same"
 PLOTS: dict[str, Callable[[pd.DataFrame], Figure]] = {
     "speedup-ladder": speedups,
     "runtime": runtime,
-    "cycles-per-pixel": cycles,
-    "ns-per-pixel": pace,
+    "cycles-per-pixel": partial(
+        against_n, name="core_cycles_per_pixel", unit="core cycles per pixel", title=FLAT
+    ),
+    "ns-per-pixel": partial(
+        against_n, name="ns_per_pixel", unit="ns per pixel", title="Time per pixel against picture height"
+    ),
     "speed-against-error": error,
 }
 CAPTIONS = {
@@ -224,20 +215,8 @@ CAPTIONS = {
 }
 
 
-def lacking(name: str, rows: pd.DataFrame) -> str | None:
-    """What the plot would need and the run has not."""
-    if name == "speed-against-error" and rows.psnr_db.isna().all():
-        return "verify.json has no error for these phases"
-    if name == "speedup-ladder" and rows.speedup.isna().all():
-        return f"{ladder.BASE} was not measured"
-    return None
-
-
 def drawings(data: Data, rows: pd.DataFrame) -> dict[str, Drawing]:
     """Of each plot that the run has data for."""
-    note = caption(data, rows)
-    return {
-        name: Drawing(CAPTIONS[name], note, partial(plot, rows))
-        for name, plot in PLOTS.items()
-        if not lacking(name, rows)
-    }
+    note, needed = caption(data, rows), {"speed-against-error": rows.psnr_db, "speedup-ladder": rows.speedup}
+    there = [name for name in PLOTS if name not in needed or needed[name].notna().any()]
+    return {name: Drawing(CAPTIONS[name], note, partial(PLOTS[name], rows)) for name in there}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,6 @@ SMALLEST = 1e-6  # differences below it are drawn as none
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Writes the figure as PNG. Raises StudyError."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     images.write_png(path, np.asarray(canvas.buffer_rgba())[..., :3])
@@ -35,9 +35,7 @@ def two_rows(
     columns: int, size: tuple[float, float], title: str, top: float
 ) -> tuple[Figure, GridSpec, Axes]:
     """A sheet of two rows of pictures, a colour bar right of the lower one: figure, grid, the bar's axes.
-
-    `size`: a column's width and the sheet's height, inches; `top`: where pictures end, of the height.
-    """
+    `size`: a column's width and the sheet's height, inches; `top`: where pictures end, of the height."""
     width = size[0] * columns + 1.1
     figure = Figure(figsize=(width, size[1]), dpi=100, facecolor="white")
     figure.suptitle(title, x=0.01, y=0.985, ha="left", va="top", fontsize=16)
@@ -100,6 +98,33 @@ def error_text(metrics: dict) -> str:
     return f"PSNR {metrics['psnr_db']:.1f} dB, largest {largest:.2g}, {over:.3g} % of pixels over 1/255"
 
 
+def sheet(
+    title: str,
+    tall: float,
+    below: float,
+    pictures: Mapping[str, Picture],
+    notes: Sequence[str],
+    right: float,
+    more: Sequence[float] = (),
+) -> tuple[Figure, list[Axes]]:
+    """Pictures by their names and an empty panel in a row, notes under them, then panels of widths `more`.
+    `tall`, `below`: inches of pictures and notes; `right`: where the row ends, of the width."""
+    above = 0.9
+    total = above + tall + below
+    figure = Figure(figsize=(18.5, total), dpi=100, facecolor="white")
+    figure.suptitle(title, x=0.01, y=1 - 0.15 / total, ha="left", va="top", fontsize=16)
+    edges = {"top": 1 - above / total, "bottom": below / total, "left": 0.01, "right": right}
+    widths = (1, 1, 1, *more)
+    spots = figure.add_gridspec(1, len(widths), wspace=0.04, width_ratios=widths, **edges)
+    axes = [figure.add_subplot(spots[0, i]) for i in range(len(widths))]
+    for panel, (name, picture) in zip(axes, pictures.items(), strict=False):
+        show(panel, images.to_display(images.rgb(picture)))
+        panel.set_title(name, fontsize=14, loc="left")
+    for panel, note in zip(axes, notes, strict=False):
+        panel.set_xlabel(note, fontsize=12, loc="left", linespacing=1.4)
+    return figure, axes
+
+
 def pair(
     pictures: tuple[Picture, Picture],
     names: tuple[str, str],
@@ -111,20 +136,11 @@ def pair(
     """Both pictures and their difference in a row, a note under each; under the last the error as well."""
     height, width = pictures[0]["R"].shape
     notes = notes[0], notes[1], f"{error_text(metrics)}\n{notes[2]}"
-    tall, above = 5.6 * height / width, 0.9
     below = 0.3 + 0.25 * max(note.count("\n") + 1 for note in notes)
-    total = above + tall + below
-    figure = Figure(figsize=(18.5, total), dpi=100, facecolor="white")
-    figure.suptitle(title, x=0.01, y=1 - 0.15 / total, ha="left", va="top", fontsize=16)
-    edges = {"top": 1 - above / total, "bottom": below / total, "left": 0.01, "right": 0.945}
-    spots = figure.add_gridspec(1, 4, wspace=0.04, width_ratios=(1, 1, 1, 0.03), **edges)
-    *axes, bar_axes = (figure.add_subplot(spot) for spot in (spots[0, i] for i in range(4)))
-    for panel, picture, name in zip(axes, pictures, names, strict=False):
-        show(panel, images.to_display(images.rgb(picture)))
-        panel.set_title(name, fontsize=14, loc="left")
+    figure, (*axes, bar_axes) = sheet(
+        title, 5.6 * height / width, below, dict(zip(names, pictures, strict=True)), notes, 0.945, (0.03,)
+    )
     difference(axes[2], bar_axes, *pictures)
-    for panel, note in zip(axes, notes, strict=True):
-        panel.set_xlabel(note, fontsize=12, loc="left", linespacing=1.4)
     axes[2].xaxis.label.set_color(BAD if bad else GOOD)
     return figure
 

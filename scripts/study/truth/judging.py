@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from study.core import store
-from study.core.cli import StudyError
 from study.core.registry import Scene
 from study.pictures import images
 from study.pictures.images import Picture
@@ -26,30 +25,15 @@ TRUTHS = {"": "", "_ideal": "ideal.", "_none": "none."}
 GEOMETRY = "dt_p99", "dt_max", "normal_p99_degrees"
 
 
-def check(truth: Picture, image: Picture) -> None:
-    """Raises StudyError for pictures of unlike size."""
-    if (a := truth["R"].shape) != (b := image["R"].shape):
-        raise StudyError(f"pictures of different size: {a[1]}x{a[0]} and {b[1]}x{b[0]}")
-
-
-def colour(picture: Picture, prefix: str = "") -> np.ndarray:
-    """Linear colour of the planes `prefix`R, G and B, height × width × 3."""
-    return np.stack([picture[prefix + name] for name in "RGB"], axis=-1)
-
-
 def wrong_hits(truth: Picture, image: Picture, least: int = PROVED) -> dict[str, np.ndarray]:
-    """Where the picture hits what is not there, misses what is, or hits another shape. Masks.
-
-    Judged where truth is proved, or of status `least` and more. A pixel that is neither hit nor miss (NaN, a
-    depth without a shape) is wrong whatever truth says.
-    """
-    known = truth["status"] >= least
-    hit, is_hit = ((p["id"] >= 0) & np.isfinite(p["Z"]) for p in (truth, image))
-    miss, is_miss = ((p["id"] == -1) & (p["Z"] == np.inf) for p in (truth, image))
+    """Where the picture hits what is not there, misses what is, or hits another shape: masks, of the pixels
+    of status `least` and more. A pixel that is neither hit nor miss (NaN, a depth without a shape) is
+    wrong."""
+    known = truth.status >= least
     return {
-        "false_hits": known & miss & ~is_miss,
-        "false_misses": known & hit & ~is_hit,
-        "wrong_shape": known & hit & is_hit & (truth["id"] != image["id"]),
+        "false_hits": known & truth.miss & ~image.miss,
+        "false_misses": known & truth.hit & ~image.hit,
+        "wrong_shape": known & truth.hit & image.hit & (truth.id != image.id),
     }
 
 
@@ -59,13 +43,14 @@ def beyond_outlines(truth: Picture, image: Picture, pixels: int) -> dict[str, fl
     pixel itself (a miss is infinitely far): a fatter outline lies in front of what is there, and explains
     neither. Both depths are rounded to the planes' floats, so the next float behind truth's is not farther.
     """
-    near = np.zeros(truth["id"].shape, bool)
-    padded = np.pad(truth["id"], pixels, mode="edge")
+    near = np.zeros(truth.id.shape, bool)
+    padded = np.pad(truth.id, pixels, mode="edge")
     height, width = near.shape
     for y, x in np.ndindex(2 * pixels + 1, 2 * pixels + 1):
-        near |= padded[y : y + height, x : x + width] == image["id"]
-    near &= image["Z"] <= np.nextafter(truth["Z"].astype(np.float32), np.float32(np.inf))
-    count, masks = int((truth["status"] == PROVED).sum()), wrong_hits(truth, image)
+        near |= padded[y : y + height, x : x + width] == image.id
+    behind = np.nextafter(truth.Z.astype(np.float32), np.float32(np.inf))
+    near &= image["Z"] <= behind
+    count, masks = int((truth.status == PROVED).sum()), wrong_hits(truth, image)
     return {
         f"{name}_ppm": 1e6 * float((masks[name] & ~near).sum()) / count if count else math.nan
         for name in ("false_hits", "wrong_shape")
@@ -74,31 +59,28 @@ def beyond_outlines(truth: Picture, image: Picture, pixels: int) -> dict[str, fl
 
 def _hits(truth: Picture, image: Picture) -> dict[str, float]:
     """The errors below the picture, of the proved pixels; NaN where there is none."""
-    known = truth["status"] == PROVED
+    known = truth.status == PROVED
     count = int(known.sum())
     masks = wrong_hits(truth, image)
     found = {f"{name}_ppm": 1e6 * float(m.sum()) / count if count else math.nan for name, m in masks.items()}
     if not count:
         return found | dict.fromkeys(GEOMETRY, math.nan)
-    measured = images.geometry(*({name: p[name][known] for name in images.AOVS} for p in (truth, image)))
+    measured = images.geometry(truth.where(known), image.where(known))
     return found | {name: measured[name] for name in GEOMETRY}
 
 
 def right_distances(truth: Picture, image: Picture, least: int = PROVED) -> np.ndarray:
     """|Δt| where both hit the same shape, in scene units, ascending; of the pixels of wrong_hits."""
     masks = wrong_hits(truth, image, least)
-    right = (truth["status"] >= least) & (truth["id"] >= 0)
-    right &= ~(masks["false_misses"] | masks["wrong_shape"])
-    return np.sort(np.abs(truth["Z"][right].astype(np.float64) - image["Z"][right]))
+    right = (truth.status >= least) & (truth.id >= 0) & ~np.any(list(masks.values()), axis=0)
+    return np.sort(np.abs(truth.Z[right].astype(np.float64) - image.Z[right]))
 
 
 def dt_p99_of(others: np.ndarray, truth: Picture, image: Picture) -> float:
     """dt_p99 over as many of the picture's right hits as another picture has, or all of fewer; NaN for none.
-
-    What a gate may compare; `others`: the other one's right_distances. A picture that hits more of the true
-    hits is not further from truth for the grazing ones that it won, so its worst are left out; but none that
-    is further off than every hit of the other's, for those it would hide.
-    """
+    `others`: the other one's right_distances. A picture that hits more of the true hits is not further from
+    truth for the grazing ones that it won, so its worst are left out; but none that is further off than every
+    hit of the other's, for those it would hide."""
     mine = right_distances(truth, image)
     spare = max(len(mine) - len(others), 0)
     alike = int(np.searchsorted(mine, others[-1], "right")) if len(others) else 0
@@ -108,16 +90,14 @@ def dt_p99_of(others: np.ndarray, truth: Picture, image: Picture) -> float:
 
 def _judged(truth: Picture) -> np.ndarray:
     """Pixels whose colours truth knows."""
-    return np.all([np.isfinite(colour(truth, prefix)).all(axis=-1) for prefix in TRUTHS.values()], axis=0)
+    return np.all([np.isfinite(images.rgb(truth, prefix)).all(axis=-1) for prefix in TRUTHS.values()], axis=0)
 
 
 def _colours(
     pictures: list[tuple[np.ndarray, np.ndarray]], judged: np.ndarray, factor: int = 1
 ) -> dict[str, float]:
-    """Picture metrics to the three truths, of the pixels judged. The first one's are complete.
-
-    factor > 1: averaged first, and of the blocks of which all is judged.
-    """
+    """Picture metrics to the three truths, of the pixels judged. The first one's are complete. factor > 1:
+    averaged first, and of the blocks of which all is judged."""
     found: dict[str, float] = {}
     if factor > 1:
         whole = np.repeat(judged[..., None], 3, axis=-1).astype(np.float32)
@@ -129,11 +109,8 @@ def _colours(
         if not which:
             found |= one
         else:
-            found[f"psnr{which}_db"], found[f"psnr{which}_display_db"] = (
-                one["psnr_db"],
-                one["psnr_display_db"],
-            )
-            found[f"rmse{which}"] = one["rmse"]
+            names = {f"psnr{which}_db": "psnr_db", f"psnr{which}_display_db": "psnr_display_db"}
+            found |= {name: one[key] for name, key in (names | {f"rmse{which}": "rmse"}).items()}
     return found
 
 
@@ -148,21 +125,19 @@ def shadow_rmse(exact: tuple[np.ndarray, np.ndarray], made: tuple[np.ndarray, np
 def metrics(
     truth: Picture, image: Picture, unshadowed: Picture | None = None, fractal: bool = False
 ) -> dict[str, Any]:
-    """Every error of a picture to truth. `unshadowed`: the phase's picture of the scene without shadows.
-
-    Without it there are no metrics of what shadows do. PSNR of identical pictures is math.inf; NaN is a
+    """Every error of a picture to truth. `unshadowed`: the phase's picture of the scene without shadows;
+    without it there are no metrics of what shadows do. PSNR of identical pictures is math.inf; NaN is a
     metric that has no value. `fractal`: truth is converged only, so the 4 × 4 averaged pictures and the depth
-    are judged as well. Raises StudyError for pictures that do not belong together.
-    """
-    check(truth, image)
+    are judged as well. Raises StudyError for pictures that do not belong together."""
+    images.same_size(truth, image)
     if unshadowed is not None:
-        check(truth, unshadowed)
-    status, judged = truth["status"], _judged(truth)
+        images.same_size(truth, unshadowed)
+    status, judged = truth.status, _judged(truth)
 
     def known(linear: np.ndarray) -> np.ndarray:
         return np.where(judged[..., None], linear, 0)
 
-    exact = [known(colour(truth, prefix)) for prefix in TRUTHS.values()]
+    exact = [known(images.rgb(truth, prefix)) for prefix in TRUTHS.values()]
     made = [known(images.rgb(image))] * 2
     if unshadowed is not None:
         made.append(known(images.rgb(unshadowed)))
@@ -171,7 +146,7 @@ def metrics(
         "converged_only": fractal,
         "non_finite": images.non_finite(image) + (images.non_finite(unshadowed) if unshadowed else 0),
         "proved_fraction": float((status == PROVED).mean()),
-        "proved_chain_fraction": float((truth["status.all"] == PROVED).mean()),
+        "proved_chain_fraction": float((truth.chain == PROVED).mean()),
         "converged_pixels": int((status == CONVERGED).sum()),
         "undecided_pixels": int((~(status >= CONVERGED)).sum()),
         "unjudged_colours": int((~judged).sum()),
@@ -184,11 +159,9 @@ def metrics(
             found[name] = shadow_rmse((exact[which][judged], exact[2][judged]), both)
     if fractal:
         decided = status >= CONVERGED
-        parts = [{name: p[name][decided] for name in images.AOVS} for p in (truth, image)]
-        found["depth_agree_fraction"] = (
-            images.geometry(*parts)["depth_agree_fraction"] if decided.any() else math.nan
-        )
-        found["antialiased"] = _colours(pairs, judged, FACTOR)
+        depth = images.geometry(truth.where(decided), image.where(decided)) if decided.any() else {}
+        found |= {"depth_agree_fraction": depth.get("depth_agree_fraction", math.nan)}
+        found |= {"antialiased": _colours(pairs, judged, FACTOR)}
     return found
 
 
@@ -200,9 +173,9 @@ def estimator(truth: Picture, fractal: bool = False) -> dict[str, Any]:
 
 def without_shadows(scene: Scene, folder: Path) -> Scene:
     """The same scene with light.shadows "none": itself if it is, else a file NAME-unshadowed.json there."""
-    if scene.data["light"]["shadows"] == "none":
+    if scene.content.light.shadows == "none":
         return scene
-    data = {**scene.data, "light": {**scene.data["light"], "shadows": "none"}}
+    data = {**scene.data, "light": scene.data["light"] | {"shadows": "none"}}
     path = folder / f"{scene.name}-unshadowed.json"
     if not path.exists() or store.read_json(path) != data:
         store.write_json(path, data)
@@ -211,8 +184,6 @@ def without_shadows(scene: Scene, folder: Path) -> Scene:
 
 def mirrors(scene: Scene) -> frozenset[int]:
     """Ids of the shapes whose material is a mirror, none where nothing may bounce."""
-    materials = scene.data["materials"]
-    reflective = {name for name, one in materials.items() if one["reflectivity"] > 0}
-    if scene.data["march"]["max_bounces"] == 0:
-        return frozenset()
-    return frozenset(i for i, s in enumerate(scene.data["shapes"]) if s["material"] in reflective)
+    content = scene.content
+    bounce = content.march.max_bounces > 0
+    return frozenset(i for i, one in enumerate(content.of_shapes) if bounce and one.reflectivity > 0)

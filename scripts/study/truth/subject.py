@@ -32,12 +32,10 @@ class Subject:
             self.references[str(spec)], self.pictures[str(spec)] = self.measure(spec)
 
     def measure(self, spec: Spec) -> tuple[dict, images.Picture]:
-        """The metrics of a spec's picture, and the picture."""
         made, plain = (images.read(self.gallery.path(spec, s, self.size)) for s in (self.scene, self.plain))
         return judging.metrics(self.truth, made, plain, self.scene.fractal), made
 
     def row(self, spec: Spec) -> Row:
-        """One row of accuracy.json, its picture written."""
         found, made = self.measure(spec)
         phase = registry.find_phase(spec.phase)
         gated = gate.by_truth(phase)
@@ -50,7 +48,7 @@ class Subject:
 
         # What is not asked of the phase is not allowed it as an error of the references' either.
         others = {who: values | beyond(self.pictures[who]) for who, values in self.references.items()}
-        ideal = gate.ideal_bounds(phase)
+        ideal = gate.margins(phase, gate.IDEAL)
         worse = gate.inferior(found | beyond(made) | {"dt_p99": as_many}, others, granted, ideal)
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size

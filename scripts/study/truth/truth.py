@@ -40,7 +40,6 @@ def scene_hash(data: dict[str, Any]) -> str:
 
 
 def path_of(scene: Scene, size: Size) -> Path:
-    """Where the picture is, or would be, cached."""
     program = hashlib.sha256(build("truth").read_bytes()).hexdigest()[:16]
     return CACHE / f"{scene_hash(scene.data)}-{size[0]}x{size[1]}-{program}.exr"
 

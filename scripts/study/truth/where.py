@@ -18,7 +18,6 @@ from study.pictures.images import Picture
 from study.truth import judging
 
 # In the order in which they are asked: the first that applies has the pixel.
-CLASSES = ("silhouette", "edge", "shadow_boundary", "reflection", "interior")
 MEANING = {
     "silhouette": "silhouette: a neighbour shows another shape, or depth jumps",
     "edge": "edge: normals of neighbours on one shape differ",
@@ -26,14 +25,9 @@ MEANING = {
     "reflection": "reflection: a mirror is seen",
     "interior": "interior: none of these",
 }
+CLASSES = tuple(MEANING)
 # Okabe & Ito's palette, which the colour-blind can tell apart, on a dimmed grey picture.
-COLOURS = {
-    "silhouette": "#E69F00",
-    "edge": "#56B4E9",
-    "shadow_boundary": "#CC79A7",
-    "reflection": "#009E73",
-    "interior": "#F0E442",
-}
+COLOURS = dict(zip(CLASSES, ("#E69F00", "#56B4E9", "#CC79A7", "#009E73", "#F0E442"), strict=True))
 DIM = 0.3  # of the picture under the map
 # Faces of boxes, cones and octahedra meet at 70° and more; from pixel to pixel a curved shape turns by less.
 CREASE_DEGREES = 30.0
@@ -60,10 +54,10 @@ def _differs(test: Callable[..., np.ndarray], *planes: np.ndarray) -> np.ndarray
 def _jumps(truth: Picture) -> np.ndarray:
     """Where depth leaps from one part of a shape to another: a torus over itself, repeated cells."""
     with np.errstate(divide="ignore"):
-        inverse = 1 / truth["Z"].astype(np.float64)  # 0 on a miss
+        inverse = 1 / truth.Z.astype(np.float64)  # 0 on a miss
     found = np.zeros(inverse.shape, bool)
     # Transposed views: what is written to the second is seen in the first.
-    for depth, ids, marks in ((inverse, truth["id"], found), (inverse.T, truth["id"].T, found.T)):
+    for depth, ids, marks in ((inverse, truth.id, found), (inverse.T, truth.id.T, found.T)):
         before, here, after = depth[:, :-2], depth[:, 1:-1], depth[:, 2:]
         same = (ids[:, :-2] == ids[:, 1:-1]) & (ids[:, 1:-1] == ids[:, 2:]) & (ids[:, 1:-1] >= 0)
         most = np.maximum(np.maximum(before, here), after)
@@ -73,9 +67,9 @@ def _jumps(truth: Picture) -> np.ndarray:
 
 def classes(truth: Picture, mirrors: Iterable[int] = ()) -> np.ndarray:
     """Index into CLASSES of every pixel, by truth alone. `mirrors`: ids of the shapes that reflect."""
-    ids = truth["id"]
+    ids = truth.id
     normals = np.stack([truth[n] for n in ("N.x", "N.y", "N.z")], axis=-1).astype(np.float64)
-    shadow = np.nan_to_num(truth["shadow"], nan=1.0)
+    shadow = np.nan_to_num(truth.shadow, nan=1.0)
     least = math.cos(math.radians(CREASE_DEGREES))
     is_silhouette = _differs(lambda pair: pair[0] != pair[1], ids) | _jumps(truth)
 
@@ -174,18 +168,9 @@ def figure(
     truth: Picture, image: Picture, title: str, name: str, row: Row, where: np.ndarray, wrong: np.ndarray
 ) -> Figure:
     """The phase's picture, truth's, and the map of the bad pixels with its legend."""
-    height, width = truth["R"].shape
-    above, tall, below = 0.9, 5.9 * height / width, 1.9
-    total = above + tall + below
-    made = Figure(figsize=(18.5, total), dpi=100, facecolor="white")
-    made.suptitle(title, x=0.01, y=1 - 0.15 / total, ha="left", va="top", fontsize=16)
-    spots = made.add_gridspec(
-        1, 3, wspace=0.04, top=1 - above / total, bottom=below / total, left=0.01, right=0.99
-    )
-    axes = [made.add_subplot(spots[place]) for place in range(3)]
-    for panel, picture, text in zip(axes, (image, truth), (name, "ground truth"), strict=False):
-        panels.show(panel, images.to_display(images.rgb(picture)))
-        panel.set_title(text, fontsize=14, loc="left")
+    height, width = truth.R.shape
+    shown = {name: image, "ground truth": truth}
+    made, axes = panels.sheet(title, 5.9 * height / width, 1.9, shown, _notes(row), 0.99)
     factor = math.ceil(width / axes[2].get_window_extent().width)
     panels.show(axes[2], painted(truth, where, wrong, factor))
     count = int(wrong.sum())
@@ -193,8 +178,6 @@ def figure(
     axes[2].set_title(
         f"bad pixels: {count:,} ({share:.3g} %), off by > 1/255 or a wrong hit", fontsize=14, loc="left"
     )
-    for panel, note in zip(axes, _notes(row), strict=False):
-        panel.set_xlabel(note, fontsize=12, loc="left", linespacing=1.4)
     counts = np.bincount(where[wrong], minlength=len(CLASSES))
     handles = [
         Patch(facecolor=COLOURS[c], edgecolor="black", label=f"{n:,} {MEANING[c]}")

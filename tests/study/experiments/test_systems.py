@@ -15,6 +15,7 @@ from study.core.registry import ROOT
 from study.experiments import experiment
 from study.experiments.systems import experiment as systems
 from study.experiments.systems import pictures
+from study.pictures.images import Picture
 
 
 def test_a_run_without_systems_says_what_makes_them(tmp_path: Path) -> None:
@@ -62,7 +63,8 @@ def test_a_sheet_shows_the_difference_to_truth_or_where_rays_begin(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A picture that is off by 1/10 in one pixel, and one of a phase with rods."""
-    planes = {name: np.zeros((8, 16), np.float32) for name in ("R", "G", "B", "Z", "evals", "id")}
+    names = ("R", "G", "B", "Z", "evals", "id")
+    planes = Picture({name: np.zeros((8, 16), np.float32) for name in names})
     exact = planes | dict.fromkeys(("status", "status.all"), np.full((8, 16), 2, np.float32))
     off = planes | {"R": np.where(np.arange(128).reshape(8, 16) == 5, np.float32(0.1), np.float32(0))}
     starts = np.where(np.arange(128).reshape(8, 16) < 7, np.float32(-1), np.float32(3))

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 
 def picture(height: int = 4, width: int = 5) -> images.Picture:
-    made = {name: np.ones((height, width), np.float32) for name in images.AOVS}
+    made = images.Picture({name: np.ones((height, width), np.float32) for name in images.AOVS})
     return made | {"id": np.zeros((height, width), np.float32)}
 
 

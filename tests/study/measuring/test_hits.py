@@ -9,13 +9,15 @@ import pytest
 
 from study.measuring import hit_tables, hits
 from study.measuring.schema import Gain, HitErrors
+from study.pictures.images import Picture
 
 
-def planes(**other: list[float]) -> dict[str, np.ndarray]:
+def planes(**other: list[float]) -> Picture:
     """A picture of four pixels in a row; truth's planes among its own."""
     base = {"id": [0, 0, 1, -1], "Z": [1, 2, 3, np.inf], "status": [2] * 4, "status.all": [2] * 4}
     base |= {name: [0.5] * 4 for name in "RGB"} | {f"N.{axis}": [0] * 4 for axis in "xyz"}
-    return {name: np.array([row], np.float32) for name, row in (base | {"evals": [1] * 4} | other).items()}
+    base |= {"evals": [1] * 4} | other
+    return Picture({name: np.array([row], np.float32) for name, row in base.items()})
 
 
 MADE = planes(id=[0, -1, 0, 1], Z=[1.25, np.inf, 3, 9], R=[0.5, 0.5, 0.5, 1.0])

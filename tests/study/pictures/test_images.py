@@ -76,7 +76,7 @@ def test_infinite_depth_is_right_on_a_miss_and_only_there(blank, miss, channel, 
 def test_the_same_wrong_sample_in_both_pictures_is_not_equality(blank, value):
     picture = blank()
     picture["G"][2, 2] = value
-    found = images.compare(picture, {name: plane.copy() for name, plane in picture.items()})
+    found = images.compare(picture, images.Picture({name: plane.copy() for name, plane in picture.items()}))
     assert found["identical"] is True
     assert found["non_finite"] == 2
     metrics = (
@@ -103,7 +103,7 @@ def test_a_depth_that_is_not_a_number_agrees_with_nothing(blank):
 
 
 def offset(picture, amount, where=..., channels="RGB"):
-    changed = {name: plane.copy() for name, plane in picture.items()}
+    changed = images.Picture({name: plane.copy() for name, plane in picture.items()})
     for name in channels:
         changed[name][where] += np.float32(amount)
     return changed

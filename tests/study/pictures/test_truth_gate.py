@@ -146,9 +146,13 @@ def test_the_ideal_is_declared_with_a_reason():
     phase = later(11, truth=granted, ideal={"psnr_ideal_db": 90, "reason": "float"})
     gate.check(phase)
     assert (
-        phase.draws_ideal and gate.left_to_truth(phase) and gate.ideal_bounds(phase) == {"psnr_ideal_db": 90}
+        phase.draws_ideal
+        and gate.left_to_truth(phase)
+        and gate.margins(phase, gate.IDEAL) == {"psnr_ideal_db": 90}
     )
-    assert not later(11, truth=granted).draws_ideal and gate.ideal_bounds(later(11, truth=granted)) == {}
+    assert (
+        not later(11, truth=granted).draws_ideal and gate.margins(later(11, truth=granted), gate.IDEAL) == {}
+    )
     for wrong, message in (
         ({"psnr_ideal_db": 90}, r"ideal: "),
         ({"psnr_db": 90, "reason": "so"}, r"ideal\.psnr_db: "),

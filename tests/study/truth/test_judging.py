@@ -17,6 +17,7 @@ from study.core import registry, store
 from study.core.cli import StudyError, plain
 from study.numbers import accuracy
 from study.pictures import gate
+from study.pictures.images import Picture
 from study.truth import judging, where
 
 # --- below the picture
@@ -55,10 +56,10 @@ def test_nothing_proved_has_no_hit_metric(disc):
 def test_a_fatter_outline_lies_in_front():
     """A row of two shapes and the sky: hits one pixel beside their own, in front of truth's and behind it."""
     row = {"id": [0, 0, 1, 1, -1, -1], "Z": [1, 1, 5, 5, np.inf, np.inf], "status": [2] * 6}
-    exact = {name: np.array([values], np.float32) for name, values in row.items()}
+    exact = Picture({name: np.array([values], np.float32) for name, values in row.items()})
 
     def beyond(pixel: int, shape: int, z: float) -> list[float]:
-        made = {name: plane.copy() for name, plane in exact.items()}
+        made = Picture({name: plane.copy() for name, plane in exact.items()})
         made["id"][0, pixel], made["Z"][0, pixel] = shape, z
         found = judging.beyond_outlines(exact, made, 1)
         return [round(6 * found[f"{name}_ppm"] / 1e6) for name in ("false_hits", "wrong_shape")]

@@ -29,7 +29,6 @@ def seconds() -> float:
 
 
 def overdue(name: object, limit: float) -> StudyError:
-    """What is said of a child that was killed."""
     return StudyError(
         f"{Path(str(name)).name}: no end after {limit:g} s; killed ({LIMIT} allows more)", CANNOT_RUN
     )
@@ -70,10 +69,8 @@ class NotPinned(StudyError):
 
 @contextlib.contextmanager
 def started(command: Sequence[str | Path], **options: Any) -> Iterator[subprocess.Popen]:
-    """The program in a process group of its own, which ends with the script, and with an exception.
-
-    NotPinned where the CPUs that it was to be pinned to may no longer be used.
-    """
+    """The program in a process group of its own, which ends with the script, and with an exception. NotPinned
+    where the CPUs that it was to be pinned to may no longer be used."""
     may_start()
     try:
         child = subprocess.Popen(command, process_group=0, **options)
@@ -103,9 +100,7 @@ def run(
     **options: Any,
 ) -> subprocess.CompletedProcess:
     """As subprocess.run, for at most `timeout` (inf: without end) or `seconds()`; text is always UTF-8.
-
-    StudyError (cannot run) when it was killed for that.
-    """
+    StudyError (cannot run) when it was killed for that."""
     if options.get("text"):
         options = {"encoding": "utf-8", "errors": "replace"} | options
     if capture_output:

@@ -17,7 +17,6 @@ _WHOLE = re.compile(r"intel-rapl:\d+")  # a zone of its own: parts have a second
 
 
 def packages() -> list[Path]:
-    """Folders of the packages, by number."""
     found = [path for path in ZONES.iterdir() if _WHOLE.fullmatch(path.name)] if ZONES.is_dir() else []
     named = [path for path in found if read_text(path / "name").startswith("package")]
     return sorted(named, key=lambda path: int(path.name.partition(":")[2]))
@@ -40,11 +39,8 @@ def reading() -> dict[Path, int] | None:
 
 
 def joules(before: Mapping[Path, int] | None, now: Mapping[Path, int] | None) -> float | None:
-    """Of all packages between two readings; None: not known.
-
-    A counter begins at 0 again behind its `max_energy_range_uj`. Once is made up for; twice cannot be seen
-    (a busy server needs some ten minutes for it).
-    """
+    """Of all packages between two readings; None: not known. That a counter began at 0 again once is made up
+    for; twice cannot be seen (a busy server needs some ten minutes for it)."""
     if not before or not now or before.keys() != now.keys():
         return None
     total = 0

@@ -24,7 +24,6 @@ def cpus_of(text: str) -> list[int]:
 
 
 def siblings(cpu: int) -> list[int]:
-    """The CPUs of its core, itself among them."""
     folder = SYSTEM / f"cpu{cpu}" / "topology"
     lists = (cpus_of(read_text(folder / name)) for name in ("core_cpus_list", "thread_siblings_list"))
     return next(filter(None, lists), [cpu])

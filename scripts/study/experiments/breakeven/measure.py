@@ -19,7 +19,7 @@ from study.core import registry, run, temporary
 from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.experiments.breakeven.schema import Row
-from study.measuring import errors, launches
+from study.measuring import hits, launches
 from study.numbers import stats
 from study.numbers.analysis import GENERATED
 from study.numbers.schema import Interval, PictureErrors, Range, Skipped
@@ -81,13 +81,13 @@ def set_up(spec: Spec, scene: Scene, cache: Mapping[str, str]) -> dict[str, Any]
 
 def apart(specs: tuple[Spec, Spec], scene: Scene, cache: Mapping[str, str]) -> PictureErrors:
     """How far the kernel's picture is from the other's, in linear RGB."""
-    height = SMALL * (errors.FACTOR if scene.fractal else 1)
+    height = SMALL * (hits.FACTOR if scene.fractal else 1)
     with temporary.folder() as folder:
         paths = [folder / f"{spec}.exr" for spec in specs]
         for spec, out in zip(specs, paths, strict=True):
             run.render(spec, scene.path, height, aov=True, out=out, timed=False, told=cache)
         general, generated = map(images.read, paths)
-    return msgspec.convert(errors.to_picture(general, generated, scene.fractal), PictureErrors)
+    return msgspec.convert(hits.to_picture(general, generated, scene.fractal), PictureErrors)
 
 
 def reps_of(seconds: float) -> int:

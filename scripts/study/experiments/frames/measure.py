@@ -20,7 +20,7 @@ from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments.frames.schema import LeftOut, Row
-from study.measuring import errors, launches, views
+from study.measuring import hits, launches, views
 from study.numbers import schema, stats
 from study.numbers.schema import PictureErrors
 from study.numbers.stats import Interval
@@ -204,7 +204,7 @@ class Pictures:
 
     def _to(self, case: Case, made: images.Picture) -> dict[str, Any]:
         fractal = registry.find_scene(case.scene).fractal
-        return errors.to_picture(self._reference(case), made, fractal)
+        return hits.to_picture(self._reference(case), made, fractal)
 
 
 def measure(

@@ -51,11 +51,11 @@ RATES = [
     Column(TIME, "99 %", _p99),
     Column(TIME, "of it presenting", _presenting),
     Column(SAME, "to", lambda r: r.reference),
-    Column(SAME, "PSNR, dB", show.error_psnr),
+    Column(SAME, "PSNR, dB", lambda r: r.psnr),
     Column(SAME, "pixels off > 1/255", lambda r: show.percent(r.fraction_over_1_255)),
     Column(SAME, "wrong hit, ppm", show.plain("wrong_ppm")),
     Column(SAME, "depth agrees", lambda r: show.share(r.depth_agree_fraction)),
-    Column(OWN, "PSNR, dB ", lambda r: show.error_psnr(r.to_own)),
+    Column(OWN, "PSNR, dB ", lambda r: r.to_own.psnr if r.to_own else show.NOTHING),
     Column(OWN, "depth agrees ", lambda r: show.share(r.to_own and r.to_own.depth_agree_fraction)),
 ]
 
@@ -117,7 +117,7 @@ def answer(result: Frames) -> str:
         best = max((r for r in own if r.scene == scene), key=lambda r: r.frames_per_s.value)
         said.append(
             f"{_rate(best)} frames a second of {scene} at {best.width}×{best.n} ({best.phase}, "
-            f"{show.decibels(show.error_psnr(best))} to {best.reference})"
+            f"{show.decibels(best.psnr)} to {best.reference})"
         )
     return f"On {result.threads} threads, presenting included: {'; '.join(said)}." if said else ""
 

@@ -19,8 +19,8 @@ from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments.scaling.schema import Crowd, Fit, LeftOut, Row
 from study.experiments.scaling.series import Picture, Point, Series, foreseen
-from study.measuring import errors
-from study.measuring.errors import Errors
+from study.measuring import hits
+from study.measuring.hits import Errors
 from study.measuring.launches import milliseconds, render
 from study.numbers import power_laws, stats
 from study.numbers.power_laws import Law
@@ -220,15 +220,13 @@ class Measuring:
         for point, path in made.items():
             image = images.read(path)
             if exact is not None:
-                found[point] = {"reference": "truth"} | errors.to_truth(exact, image)
+                found[point] = {"reference": "truth"} | hits.to_truth(exact, image)
             elif point == base:
                 found[point] = {"reference": None, "why_none": "is the reference here itself"}
             else:
                 reference = images.read(made[base])
-                found[point] = {"reference": str(base.spec)} | errors.to_picture(reference, image)
-        return {
-            point: errors.fitting(Row, row) | seen(made[point], point.spec) for point, row in found.items()
-        }
+                found[point] = {"reference": str(base.spec)} | hits.to_picture(reference, image)
+        return {point: hits.fitting(Row, row) | seen(made[point], point.spec) for point, row in found.items()}
 
     def row(self, point: Point, ms: Sequence[float], more: Errors) -> Row:
         """Times are kept launch by launch, so that every fit can be made again from the file."""

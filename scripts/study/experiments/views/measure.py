@@ -17,8 +17,8 @@ from study.core.registry import Spec
 from study.core.run import DriverError
 from study.experiments.views.gains import BASE
 from study.experiments.views.schema import LeftOut, Row
-from study.measuring import errors
-from study.measuring.errors import Errors
+from study.measuring import hits
+from study.measuring.hits import Errors
 from study.measuring.launches import milliseconds, render
 from study.measuring.views import View
 from study.numbers import stats
@@ -155,7 +155,7 @@ class Pictures:
         self.general: dict[Point, str] = {}  # why there is no kernel, of phases that generate some
 
     def size(self, view: View) -> tuple[int, int]:
-        return view.size(self.settings.error_n * (errors.FACTOR if view.scene.fractal else 1))
+        return view.size(self.settings.error_n * (hits.FACTOR if view.scene.fractal else 1))
 
     def path(self, spec: Spec, view: View) -> Path:
         return self.settings.scratch / f"{view.scene.name}-{spec}.exr"
@@ -191,8 +191,8 @@ class Pictures:
             return {"reference": None, "non_finite": 0}
         image = images.read(self.path(spec, view))
         if name == "truth":
-            return {"reference": name} | errors.to_truth(reference, image)
-        found = errors.fitting(Row, errors.to_picture(reference, image, view.scene.fractal))
+            return {"reference": name} | hits.to_truth(reference, image)
+        found = hits.fitting(Row, hits.to_picture(reference, image, view.scene.fractal))
         if not view.scene.fractal:
             found["depth_agree_fraction"] = None
         return {"reference": name} | found
