@@ -196,7 +196,7 @@ def in_ideal_shadow(picture: images.Picture, exact: images.Picture) -> images.Pi
     """The picture with truth's colours in the ideal shadow, where it has truth's shape."""
     same = picture["id"] == exact["id"]
     colours = {name: np.where(same, exact[f"ideal.{name}"], picture[name]) for name in "RGB"}
-    return {**picture, **colours}
+    return picture | colours
 
 
 def on_a_bulb(picture: images.Picture, scene: dict) -> np.ndarray:

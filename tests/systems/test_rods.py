@@ -20,6 +20,7 @@ from conformance.feature_scenes import FEATURES, ROOM, scene
 from study.core import registry
 from study.core.registry import ROOT
 from study.pictures import gate, images
+from study.pictures.images import Picture
 from study.truth import judging, truth
 
 SIMD_LACKS = bool(registry.missing_isa(registry.phases()["rods_simd"]))
@@ -237,6 +238,6 @@ def test_a_picture_one_pixel_aside_is_not_rods(name):
     scene = registry.find_scene(name)
     exact = truth.picture(scene, scene.size(64))
     granted = gate.margins(registry.find_phase("rods"))
-    rolled = {plane: np.roll(values, 1, axis=1) for plane, values in exact.items()}
+    rolled = Picture({plane: np.roll(values, 1, axis=1) for plane, values in exact.items()})
     beyond = judging.beyond_outlines(exact, rolled, granted[gate.OUTLINE])
     assert beyond["wrong_shape_ppm"] > granted["wrong_shape_ppm"], beyond

@@ -14,14 +14,16 @@ import matplotlib
 import matplotlib.image
 import numpy as np
 import pandas as pd
+from adjustText import adjust_text
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from study.core.cli import StudyError
-from study.pictures import labels
 
 # Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
 # than any of it: no two phases share one. Markers and hatches say the same in print.
@@ -32,6 +34,9 @@ COLOURS = [
 BAD = "#b3261e"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", (4, 1, 0), "H")
 HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
+BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0, "alpha": 0.7}
+MARK = 5  # points: half of a mark's size
+STEPS = 500  # of adjustText, which else stops by the clock and draws another figure each time
 RING = {"marker": "o", "mfc": "none", "mec": BAD, "markersize": 16, "mew": 2, "linestyle": "none"}
 STYLE = {
     "svg.hashsalt": "stepwise",
@@ -98,6 +103,40 @@ def _number(phase: str) -> int | None:
 PASSES = 3  # of a layout
 
 
+class Name(Text):
+    """A mark's name: `settle` finds its place."""
+
+
+def label(axes: Axes, x: float, y: float, text: str, colour: str, size: float = 7.5) -> None:
+    """Asks for `text` beside the mark at x, y (data coordinates)."""
+    made = Name(x, y, text, color=colour, fontsize=size, ha="left", va="bottom", zorder=7, bbox=BOX)
+    made.set_in_layout(False)
+    axes.add_artist(made)
+
+
+def _corners(axes: Axes) -> np.ndarray:
+    found = [
+        line.get_xydata()
+        for line in axes.lines
+        if line.get_marker() not in ("", "None", None) and line.get_transform() == axes.transData
+    ]
+    found += [one.get_offsets() for one in axes.collections if isinstance(one, PathCollection)]
+    pixels = axes.transData.transform(np.concatenate([np.empty((0, 2)), *found]))
+    corners = pixels[:, None] + MARK * axes.figure.dpi / 72 * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+    return axes.transData.inverted().transform(corners.reshape(-1, 2))
+
+
+def settle(figure: Figure) -> None:
+    """Puts every name of the figure beside its mark, on no other name or mark. Needs a canvas."""
+    for axes in figure.axes:
+        names = [text for text in axes.texts if isinstance(text, Name)]
+        if names:
+            figure.draw_without_rendering()
+            x, y = _corners(axes).T
+            line = {"arrowstyle": "-", "color": "#888888", "linewidth": 0.7}
+            adjust_text(names, x, y, ax=axes, iter_lim=STEPS, arrowprops=line)
+
+
 def panels(
     rows: pd.DataFrame, height: float, width: float = 4.6, columns: int = 3
 ) -> tuple[Figure, dict[str, Axes]]:
@@ -139,7 +178,7 @@ def _ready(figure: Figure, note: str) -> None:
     note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
     FigureCanvasAgg(figure)
-    labels.settle(figure)
+    settle(figure)
     for _ in range(PASSES):  # what stands beside its axes comes home after some only
         figure.draw_without_rendering()
     figure.set_layout_engine("none")

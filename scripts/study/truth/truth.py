@@ -24,18 +24,10 @@ PROVED, CONVERGED, UNDECIDED = 2, 1, 0
 Size = tuple[int, int]  # width, height
 
 
-def _canonical(value: Any) -> Any:
-    """Numbers as the doubles that they mean, so that 1 and 1.0 are one scene."""
-    if isinstance(value, dict):
-        return {key: _canonical(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_canonical(item) for item in value]
-    return float(value) + 0.0 if isinstance(value, (int, float)) else value
-
-
 def scene_hash(data: dict[str, Any]) -> str:
     """16 hexadecimal digits of the scene's values, whatever their spelling and order."""
-    text = json.dumps(_canonical(data), sort_keys=True)
+    doubles = json.loads(json.dumps(data), parse_int=float)  # 1 and 1.0 are one scene
+    text = json.dumps(doubles, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

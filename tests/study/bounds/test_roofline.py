@@ -27,7 +27,7 @@ from study.counting.counts import Counts
 from study.counting.schema import Executed, Measurement
 from study.experiments.roofline import chapter, figures, tables
 from study.numbers import analysis
-from study.pictures import labels
+from study.pictures import draw
 from study.pictures.draw import RING, STYLE, save
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "run"
@@ -430,7 +430,7 @@ def test_no_name_lies_on_another(run: Path, tmp_path: Path) -> None:
         figure = figures.roofline([opt3, *crowd], limits)
         save(figure, tmp_path / "roofline", "a note\nof two lines")
     axes = figure.axes[0]
-    names = [text for text in axes.texts if isinstance(text, labels.Name)]
+    names = [text for text in axes.texts if isinstance(text, draw.Name)]
     assert {text.get_text().split(" ")[0] for text in names} == {"opt3", *(f"opt{4 + i}" for i in range(6))}
     figure.draw_without_rendering()
     frame = axes.get_window_extent()

@@ -294,7 +294,7 @@ def test_errors_by_arithmetic(tmp_path: Path) -> None:
     picture = np.stack([exact[name] for name in "RGB"], -1)
     found = measure.errors(exact, picture, False)
     assert found["psnr_db"] is None and found["rmse"] == 0
-    grey = {**exact, **dict.fromkeys("RGB", np.full_like(exact["R"], 0.5))}
+    grey = exact | dict.fromkeys("RGB", np.full_like(exact["R"], 0.5))
     for fractal in (False, True):
         found = measure.errors(grey, np.full_like(picture, 0.4), fractal)
         assert found["psnr_db"] == pytest.approx(20, abs=1e-3) and found["averaged"] is fractal

@@ -19,7 +19,7 @@ from study.experiments.pareto import fronts
 from study.experiments.pareto.schema import FILE, TRUTHS, Pareto, Row, Winner
 from study.experiments.section import Found, chapters, part
 from study.numbers import paper
-from study.pictures import charts, labels
+from study.pictures import charts, draw
 from study.pictures.draw import Drawing, legend, look, panels, plain_log
 
 TOP = 120  # dB: what is nearer is drawn here; floats of a colour near 1 hold no more than 150
@@ -73,7 +73,7 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
     label = f"{base} with an approximated root" if hollow else name
     _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
     for row in mine if hollow and measure == FIRST else ():
-        labels.name(axes, row.pace, drawn_at(row, measure), word, colour, 7)
+        draw.label(axes, row.pace, drawn_at(row, measure), word, colour, 7)
 
 
 def _by_ideal(axes: Axes, rows: Sequence[Row], looks: dict) -> None:
@@ -86,7 +86,7 @@ def _by_ideal(axes: Axes, rows: Sequence[Row], looks: dict) -> None:
         style = looks[row.phase, 1]
         mark = {"marker": style["marker"], "facecolor": "white", "edgecolor": style["color"]}
         _scatter(axes, [row], "psnr_ideal_db", s=75, linewidth=1.2, zorder=5, **mark)
-        labels.name(axes, row.pace, at, "with the ideal shadow", style["color"], 7)
+        draw.label(axes, row.pace, at, "with the ideal shadow", style["color"], 7)
 
 
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:

@@ -16,7 +16,7 @@ from study.bounds.roof import Point
 from study.core import machine, show
 from study.experiments.roofline.tables import FOREIGN, counted_by
 from study.numbers.analysis import Data
-from study.pictures import labels, ladder
+from study.pictures import draw, ladder
 from study.pictures.draw import RING, Drawing, bars_of, legend, look, panels, plain_log
 
 CAPTIONS = {
@@ -148,7 +148,7 @@ def roofline(points: Sequence[Point], limits: Ceilings) -> Figure:
             draw_point(axes, one, style)
             speed = one.flops_per_core_cycle
             name = f"{style['label']} {show.number(speed)}"
-            labels.name(axes, one.intensity, speed, name, style["color"])
+            draw.label(axes, one.intensity, speed, name, style["color"])
         plain_log(axes.xaxis)
         plain_log(axes.yaxis)
     dash = Line2D([], [], color="black", marker="_", markersize=14, mew=2.2, linestyle="none")
