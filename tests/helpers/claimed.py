@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from study.claims import register
-from study.claims.register import Claim
+from study.claims import claim
+from study.claims.claim import Claim
 
 ANY = Claim("P1", "", "scene0", "baseline", "baseline", "×", "", 1, "", "a note", "")
 
@@ -16,5 +16,5 @@ def claimed(**about: object) -> Claim:
 
 def of(quantity: str) -> Claim:
     """The register's only one of that kind."""
-    (found,) = [one for one in register.read() if one.quantity == quantity]
+    (found,) = [one for one in claim.read() if one.quantity == quantity]
     return found

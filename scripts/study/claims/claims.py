@@ -8,12 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import pandas as pd
 
 from study.claims import register
-from study.claims.register import Claim
+from study.claims.claim import Claim, read
 from study.core import show
 from study.core.show import Column, whole, word
 from study.numbers import ladder, paper, stats, verdicts
@@ -55,7 +54,7 @@ class Checked:
 def check(data: Data, rows: pd.DataFrame) -> list[Checked]:
     theirs = paper.ladder().set_index(["scene", "phase"])
     made = []
-    for claim in register.read():
+    for claim in read():
         what = claim.quantity
         found = CHECKS[what](data, rows, claim) if what in CHECKS else register.CHECKS[what](data, claim)
         if found.verdict == NEVER and not found.why:
@@ -168,10 +167,6 @@ def _scene_ratio(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
     return sized(figure(ratio, text, verdict, why, sizes[-1][0]), claim.n)
 
 
-def _per_pixel(cell: Cell) -> Any:
-    return cell.values["ns"] / cell.pixels
-
-
 def _constant(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
     """Over the sizes of the paper's range where the run has two of them, else over all."""
     sizes = _sizes(data, (claim.scene, claim.phase))
@@ -181,7 +176,7 @@ def _constant(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
     used = inside if len(inside) > 1 else sizes
     cells = [_at(data, claim.scene, claim.phase, size) for size in used]
     cells.sort(key=lambda cell: cell.median("ns").value / cell.pixels)
-    ratio = stats.ratio_interval(_per_pixel(cells[-1]), _per_pixel(cells[0]))
+    ratio = stats.ratio_interval(*(cell.values.ns / cell.pixels for cell in (cells[-1], cells[0])))
     if ratio.value <= EVEN:
         verdict, why = HOLDS, "within 10 %"
     elif ratio.low > EVEN and used is inside:

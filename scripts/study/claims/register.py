@@ -8,62 +8,23 @@ never a verdict.
 
 from __future__ import annotations
 
-import csv
 import math
 import statistics
 from collections.abc import Callable
-from typing import Any
-
-import msgspec
 
 from study.bounds import roof
 from study.bounds.roof import Point
+from study.claims import compilers
+from study.claims.claim import Claim, known
 from study.core import show
 from study.counting import flops, paper_rule
 from study.counting.schema import Declared
 from study.experiments import experiment
 from study.measuring import animations
-from study.numbers import accuracy, paper, stats, verdicts
+from study.numbers import accuracy, stats, verdicts
 from study.numbers.analysis import Data
 from study.numbers.stats import Interval
 from study.numbers.verdicts import FAILS, HOLDS, NEVER, PART, Found, figure, judged, missing, near, sized
-
-ICC = "icx"  # stands for the paper's ICC
-Timed = dict[tuple[str, str, str], Any]  # (compiler, phase, flags) → the row
-
-
-class Claim(msgspec.Struct, frozen=True):
-    """A row of results/paper/claims.csv. `quantity`: which check holds it (CHECKS). `base`: what `phase` is
-    held against. `value`: stated, in `unit`; `n`: stated for pictures (or vectors) up to that size; NaN where
-    none is named."""
-
-    text: str
-    quantity: str
-    scene: str
-    phase: str
-    base: str
-    unit: str
-    source: str
-    line: int
-    quote: str
-    note: str
-    command: str
-    value: float = math.nan
-    n: float = math.nan
-
-
-def read() -> list[Claim]:
-    with (paper.FOLDER / "claims.csv").open(encoding="utf-8", newline="") as file:
-        rows = [
-            {key: text for key, text in row.items() if text or key not in ("value", "n")}
-            for row in csv.DictReader(file)
-        ]
-    return msgspec.convert(rows, list[Claim], strict=False)
-
-
-def known(value: float | None) -> float:
-    """NaN for JSON's null."""
-    return math.nan if value is None else value
 
 
 def _declared(data: Data) -> dict[tuple[str, str], Declared]:
@@ -370,77 +331,12 @@ def _rods_gain(data: Data, claim: Claim) -> Found:
     return sized(verdicts.timed(Found(text, verdict, why, own.gain, *ends, own.n)), claim.n)
 
 
-def _timed(data: Data, scene: str) -> tuple[Timed, int | None]:
-    result = experiment.load(data.path, "toolchains.json")
-    mine = [r for r in result.rows if r.scene == scene and math.isfinite(known(r.ms.value))] if result else []
-    return {(r.compiler, r.phase, r.flags): r for r in mine}, min((r.n for r in mine if r.n), default=None)
-
-
-def _fastest(timed: Timed, compiler: str) -> Any:
-    mine = [row for (name, *_), row in timed.items() if name == compiler]
-    return min(mine, key=lambda row: row.ms.value, default=None)
-
-
-def _named(row: Any) -> str:
-    return f"{row.ms.value:.3g} ms ({row.phase}, {row.flags})"
-
-
-def _without(timed: Timed, n: int | None) -> Found:
-    """No ICC: nothing of the sentence can be tested; what the others did stands beside that."""
-    names = dict.fromkeys(name for name, *_ in timed)
-    best = [(name, _fastest(timed, name)) for name in names]
-    text = "; ".join(f"fastest by {name}: {_named(row)}" for name, row in best)
-    text += f", at n = {n}" if n else ""
-    why = f"there is no {ICC} on this machine: {' and '.join(names)} alone were timed"
-    return Found(text, NEVER, why, n=n)
-
-
-def _slightly_better(data: Data, claim: Claim) -> Found:
-    """ICC is faster than gcc: pairs of the same phase and flags."""
-    timed, n = _timed(data, claim.scene)
-    if not timed:
-        return missing(f"toolchains.json with {claim.scene}")
-    if not any(name == ICC for name, *_ in timed):
-        return _without(timed, n)
-    pairs = [(timed.get(("gcc", *what)), row) for (name, *what), row in timed.items() if name == ICC]
-    gains = [gcc.ms.value / row.ms.value for gcc, row in pairs if gcc]
-    if not gains:
-        return missing(f"program by {ICC} with its like by gcc")
-    faster = sum(gain > 1 for gain in gains)
-    text = f"{min(gains):.2f} to {max(gains):.2f}× of gcc's speed"
-    why = f"{ICC} is faster in {faster} of {len(gains)} pairs of the same phase and flags"
-    verdict = HOLDS if faster == len(gains) else PART if faster else FAILS
-    return sized(Found(text, verdict, why, min(gains), n=n), claim.n)
-
-
-def _best(data: Data, claim: Claim) -> Found:
-    """The fastest program of all is gcc's: gcc's against ICC's, whatever their phases and flags."""
-    timed, n = _timed(data, claim.scene)
-    if not timed:
-        return missing(f"toolchains.json with {claim.scene}")
-    gcc, icc = _fastest(timed, "gcc"), _fastest(timed, ICC)
-    if not icc:
-        return _without(timed, n)
-    if not gcc:
-        return missing("program by gcc")
-    gain = icc.ms.value / gcc.ms.value
-    low, high, icc_low, icc_high = map(known, (gcc.ms.low, gcc.ms.high, icc.ms.low, icc.ms.high))
-    text = f"fastest by gcc: {_named(gcc)}; by {ICC}: {_named(icc)}"
-    if high < icc_low:
-        verdict, why = HOLDS, "gcc's is the faster, the intervals are apart"
-    elif icc_high < low:
-        verdict, why = FAILS, f"{ICC}'s is the faster, the intervals are apart"
-    else:
-        verdict, why = verdicts.UNSURE, "the intervals overlap, or there is none"
-    return sized(Found(text, verdict, why, gain, n=n), claim.n)
-
-
 _PLAIN = (
     *(_flops, _flop_cut, _flop_ratio, _flops_gain, _more_flops_per_cycle, _share_of_peak, _share_falls),
     *(_ablation, _hottest, _never_misses, _normalize, _rtrm, _integers, _linear, _rods_fewer, _rods_gain),
 )
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
-    "compilers": _slightly_better,
-    "best_compiler": _best,
+    "compilers": compilers.slightly_better,
+    "best_compiler": compilers.best,
     **{check.__name__.lstrip("_"): check for check in _PLAIN},
 }

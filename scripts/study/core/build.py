@@ -38,8 +38,7 @@ def build(
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """While no other process makes anything in that folder: a phase's build may make its parent's. Where the
-    folder cannot be written to, make says so."""
+    """While no other process makes anything in that folder: a phase's build may make its parent's."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / ".making").open("w")

@@ -213,8 +213,7 @@ def hall(bounces: int) -> dict[str, Any]:
 
 
 def _written(name: str, make: Callable[[], dict[str, Any]], folder: Path) -> Scene:
-    """The scene of that name as a file below `folder`, made only where it is not there already. Another text
-    of this module makes others."""
+    """The scene of that name as a file below `folder`, in a folder named after this module's text."""
     path = folder / hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8] / f"{name}.json"
     if not path.exists():
         store.write_json(path, make())

@@ -189,8 +189,7 @@ def scene_at(path: Path) -> Scene:
 
 
 def is_exact(spec: str) -> bool:
-    """Whether a program of a run (opt9_convex, opt2@opt3) meets shapes where they are and marches to none.
-    False for what is no longer there."""
+    """Whether a program of a run (opt9_convex, opt2@opt3) marches to no shape; False for what has gone."""
     phase = phases().get(re.split("[@+]", spec)[0])
     return phase is not None and phase.exact_hits
 

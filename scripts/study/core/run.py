@@ -32,6 +32,8 @@ UNTIMED = "STEPWISE_UNTIMED"  # in a driver's environment: it does not measure t
 # Every program but "render" counts, or tells code by its functions: that of costs.def, so that a phase that
 # generates kernels for scenes makes none there.
 GENERAL = {"STEPWISE_CC": "none"}
+UNSAID = {"threads": 1, "warmup": 0, "aov": False, "display": False}  # options that say nothing
+SPELT = {"width": "-w", "out": "-o", "animation": "--frames"}  # of the others the driver has the names
 NO_ISA, UNSUPPORTED, NO_MEMORY = 3, 4, 5  # exit statuses of the driver
 
 
@@ -58,34 +60,18 @@ def _arguments(
     scene_path: Path,
     height: int,
     width: int | None,
-    *,
     target: str = "render",
-    aov: bool = False,
-    display: bool = False,
-    out: Path | None = None,
-    threads: int = 1,
-    reps: int = 1,
-    animation: int | None = None,
-    first_frame: int | None = None,
-    warmup: int = 0,
-    hit_distance: float | None = None,
-    max_steps: int | None = None,
+    **options: Any,
 ) -> list[str]:
     program = spec if isinstance(spec, Path) else build(spec, target)
     arguments = [str(program), str(scene_path), "-n", str(height)]
-    for option, value in {
-        "--reps": reps if animation is None else None,
-        "--frames": animation,
-        "--first-frame": first_frame,
-        "-w": width,
-        "-o": out,
-        "--threads": threads if threads != 1 else None,
-        "--warmup": warmup or None,
-        "--hit-distance": hit_distance,
-        "--max-steps": max_steps,
-    }.items():
-        arguments += [] if value is None else [option, str(value)]
-    return arguments + ["--aov"] * aov + ["--display"] * display
+    options = {"reps": 1, "width": width} | options
+    if options.get("animation") is not None:
+        del options["reps"]
+    for name, value in options.items():
+        if value is not None and value != UNSAID.get(name):
+            arguments += [SPELT.get(name, "--" + name.replace("_", "-"))] + [str(value)] * (value is not True)
+    return arguments
 
 
 def environment(
@@ -186,11 +172,12 @@ def render(
     **options: Any,
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock). `spec`: or
-    the path of a driver that was built elsewhere. Options: those of _arguments. Not `timed`: for a picture or
+    the path of a driver that was built elsewhere. Options:
+    the driver's, `animation` for its frames. Not `timed`: for a picture or
     counts alone; the clocks' rates are 0. `general`: no kernel is generated for the scene; so run all other
     targets than render. `told`: variables of its environment. Raises DriverError(status, message)."""
-    options |= {"threads": threads, "target": target}
-    arguments = [*_arguments(spec, scene_path, height, width, **options), "--json"]
+    options |= {"threads": threads}
+    arguments = [*_arguments(spec, scene_path, height, width, target, **options), "--json"]
     more = dict(told or {}) | (GENERAL if (target != "render" if general is None else general) else {})
     said = _lines(arguments, cpu_set(cpu, threads), env_bytes, timed, more)
     return _parse("".join(said), arguments[0])
@@ -210,7 +197,8 @@ def frames(
 ) -> Iterator[dict[str, Any]]:
     """The same, frame by frame, as each is done. `env_bytes`: padding of the child's environment. Not
     `timed`: the clocks' rates are 0; without them a frame costs no more than itself."""
-    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
+    options |= {"threads": threads}
+    arguments = [*_arguments(spec, scene_path, height, width, "render", **options), "--jsonl"]
     for line in _lines(arguments, cpu_set(cpu, threads), env_bytes, timed):
         yield _parse(line, arguments[0])
 

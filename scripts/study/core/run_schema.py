@@ -8,6 +8,8 @@ import msgspec
 
 from study.core.schema import File, Record, key
 
+Natural = Annotated[int, msgspec.Meta(ge=0)]
+
 
 class Cpu(Record, kw_only=True):
     """The CPU, as Linux tells it."""
@@ -205,10 +207,7 @@ class Frame(File, kw_only=True):
     schema: Annotated[Literal[1] | None, key("", "version of the form")] = None
     config: Annotated[str, key("", "hash of what was asked for: program, scene, size, threads, overrides")]
     launch: Annotated[int, key("", "number of the process launch within this configuration", ge=0)]
-    round: Annotated[
-        Annotated[int, msgspec.Meta(ge=0)] | None,
-        key("", "round of the sweep: every configuration once, in random order; launches are paired by it"),
-    ] = None
+    round: Annotated[Natural | None, key("", "of the sweep, by which launches are paired")] = None
     frame: Annotated[int, key("", "in its launch, from 0; warm-up: −K to −1; or the animation's")]
     warmup: Annotated[bool, key("", "a frame that no statistic uses")]
     first: Annotated[bool | None, key("", "the first of its process, warm-up or not")] = None
@@ -256,12 +255,7 @@ class Frame(File, kw_only=True):
     faults_major: Annotated[int | None, key("faults", "major page faults during the frame")] = None
     max_rss_kib: Annotated[int | None, key("KiB", "peak resident memory of the process so far")] = None
     cpu: Annotated[int | None, key("", "CPU it was pinned to; −1: not pinned")] = None
-    joules: Annotated[
-        float | None,
-        key(
-            "J per frame", "at the last frame: all packages (RAPL) from the warm-up's end, over timed frames"
-        ),
-    ] = None
+    joules: Annotated[float | None, key("J per frame", "at the last frame: RAPL, of timed frames")] = None
     env_bytes: Annotated[int | None, key("bytes", "padding of the environment (layout bias)")] = None
     time: Annotated[str | None, key("UTC", "when the line was written; ISO 8601")] = None
 

@@ -18,8 +18,7 @@ from study.core.cli import StudyError
 
 
 def key(unit: str, meaning: str, **bounds: Any) -> msgspec.Meta:
-    """What a key is: its unit ("" for none), what it means in a few words, and bounds as msgspec has them
-    (ge, gt, le, min_length …)."""
+    """What a key is: its unit ("" for none), its meaning in a few words, and bounds as msgspec has them."""
     return msgspec.Meta(description=meaning, extra={"unit": unit}, **bounds)
 
 

@@ -90,8 +90,7 @@ def _interval(value: Any, low: Any, high: Any, digits: int, unit: str) -> str:
 
 
 def spread(found: Any, digits: int = 3, unit: str = "") -> str:
-    """`12.3× [12.1, 12.6]` of an Interval, or of one as files have it: value, low and high, null for NaN.
-    None: –."""
+    """`12.3× [12.1, 12.6]` of an Interval, or of one as files have it (null for NaN); – for None."""
     if found is None:
         return NOTHING
     value, low, high = (cell(found, name) for name in ("value", "low", "high"))

@@ -123,12 +123,6 @@ class Run:
         return Plan.load(self.path / "plan.json")
 
     @property
-    def images(self) -> Path:
-        folder = self.path / "images"
-        folder.mkdir(exist_ok=True)
-        return folder
-
-    @property
     def frames_path(self) -> Path:
         return self.path / "frames.jsonl"
 
@@ -201,8 +195,7 @@ class Run:
         return rows
 
     def frames(self) -> pd.DataFrame:
-        """`lines` as a table: columns as in run_schema.Frame, which one of them has at least,
-        plus `spec` (opt2 or opt2@opt4)."""
+        """`lines` as a table with the column `spec`, without the columns that are empty in every row."""
         import pandas as pd  # a quarter of a second, which the build of every counted phase need not wait for
 
         made = pd.DataFrame([msgspec.structs.asdict(one) | {"spec": one.spec} for one in self.lines()])

@@ -92,8 +92,7 @@ def frames_said(row: Animation) -> str:
 
 
 def per_article(row: Animation, said: Article) -> float | None:
-    """Ours over the article's pixels per core and second; of as many frames as the article's alone, for what
-    the frames show drifts."""
+    """Ours over the article's pixels per core and second, if of as many frames: what they show drifts."""
     if (row.frames, row.width, row.n) != (said.frames, said.width, said.height):
         return None
     return said.ms * 1e6 * said.cores / (said.width * said.height) / row.core_ns_per_pixel

@@ -32,8 +32,7 @@ def verdict(row: Any) -> str:
 
 
 def ppm(row: HitErrors, name: str = "wrong_ppm", form: Callable[[Any], str] = show.number) -> str:
-    """Wrong hits in ppm; where truth judges not all of the pixels (the air about a fractal, not its edges),
-    of which share."""
+    """Wrong hits in ppm, and of which share of the pixels where truth does not judge all of them."""
     text, judged = form(getattr(row, name)), row.judged
     return text if judged is None or judged >= JUDGED else f"{text} (of {show.percent(judged)} of the pixels)"
 

@@ -42,7 +42,9 @@ def errors(exact: Picture, made: Picture) -> HitErrors:
         kind: float(mask.sum() / count * 1e6) if count else math.nan
         for kind, mask in judging.wrong_hits(exact, made, least).items()
     }
-    square = mean_square(exact, made, exact.chain >= truth.CONVERGED)
+    a, b = (images.clamped(images.rgb(p)).astype(float) for p in (exact, made))
+    seen = np.isfinite(a).all(axis=-1) & (exact.chain >= truth.CONVERGED)
+    square = float(np.mean((a[seen] - b[seen]) ** 2)) if seen.any() else math.nan
     return HitErrors(
         evaluations=float((made.evals + made.get("rods", 0)).mean()),
         judged=count / exact.status.size,
@@ -57,16 +59,8 @@ def errors(exact: Picture, made: Picture) -> HitErrors:
     )
 
 
-def mean_square(one: Picture, other: Picture, known: np.ndarray) -> float:
-    """Mean squared difference of clamped colours where `known` and `one` is finite; NaN: nowhere."""
-    a, b = (images.clamped(images.rgb(p)).astype(float) for p in (one, other))
-    finite = np.isfinite(a).all(axis=-1) & known
-    return float(np.mean((a[finite] - b[finite]) ** 2)) if finite.any() else math.nan
-
-
 def to_truth(exact: Picture, image: Picture) -> Errors:
-    """`wrong_ppm` is of the pixels that truth proves, PSNR of the colours that it knows. With the errors to
-    the ideal shadow."""
+    """With the errors to the ideal shadow; `wrong_ppm` is of the pixels that truth proves."""
     found = judging.metrics(exact, image)
     kept = {name: found[name] for name in ("psnr_db", "rmse", "psnr_ideal_db", "rmse_ideal", "non_finite")}
     wrong = sum(found[f"{name}_ppm"] for name in ("false_hits", "false_misses", "wrong_shape"))

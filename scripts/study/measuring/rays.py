@@ -30,8 +30,7 @@ def _unit(v: np.ndarray) -> np.ndarray:
 
 
 def places(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Row and column of each pixel in the order in which the phase has them: tiles, in them blocks, in those
-    rows."""
+    """Row and column of each pixel in the phase's order: tiles, in them blocks, in those rows."""
     row, column = (a.ravel() for a in np.mgrid[:height, :width])
     order = np.lexsort((column, row, column // BLOCK, row // BLOCK, column // TILE, row // TILE))
     return row[order], column[order]

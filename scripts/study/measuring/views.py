@@ -67,7 +67,7 @@ def turned(data: dict[str, Any], degrees: float, nearer: float = 1.0) -> dict[st
     """The scene with its camera moved round the pivot, at which it looks then, about camera.up (Rodrigues's
     rotation), and to `nearer` of its distance."""
     camera, centre = scene_json.read(data).camera, pivot(data)
-    turn = Rotation.from_rotvec(np.radians(degrees) * camera.up / np.linalg.norm(camera.up))
+    turn = Rotation.from_rotvec(np.radians(degrees) * np.array(camera.up) / np.linalg.norm(camera.up))
     arm = turn.apply((camera.position - centre) * nearer)
     places = (np.round(place, DIGITS) + 0.0 for place in (centre + arm, centre))
     position, look_at = (place.tolist() for place in places)

@@ -52,9 +52,7 @@ class Row(Colours, kw_only=True):
     false_hits_ppm: Annotated[float, key("ppm", "of proved pixels: hit where truth misses")] = math.nan
     false_misses_ppm: Annotated[float, key("ppm", "miss where truth hits")] = math.nan
     wrong_shape_ppm: Annotated[float, key("ppm", "another shape where both hit")] = math.nan
-    beyond_outlines: Annotated[
-        dict[str, float] | None, key("ppm", "wrong hits over `outline_pixels` from truth's; null: not asked")
-    ] = None
+    beyond_outlines: Annotated[dict[str, float] | None, key("ppm", "over `outline_pixels` off")] = None
     dt_p99: Annotated[float, key("scene units", DT_P99)] = math.nan
     dt_max: Annotated[float, key("scene units", "its maximum")] = math.nan
     dt_p99_of_as_many: Annotated[float, key("scene units", "of as many as baseline has right")] = math.nan

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -175,7 +176,7 @@ def cells_of(frames: pd.DataFrame, plan: Plan | None = None) -> list[Cell]:
         kernel=frames.groupby(by).kernel.first() if "kernel" in frames else None,
     )
     warmed = frames.groupby(KEYS).warmup.any()
-    last = {_key(one): one for one in frames.drop_duplicates(KEYS, keep="last").itertuples()}
+    last = {attrgetter(*KEYS)(one): one for one in frames.drop_duplicates(KEYS, keep="last").itertuples()}
     cells = []
     for key, mine in values.groupby(KEYS):
         one = last[key]
@@ -191,10 +192,6 @@ def cells_of(frames: pd.DataFrame, plan: Plan | None = None) -> list[Cell]:
 
 def by_key(cells: Iterable[Cell]) -> dict[tuple[str, int, int, int, str], Cell]:
     return {(*cell.picture, cell.threads, cell.spec): cell for cell in cells}
-
-
-def _key(row: Any) -> tuple[Any, ...]:
-    return tuple(getattr(row, name) for name in KEYS)
 
 
 def kernel_said(launches: pd.Series) -> str | None:
@@ -219,8 +216,7 @@ def flat(pair: Pair) -> dict[str, Any]:
 
 
 def flags(cell: Cell, about: Mapping[str, Phase | PhaseJson]) -> str:
-    """What the compiler was told that changes arithmetic; of a phase with variants what all of them share.
-    `about`: phase → its phase.json."""
+    """Flags that change arithmetic; of a phase with variants what all share. `about`: phase → phase.json."""
     variants = about[cell.phase].variants if cell.phase in about else []
     return arithmetic_flags(cell.facts.flags or "", variants)
 

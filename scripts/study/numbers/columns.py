@@ -82,13 +82,8 @@ def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
     """The columns, with the height of the pictures in the heads of those to ground truth (or their group's):
     it may be another than that of the time beside them."""
     at = TO_TRUTH + truth_height(rows)
-
-    def named(column: Column) -> Column:
-        if TO_TRUTH in column.group:
-            return replace(column, group=column.group.replace(TO_TRUTH, at))
-        return replace(column, name=column.name.replace(TO_TRUTH, at))
-
-    return [*map(named, shown)]
+    heads = [(one.group.replace(TO_TRUTH, at), one.name.replace(TO_TRUTH, at)) for one in shown]
+    return [replace(one, group=group, name=name) for one, (group, name) in zip(shown, heads, strict=True)]
 
 
 def _frames(row: Row) -> str:

@@ -131,21 +131,16 @@ def rows(data: Data, height: int | None = None) -> pd.DataFrame:
     """One row per configuration, ordered by scene, size and phase. Units are in the names of the columns.
     `headline` marks each scene's ladder; `implied`, `stated` and `rerun` are of paper.ladder."""
     height = data.height if height is None else height
-    if (name := f"ladder at {height}") not in data.kept:
-        data.kept[name] = _rows(data, height)
-    return data.kept[name]
-
-
-def _rows(data: Data, height: int | None) -> pd.DataFrame:
+    if (name := f"ladder at {height}") in data.kept:
+        return data.kept[name]
     sizes = {scene: headline_size(data, scene, height) for scene in {c.scene for c in data.cells}}
     made = pd.DataFrame(_row(data, c, sizes[c.scene] == (c.width, c.height)) for c in data.cells)
-    if made.empty:
-        return made
-    theirs = paper.ladder().rename(columns={"cycles_per_pixel": "paper_cycles_per_pixel"})
-    made = made.merge(theirs, how="left", on=["scene", "phase"])
-    made = made.merge(truth_errors(data), how="left", on=["scene", "phase"])
-    made.loc[made.threads > 1, [c for c in theirs if c not in ("scene", "phase")]] = np.nan
-    return made
+    if not made.empty:
+        theirs = paper.ladder().rename(columns={"cycles_per_pixel": "paper_cycles_per_pixel"})
+        made = made.merge(theirs, how="left", on=["scene", "phase"])
+        made = made.merge(truth_errors(data), how="left", on=["scene", "phase"])
+        made.loc[made.threads > 1, [c for c in theirs if c not in ("scene", "phase")]] = np.nan
+    return data.kept.setdefault(name, made)
 
 
 def ladders(table: pd.DataFrame) -> dict[str, pd.DataFrame]:

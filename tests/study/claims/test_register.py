@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from claimed import claimed, of
 
-from study.claims import claims, register
+from study.claims import claim, claims, register
 from study.core import cli
 from study.core.registry import ROOT
 from study.core.run_schema import Context, Plan
@@ -54,7 +54,7 @@ README = (ROOT / "results" / "paper" / "README.md").read_text(encoding="utf-8")
 
 def test_every_claim_has_a_check_a_source_and_a_command_or_a_reason() -> None:
     lines = {text: int(n) for text, n in re.findall(r"^\| (P\d) \|.*\| (\d+) \| `\w{64}` \|$", README, re.M)}
-    for one in register.read():
+    for one in claim.read():
         assert one.quantity in claims.CHECKS or one.quantity in register.CHECKS
         assert one.source and one.quote and (one.command or one.note)
         assert 1 <= one.line <= lines[one.text], one

@@ -12,7 +12,7 @@ from study.core import show
 from study.experiments.functions import measure as functions
 from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES, judged
-from study.pictures import labels
+from study.pictures import draw
 from study.pictures.draw import COLOURS, MARKERS, Drawing, plain_log
 
 FAMILIES = ("libm", "instruction", "bit trick", "own", "libmvec", "SLEEF")
@@ -35,7 +35,7 @@ def _panel(axes: Axes, rows: Sequence[Entry], title: str, time: str) -> None:
     axes.margins(0.12, 0.14)
     scalar = [r for r in rows if r.family == "libm" and r not in front]
     for row in [*front, *scalar]:
-        labels.name(axes, row.ulp, row.ns(time), f"{row.name}, {row.isa}", "black", 6.5)
+        draw.label(axes, row.ulp, row.ns(time), f"{row.name}, {row.isa}", "black", 6.5)
     plain_log(axes.yaxis)
     low, high = axes.get_xlim()
     if high / low < 1e5:  # beyond it powers of ten are shorter
