@@ -128,10 +128,7 @@ def metrics(
     """Every error of a picture to truth. `unshadowed`: the phase's picture of the scene without shadows;
     without it there are no metrics of what shadows do. PSNR of identical pictures is math.inf; NaN is a
     metric that has no value. `fractal`: truth is converged only, so the 4 × 4 averaged pictures and the depth
-    are judged as well. Raises StudyError for pictures that do not belong together."""
-    images.same_size(truth, image)
-    if unshadowed is not None:
-        images.same_size(truth, unshadowed)
+    are judged as well."""
     status, judged = truth.status, _judged(truth)
 
     def known(linear: np.ndarray) -> np.ndarray:

@@ -155,14 +155,6 @@ def test_identical_pictures(blank):
     assert found["depth_agree_fraction"] == 1
 
 
-def test_pictures_of_unlike_form_are_refused(blank):
-    with pytest.raises(StudyError, match="10x10 and 12x10"):
-        images.compare(blank(), blank(10, 12))
-    colour = {name: blank()[name] for name in "RGB"}
-    with pytest.raises(StudyError, match="Z id"):
-        images.compare(blank(), colour)
-
-
 # --- display space
 
 

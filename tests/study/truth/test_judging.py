@@ -14,7 +14,7 @@ import pytest
 from discs import HEIGHT, WIDTH, lengths, made_truth
 
 from study.core import registry, store
-from study.core.cli import StudyError, plain
+from study.core.cli import plain
 from study.numbers import accuracy
 from study.pictures import gate
 from study.pictures.images import Picture
@@ -213,11 +213,6 @@ def test_a_fractal_is_judged_averaged_and_by_depth(blank):
     assert found["psnr_db"] == pytest.approx(20, abs=1e-3)
     assert found["antialiased"]["psnr_db"] > 120
     assert found["depth_agree_fraction"] == pytest.approx(0.95)
-
-
-def test_pictures_of_other_sizes_are_refused(blank):
-    with pytest.raises(StudyError, match="10x10"):
-        judging.metrics(made_truth(blank()), blank(10, 11))
 
 
 def test_what_truth_does_not_know_is_no_agreement(blank):
