@@ -121,14 +121,14 @@ def exact(height: int = 8, width: int = 12) -> images.Picture:
 
 
 def shipped() -> images.Picture:
-    return {name: exact()[name] for name in images.AOVS}
+    return images.Picture({name: exact()[name] for name in images.AOVS})
 
 
 @pytest.mark.parametrize("scene", ["two_spheres", "mandelbulb"])
 def test_what_truth_does_not_know_is_left_out(scene: str) -> None:
     """One pixel undecided, with NaN for a colour: the others are off by 1/16 in red, 24.08 + 4.77 dB."""
     truth = exact()
-    mine = {name: truth[name].copy() for name in images.AOVS}
+    mine = images.Picture({name: truth[name].copy() for name in images.AOVS})
     mine["R"] -= np.float32(1 / 16)
     for prefix in ("", "none.", "ideal."):
         truth[prefix + "R"][0, 0] = np.nan
@@ -144,7 +144,8 @@ def test_what_truth_does_not_know_is_left_out(scene: str) -> None:
 
 def test_non_finite_is_of_the_picture_itself() -> None:
     """A shipped picture with a NaN does not make the other one broken, nor the same."""
-    broken = {name: plane.copy() for name, plane in exact().items() if name in images.AOVS}
+    kept = {name: plane.copy() for name, plane in exact().items() if name in images.AOVS}
+    broken = images.Picture(kept)
     broken["R"][3, 3] = np.nan
     sound = shipped()
     row = measured(exact(), sound, broken, "two_spheres")
