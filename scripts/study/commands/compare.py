@@ -1,6 +1,7 @@
 """Any number of runs beside one base: what got slower, what faster, what moved, and what differs."""
 
 import argparse
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -11,11 +12,11 @@ from typing import Any, Self
 import pandas as pd
 
 from study.bounds import ceilings
-from study.core import store
+from study.core import cli, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import BASE
 from study.core.store import Run
-from study.numbers import accuracy, analysis, clocks, exports, history, stats, summary
+from study.numbers import accuracy, analysis, clocks, history, stats, summary
 from study.numbers.schema import Verify
 from study.numbers.stats import Interval
 
@@ -45,6 +46,7 @@ CONTEXT = (
     *(f"cpu.{name}" for name in ("model", "microarchitecture", "stepping", "microcode", "logical_cpus")),
     *("pinned.core_type", "git.commit", "git.dirty", "git.diff_sha256"),
 )
+EXPORTS = ("github-action-benchmark",)
 MOVED = 0.005  # a quantity that changed by less is not what moved, however narrow its interval
 SLOWER, SAME, FEW = "slower", "the same within noise", "unknown (too few launches)"
 NONE = "no verdict"
@@ -295,7 +297,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--history", metavar="PHASE", help=about)
     add("--scene", nargs="+", default=[], metavar="SCENE", help="of --history; default: all")
     about = "instead: the times of one RUN for other programs; with --by baseline over baseline's"
-    add("--export", choices=exports.KINDS, help=about)
+    add("--export", choices=EXPORTS, help=about)
     add("-o", "--out", type=Path, metavar="PATH", help="of --export; default: standard output")
 
 
@@ -321,13 +323,41 @@ def over_time(args: argparse.Namespace) -> Outcome:
     return Outcome({"points": points}, lines)
 
 
+def benchmark(run: Run, by_baseline: bool) -> list[dict[str, Any]]:
+    """As the tool `customSmallerIsBetter` of github-action-benchmark reads it (its README, "Custom").
+
+    `by_baseline`: the unit is baseline's time in the same run, which other hours and runners change least.
+    """
+    cells, found = analysis.by_key(analysis.cells_of(run.frames())), []
+    for (scene, width, height, threads, spec), cell in sorted(cells.items()):
+        base, time = (
+            cells.get((scene, width, height, threads, BASE)),
+            stats.median_interval(cell.values.ns / 1e6),
+        )
+        if by_baseline and (base is None or spec == BASE):
+            continue
+        shown = base.over(cell) if by_baseline and base else time
+        entry = {
+            "name": f"{spec} {scene} {width}x{height}" + (f", {threads} threads" if threads > 1 else ""),
+            "unit": "of baseline's time" if by_baseline else "ms",
+            "value": shown.value,
+            "extra": f"{time.launches} launches",
+        }
+        if shown.sufficient:
+            entry["range"] = f"{shown.low:.4g} to {shown.high:.4g}"
+        found.append(entry)
+    return found
+
+
 def run(args: argparse.Namespace) -> Outcome:
     if args.history or args.export:
         if len(args.runs) != (0 if args.history else 1) or (args.history and args.export):
             raise StudyError("--history takes no RUN, --export takes one RUN; not both")
         if args.history:
             return over_time(args)
-        made = exports.text(Run.open(args.runs[0]), args.by == "baseline")
+        made = (
+            json.dumps(cli.plain(benchmark(Run.open(args.runs[0]), args.by == "baseline")), indent=1) + "\n"
+        )
         if args.out:
             store.write_text(args.out, made)
         return Outcome(made, [] if args.out else [made.rstrip("\n")])

@@ -50,19 +50,12 @@ def filled(text: str) -> str:
     return "\n\n".join(parts)
 
 
-def option_table() -> str:
-    """A line each of what means the same everywhere."""
+def page() -> str:
     lines = []
     for name, (placeholder, meaning) in commands.OPTIONS.items():
         shown = f"{name} {placeholder}" if placeholder else name
         lines.append(textwrap.fill(f"- `{shown}`: {meaning}.", WIDTH, subsequent_indent="  "))
-    return "\n".join([*lines, ""])
-
-
-def page() -> str:
-    return "\n".join(
-        [HEAD, option_table(), *(described(command) for command in commands.find_all().values())]
-    )
+    return "\n".join([HEAD, *lines, "", *map(described, commands.find_all().values())])
 
 
 def pages(root: Path = ROOT) -> dict[str, str]:
