@@ -355,12 +355,10 @@ def run(args: argparse.Namespace) -> Outcome:
             raise StudyError("--history takes no RUN, --export takes one RUN; not both")
         if args.history:
             return over_time(args)
-        made = (
-            json.dumps(cli.plain(benchmark(Run.open(args.runs[0]), args.by == "baseline")), indent=1) + "\n"
-        )
+        made = benchmark(Run.open(args.runs[0]), args.by == "baseline")
         if args.out:
-            store.write_text(args.out, made)
-        return Outcome(made, [] if args.out else [made.rstrip("\n")])
+            store.write_json(args.out, made)
+        return Outcome(made, [] if args.out else [json.dumps(cli.plain(made), indent=1)])
     if not 2 <= len(args.runs) <= len(ascii_uppercase):
         raise StudyError(f"2 to {len(ascii_uppercase)} runs are compared, not {len(args.runs)}")
     sides = [

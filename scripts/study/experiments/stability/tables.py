@@ -30,10 +30,6 @@ def value(error: float | None, unit: str) -> str:
     return number(error) + (f" {unit}" if unit else "")
 
 
-def state_at_failure(row: Row) -> str:
-    return row.states[row.place]
-
-
 def does(row: Row, case: Case) -> tuple[str, str]:
     """What one phase does on a case, and the case's own note on it."""
     if row.refused:
@@ -68,7 +64,7 @@ def row_of(data: Stability, case: Case, phase: str) -> Row | None:
 def fragment(macro: str, *about: Any) -> str:
     """What a macro of hard_cases.html.j2 makes, in one line."""
     known = {one.__name__: one for one in (number, anchor, value, row_of, doings)}
-    known |= {"state": state_at_failure, "texts": TEXTS, "prose": html.prose}
+    known |= {"texts": TEXTS, "prose": html.prose}
     made = getattr(html.templates().get_template("hard_cases.html.j2", globals=known).module, macro)(*about)
     return "".join(line.strip() for line in made.splitlines()).replace("&#32;", " ")
 
