@@ -1,7 +1,5 @@
 """A statement of a paper."""
 
-from __future__ import annotations
-
 import csv
 import math
 

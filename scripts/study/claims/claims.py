@@ -3,8 +3,6 @@
 Here those that a sweep checks; the others are study.claims.register's.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

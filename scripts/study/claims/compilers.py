@@ -1,7 +1,5 @@
 """The paper's sentence on ICC and GCC, held against toolchains.json: icx stands for ICC."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

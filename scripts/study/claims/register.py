@@ -6,8 +6,6 @@ Each check takes (data, claim) and returns a verdicts.Found. A file that is not 
 never a verdict.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Callable

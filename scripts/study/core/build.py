@@ -1,7 +1,5 @@
 """Builds by the Makefile: build/SPEC/render and build/SPEC/probe."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import functools

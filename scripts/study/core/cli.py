@@ -1,7 +1,5 @@
 """Command line of every command: arguments, exit statuses, errors in one line, JSON on stdout."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import dataclasses

@@ -4,8 +4,6 @@ They are study/experiments/NAME/command.py and study/commands/NAME.py; a name th
 an underscore there. A command is a module as `Body` says; the first sentence of its text says what it does.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import difflib

@@ -15,8 +15,6 @@ search.
 - hall: two facing mirrors and three small spheres; nearly every ray is mirrored as often as it may be.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 import random

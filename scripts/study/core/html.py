@@ -1,7 +1,5 @@
 """HTML of the pages: one reader of Markdown and one of templates. Neither lets foreign HTML pass."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import jinja2

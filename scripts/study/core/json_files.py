@@ -1,7 +1,5 @@
 """JSON files, plain or packed, with errors that name file, line and column."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import zlib

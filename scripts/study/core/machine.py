@@ -1,7 +1,5 @@
 """What the measuring machine is, as far as it lets itself be read (context.json). Changes nothing."""
 
-from __future__ import annotations
-
 import datetime
 import importlib.metadata
 import os

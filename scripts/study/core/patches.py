@@ -30,8 +30,6 @@ Run as a program, by make: `patches.py NAME FOLDER` or `patches.py NAME+TITLE FO
 Standard library only: it runs before anything is installed.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

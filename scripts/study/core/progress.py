@@ -1,7 +1,5 @@
 """Progress of long work on standard error: a bar with the time left on a terminal, else a line at times."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -3,8 +3,6 @@
 A file may be of another commit or hour than the run's context.json: a part measured anew and put into it.
 """
 
-from __future__ import annotations
-
 import datetime
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The files of every run: context.json, plan.json, frames.jsonl and, where it is published, run.toml."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec

@@ -1,7 +1,5 @@
 """What a scene's file says (common/scenes/README.md), as far as scripts ask for it. The driver checks it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

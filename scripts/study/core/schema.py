@@ -4,8 +4,6 @@ A schema is a class of keys, each with its type, unit and meaning. The pages of 
 them (study.experiments.keys).
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Rows as tables for people: cells as text, tables as Markdown."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

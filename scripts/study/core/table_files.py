@@ -1,7 +1,5 @@
 """Tables of a run as files: CSV for programs, Markdown for people, JSON with intervals whole."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Temporary folders, which go with all in them at the end, also at a signal (cli.main)."""
 
-from __future__ import annotations
-
 import contextlib
 import tempfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The scene whose shapes move, frame by frame: the distribution of the frames' times, update and all."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TypeVar
 

@@ -1,7 +1,5 @@
 """The bench of function approximations (common/functions), and the normalisation of vectors that it times."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Times, gains and errors to ground truth as cells and columns."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A phase's picture with all its planes, and how far it is from ground truth's or from another's."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

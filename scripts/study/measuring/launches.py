@@ -1,7 +1,5 @@
 """Times of a driver's launches: one launch, launches of several programs by turns, medians and gains."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any

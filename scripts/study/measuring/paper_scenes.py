@@ -4,8 +4,6 @@ Such a file has camera, light, transforms, materials and shapes, which name a tr
 their index. All else is compiled into the program: `COMPILED` has its master's values.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated, Any, Literal

@@ -1,7 +1,5 @@
 """Rays for build/packets/hits: of the camera, to the light, mirrored, scattered."""
 
-from __future__ import annotations
-
 import functools
 import math
 import os

@@ -1,7 +1,5 @@
 """Times, gains, errors of hits and animations, as result files have them."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from study.core.schema import Record, key

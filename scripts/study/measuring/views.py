@@ -5,8 +5,6 @@ pivot lies ahead, as far away as the shapes are in the mean: in most scenes look
 more. A camera that would be in a shape, or within a fiftieth of the way of one, takes the next lesser change.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field

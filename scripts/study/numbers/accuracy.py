@@ -1,7 +1,5 @@
 """accuracy.json: errors of each phase to ground truth."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files that set other programs beside our phases: original.json and peers.json."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, ClassVar
 

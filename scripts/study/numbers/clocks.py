@@ -1,7 +1,5 @@
 """The clocks that stood beside the times of a run, and launches whose clock is off from the others'."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

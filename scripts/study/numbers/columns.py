@@ -1,7 +1,5 @@
 """Columns of the ladder: speed and error, the paper beside, the first frame, how each phase was built."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

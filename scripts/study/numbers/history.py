@@ -1,7 +1,5 @@
 """One phase over many runs: its times by machine and date, and where they step."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The ladder as rows: one per configuration, each speed with its interval, its bases and its error."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import asdict

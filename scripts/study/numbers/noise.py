@@ -1,7 +1,5 @@
 """What disturbed a run's timed frames, and which phases its launches cannot tell apart, in sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, groupby

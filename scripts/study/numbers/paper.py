@@ -1,7 +1,5 @@
 """The studied paper's numbers (results/paper/*.csv) and what follows from them by arithmetic alone."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -6,8 +6,6 @@ holds the noise of the launches and nothing else: whether the points lie on a po
 residuals to say, as no interval of an exponent can.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Annotated

@@ -4,8 +4,6 @@ Median: order statistics, W. J. Conover, Practical Nonparametric Statistics, 3rd
 Ratio: percentile bootstrap of pairs, Efron & Tibshirani, An Introduction to the Bootstrap (1993), ch. 9, 13.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One row per configuration of a run: times with intervals, and speed-ups against both bases."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

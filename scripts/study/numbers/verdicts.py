@@ -3,8 +3,6 @@
 results/paper/README.md says what each word means.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

@@ -3,8 +3,6 @@
 A page with one has Vega's scripts in it (`scripts`), so that it needs no network.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 

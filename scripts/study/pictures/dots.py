@@ -1,7 +1,5 @@
 """The figure of a table: a dot with its interval for each row, a panel for each group, words beside it."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Sequence

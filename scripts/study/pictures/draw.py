@@ -1,7 +1,5 @@
 """What the plots share: looks that colour-blind readers and printers can tell apart, panels, axes, files."""
 
-from __future__ import annotations
-
 import io
 import math
 import re

@@ -1,7 +1,5 @@
 """Pictures as data URIs, in the form of fewest bytes that shows them well."""
 
-from __future__ import annotations
-
 import base64
 import io
 

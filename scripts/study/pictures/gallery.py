@@ -1,7 +1,5 @@
 """Float pictures by the driver, kept in a folder so that none is rendered twice and none can be stale."""
 
-from __future__ import annotations
-
 import hashlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

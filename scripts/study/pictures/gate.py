@@ -3,8 +3,6 @@
 Tolerances stand in phases/NAME/phase.json, per scene class or scene. Metrics: study/numbers/schema.py.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """Figures of a sweep: speed-up ladder, runtime and time per pixel against n, speed against error."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """Figures made of pictures: heat maps with their colour bars, rows of panels, sheets. PNG by OpenImageIO."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Calls made in processes of their own, one a CPU: drawing is Python, at which threads would take turns."""
 
-from __future__ import annotations
-
 import multiprocessing
 import warnings
 from collections.abc import Callable, Sequence

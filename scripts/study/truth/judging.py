@@ -5,8 +5,6 @@ any, the `shadow` factor of the primary hit, `status` of the primary ray (2 prov
 undecided) and `status.all` of the pixel's whole chain. Metrics and units: study.truth.schema.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A scene at a size, and how far each phase's picture of it is from truth: rows of accuracy.json."""
 
-from __future__ import annotations
-
 from study.core import registry
 from study.core.registry import Scene, Spec
 from study.numbers.accuracy import Colours, Row

@@ -3,8 +3,6 @@
 A cached file is there whole or not at all; its name has hashes of the scene's values and of the program.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Where the bad pixels lie: classes of pixels by truth's planes, and the picture that shows them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from typing import Any

@@ -30,7 +30,6 @@ def run(tmp_path):
 def test_context_plan_and_folders(run):
     assert run.plan == Plan()
     assert Run.open(run.path).context.cpu.model == "Some CPU"
-    assert run.images.is_dir() and run.images.parent == run.path
 
 
 def test_runs_of_one_second_are_two_folders(tmp_path):

@@ -1,7 +1,5 @@
 """What is known of the sources' version: the commit, what differs from it, and why one is not known."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Runs another program to its end, which comes in time: a child that hangs is killed with all it started."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

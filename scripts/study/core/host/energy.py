@@ -4,8 +4,6 @@ Source: Documentation/power/powercap/powercap.rst. Zones below a package (core, 
 or beside it and are not added; nor is `psys`, which holds the packages. Changes nothing.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a container may use of the machine, by control groups, and whether it was throttled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from study.core.host import read_text

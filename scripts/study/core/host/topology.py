@@ -1,7 +1,5 @@
 """Which CPUs are fast, which share a core, and what their caches are: from sysfs. Changes nothing."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Collection
