@@ -94,12 +94,9 @@ class Experiment:
     sheets: Mapping[str, Callable[[Path], list[Path]]] = field(default_factory=dict)
     command: commands.Body | None = None
 
-    def __post_init__(self) -> None:
-        if self.calls is None:
-            object.__setattr__(self, "calls", self._own)
-
-    def _own(self, study: Study) -> list[Call]:
-        return [Call(self.name, ["--run", str(study.run)], may_lack=True)]
+    def commands(self, study: Study) -> list[Call]:
+        own = Call(self.name, ["--run", str(study.run)], may_lack=True)
+        return [own] if self.calls is None else self.calls(study)
 
 
 @cache

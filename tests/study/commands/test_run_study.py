@@ -28,14 +28,14 @@ def study_of(depth: str, asked: bool = False) -> Study:
 def test_every_experiment_calls_its_commands_rightly(name, depth, asked):
     """Each command takes its arguments: a wrong one is found here, not after six minutes of study."""
     known = commands.find_all()
-    for call in ALL[name].calls(study_of(depth, asked)):
+    for call in ALL[name].commands(study_of(depth, asked)):
         commands.parser_of(known[call.command]).parse_args(list(map(str, call.arguments)))
 
 
 def test_an_experiment_calls_its_own_command_unless_it_says_more():
     toy = Experiment("toy", "a toy", 1, {})
-    assert toy.calls(study_of("quick")) == [Call("toy", ["--run", str(FIXTURE)], may_lack=True)]
-    assert Experiment("toy", "a toy", 1, {}, calls=lambda study: []).calls(study_of("quick")) == []
+    assert toy.commands(study_of("quick")) == [Call("toy", ["--run", str(FIXTURE)], may_lack=True)]
+    assert Experiment("toy", "a toy", 1, {}, calls=lambda study: []).commands(study_of("quick")) == []
 
 
 @pytest.mark.parametrize("status", [cli.OK, cli.FAILED, cli.CANNOT_RUN, StudyError("no", 3), ValueError()])
@@ -118,7 +118,7 @@ def test_every_experiment_has_a_quick_depth_or_says_why_not():
         if one.depth != "quick":
             assert one.cut, name
         elif name != "sweep":
-            quick, standard = (one.calls(study_of(depth)) for depth in ("quick", "standard"))
+            quick, standard = (one.commands(study_of(depth)) for depth in ("quick", "standard"))
             assert bool(one.cut) == (quick != standard), name
 
 

@@ -20,8 +20,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--phase", nargs="+", metavar="PHASE", help="default: every phase with threads")
     add("--scene", nargs="+", default=list(frames.HEIGHTS), metavar="SCENE", help="default: %(default)s")
-    about = "height; default: 1080 and 720"
-    add("-n", type=cli.at_least(16), metavar="HEIGHT", help=about)
+    add("-n", type=cli.at_least(16), metavar="HEIGHT", help="height; default: 1080 and 720")
     add("--threads", type=cli.at_least(1), default=len(run.USABLE), help="default: all CPUs")
     running.budget(parser, SECONDS)
     running.options(parser, "frames.json and figures/", "frames")

@@ -159,11 +159,10 @@ class Pictures:
 
     def __init__(self, settings: Settings, wanted: Sequence[Case]) -> None:
         self.settings = settings
-        doubles = [name for name, phase in registry.ladder().items() if phase.precision == "double"]
-        able = [name for name in doubles if registry.cpu_supports(Spec.parse(name))]
-        if not able:
+        doubles = [Spec.parse(name) for name, one in registry.ladder().items() if one.precision == "double"]
+        if not (able := [spec for spec in doubles if registry.cpu_supports(spec)]):
             raise StudyError("no double-precision phase can run on this CPU, to hold pictures against", 3)
-        self.reference = Spec.parse(able[-1])
+        self.reference = able[-1]
         self.own = {case.scene: case for case in wanted if case.hit == OWN}
         self.known: dict[Case, images.Picture] = {}
 
@@ -214,9 +213,8 @@ def measure(
 
     def once(point: tuple[Spec, Case], padding: int) -> Any:
         spec, case = point
-        how = {"cpu": run.FASTEST, "threads": _threads(spec, settings)}
-        how |= {"env_bytes": padding, "warmup": 1, "display": True}
-        how["reps"] = reps_of(taken[point])
+        how = {"cpu": run.FASTEST, "threads": _threads(spec, settings), "env_bytes": padding}
+        how |= {"warmup": 1, "display": True, "reps": reps_of(taken[point])}
         timed = launches.render(spec, *_size(case), timed=True, **how).timed
         return [frame.ns for frame in timed], [frame.present_ns for frame in timed]
 

@@ -8,7 +8,7 @@ from study.core.cli import Outcome, StudyError
 from study.experiments import running
 from study.experiments.scaling import measure as scaling
 from study.experiments.scaling import tables
-from study.experiments.scaling.schema import LeftOut, Row, Scaling
+from study.experiments.scaling.schema import LeftOut, Scaling
 from study.experiments.scaling.series import chosen, series
 from study.measuring import hit_tables
 
@@ -26,8 +26,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     about = "all, or by name or its beginning: n, shapes, shapes-scattered, steps, bounces, threads"
     add("--series", nargs="+", metavar="NAME", help=about)
     add("--phase", nargs="+", default=ladder, metavar="PHASE", help="default: the ladder")
-    about = f"height where it is not what varies; default: {HEIGHT}"
-    add("-n", type=cli.at_least(16), metavar="HEIGHT", help=about)
+    add("-n", type=cli.at_least(16), metavar="HEIGHT", help=f"where it does not vary; default: {HEIGHT}")
     running.budget(parser, SECONDS, full=True)
     add("--full", action="store_true", help=f"n = {FULL_HEIGHT} and {FULL_SECONDS:g} s: nearly every point")
     add("--scene-seed", type=int, default=1, help="of the generated scenes; default: 1")
@@ -46,8 +45,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     scenes = registry.ROOT / "build" / "scaling" / "scenes"
     known = series(height, args.scene_seed, scenes)
     wanted = chosen(known, args.series or [*known])
-    left = seconds
-    rows: list[Row] = []
+    left, rows = seconds, []
     with temporary.folder() as scratch:
         settings = scaling.Settings(args.launches, args.seed, args.cpu, scratch)
         for number, one in enumerate(wanted):

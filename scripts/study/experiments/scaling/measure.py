@@ -32,9 +32,7 @@ SHORT, LONG = 0.02, 0.25  # s: below, several frames a launch; above, caches set
 REPEATED = 5
 DRAWN_FRAMES = 3  # at least, of a launch with a scene of its own: their median is one's cost
 FAST = 3  # so many of the ladder's last phases come before all others
-EARLY_SHARE = (
-    0.6  # of the time: what the others' first points may take before the newest phases' further ones
-)
+EARLY_SHARE = 0.6  # of the time: the others' first points, before the newest phases' further ones
 OVERHEAD = 0.05  # s of a launch beside its frames
 TRUTH_SHARE = 0.2  # of a series' seconds for truth's pictures
 FEW, MANY = 16, 4096  # shapes

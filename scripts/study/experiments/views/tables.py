@@ -46,14 +46,15 @@ def _mark(row: Gain) -> str:
     return "good" if text == EVERYWHERE or (text.startswith(MEDIAN) and text.endswith("none")) else ""
 
 
+OVER = "times as fast as its parent"
 GAINS = [
     Column("", "phase", lambda r: r.phase),
     Column("", "parent", lambda r: r.parent),
-    Column("times as fast as its parent", "tuned views [95 %]", _tuned),
-    Column("times as fast as its parent", "median of the other views [95 %]", lambda r: _text(r.median)),
-    Column("times as fast as its parent", "worst case [95 %]", _worst),
-    Column("times as fast as its parent", "slower on", lambda r: f"{r.slower} of {r.views}"),
-    Column("times as fast as its parent", "of them by its parent's code", lambda r: str(r.general)),
+    Column(OVER, "tuned views [95 %]", _tuned),
+    Column(OVER, "median of the other views [95 %]", lambda r: _text(r.median)),
+    Column(OVER, "worst case [95 %]", _worst),
+    Column(OVER, "slower on", lambda r: f"{r.slower} of {r.views}"),
+    Column(OVER, "of them by its parent's code", lambda r: str(r.general)),
     Column("", "verdict", lambda r: r.verdict, _mark),
     Column("lowest PSNR of all views, dB", "to ground truth", lambda r: _db(r.to_truth)),
     Column("lowest PSNR of all views, dB", f"to {BASE} (fractals: 4×4 averaged)", lambda r: _db(r.to_base)),
@@ -114,7 +115,7 @@ def ratios(result: Views) -> Figure:
             text = f"{gain.worst_scene}\n{gain.worst_view}"
             axes.annotate(text, (place, min(others)), (0, -5), fontsize=7.5, **under)
     axes.set_xticks(range(len(found)), [f"{one.phase}\nover {one.parent}" for one in found], fontsize=8.5)
-    axes.set(yscale="log", ylabel="times as fast as its parent", xlim=(-0.6, len(found) - 0.4))
+    axes.set(yscale="log", ylabel=OVER, xlim=(-0.6, len(found) - 0.4))
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.9) / (high / low) ** 0.12, max(high, 1.12))  # room for the worst one's name
     few = high / low < 6
