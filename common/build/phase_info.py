@@ -124,7 +124,7 @@ def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
     if path is None or path in seen:
         return [] if path else [f'#include "{name}"']
     text = path.read_text()
-    if "#pragma once" in text:
+    if "\n#pragma once\n" in text:
         seen.add(path)
     lines = []
     for line in text.splitlines():
