@@ -118,13 +118,16 @@ def emulate(one: dict, shim: str) -> dict:
 
 
 def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
-    """Returns a source's lines with includes of the phase's files and of common/ expanded, each once."""
+    """Returns a source's lines with includes of the phase's files and of common/ expanded, each as often as
+    the compiler would: what says `#pragma once`, once."""
     path = next((folder / name for folder in folders if (folder / name).is_file()), None)
     if path is None or path in seen:
         return [] if path else [f'#include "{name}"']
-    seen.add(path)
+    text = path.read_text()
+    if "\n#pragma once\n" in text:
+        seen.add(path)
     lines = []
-    for line in path.read_text().splitlines():
+    for line in text.splitlines():
         include = re.match(r'#include "(.*\.[ch])"', line)
         if include:
             lines += flattened(include[1], folders, seen)

@@ -36,7 +36,8 @@ int main(int argc, char **argv) {
     if (asked)
         samples = strtol(argv[2], &end, 10);
     if (argc != 1 + 2 * asked || *end || samples < 5 || samples > MAX_SAMPLES) {
-        fprintf(stderr, "usage: ceilings [--samples N], 5 to %d of each ceiling (30)\n", MAX_SAMPLES);
+        fprintf(stderr, "usage: ceilings [--samples N], 5 to %d of each ceiling (30)\n",
+                MAX_SAMPLES);
         return BAD_INPUT;
     }
     struct ceilings *all = calloc(1, sizeof *all);

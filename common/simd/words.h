@@ -1,6 +1,6 @@
 // What is written alike for several widths. Before it, lanes16.h, lanes8.h and lanes4.h say what MM (the prefix of
 // their intrinsics), BITS, FLOATS, BITS_AND and BITS_OR (whole numbers), COMPARED and COMPARED_IN are.
-#pragma once
+// No `#pragma once`: a generated kernel has the text of every width, each with its own of this file.
 
 static inline vfloat v_splat(float a) {
     return MM(set1_ps)(a);

@@ -1,10 +1,8 @@
 // Shading and the loop over mirror bounces, in the phase's numbers. The model is this study's (results/README.md).
 // The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
-// A header, as all of it must be inlined into each build of tile.c.
+// A header, as all of it must be inlined into each build of tile.c, which includes intersect.h before it.
 #ifndef FIXED_SHADE_H
 #define FIXED_SHADE_H
-
-#include "intersect.h"
 
 struct shaded {
     struct vec colour, normal; // the normal is the first hit's

@@ -5,6 +5,7 @@
 
 #include <string.h>
 
+#include "intersect.h"
 #include "shade.h"
 
 struct block {

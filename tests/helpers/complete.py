@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import msgspec
 
 from study.core import cli, schema, store
+from study.core.registry import ROOT
 from study.core.schema import File
 from study.experiments import experiment
 
@@ -70,3 +71,11 @@ def write(path: Path, content: Any) -> None:
 def text(name: str, content: Any) -> str:
     """The text of the run's file of that name."""
     return json.dumps(filled(cli.plain(content), schemas()[name]))
+
+
+RUN = ROOT / "results" / "reference" / "zen5-2026-11-25"
+
+
+def published(name: str) -> dict[str, Any]:
+    """The content of its file, without where it was made."""
+    return {key: value for key, value in store.read_json(RUN / name).items() if key != "context"}

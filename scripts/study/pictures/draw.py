@@ -109,6 +109,7 @@ def label(axes: Axes, x: float, y: float, text: str, colour: str, size: float = 
     """Asks for `text` beside the mark at x, y (data coordinates)."""
     made = Name(x, y, text, color=colour, fontsize=size, ha="left", va="bottom", zorder=7, bbox=BOX)
     made.set_in_layout(False)
+    made.set_clip_on(False)
     axes.add_artist(made)
 
 

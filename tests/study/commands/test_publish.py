@@ -12,7 +12,6 @@ import tomllib
 from pathlib import Path
 
 import complete
-import made_up
 import numpy as np
 import pytest
 
@@ -35,7 +34,7 @@ def made(tmp_path) -> Path:
     run = tmp_path / "run"
     shutil.copytree(FIXTURE, run)
     for name in ("fixed.json", "rods.json", "throttle.json"):
-        complete.write(run / name, made_up.published(name))
+        complete.write(run / name, complete.published(name))
     complete.write(run / "counts.json", {"schema": 1, "declared": [], "measured": []})
     noise = np.random.default_rng(1).integers(0, 256, (300, 480, 3), dtype=np.uint8)
     images.write_png(run / "images" / f"{rods_pictures.PICTURES}.png", noise)
@@ -44,7 +43,7 @@ def made(tmp_path) -> Path:
 
 def test_a_published_folder_makes_the_whole_chapter(made, tmp_path, stepwise):
     """With the picture of the systems that the run has, rays and rods, but not the sheet of all."""
-    complete.write(made / "packets.json", made_up.published("packets.json"))
+    complete.write(made / "packets.json", complete.published("packets.json"))
     folder = tmp_path / "published"
     content = json.loads((made / "rods.json").read_text())
     content["context"] = {"git": {"commit": "f" * 40, "dirty": False}, "time": "2026-01-01T00:00:00+00:00"}

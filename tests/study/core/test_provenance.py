@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 
 import complete
-import made_up
 import pytest
 
 from study.core import provenance
@@ -33,8 +32,8 @@ def mixed(tmp_path) -> Path:
     """The run and its rods of one commit, integers of another, an hour later."""
     write(tmp_path, "context.json", context(OLD, "19:34"))
     write(tmp_path, "accuracy.json", {"rows": []})  # says nothing of where it was made
-    write(tmp_path, "rods.json", made_up.published("rods.json") | {"context": context(OLD, "20:24", 1000)})
-    integers = made_up.published("fixed.json") | {"context": context(NEW, "21:24", 1000 + 7200)}
+    write(tmp_path, "rods.json", complete.published("rods.json") | {"context": context(OLD, "20:24", 1000)})
+    integers = complete.published("fixed.json") | {"context": context(NEW, "21:24", 1000 + 7200)}
     write(tmp_path, "fixed.json", integers)
     return tmp_path
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import made_up
+import complete
 import msgspec
 import pytest
 
@@ -22,7 +22,7 @@ IN_LANES = {  # what may be timed on a CPU of so many
 
 
 def published(**more: Any) -> Fixed:
-    return msgspec.convert(made_up.published(FILE) | more, Fixed)
+    return msgspec.convert(complete.published(FILE) | more, Fixed)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_how_many_frames_each_program_has(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_tables_of_a_published_run() -> None:
     result = published()
-    found = tables.system(made_up.RUN)
+    found = tables.system(complete.RUN)
     assert found and [(one.said, one.ours, one.ratio) for one in found.claims] == [
         ("14.29", "15.1", "16.6×"),
         ("14.29", "8.90", "28.1×"),
@@ -93,7 +93,7 @@ def test_the_tables_of_a_published_run() -> None:
 
 
 def test_rows_of_fewer_frames_or_another_size_are_no_claims() -> None:
-    moved = made_up.published(FILE)["animation"]
+    moved = complete.published(FILE)["animation"]
     assert tables.claims(published(animation=[row | {"frames": 225} for row in moved])) == []
     assert tables.claims(published(animation=[row | {"n": 90} for row in moved])) == []
 

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-import made_up
+import complete
 import msgspec
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ INF = np.inf
 
 
 def published(**more: Any) -> Packets:
-    return msgspec.convert(made_up.published(FILE) | more, Packets)
+    return msgspec.convert(complete.published(FILE) | more, Packets)
 
 
 def test_the_scenes_made_for_it() -> None:
@@ -96,7 +96,7 @@ def test_a_cap_that_binds_is_taken_away_too() -> None:
 
 
 def test_the_articles_figures_beside_ours() -> None:
-    found = tables.system(made_up.RUN)
+    found = tables.system(complete.RUN)
     assert found and [(one.said, one.ours.split()[0], one.ratio.split()[0]) for one in found.claims] == [
         ("3156", "38.7", "81.6×"),
         ("172", "6.94", "24.8×"),
@@ -112,7 +112,7 @@ def test_the_articles_figures_beside_ours() -> None:
 
 
 def test_a_row_that_is_not_equal_says_so() -> None:
-    drawn = made_up.published(FILE)["drawn"][:1]
+    drawn = complete.published(FILE)["drawn"][:1]
     drawn[0]["rows"][2] |= {"psnr_db": 55.3, "reached": False, "max_steps": 3000}
     said = [row["equal"] for row in tables.drawn_rows(published(drawn=drawn)) if row["max_steps"] == 3000]
     assert said and all("55.3" in text for text in said)
@@ -126,13 +126,13 @@ def without_embree(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_without_embree_there_is_no_ratio() -> None:
-    bare = published(rays=[without_embree(row) for row in made_up.published(FILE)["rays"]])
+    bare = published(rays=[without_embree(row) for row in complete.published(FILE)["rays"]])
     assert tables.rays_claims(bare) == [] and tables.faults(bare) == []
     assert "Embree" not in [column.name for column in tables.parts(bare)[0].table.columns]
 
 
 def test_hits_that_embree_does_not_have_are_a_fault() -> None:
-    found = made_up.published(FILE)["rays"][:1]
+    found = complete.published(FILE)["rays"][:1]
     found[0]["agreement"]["other_shape"] = 2 + int(packets.MOST_OTHERS * found[0]["rays"]) + 1
     assert len(tables.faults(published(rays=found, drawn=[]))) == 1
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from types import SimpleNamespace
 
-import made_up
+import complete
 import numpy as np
 import pytest
 
@@ -41,7 +41,7 @@ def test_the_trade_has_the_march_per_pixel_in_its_own_run(monkeypatch: pytest.Mo
 
 
 def test_the_articles_figures_beside_ours() -> None:
-    found = tables.system(made_up.RUN)
+    found = tables.system(complete.RUN)
     assert found and [(one.said, one.ours.split()[0], one.ratio) for one in found.claims] == [
         ("150", "133", "1.13×"),
         ("under 10", "19.4", "0.515×"),

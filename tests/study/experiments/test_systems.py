@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
-import made_up
+import complete
 import numpy as np
 import pytest
 
@@ -24,9 +24,9 @@ def test_a_run_without_systems_says_what_makes_them(tmp_path: Path) -> None:
 
 
 def test_every_system_has_its_claims_and_tables() -> None:
-    section = systems.section(SimpleNamespace(path=made_up.RUN))
+    section = systems.section(SimpleNamespace(path=complete.RUN))
     claims, *others = section.parts
-    ours = [one.system(made_up.RUN) for one in experiment.find_all().values() if one.system]
+    ours = [one.system(complete.RUN) for one in experiment.find_all().values() if one.system]
     assert claims.name == "systems" and len(claims.rows) == sum(len(one.claims) for one in ours if one)
     assert {"rods", "throttle", "lattice", "fixed", "packets"} <= {part.name for part in others}
     assert {row.article for row in claims.rows} == {
@@ -39,13 +39,13 @@ def test_every_system_has_its_claims_and_tables() -> None:
 def test_the_published_page_has_the_table_of_its_run() -> None:
     text = (ROOT / "results" / "reference" / "systems.md").read_text(encoding="utf-8")
     assert (
-        systems.section(SimpleNamespace(path=made_up.RUN)).parts[0].markdown in text
-        and made_up.RUN.name in text
+        systems.section(SimpleNamespace(path=complete.RUN)).parts[0].markdown in text
+        and complete.RUN.name in text
     )
 
 
 def test_the_sheet_is_on_the_page_once_it_is_there(tmp_path: Path) -> None:
-    shutil.copy(made_up.RUN / "rods.json", tmp_path)
+    shutil.copy(complete.RUN / "rods.json", tmp_path)
     path = tmp_path / "images" / f"{pictures.PICTURES}.png"
     assert path not in systems.section(SimpleNamespace(path=tmp_path)).images
     path.parent.mkdir()

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from types import SimpleNamespace
 
-import made_up
+import complete
 import numpy as np
 import pytest
 
@@ -78,8 +78,8 @@ def test_two_pictures_with_nan_are_not_identical() -> None:
 
 
 def test_the_table_of_a_published_run() -> None:
-    result = Throttle.load(made_up.RUN / THROTTLE)
-    found = tables.system(made_up.RUN)
+    result = Throttle.load(complete.RUN / THROTTLE)
+    found = tables.system(complete.RUN)
     assert found and found.claims == [] and len(found.parts[0].table.cells) == len(result.rows)
     assert tables.words_of(result.rows[0].chosen).startswith("rods of 32 to 8")
 
