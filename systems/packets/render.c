@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "driver/variant.h"
+#include "scene/vector.h"
 #include "trace.h"
 #include "workers/workers.h"
 
@@ -57,21 +58,6 @@ const char *phase_unsupported(const struct scene *scene) {
 
 const char *phase_settings(const struct prepared *prepared) {
     return prepared->settings_text;
-}
-
-// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
-// then (x,z), then (x,y).
-static void rotation_matrix(const double *degrees, double m[3][3]) {
-    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
-    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
-    for (int axis = 0; axis < 3; axis++) {
-        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
-        for (int k = 0; k < 3; k++) {
-            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
-            *u = c * old - s * *v;
-            *v = s * old + c * *v;
-        }
-    }
 }
 
 static struct primitive prepare_primitive(const struct shape *shape,
