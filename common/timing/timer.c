@@ -1,7 +1,11 @@
 // Clocks and their calibration. See timer.h.
 #include "timing/timer.h"
 
+#ifdef __x86_64__
 #include <immintrin.h>
+#else
+#include <arm_neon.h>
+#endif
 #include <time.h>
 
 uint64_t timer_ns(void) {
@@ -47,9 +51,14 @@ uint64_t timer_overhead_cycles(void) {
 
 enum { CHAIN = 100000 }; // adds: 25 µs at 4 GHz, 100 µs at 1 GHz
 
-#define ADD8                                                                                       \
-    "add %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\t"                                     \
-    "add %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\t"
+#ifdef __x86_64__
+#define ADD "add %1, %0\n\t"
+#define ADD_FMA(K) "add %9, %8\n\tvfmadd231ps %" #K ", %" #K ", %" #K "\n\t"
+#else
+#define ADD "add %0, %0, %1\n\t"
+#define ADD_FMA(K) "add %8, %8, %9\n\tfmla %" #K ".4s, %" #K ".4s, %" #K ".4s\n\t"
+#endif
+#define ADD8 ADD ADD ADD ADD ADD ADD ADD ADD
 
 // TSC cycles of CHAIN dependent adds.
 static uint64_t chain(void) {
@@ -62,9 +71,8 @@ static uint64_t chain(void) {
 
 // The same chain with one FMA next to each add, which keeps the vector unit busy. Eight accumulators in turn
 // are more than the FMAs' latency of 4 or 5 cycles, so the adds stay the critical path.
-#define ADD_FMA(K) "add %9, %8\n\tvfmadd231ps %" #K ", %" #K ", %" #K "\n\t"
 #define LOADED_CHAIN(NAME, TARGET, TYPE, IN_OUT)                                                   \
-    __attribute__((target(TARGET))) static uint64_t NAME(int links) {                              \
+    TARGET static uint64_t NAME(int links) {                                                       \
         uint64_t x = 1, one = 1;                                                                   \
         TYPE a = {0}, b = a, c = a, d = a, e = a, f = a, g = a, h = a;                             \
         uint64_t begin = timer_tsc_begin();                                                        \
@@ -78,9 +86,13 @@ static uint64_t chain(void) {
         return timer_tsc_end() - begin;                                                            \
     }
 
-LOADED_CHAIN(chain_128, "fma", __m128, "+x")
-LOADED_CHAIN(chain_256, "avx2,fma", __m256, "+x")
-LOADED_CHAIN(chain_512, "avx512f", __m512, "+v")
+#ifdef __x86_64__
+LOADED_CHAIN(chain_128, __attribute__((target("fma"))), __m128, "+x")
+LOADED_CHAIN(chain_256, __attribute__((target("avx2,fma"))), __m256, "+x")
+LOADED_CHAIN(chain_512, __attribute__((target("avx512f"))), __m512, "+v")
+#else
+LOADED_CHAIN(chain_128, , float32x4_t, "+w")
+#endif
 
 // Core clock in Hz from the fastest of `samples` chains; `loaded` NULL: adds alone.
 static double fastest(uint64_t (*loaded)(int), double tsc_hz, int samples) {
@@ -99,6 +111,7 @@ double timer_core_hz(double tsc_hz, int samples) {
 
 double timer_core_hz_under_load(double tsc_hz, int samples, int bits) {
     uint64_t (*loaded)(int) = 0;
+#ifdef __x86_64__
     __builtin_cpu_init();
     if (bits == 128 && __builtin_cpu_supports("fma"))
         loaded = chain_128;
@@ -106,6 +119,10 @@ double timer_core_hz_under_load(double tsc_hz, int samples, int bits) {
         loaded = chain_256;
     else if (bits == 512 && __builtin_cpu_supports("avx512f"))
         loaded = chain_512;
+#else
+    if (bits == 128)
+        loaded = chain_128;
+#endif
     if (!loaded)
         return 0;
     loaded(80 * CHAIN); // about 2 ms, until the clock has settled

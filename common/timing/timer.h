@@ -6,6 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#ifdef __x86_64__
 // Returns the TSC at the start of a timed region. The lfence before it waits for all earlier
 // instructions; the lfence after it keeps later ones from starting early.
 static inline uint64_t timer_tsc_begin(void) {
@@ -20,6 +21,21 @@ static inline uint64_t timer_tsc_end(void) {
     __asm__ volatile("rdtscp\n\tlfence" : "=a"(lo), "=d"(hi), "=c"(aux)::"memory");
     return ((uint64_t)hi << 32) | lo;
 }
+#elif defined __aarch64__
+// Returns the generic timer, CNTVCT_EL0. isb waits for all earlier instructions and keeps later ones from
+// starting early.
+static inline uint64_t timer_tsc_begin(void) {
+    uint64_t count;
+    __asm__ volatile("isb\n\tmrs %0, cntvct_el0\n\tisb" : "=r"(count)::"memory");
+    return count;
+}
+
+static inline uint64_t timer_tsc_end(void) {
+    return timer_tsc_begin();
+}
+#else
+#error "timer.h knows the clocks of x86-64 and of aarch64"
+#endif
 
 // Returns wall time in nanoseconds (CLOCK_MONOTONIC_RAW).
 uint64_t timer_ns(void);
