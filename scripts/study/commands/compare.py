@@ -12,7 +12,7 @@ from typing import Any, Self
 import pandas as pd
 
 from study.bounds import ceilings
-from study.core import cli, store
+from study.core import cli, show, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import BASE
 from study.core.store import Run
@@ -77,9 +77,9 @@ class Side:
         mine, theirs = (set(side.frames[KEY].itertuples(index=False, name=None)) for side in (self, other))
         sizes: dict[str, list[str]] = {}
         for scene, width, height, threads, spec in sorted(mine - theirs):
-            said = f"{width}x{height}" + (f" on {threads} threads" if threads > 1 else "")
+            said = show.size(width, height) + (f" on {threads} threads" if threads > 1 else "")
             sizes.setdefault(f"{spec} {scene}", []).append(said)
-        return [f"{name} {', '.join(each)}" for name, each in sizes.items()]
+        return [f"{name} {', '.join(each)}".strip() for name, each in sizes.items()]
 
 
 def read(letter: str, path: Path, leave_out: bool) -> Side:
@@ -104,7 +104,7 @@ def other_work(*sides: Side) -> dict[str, str]:
     found = {}
     for scene, both in _of_scene(sides):
         for column in LIMITS:
-            first, second = (sorted(set(frames[column])) for frames in both)
+            first, second = (sorted(set(frames.get(column, ()))) for frames in both)
             if first != second:
                 said = " and ".join(", ".join(map(str, each)) for each in (first, second))
                 found.setdefault(scene, f"{scene}: {column} differs ({said}); only the same work compares")
@@ -222,7 +222,7 @@ def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = F
         if another or not same:
             verdict = f"{NONE} (other {'machine' if same else 'scene'})"
         times = [stats.median_interval(one.ns / 1e6) for one in (a, b)]
-        about = (f"{key[1]}x{key[2]}", other.letter, *times)
+        about = (show.size(*key[1:3]), other.letter, *times)
         changed = moved(ratios["cycles"], ratios["clock"])
         found.append(Row(*key, *about, *ratios.values(), moved=changed, verdict=verdict))
     return found
@@ -338,7 +338,8 @@ def benchmark(run: Run, by_baseline: bool) -> list[dict[str, Any]]:
             continue
         shown = base.over(cell) if by_baseline and base else time
         entry = {
-            "name": f"{spec} {scene} {width}x{height}" + (f", {threads} threads" if threads > 1 else ""),
+            "name": " ".join(filter(None, (spec, scene, show.size(width, height))))
+            + (f", {threads} threads" if threads > 1 else ""),
             "unit": "of baseline's time" if by_baseline else "ms",
             "value": shown.value,
             "extra": f"{time.launches} launches",

@@ -174,8 +174,19 @@ class PhaseJson(Record, kw_only=True):
     variants: Annotated[list[Variant], key("", "builds by lanes, widest first")] = []
 
 
+class Program(Record, kw_only=True):
+    """A program that is no phase, timed by `stepwise time` or read from another tool's file."""
+
+    name: Annotated[str, key("", "`phase` of its frames")]
+    case: Annotated[str, key("", "`scene` of its frames: n=128 of --vary; empty: there is one case")] = ""
+    command: Annotated[list[str], key("", "words; one alone: a line for a shell, or another tool's")] = []
+    prepare: Annotated[str | None, key("", "command that ran before each launch")] = None
+    cleanup: Annotated[str | None, key("", "command that ran at the end")] = None
+    sha256: Annotated[str | None, key("", "of the file that was run; null: not known")] = None
+
+
 class Plan(File, kw_only=True):
-    """What a sweep set out to measure."""
+    """What a sweep or `stepwise time` set out to measure."""
 
     made_by: ClassVar[str] = "sweep"
     schema: Annotated[Literal[1], key("", "version of the form")] = 1
@@ -196,6 +207,13 @@ class Plan(File, kw_only=True):
     skipped: Annotated[list[Left], key("", "what cannot run here")] = []
     failures: Annotated[list[Left], key("", "what crashed")] = []
     not_reached: Annotated[list[Short], key("", "configurations the budget left out")] = []
+    programs: Annotated[list[Program], key("", "timed instead of phases; empty: a sweep")] = []
+    read_from: Annotated[list[str], key("", "files of other tools that the times are of")] = []
+    precision: Annotated[float | None, key("", "relative half width that ends it; null: `launches` do")] = (
+        None
+    )
+    seconds: Annotated[float | None, key("s", "after which it ends all the same")] = None
+    time_from: Annotated[str | None, key("", "pattern of times in the output; null: wall time")] = None
 
 
 class Frame(File, kw_only=True):
@@ -255,6 +273,10 @@ class Frame(File, kw_only=True):
     cpu: Annotated[int | None, key("", "CPU it was pinned to; −1: not pinned")] = None
     joules: Annotated[float | None, key("J per frame", "at the last frame: RAPL, of timed frames")] = None
     env_bytes: Annotated[int | None, key("bytes", "padding of the environment (layout bias)")] = None
+    user_ns: Annotated[int | None, key("ns", "of a program: CPU time in user mode")] = None
+    system_ns: Annotated[int | None, key("ns", "of a program: CPU time in the kernel")] = None
+    instructions: Annotated[int | None, key("instructions", "of a program, in user mode")] = None
+    exit_status: Annotated[int | None, key("", "of a program; negative: the signal that killed it")] = None
     time: Annotated[str | None, key("UTC", "when the line was written; ISO 8601")] = None
 
     @property

@@ -187,6 +187,11 @@ def whole(name: str) -> Callable[[Row], str]:
     return lambda row: NOTHING if gone(value := cell(row, name)) else f"{value:.0f}"
 
 
+def size(width: int, height: int) -> str:
+    """`1280x720`; nothing for what is no picture (measuring.programs)."""
+    return "" if width == height == 1 else f"{width}x{height}"
+
+
 def picture(row: Row) -> str:
     """The scene with the size of its picture in pixels: `scene0, 1280×720`."""
     return f"{cell(row, 'scene')}, {cell(row, 'width')}×{cell(row, 'height') or cell(row, 'n')}"

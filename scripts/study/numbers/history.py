@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from study.core import show
 from study.core.json_files import stored
 from study.core.registry import BASE
 from study.core.store import RESULTS, Run
@@ -41,7 +42,7 @@ class Point:
 
     @property
     def size(self) -> str:
-        return f"{self.width}x{self.height}"
+        return show.size(self.width, self.height)
 
 
 def runs(results: Path = RESULTS) -> list[Run]:

@@ -131,8 +131,9 @@ def rows(data: Data, height: int | None = None) -> pd.DataFrame:
     height = data.height if height is None else height
     if (name := f"ladder at {height}") in data.kept:
         return data.kept[name]
-    sizes = {scene: headline_size(data, scene, height) for scene in {c.scene for c in data.cells}}
-    made = pd.DataFrame(_row(data, c, sizes[c.scene] == (c.width, c.height)) for c in data.cells)
+    cells = [] if data.plan.programs else data.cells  # those have a chapter of their own
+    sizes = {scene: headline_size(data, scene, height) for scene in {c.scene for c in cells}}
+    made = pd.DataFrame(_row(data, c, sizes[c.scene] == (c.width, c.height)) for c in cells)
     if not made.empty:
         theirs = paper.ladder().rename(columns={"cycles_per_pixel": "paper_cycles_per_pixel"})
         made = made.merge(theirs, how="left", on=["scene", "phase"])

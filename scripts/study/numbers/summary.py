@@ -72,7 +72,7 @@ def rows(frames: pd.DataFrame) -> list[Row]:
         made.append(
             Row(
                 *(cell.config, cell.spec, cell.phase, *cell.picture, cell.threads),
-                size=f"{cell.width}x{cell.height}",
+                size=show.size(cell.width, cell.height),
                 launches=len(cell.values),
                 ms=stats.median_interval(cell.values.ns / 1e6),
                 ns_per_pixel=stats.median_interval(cell.values.ns / cell.pixels),
