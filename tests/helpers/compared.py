@@ -6,10 +6,10 @@ import complete
 import emitted
 import numpy as np
 
-from study.commands import compare
 from study.core import store
 from study.core.run_schema import Frame
 from study.core.store import Run
+from study.measuring import changes, two_runs
 
 CONTEXT = {"cpu": {"model": "Some CPU"}, "git": {"commit": "1" * 40, "dirty": False}, "libc": "glibc 2.36"}
 LINE = {"schema": 1, "scene_hash": "aa", "width": 16, "height": 9, "threads": 1, "steal_ticks": 0}
@@ -40,9 +40,11 @@ def run(*words: object) -> subprocess.CompletedProcess[str]:
     return emitted.ran("compare", *words)
 
 
-def sides(*runs, leave_out=False) -> list[compare.Side]:
-    return [compare.read(letter, run.path, leave_out) for letter, run in zip("ABC", runs, strict=False)]
+def sides(*runs, leave_out=False) -> list[two_runs.Side]:
+    return [two_runs.read(letter, run.path, leave_out) for letter, run in zip("ABC", runs, strict=False)]
 
 
-def rows(*runs, **how) -> dict:
-    return {(row.spec, row.scene): row for row in compare.rows(*sides(*runs), **how)}
+def rows(*runs, by="time", least=0.0, least_work=0.001) -> dict:
+    base, *others = sides(*runs)
+    found = [row for other in others for row in changes.rows(base, other, by, least, False)]
+    return {(row.spec, row.scene): row for row in changes.judged(found, by, least_work)}

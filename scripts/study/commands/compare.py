@@ -2,292 +2,77 @@
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from operator import attrgetter
+import math
+import secrets
+from collections.abc import Sequence
 from pathlib import Path
 from string import ascii_uppercase
-from typing import Any, Self
+from typing import Any
 
-import pandas as pd
-
-from study.bounds import ceilings
 from study.core import cli, show, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import BASE
 from study.core.store import Run
-from study.numbers import accuracy, analysis, clocks, history, stats, summary
-from study.numbers.schema import Verify
-from study.numbers.stats import Interval
+from study.measuring import again, changes
+from study.measuring.changes import INSTRUCTIONS, NONE, SLOWER, TIMES, Row
+from study.measuring.two_runs import (
+    KINDS,
+    MACHINE,
+    UNCOUNTED,
+    Fault,
+    Side,
+    differences,
+    faults,
+    read,
+    warnings,
+)
+from study.numbers import analysis, history, significance, stats, summary
+from study.numbers.significance import LEVEL
 
 DESCRIPTION = """\
 Compares the times of runs with those of a base, configuration by configuration. The ratio is that of the
 medians, base over run: over 1, the run is faster. Its 95 % interval is a bootstrap over launches. Time is
 cycles over clock: the ratios of cycles and of clocks stand beside it, and the one that changed is named.
-"Slower" and "faster" mean that the interval excludes 1. Of forty configurations without a change, two are
-called so by chance. A machine that was busier during one of the runs adds more: launches of one run do not
-show that.
+
+"Slower" is the verdict of Mann and Whitney's exact rank test: the run takes longer by more than --least. All
+verdicts of a comparison are corrected together (Benjamini and Hochberg). If no configuration is slower, one
+or more is called so by chance in at most 2.5 % of comparisons. The same holds for "faster". A machine that
+was busier during one of the runs adds more: launches of one run do not show that. --confirm does.
+
+With --by instructions the verdict is of exact counts. More instructions are slower unless the time is
+faster. Where the counts agree, or time says slower, the verdict is that of time.
 
 Runs of two machines, different scenes and other sizes of the picture are said first and get no verdict.
 
 With --fail-on-slower the status is 1 for a configuration that is slower, or that the run lacks (vanished).
 It is also 1 for a phase outside its tolerance (failed) or not judged (unverified), and for runs without
-a verdict (machine, scene, size). --allow names what is let through."""
+a verdict (machine, scene, size, uncounted). --allow names what is let through."""
 STATUSES = {1: "with --fail-on-slower: see above"}
-KEY = ["scene", "width", "height", "threads", "spec"]
-LIMITS = ["hit_distance", "max_steps", "scene_hash"]
 COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads"), ("run", "run")]
 COLUMNS += [("base_ms", "A ms [95 %]"), ("ms", "run ms [95 %]"), ("time", "time A / run [95 %]")]
 COLUMNS += [("cycles", "cycles A / run [95 %]"), ("clock", "clock run / A [95 %]")]
-COLUMNS += [("baseline", "× baseline, run / A [95 %]"), ("moved", "moved")]
-COLUMNS += [("verdict", "run is")]
-CONTEXT = (
-    *("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib"),
-    *(f"cpu.{name}" for name in ("model", "microarchitecture", "stepping", "microcode", "logical_cpus")),
-    *("pinned.core_type", "git.commit", "git.dirty", "git.diff_sha256"),
-)
+COLUMNS += [("baseline", "× baseline, run / A [95 %]"), ("instructions", "instructions A / run")]
+COLUMNS += [
+    ("moved", "moved"),
+    ("again", "again, A / run [95 %]"),
+    ("p", "p, corrected"),
+    ("verdict", "run is"),
+]
 EXPORTS = ("github-action-benchmark",)
-MOVED = 0.005  # a quantity that changed by less is not what moved, however narrow its interval
-SLOWER, SAME, FEW = "slower", "the same within noise", "unknown (too few launches)"
-NONE = "no verdict"
-KINDS = ("vanished", "failed", "unverified", "machine", "scene", "size")
-VANISHED, BROKEN, UNVERIFIED, MACHINE, SCENE, SIZE = KINDS
-
-
-@dataclass(frozen=True)
-class Fault:
-    """What stands in the way of a gate: its kind (KINDS, or SLOWER), the run's letter, and a line."""
-
-    kind: str
-    run: str
-    text: str
-
-
-@dataclass(frozen=True)
-class Side:
-    """One run of the comparison: its letter, frames, and launches whose clock is off."""
-
-    letter: str
-    run: Run
-    frames: pd.DataFrame
-    off: Sequence[clocks.Off] = ()
-
-    def beyond(self, other: Self) -> list[str]:
-        """Configurations that this run has and the other has not, those of a phase and scene in one line."""
-        mine, theirs = (set(side.frames[KEY].itertuples(index=False, name=None)) for side in (self, other))
-        sizes: dict[str, list[str]] = {}
-        for scene, width, height, threads, spec in sorted(mine - theirs):
-            said = show.size(width, height) + (f" on {threads} threads" if threads > 1 else "")
-            sizes.setdefault(f"{spec} {scene}", []).append(said)
-        return [f"{name} {', '.join(each)}".strip() for name, each in sizes.items()]
-
-
-def read(letter: str, path: Path, leave_out: bool) -> Side:
-    """StudyError for a folder that is no run, has no timed frame or a broken context."""
-    run = Run.open(path)
-    frames = run.frames()
-    _ = run.context
-    if frames.empty or frames.warmup.all():
-        raise StudyError(f"{run}: no timed frame; measure with scripts/stepwise sweep --run {run} --resume")
-    off = clocks.off(frames)
-    return Side(letter, run, clocks.without(frames, off) if leave_out else frames, off)
-
-
-def _of_scene(sides: Sequence[Side]) -> Iterator[tuple[str, list[pd.DataFrame]]]:
-    frames = [dict(iter(side.frames.groupby("scene"))) for side in sides]
-    for scene in sorted(frames[0].keys() & frames[1].keys()):
-        yield str(scene), [each[scene] for each in frames]
-
-
-def other_work(*sides: Side) -> dict[str, str]:
-    """Scene → why its times cannot be compared: of another content, or by other limits."""
-    found = {}
-    for scene, both in _of_scene(sides):
-        for column in LIMITS:
-            first, second = (sorted(set(frames.get(column, ()))) for frames in both)
-            if first != second:
-                said = " and ".join(", ".join(map(str, each)) for each in (first, second))
-                found.setdefault(scene, f"{scene}: {column} differs ({said}); only the same work compares")
-    return found
-
-
-def other_sizes(*sides: Side) -> dict[str, str]:
-    """Scenes that no size of the picture has in common → what each run has."""
-    found = {}
-    for scene, both in _of_scene(sides):
-        first, second = (set(zip(frames.width, frames.height, strict=True)) for frames in both)
-        if not first & second:
-            said = " and ".join(", ".join(f"{w}x{h}" for w, h in sorted(each)) for each in (first, second))
-            found[scene] = f"{scene}: other sizes ({said})"
-    return found
-
-
-def other_machine(base: Side, other: Side) -> str | None:
-    """Why two runs are of two machines: CPU, CPUs, TSC rate, kind of core. None: nothing says so."""
-    kinds = [side.run.context.pinned.core_type for side in (base, other)]
-    cpus = [side.run.context.cpu for side in (base, other)]
-    rates = [float(clocks.clocked(side.frames).tsc_hz.median()) for side in (base, other)]
-    counts = [cpu.logical_cpus for cpu in cpus]
-    if not ceilings.other_cpu(*cpus, rates) and (None in counts or counts[0] == counts[1]):
-        same = None in kinds or kinds[0] == kinds[1]
-        return None if same else f"other core types: {' and '.join(kinds)}"
-    said = [
-        ceilings.describe(cpu, hz) + (f", {n} CPUs" if n else "")
-        for cpu, hz, n in zip(cpus, rates, counts, strict=True)
-    ]
-    return "other machines: " + " and ".join(said)
-
-
-def _values(frames: pd.DataFrame) -> dict[tuple, pd.DataFrame]:
-    """Configuration → its launches: ns, core_cycles, core_hz (NaN where the run has none)."""
-    return {key: cell.values for key, cell in analysis.by_key(analysis.cells_of(frames)).items()}
-
-
-def ratio(base: pd.Series, other: pd.Series) -> Interval | None:
-    """Base over other; None where one of them was not measured."""
-    if not (base.notna().all() and other.notna().all()):
-        return None
-    return stats.ratio_interval(base.to_numpy(float), other.to_numpy(float), rounds=False)  # none in common
-
-
-def over_baseline(key: tuple, base: dict, other: dict) -> Interval | None:
-    """The phase's speed-up over baseline in `other` by that in `base`; None for baseline and without it.
-
-    Both speed-ups are of one interleaved run each: what slows a whole run is in neither.
-    """
-    first = (*key[:-1], BASE)
-    if key[-1] == BASE or first not in base or first not in other:
-        return None
-    pairs = [tuple(one[name].ns for name in (first, key)) for one in (base, other)]
-    return stats.change_interval(*pairs)
-
-
-def judge(found: Interval | None) -> str:
-    if found is None:
-        return f"{NONE} (not measured)"
-    if not found.sufficient:
-        return FEW
-    return "faster" if found.low > 1 else SLOWER if found.high < 1 else SAME
-
-
-def moved(cycles: Interval | None, clock: Interval | None) -> str:
-    """Which of the two changed: its interval excludes 1, and by MOVED or more."""
-    changed = [
-        name
-        for name, found in (("cycles", cycles), ("clock", clock))
-        if found is not None and judge(found) in ("faster", SLOWER) and abs(found.value - 1) >= MOVED
-    ]
-    return " and ".join(changed)
-
-
-@dataclass(frozen=True)
-class Row:
-    """A configuration of both runs: times, and the ratios of the base over the run; None: not measured."""
-
-    scene: str
-    width: int
-    height: int
-    threads: int
-    spec: str
-    size: str
-    run: str
-    base_ms: Interval
-    ms: Interval
-    time: Interval | None
-    cycles: Interval | None
-    clock: Interval | None
-    baseline: Interval | None
-    moved: str
-    verdict: str
-
-
-def rows(base: Side, other: Side, by: str = "time", machine_may_differ: bool = False) -> list[Row]:
-    """`by`: the ratio that the verdict is of, time, cycles or baseline. Other work has no ratio."""
-    ours, theirs = _values(base.frames), _values(other.frames)
-    no_scene = other_work(base, other)
-    another = not machine_may_differ and other_machine(base, other) is not None
-    found = []
-    for key in ours.keys() & theirs.keys():
-        a, b = ours[key], theirs[key]
-        same = key[0] not in no_scene
-        ratios = {
-            "time": ratio(a.ns, b.ns),
-            "cycles": ratio(a.core_cycles, b.core_cycles),
-            "clock": ratio(b.core_hz, a.core_hz),
-            "baseline": over_baseline(key, ours, theirs),
-        }
-        if not same:
-            ratios = dict.fromkeys(ratios)
-        verdict = judge(ratios[by])
-        if another or not same:
-            verdict = f"{NONE} (other {'machine' if same else 'scene'})"
-        times = [stats.median_interval(one.ns / 1e6) for one in (a, b)]
-        about = (show.size(*key[1:3]), other.letter, *times)
-        changed = moved(ratios["cycles"], ratios["clock"])
-        found.append(Row(*key, *about, *ratios.values(), moved=changed, verdict=verdict))
-    return found
-
-
-def warnings(base: Side, other: Side, machine_may_differ: bool) -> list[Fault]:
-    found = [Fault(SCENE, other.letter, text) for text in other_work(base, other).values()]
-    found += [Fault(SIZE, other.letter, text) for text in other_sizes(base, other).values()]
-    if (text := other_machine(base, other)) and not machine_may_differ:
-        found.insert(0, Fault(MACHINE, other.letter, text))
-    return found
-
-
-def judged(run: Run) -> dict[tuple[str, str], bool]:
-    """(phase, scene) → within its tolerance, of all sizes, against baseline and against ground truth."""
-    verified = Verify.load_if_there(run.path / "verify.json")
-    told = [
-        (one.phase, one.scene, one.within_tolerance) for one in (verified.pairs if verified else None) or []
-    ]
-    told += [(r.phase, r.scene, not r.failed) for r in accuracy.rows(run.path) if r.gated]
-    found: dict[tuple[str, str], bool] = {}
-    for phase, scene, within in told:
-        if isinstance(within, bool):
-            found[phase, scene] = found.get((phase, scene), True) and within
-    return found
-
-
-def faults(base: Side, other: Side) -> list[Fault]:
-    """What the base has and the run lacks: configurations, and phases that are (still) within tolerance."""
-    sizes = other_sizes(base, other)  # those are said already
-    known = base.frames[~base.frames.scene.isin(list(sizes))]
-    absent = replace(base, frames=known).beyond(other)
-    found = [Fault(VANISHED, other.letter, f"not in {other.letter}: {name}") for name in absent]
-    before, now = judged(base.run), judged(other.run)
-    timed = set(base.frames[["phase", "scene"]].itertuples(index=False, name=None))
-    for phase, scene in sorted(timed):
-        if now.get((phase, scene)) is False:
-            found.append(
-                Fault(BROKEN, other.letter, f"outside its tolerance in {other.letter}: {phase} {scene}")
-            )
-        elif before.get((phase, scene)) and (phase, scene) not in now:
-            found.append(Fault(UNVERIFIED, other.letter, f"not verified in {other.letter}: {phase} {scene}"))
-    return found
-
-
-def facts(side: Side) -> dict[str, Any]:
-    """What may explain a difference: from the context, and flags and compiler of each spec."""
-    found = {name: attrgetter(name)(side.run.context) for name in CONTEXT}
-    for (spec, flags, compiler, libc), _ in side.frames.groupby(["spec", "flags", "compiler", "libc"]):
-        found[f"build of {spec}"] = f"{compiler}, glibc {libc}, {flags}"
-    return found
-
-
-def differences(sides: Sequence[Side]) -> dict[str, dict[str, Any]]:
-    """Facts that are not the same in all runs that have them: name → letter → value."""
-    told = {side.letter: facts(side) for side in sides}
-    names = dict.fromkeys(name for each in told.values() for name in each)
-    values = {name: {k: each[name] for k, each in told.items() if name in each} for name in names}
-    return {name: each for name, each in values.items() if len({str(v) for v in each.values()}) > 1}
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("runs", metavar="RUN", nargs="*", type=Path, help="folders of runs, the base first")
-    add("--by", choices=("time", "cycles", "baseline"), default="time", help="of the verdict; default: time")
+    add("--by", choices=(*TIMES, INSTRUCTIONS), default="time", help="of the verdict; default: time")
+    about = "smallest change of time that counts, like 2%%; default: 0%%"
+    add("--least", type=cli.percent, default=0.0, metavar="P", help=about)
+    about = "with --by instructions: smallest change of work that counts; default: 0.1%%"
+    add("--least-work", type=cli.percent, default=0.001, metavar="P", help=about)
+    about = "launch what looks slower again, by turns with the base's program from that folder's build"
+    add("--confirm", type=Path, metavar="CHECKOUT", help=about)
+    about = "of order and padding with --confirm; default: random"
+    add("--seed", type=cli.at_least(0), default=secrets.randbelow(2**32), help=about)
     about = "leave out launches whose TSC rate is 0.01 %% off the run's, or whose core clock 3 %% off its "
     add("--leave-out-off-clock", action="store_true", help=about + "configuration's")
     add("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
@@ -305,7 +90,7 @@ def shown(sides: Sequence[Side], first: Sequence[Fault], found: Sequence[Row], b
     lines = [f"{side.letter}: {side.run}" for side in sides]
     lines += [*(f"{NONE} on {one.run}: {one.text}" for one in first), ""]
     if found:
-        columns = [one for one in COLUMNS if by == "baseline" or one[0] != "baseline"]
+        columns = [one for one in COLUMNS if by in ("baseline", INSTRUCTIONS) or one[0] != "baseline"]
         lines.append(summary.table(found, columns))
     return lines
 
@@ -350,6 +135,48 @@ def benchmark(run: Run, by_baseline: bool) -> list[dict[str, Any]]:
     return found
 
 
+def confirmed(found: list[Row], sides: Sequence[Side], args: argparse.Namespace) -> list[Row]:
+    """With what looks slower in time measured again. Raises StudyError: for more runs than two, and where a
+    program is not the one that was measured."""
+    if len(sides) != 2:
+        raise StudyError(f"--confirm takes the base and one run, not {len(sides)} runs")
+    work = args.least_work if args.by == INSTRUCTIONS else math.inf  # counts are exact
+    seems = [row.key for row in found if row.verdict == SLOWER and row.more_work < work]
+    if not seems:
+        return found
+    times = again.by_turns(sides[0].run, sides[1].run, args.confirm, seems, args.seed)
+    return changes.confirmed(found, times, args.least)
+
+
+def uncounted(found: Sequence[Row]) -> list[Fault]:
+    """Of one thread: counts do not depend on their number."""
+    how = "count both runs with scripts/stepwise flops --measure"
+    return [
+        Fault(
+            UNCOUNTED,
+            row.run,
+            f"not counted in both: {row.spec} {row.scene}; {how} -n {row.height} --run RUN",
+        )
+        for row in found
+        if row.instructions is None and row.threads == 1 and not row.verdict.startswith(NONE)
+    ]
+
+
+def chance(found: Sequence[Row]) -> list[str]:
+    """What is left of it, and what so few launches cannot tell."""
+    judged = [row for row in found if row.p is not None]
+    if not judged:
+        return []
+    several = f"{len(judged)} verdicts, corrected together" if len(judged) > 1 else "1 verdict"
+    lines = [
+        f"{several}: if none is slower, chance makes one so in at most {100 * LEVEL:.3g} % of comparisons"
+    ]
+    fewest = min(min(row.base_ms.launches, row.ms.launches) for row in judged)
+    if significance.family(fewest) < len(judged):
+        lines.append(f"{fewest} launches are too few to tell a single slower one among {len(judged)}")
+    return ["", *lines]
+
+
 def run(args: argparse.Namespace) -> Outcome:
     if args.history or args.export:
         if len(args.runs) != (0 if args.history else 1) or (args.history and args.export):
@@ -368,19 +195,24 @@ def run(args: argparse.Namespace) -> Outcome:
     ]
     base, *others = sides
     lenient = MACHINE in args.allow
-    found = [row for other in others for row in rows(base, other, args.by, lenient)]
-    found.sort(key=lambda row: (row.scene, row.width, row.height, row.threads, row.spec, row.run))
+    found = [row for other in others for row in changes.rows(base, other, args.by, args.least, lenient)]
+    found.sort(key=lambda row: (*row.key, row.run))
+    found = changes.judged(found, args.by, args.least_work)
+    if args.confirm:
+        found = confirmed(found, sides, args)
     first = [fault for other in others for fault in warnings(base, other, lenient)]
     if not found and not first:
         raise StudyError(f"{', '.join(str(side.run) for side in sides)}: no phase, scene and size in common")
     missing = [fault for other in others for fault in faults(base, other)]
+    if args.by == INSTRUCTIONS:
+        missing += uncounted(found)
     new = [f"only in {other.letter}: {name}" for other in others for name in other.beyond(base)]
     differ = differences(sides)
     told = {"runs": {side.letter: str(side.run) for side in sides}, "rows": found}
     told |= {"no_verdict": first, "missing": missing, "new": new, "differences": differ}
     told |= {"off_clock": {side.letter: list(side.off) for side in sides}}
     left = "left out of" if args.leave_out_off_clock else "in"
-    lines = shown(sides, first, found, args.by)
+    lines = [*shown(sides, first, found, args.by), *chance(found)]
     lines += [f"{left} {side.letter}: {one.text()}" for side in sides for one in side.off]
     lines += [*(fault.text for fault in missing), *new]
     lines.append("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
@@ -389,7 +221,9 @@ def run(args: argparse.Namespace) -> Outcome:
     if not args.fail_on_slower:
         return Outcome(told, lines)
     slower = [
-        Fault(SLOWER, row.run, f"{SLOWER} in {row.run}: {row.spec} {row.scene} {row.size}")
+        Fault(
+            SLOWER, row.run, f"{SLOWER} in {row.run}: {row.spec} {row.scene} {row.size} ({row.why(args.by)})"
+        )
         for row in found
         if row.verdict == SLOWER
     ]

@@ -104,6 +104,14 @@ def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
     return parse
 
 
+def percent(text: str) -> float:
+    """An argparse type: `2%` as .02."""
+    with contextlib.suppress(ValueError):
+        if text.endswith("%") and 0 <= (value := float(text[:-1])) < math.inf:
+            return value / 100
+    raise argparse.ArgumentTypeError(f"'{text}': must be a percentage of at least 0, like 2%")
+
+
 _enders: list[Callable[[], None]] = []
 
 

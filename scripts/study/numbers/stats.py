@@ -84,7 +84,7 @@ def median_interval(values: ArrayLike) -> Interval:
     return Interval(value, float(values[k - 1]), float(values[-k]), len(values), True)
 
 
-def _pairs(base: ArrayLike, other: ArrayLike, rounds: bool) -> tuple[np.ndarray, np.ndarray]:
+def pairs_of(base: ArrayLike, other: ArrayLike, rounds: bool) -> tuple[np.ndarray, np.ndarray]:
     """Places in `base` and in `other` of the launches that were of one round, in its order. Of two Series
     their index tells the round (NaN: unknown), of others their place. None without `rounds`."""
     known = [some.index for some in (base, other) if isinstance(some, pd.Series) and not some.index.hasnans]
@@ -99,8 +99,8 @@ def resampled_ratios(
     base: ArrayLike, other: ArrayLike, random: np.random.Generator, count: int, pairs: Any = None
 ) -> np.ndarray:
     """Ratios of medians of `count` draws with replacement, shape (count,). Each draw has as many launches of
-    both as there are: `pairs` (_pairs) together, launches that the other has none beside by themselves."""
-    pairs = pairs or _pairs(base, other, True)
+    both as there are: `pairs` (pairs_of) together, launches that the other has none beside by themselves."""
+    pairs = pairs or pairs_of(base, other, True)
 
     def draws(places: np.ndarray) -> np.ndarray:
         if not len(places):
@@ -137,7 +137,7 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
     value = float(np.median(base) / np.median(other)) if launches else np.nan
     if launches < ENOUGH or not (np.isfinite(base).all() and np.isfinite(other).all()):
         return Interval(value, np.nan, np.nan, launches, False)
-    first, second = (np.asarray(places, int).tobytes() for places in _pairs(base, other, rounds))
+    first, second = (np.asarray(places, int).tobytes() for places in pairs_of(base, other, rounds))
     times = (np.asarray(one, float).tobytes() for one in (base, other))
     return Interval(value, *_ratio_ends(*times, (first, second), seed, RESAMPLES), launches, True)
 

@@ -8,7 +8,7 @@ import emitted
 import pytest
 from compared import make_run, rows, run, sides
 
-from study.commands import compare
+from study.measuring import changes
 from study.numbers import noise
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
@@ -41,7 +41,7 @@ def test_ratios_are_those_of_the_medians(two):
     assert verdicts == {
         ("opt1", "s"): "faster",
         ("opt1", "t"): "slower",
-        ("opt2", "s"): compare.SAME,
+        ("opt2", "s"): changes.SAME,
     }
     assert found["opt1", "s"].base_ms.value == pytest.approx(100, rel=0.01)
 
@@ -61,7 +61,7 @@ def test_time_is_cycles_over_clock_and_what_moved_is_named(tmp_path):
         assert row.clock.value == pytest.approx(ghz / 3)
         assert row.time.value == pytest.approx(row.cycles.value * row.clock.value)
         by_cycles = rows(base, other, by="cycles")["opt1", "s"].verdict
-        assert by_cycles == ("faster" if cycles > 1 else compare.SAME)
+        assert by_cycles == ("faster" if cycles > 1 else changes.SAME)
 
 
 def test_too_few_launches_give_no_verdict(tmp_path):
@@ -85,9 +85,9 @@ def pinned(kind):
         ({}, {"scene_hash": "bb"}, "scene", "scene_hash"),
         ({}, {"hit_distance": 1e-3}, "scene", "hit_distance"),
         ({}, {"max_steps": 10}, "scene", "max_steps"),
-        ({"cpu": CPU | {"model": "Other CPU"}}, {}, "machine", compare.NONE),
-        ({"cpu": CPU | {"logical_cpus": 8}}, {}, "machine", compare.NONE),
-        ({}, clocked(3, 10, 2.6), "machine", compare.NONE),
+        ({"cpu": CPU | {"model": "Other CPU"}}, {}, "machine", changes.NONE),
+        ({"cpu": CPU | {"logical_cpus": 8}}, {}, "machine", changes.NONE),
+        ({}, clocked(3, 10, 2.6), "machine", changes.NONE),
         (pinned("E-core"), {}, "machine", "P-core and E-core"),  # of one hybrid processor
         ({}, {"width": 32, "height": 18}, "size", "16x9 and 32x18"),
     ],
@@ -107,7 +107,7 @@ def test_what_differs_is_said_first_and_has_no_verdict(tmp_path, context, frames
 @pytest.mark.parametrize("kind", ["P-core", None])  # where one run does not say, nothing differs
 def test_one_kind_of_core_is_one_machine(tmp_path, kind):
     a, b = (make_run(tmp_path / name, TIMES, pinned(of)) for name, of in [("a", "P-core"), ("b", kind)])
-    assert {row.verdict for row in rows(a, b).values()} == {compare.SAME}
+    assert {row.verdict for row in rows(a, b).values()} == {changes.SAME}
 
 
 def test_a_launch_with_another_clock_is_flagged_and_can_be_left_out(tmp_path):
