@@ -15,6 +15,7 @@
 #   make BUILD=build/emulated EMULATE=1 ...          AVX-512 emulated by AVX2, for tests of pictures (tests/emulate)
 #
 # common/build/phase_info.py turns phase.json into flags.json and phase_info.h; common/build/compile.py compiles.
+unexport CDPATH PYTHONPATH PYTHONHOME # of the user's shell: they lead cd and Python elsewhere
 ifeq ($(origin CC),default)
 CC := gcc
 endif
