@@ -8,7 +8,8 @@
 # for no password; Python packages from requirements.lock, checked by hash, into .venv. Exit status: 0 all is there,
 # 1 something is missing and could not be installed (one line says what to do), 2 bad argument.
 set -eu
-cd "$(dirname "$0")/.."
+unset CDPATH # cd would go elsewhere, and say so
+cd -- "$(dirname -- "$0")/.."
 root=$PWD
 log=$root/build/setup.log
 stamp=.venv/.installed-from # the lock's sha256, written last
@@ -37,6 +38,12 @@ if command -v flock >/dev/null; then # one setup at a time
     exec 9>build/setup.lock
     flock 9
 fi
+# Python starts with -I: PYTHONPATH and PYTHONHOME name packages of another one. A finished .venv whose packages its
+# Python cannot load is of a Python that an upgrade has replaced, or of another machine.
+if [ -e $stamp ] && ! .venv/bin/python -I -c 'import numpy' 2>/dev/null; then
+    say ".venv is of another Python or machine; it is made anew"
+    rm -rf .venv
+fi
 
 # --- System packages: what is looked for is the tool or library itself, whoever installed it.
 
@@ -44,7 +51,7 @@ fi
 right_python='import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))'
 find_python() {
     for python in "${PYTHON3-}" python3 python3.14 python3.13 python3.12 python3.11 /usr/bin/python3; do
-        [ -n "$python" ] && "$python" -c "$right_python" 2>/dev/null && return
+        [ -n "$python" ] && "$python" -I -c "$right_python" 2>/dev/null && return
     done
     python=
 }
@@ -63,7 +70,7 @@ missing_packages() {
     if [ -z "$python" ]; then
         need python3
         need python3-venv
-    elif [ ! -e $stamp ] && ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
+    elif [ ! -e $stamp ] && ! "$python" -I -c 'import ensurepip, venv' 2>/dev/null; then
         need python3-venv
     fi
     if [ "$purpose" = view ]; then
@@ -173,7 +180,7 @@ fi
 # --- Python packages
 
 wanted=$(sha256sum <requirements.lock | cut -d' ' -f1)
-if [ -e $stamp ] && [ "$(cat $stamp)" = "$wanted" ] && .venv/bin/python -c '' 2>/dev/null; then
+if [ -e $stamp ] && [ "$(cat $stamp)" = "$wanted" ]; then
     exit 0
 fi
 need_room() { # megabytes, at, for what, those that it has already
@@ -181,10 +188,10 @@ need_room() { # megabytes, at, for what, those that it has already
     [ "$((left + $4))" -ge "$1" ] || die "the disk of $2 is too small: $3 takes $1 MB, and $left MB are left"
 }
 # A .venv that was left half-made, or whose Python is gone or another, is made again.
-if ! .venv/bin/python -c "import pip; $right_python" 2>/dev/null; then
+if ! .venv/bin/python -I -c "import pip; $right_python" 2>/dev/null; then
     say "making .venv with $("$python" --version)"
     rm -rf .venv
-    "$python" -m venv .venv >"$log" 2>&1 || {
+    "$python" -I -m venv .venv >"$log" 2>&1 || {
         need_room 700 . "what is installed" 0
         die "$python -m venv failed: $(tail -1 "$log")"
     }
@@ -194,7 +201,7 @@ rm -f $stamp
 pip_install() { # of a lock file, which names all that its packages need
     file=$1
     shift
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --retries 2 --only-binary :all: \
+    .venv/bin/python -I -m pip install --quiet --disable-pip-version-check --no-input --retries 2 --only-binary :all: \
         --no-deps --require-hashes "$@" -r "$file" >"$log" 2>&1 </dev/null
 }
 # Why pip failed is found by asking anew, not from its words: they change with its versions.
@@ -202,10 +209,10 @@ of_package() { # the lines of $1 in the lock file; with $2, all others
     awk -v name="$1==" -v others="${2-}" 'index($0, name) == 1 {mine = 1}
         mine ? !others : others {print} mine && !/\\$/ {mine = 0}' build/setup.lock.txt
 }
-index=${PIP_INDEX_URL:-$(.venv/bin/python -m pip config get global.index-url 2>/dev/null || :)}
+index=${PIP_INDEX_URL:-$(.venv/bin/python -I -m pip config get global.index-url 2>/dev/null || :)}
 index=${index:-https://pypi.org/simple}
 answers() { # the index, whatever it answers: pip judges that
-    .venv/bin/python - "${index%/}/pip/" <<'END'
+    .venv/bin/python -I - "${index%/}/pip/" <<'END'
 import ssl, sys, urllib.error, urllib.request
 try:
     urllib.request.urlopen(urllib.request.Request(sys.argv[1], method="HEAD"), timeout=30)

@@ -38,12 +38,23 @@ def tree(tmp_path: Path) -> Path:
     (tmp_path / "include" / "embree3").mkdir(parents=True)
     (tmp_path / "include" / "embree3" / "rtcore.h").touch()
     (tmp_path / "requirements.lock").write_text("")
-    (tmp_path / ".venv" / "bin").mkdir(parents=True)
-    (tmp_path / ".venv" / "bin" / "python").symlink_to(PYTHON)
+    venv(tmp_path)
     (tmp_path / ".venv" / ".installed-from").write_text(hashlib.sha256(b"").hexdigest())
     for name in ("sudo", "apt-cache"):
         command(tmp_path, name, 'shift; exec "$@"' if name == "sudo" else "exit 0")
     return tmp_path
+
+
+def venv(tree: Path) -> Path:
+    """An environment with a numpy and a pip that do nothing; where they are."""
+    packages = tree / ".venv" / "lib" / f"python3.{sys.version_info.minor}" / "site-packages"
+    packages.mkdir(parents=True)
+    for name in ("numpy", "pip"):
+        (packages / f"{name}.py").touch()
+    (tree / ".venv" / "bin").mkdir()
+    (tree / ".venv" / "bin" / "python").symlink_to(PYTHON)
+    (tree / ".venv" / "pyvenv.cfg").write_text(f"home = {Path(PYTHON).parent}\n")
+    return packages
 
 
 def command(tree: Path, name: str, body: str) -> None:
@@ -51,11 +62,11 @@ def command(tree: Path, name: str, body: str) -> None:
     (tree / "bin" / name).chmod(0o755)
 
 
-def ends(tree: Path, **environment: str) -> tuple[int, str, str]:
-    """Status, standard output and errors of a setup."""
+def ends(tree: Path, script: str = "", **environment: str) -> tuple[int, str, str]:
+    """Status, standard output and errors of a setup, begun in the tree."""
     env = {"PATH": str(tree / "bin"), "STEPWISE_INCLUDE": str(tree / "include")} | environment
-    words = [tree / "bin" / "sh", tree / "scripts" / "setup.sh", "study"]
-    done = subprocess.run(words, env=env, capture_output=True, text=True)
+    words = [tree / "bin" / "sh", script or tree / "scripts" / "setup.sh", "study"]
+    done = subprocess.run(words, env=env, cwd=tree, capture_output=True, text=True)
     return done.returncode, done.stdout, done.stderr
 
 
@@ -179,3 +190,45 @@ def test_a_package_without_a_wheel_is_named_and_the_rest_goes_on(tree: Path) -> 
     assert (tree / "installed").read_text() == "    # via x\nlittle==2 \\\n    --hash=sha256:22\n"
     assert ends(tree) == (0, "", "")
     assert (tree / ".venv" / ".without").read_text() == "one\n"
+
+
+def test_a_path_of_folders_to_go_to_does_not_lead_it_elsewhere(tree: Path, tmp_path: Path) -> None:
+    """CDPATH: `cd scripts/..` goes to another folder that has one, and would remove its .venv there."""
+    whole(tree)
+    other = tmp_path / "other"
+    (other / "scripts").mkdir(parents=True)
+    kept = other / ".venv" / "kept"
+    kept.parent.mkdir()
+    kept.touch()
+    assert ends(tree, "scripts/setup.sh", CDPATH=str(other)) == (0, "", "")
+    assert kept.exists() and not (other / "build").exists() and (tree / "build").exists()
+
+
+NEW = """case "$*" in *venv*) ;; *) exec "$REAL" "$@" ;; esac
+mkdir -p .venv/bin; printf '#!/bin/sh\\nexit 0\\n' >.venv/bin/python; chmod 755 .venv/bin/python"""
+
+
+@pytest.mark.parametrize("change", ["another version", "another machine"])
+def test_an_environment_of_another_python_is_made_anew(tree: Path, change: str) -> None:
+    """After an upgrade, the Python that .venv links to looks for its packages in a folder of another version.
+    Those of another machine are there, and cannot be loaded."""
+    whole(tree)
+    python3 = Path(shutil.which("chmod") or ""), tree / "bin" / "python3"
+    (tree / "bin" / "chmod").symlink_to(python3[0])
+    python3[1].unlink()
+    command(tree, "python3", f"REAL={PYTHON}\n{NEW}")
+    packages = tree / ".venv" / "lib" / f"python3.{sys.version_info.minor}" / "site-packages"
+    if change == "another version":
+        packages.parent.rename(packages.parent.with_name("python3.2"))
+    else:
+        (packages / "numpy.py").write_text("raise ImportError('wrong ELF class')")
+    status, said, error = ends(tree)
+    assert (status, error) == (0, "") and "made anew" in said and said.endswith("setup: done\n")
+    assert not packages.parent.parent.exists() and ends(tree) == (0, "", "")
+
+
+def test_packages_that_the_shell_exports_do_not_count(tree: Path) -> None:
+    whole(tree)
+    (tree / "exported").mkdir()
+    (tree / "exported" / "numpy.py").write_text("raise SystemError('the wrong numpy')")
+    assert ends(tree, PYTHONPATH=str(tree / "exported"), PYTHONHOME="/nowhere") == (0, "", "")

@@ -27,8 +27,8 @@ def install(home: Path, packages: Sequence[str]) -> None:
     """A new environment in home/venv with packages from PyPI. Raises StudyError with pip's last line."""
     cli.say(f"installing {' '.join(packages)} into {home / 'venv'}")
     for command in (
-        [sys.executable, "-m", "venv", "--clear", home / "venv"],
-        [python_of(home), "-m", "pip", "install", "-q", "--disable-pip-version-check", *packages],
+        [sys.executable, "-I", "-m", "venv", "--clear", home / "venv"],
+        [python_of(home), "-I", "-m", "pip", "install", "-q", "--disable-pip-version-check", *packages],
     ):
         done = child.run(command, capture_output=True, text=True)
         if done.returncode:

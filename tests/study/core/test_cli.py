@@ -104,7 +104,18 @@ def doors(folder: Path, venv: str = "") -> list[str | Path]:
 def test_the_command_starts_in_the_venv(tmp_path):
     command = doors(tmp_path, '#!/bin/sh\necho "venv: $*"\n')
     done = subprocess.run([*command, "--phase", "a b"], capture_output=True, text=True)
-    assert done.stdout == f"venv: {command[-1]} --phase a b\n"
+    assert done.stdout == f"venv: -I {command[-1]} --phase a b\n"
+
+
+@pytest.mark.parametrize("way", [[], [sys.executable]], ids=["itself", "by Python"])
+def test_packages_that_the_shell_exports_are_not_taken(tmp_path, way):
+    """Nor a Python: PYTHONHOME of another one has no library."""
+    (tmp_path / "numpy").mkdir()
+    (tmp_path / "numpy" / "__init__.py").write_text("raise SystemError('the wrong numpy')\n")
+    exported = {"PYTHONPATH": str(tmp_path)} | ({} if way else {"PYTHONHOME": str(tmp_path)})
+    words = [*way, STEPWISE, "compare", "-h"]
+    done = subprocess.run(words, env=os.environ | exported, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "") and "usage: stepwise compare" in done.stdout
 
 
 def test_without_packages_it_ends_in_one_line(tmp_path):

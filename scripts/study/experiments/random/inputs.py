@@ -55,7 +55,7 @@ def scenes(kind: str, seed: int, count: int) -> Row:
         test = f"{TESTS / 'hard' / 'test_random_scenes.py'}::{SCENES[kind]}"
         how = ["-q", "-o", f"cache_dir={scratch}", f"--hypothesis-seed={seed}"]
         more = {"STEPWISE_RANDOM": str(count), "STEPWISE_KEPT": str(scratch)}
-        command = [sys.executable, "-m", "pytest", *how, test]
+        command = [sys.executable, "-I", "-m", "pytest", *how, test]
         done = child.run(command, capture_output=True, text=True, cwd=ROOT, env=os.environ | more)
         if done.returncode not in (0, 1):
             raise StudyError(f"pytest: {(done.stderr or done.stdout).strip().splitlines()[-1]}")
@@ -73,7 +73,7 @@ def fuzzed(harness: str, seed: int, count: int) -> Row:
         (scratch / "corpus").mkdir()
         more: list[str | Path] = []
         if harness == "scene":
-            subprocess.run([sys.executable, TESTS / "fuzz" / "seeds.py", scratch / "seeds"], check=True)
+            subprocess.run([sys.executable, "-I", TESTS / "fuzz" / "seeds.py", scratch / "seeds"], check=True)
             more = [scratch / "seeds", f"-dict={TESTS / 'fuzz' / 'scene.dict'}"]
         how = [f"-seed={seed}", f"-runs={count}", "-max_len=1200", "-timeout=10", "-rss_limit_mb=2048"]
         command = [program, scratch / "corpus", *more, *how, f"-artifact_prefix={scratch}/found-"]
