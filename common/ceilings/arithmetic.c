@@ -1,4 +1,4 @@
-// The arithmetic kernels in assembly. See arithmetic.h.
+// The arithmetic kernels of x86-64 in assembly. See arithmetic.h.
 #include "arithmetic.h"
 
 #include <stdio.h>
@@ -6,6 +6,7 @@
 const char *const KIND_NAMES[KINDS] = {"fma",  "add",   "mul",     "minmax",   "div",
                                        "sqrt", "rsqrt", "add+mul", "add+2mul", "2add+mul"};
 
+#ifdef __x86_64__
 // x = x op register 14
 #define TWO(OP, I) OP " %%xmm14, %%xmm" #I "\n\t"
 #define THREE_128(OP, I) OP " %%xmm14, %%xmm" #I ", %%xmm" #I "\n\t"
@@ -122,6 +123,7 @@ EVEX_512(rsqrt_pd_512, FOUR(FOR_10(UNARY, "vrsqrt14pd", "zmm") ADD_TO_4(THREE_51
         {RSQRT, false, 256, rsqrt_ps_256, "avx", RSQRT_ERROR},
         {RSQRT, false, 512, rsqrt_ps_512, "avx512f", RSQRT14_ERROR},
 };
+#endif
 
 enum form kernel_form(enum kind kind) {
     return kind == SQRT || kind == RSQRT ? FROM_RISING : kind == MINMAX ? RUNNING_MAX : CHAINED;
@@ -129,7 +131,8 @@ enum form kernel_form(enum kind kind) {
 
 int operations_per_loop(enum kind kind) {
     enum form form = kernel_form(kind);
-    return form == CHAINED ? 14 * BODY_REPEATS : form == FROM_RISING ? 10 * BODY_REPEATS : 192;
+    int registers = form == CHAINED ? 14 : form == FROM_RISING ? 10 : 12;
+    return registers * (form == RUNNING_MAX ? 16 : BODY_REPEATS) * REGISTERS / BANK;
 }
 
 int kernel_lanes(const struct arithmetic_kernel *c) {

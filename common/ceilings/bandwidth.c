@@ -1,4 +1,4 @@
-// The bandwidth kernels in assembly, and their check. See bandwidth.h.
+// The bandwidth kernels of x86-64 in assembly, and the check of all. See bandwidth.h.
 #include "bandwidth.h"
 
 #include <stdio.h>
@@ -8,6 +8,7 @@
 
 const char *const TRANSFER_NAMES[TRANSFER_KINDS] = {"load", "store", "copy"};
 
+#ifdef __x86_64__
 #define LOAD_AT(MOV, R, BYTES, I) MOV " " #I "*" #BYTES "(%[p]), %%" R #I "\n\t"
 #define STORE_AT(MOV, R, BYTES, I) MOV " %%" R #I ", " #I "*" #BYTES "(%[p])\n\t"
 #define STORE_COPY(MOV, R, BYTES, I) MOV " %%" R #I ", " #I "*" #BYTES "(%[p],%[copy_distance])\n\t"
@@ -53,8 +54,14 @@ LOAD_STORE_COPY(512, 512, "vmovups", "vzeroupper", "vmovups", "zmm", 64)
     }
 const struct transfer_kernel TRANSFER_KERNELS[] = {TRANSFER(64, NULL), TRANSFER(128, NULL),
                                                    TRANSFER(256, "avx"), TRANSFER(512, "avx512f")};
+#endif
+
+size_t register_bytes(const struct transfer_kernel *m) {
+    return (size_t)(m->bits < WIDEST ? m->bits : WIDEST) / 8;
+}
+
 int bytes_per_loop(const struct transfer_kernel *m) {
-    return BLOCK * m->bits / 8 * (m->kind == COPY ? 2 : 1);
+    return BLOCK * (int)register_bytes(m) * (m->kind == COPY ? 2 : 1);
 }
 
 uint64_t test_word(size_t index) {
@@ -77,7 +84,7 @@ bool transfer_is_correct(const struct transfer_kernel *m, long loops, long expec
     _Alignas(64) static union {
         uint64_t words[REGISTERS][SLOT / 8];
     } in, out, last;
-    size_t bytes = (size_t)m->bits / 8;
+    size_t bytes = register_bytes(m);
     for (size_t i = 0; i < 2 * WORDS; i++)
         wanted[i] = memory[i] = test_word(i);
     for (size_t i = 0; i < REGISTERS * SLOT / 8; i++)

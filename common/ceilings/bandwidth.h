@@ -1,6 +1,6 @@
 // Bandwidth kernels: loads, stores and copies through a window of memory.
 //
-// A kernel executes `loops` blocks of 16 accesses each. Blocks follow each other through the window,
+// A kernel executes `loops` blocks of 16 registers each. Blocks follow each other through the window,
 // from `offset` to its end and again from its start. Masking the offset avoids an inner loop, whose
 // end would be mispredicted. The kernel updates `offset`, and loads and stores the 16 registers as
 // in arithmetic.h.
@@ -22,13 +22,19 @@ struct window {
 
 struct transfer_kernel {
     enum transfer_kind kind;
-    int bits;
+    int bits; // of an instruction; on arm64 256: a pair of registers of 128 bits
     void (*run)(long loops, struct window *w, const void *in, void *out);
     const char *needs;
 };
-enum { TRANSFER_KERNEL_COUNT = 12, BLOCK = 16 };
+#ifdef __aarch64__
+enum { TRANSFER_KERNEL_COUNT = 9, WIDEST = 128, BLOCK = 16 };
+#else
+enum { TRANSFER_KERNEL_COUNT = 12, WIDEST = 512, BLOCK = 16 }; // WIDEST: bits of a register
+#endif
 extern const struct transfer_kernel TRANSFER_KERNELS[TRANSFER_KERNEL_COUNT];
 
+// Bytes of a register that a block reads or writes.
+size_t register_bytes(const struct transfer_kernel *m);
 // Bytes that a block reads and writes; a copy counts both.
 int bytes_per_loop(const struct transfer_kernel *m);
 

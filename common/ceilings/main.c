@@ -4,10 +4,10 @@
 //
 //   ceilings [--samples N]
 //
-// Arithmetic (arithmetic.c): throughput of fma, add, mul, minmax, div, sqrt and rsqrt, in double and
-// single precision, from scalar to 512 bits. Also mixes of adds and multiplications: add+mul in
+// Arithmetic (arithmetic.h): throughput of fma, add, mul, minmax, div, sqrt and rsqrt, in double and
+// single precision, from scalar to the widest registers. Also mixes of adds and multiplications: add+mul in
 // turn, add+2mul 5 to 9, 2add+mul 9 to 5. Some cores have separate units for both, so that a mix
-// issues more per cycle; which mix is fastest depends on the core. Bandwidth (bandwidth.c): load,
+// issues more per cycle; which mix is fastest depends on the core. Bandwidth (bandwidth.h): load,
 // store and copy in L1, L2, L3 and memory (working_sets.h). The estimate is described in samples.h.
 //
 // Kernels are assembly, so that no compiler folds, hoists or removes them. All are checked: after its

@@ -66,7 +66,7 @@ static void run_transfer(void *what) {
 static void measure_transfer(enum level level, struct transfer_run *t, size_t *position,
                              const struct clocks *clocks, int count) {
     const struct transfer_kernel *m = t->kernel;
-    size_t per_block = BLOCK * (size_t)m->bits / 8;
+    size_t per_block = BLOCK * register_bytes(m);
     if (level == MEMORY) {
         t->window.offset = *position & t->window.mask;
     } else {

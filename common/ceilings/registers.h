@@ -1,11 +1,19 @@
-// The 16 vector registers. Every kernel loads them from memory at its start and stores them at its
-// end, one per slot of 64 bytes. Here are their type in C, and the assembly that loads and stores.
+// The vector registers, 16 of x86-64 and 32 of arm64. Every kernel loads them from memory at its start and
+// stores them at its end, one per slot of 64 bytes. Here are their type in C, and the assembly that loads and
+// stores those of x86-64.
 #ifndef STEPWISE_CEILINGS_REGISTERS_H
 #define STEPWISE_CEILINGS_REGISTERS_H
 
 #include <stdbool.h>
 
-enum { REGISTERS = 16, SLOT = 64 }; // SLOT: bytes of the widest register
+#ifdef __aarch64__
+enum { REGISTERS = 32 };
+#else
+enum { REGISTERS = 16 };
+#endif
+// BANK: arm64's second 16 registers do what the first do, since cores with four units of a latency of four
+// cycles need 16 operations under way. SLOT: bytes of the widest register.
+enum { BANK = 16, SLOT = 64 };
 
 // The registers as lanes of either precision.
 union registers {
@@ -25,6 +33,7 @@ static inline void set_lane(union registers *r, bool is_double, int at, int i, d
         r->f[at][i] = (float)value;
 }
 
+#ifdef __x86_64__
 // --- In assembly. M(OP, I) is the text for register I.
 
 // clang-format off
@@ -46,5 +55,6 @@ static inline void set_lane(union registers *r, bool is_double, int at, int i, d
 #define CLOBBERED                                                                                  \
     "xmm0", "xmm1", "xmm2", "xmm3", "xmm4", "xmm5", "xmm6", "xmm7", "xmm8", "xmm9", "xmm10",       \
         "xmm11", "xmm12", "xmm13", "xmm14", "xmm15"
+#endif
 
 #endif

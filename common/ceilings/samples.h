@@ -23,7 +23,7 @@ struct samples {
     int count;
 };
 
-// Seconds of a TSC difference, less the timer's overhead.
+// Seconds of a difference of timer readings, less the timer's overhead.
 double ticks_to_seconds(const struct clocks *clocks, uint64_t ticks);
 
 // Times one(what), which does `work` units of work, until `count` samples are good or eight times as
@@ -32,7 +32,7 @@ double ticks_to_seconds(const struct clocks *clocks, uint64_t ticks);
 //
 // A chain of adds before and after each sample measures the core clock. Dense 512-bit FMAs lower
 // some clocks more than timer_core_hz_under_load does, and the clock recovers more slowly than a
-// chain takes (33 µs at 3 GHz). So the chains next to the sample give its clock. If they differ by
+// chain takes (33 µs at 3 GHz; timer.c). So the chains next to the sample give its clock. If they differ by
 // 0.3 % or more, the clock changed or a chain was disturbed, and the sample is dropped.
 void take_samples(struct samples *s, const struct clocks *clocks, void (*one)(void *), void *what,
                   bool warm, double work, int count);

@@ -17,11 +17,15 @@ bool cpu_supports(const char *feature) {
         return false;
     if (limit && strcmp(limit, "avx2") == 0 && strncmp(feature, "avx512", 6) == 0)
         return false;
+#ifdef __x86_64__
     __builtin_cpu_init();
     return (strcmp(feature, "avx") == 0 && __builtin_cpu_supports("avx")) ||
            (strcmp(feature, "fma") == 0 && __builtin_cpu_supports("fma")) ||
            (strcmp(feature, "avx512f") == 0 && __builtin_cpu_supports("avx512f")) ||
            (strcmp(feature, "avx512vl") == 0 && __builtin_cpu_supports("avx512vl"));
+#else
+    return false;
+#endif
 }
 
 // Reads one property of a cache of CPU 0 from sysfs; "" if there is none.

@@ -33,7 +33,11 @@ static int vector_bits(const struct program *program) {
     int lanes = program->variant.lanes;
     int bits = lanes * (strcmp(program->precision, "float") == 0 ? 32 : 64);
     // The lanes may fill several vectors.
+#ifdef __aarch64__
+    int widest = 128;
+#else
     int widest = strstr(program->variant.isa, "avx512") ? 512 : 256;
+#endif
     return lanes == 1 ? 0 : bits > widest ? widest : bits;
 }
 
@@ -119,7 +123,7 @@ static int render_frame(struct session *s, int index, bool warmup, bool first) {
     } else {
         json_decref(record);
         double pixels = (double)s->frame.width * s->frame.height;
-        printf("%s %s %dx%d: %.3f ms, %.1f ns/pixel, %.3g TSC cycles at %.3f GHz, core clock "
+        printf("%s %s %dx%d: %.3f ms, %.1f ns/pixel, %.3g timer cycles at %.3f GHz, core clock "
                "%.2f GHz%s\n",
                PHASE_NAME, s->scene.name, s->frame.width, s->frame.height, (double)m.ns / 1e6,
                (double)m.ns / pixels, (double)m.tsc, s->tsc_hz / 1e9,

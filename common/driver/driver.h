@@ -31,7 +31,7 @@ struct program {
     struct variant variant;
 };
 
-// One run of the program. Times are nanoseconds, clocks Hz, the overhead TSC cycles.
+// One run of the program. Times are nanoseconds, clocks Hz, the overhead timer cycles.
 struct session {
     struct options options;
     struct scene scene;
@@ -46,7 +46,7 @@ struct session {
     json_t *frames; // with --json: one record per frame
 };
 
-// What was measured around one frame. Times are nanoseconds, tsc is TSC cycles, clocks are Hz,
+// What was measured around one frame. Times are nanoseconds, tsc is timer cycles, clocks are Hz,
 // scene_time is seconds of the animation.
 struct measured {
     struct conditions before, after;

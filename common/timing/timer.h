@@ -1,6 +1,8 @@
-// Three clocks: wall time by clock_gettime, in nanoseconds; TSC cycles, of a constant rate, by fenced reads (Intel
-// SDM vol. 2 on RDTSC and RDTSCP; G. Paoloni, "How to Benchmark Code Execution Times on Intel IA-32 and IA-64
-// Instruction Set Architectures", Intel, 2010); core cycles, estimated from a chain of dependent register adds.
+// Three clocks: wall time by clock_gettime, in nanoseconds; timer cycles, of a constant rate, by fenced reads;
+// core cycles, estimated from a chain of dependent register adds. The timer is the TSC of x86-64 (Intel SDM
+// vol. 2 on RDTSC and RDTSCP; G. Paoloni, "How to Benchmark Code Execution Times on Intel IA-32 and IA-64
+// Instruction Set Architectures", Intel, 2010) and the generic timer of arm64, which ticks at 24 MHz to 1 GHz
+// (Arm Architecture Reference Manual, DDI 0487, chapter D12).
 #pragma once
 
 #include <stdbool.h>
@@ -40,10 +42,12 @@ static inline uint64_t timer_tsc_end(void) {
 // Returns wall time in nanoseconds (CLOCK_MONOTONIC_RAW).
 uint64_t timer_ns(void);
 
-// Returns TSC cycles per second, measured against CLOCK_MONOTONIC_RAW for about `milliseconds`.
+// Returns timer cycles per second: on x86-64 measured against CLOCK_MONOTONIC_RAW for about `milliseconds`,
+// on arm64 what the register CNTFRQ_EL0 says.
 double timer_tsc_hz(int milliseconds);
 
-// Returns the timer's own overhead in TSC cycles: the smallest difference of an empty begin/end pair.
+// Returns the timer's own overhead in its cycles: the smallest difference of an empty begin/end pair. 0 where a
+// cycle is longer than that.
 uint64_t timer_overhead_cycles(void);
 
 // Returns core cycles per second. Each add of a dependent chain takes one core cycle. The adds have
