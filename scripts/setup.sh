@@ -28,8 +28,9 @@ study | test | view) purpose=$1 ;;
     ;;
 esac
 case $(uname -m) in
-x86_64 | amd64) ;;
-*) die "this machine is $(uname -m); the phases are x86-64 code (AVX2, AVX-512), so nothing is installed" ;;
+x86_64 | amd64) arm= ;;
+aarch64 | arm64) arm=yes ;;
+*) die "this machine is $(uname -m); the phases are x86-64 and arm64 code, so nothing is installed" ;;
 esac
 { mkdir -p build && : >build/setup.lock; } 2>/dev/null || die "$root cannot be written (read-only, full, or another user's)"
 : "${HOME:=$root/build}" # pip keeps its cache below it
@@ -66,6 +67,8 @@ missing_packages() {
     pkg-config --exists jansson 2>/dev/null || need libjansson-dev
     pkg-config --exists OpenEXR 2>/dev/null || need libopenexr-dev
     [ -e /usr/include/mpfr.h ] || need libmpfr-dev
+    # The AVX2 code of opt3 to opt5 becomes NEON's by SIMDe's headers.
+    [ -z "$arm" ] || [ -e "${STEPWISE_INCLUDE:-/usr/include}/simde/x86/avx2.h" ] || need libsimde-dev
     find_python
     if [ -z "$python" ]; then
         need python3
@@ -78,7 +81,7 @@ missing_packages() {
         pkg-config --exists libpng 2>/dev/null || need libpng-dev
     fi
     [ "$purpose" = test ] || return 0
-    command -v qemu-x86_64 >/dev/null || need qemu-user
+    [ -n "$arm" ] || command -v qemu-x86_64 >/dev/null || need qemu-user
     [ -e /usr/include/cmocka.h ] || need libcmocka-dev
     if ! command -v clang >/dev/null; then
         need clang
@@ -169,11 +172,11 @@ optional() { # command or header, what it adds, packages of which the first that
     fi
 }
 optional perf "table of hotspots" linux-perf linux-tools-generic
-optional llvm-mca "model of what bounds the hot loops by LLVM" llvm
+[ -n "$arm" ] || optional llvm-mca "model of what bounds the hot loops by LLVM" llvm
 optional "${STEPWISE_INCLUDE:-/usr/include}/embree[34]/rtcore.h" "packet ray tracer beside Embree" libembree-dev
 [ "$purpose" != test ] || optional ccache "cache of what the tests compile" ccache
 # Sixteen lanes in pairs of eight, where the CPU has no AVX-512 (tests/emulate).
-if [ "$purpose" = test ] && ! grep -qw avx512dq /proc/cpuinfo; then
+if [ "$purpose" = test ] && [ -z "$arm" ] && ! grep -qw avx512dq /proc/cpuinfo; then
     optional "${STEPWISE_INCLUDE:-/usr/include}/simde/x86/avx512.h" "test of 16 lanes on this CPU, which has no AVX-512" libsimde-dev
 fi
 

@@ -248,7 +248,7 @@ def test_machines_are_told_apart(change: dict, tsc_hz: float, other: bool) -> No
     changed = msgspec.structs.replace(cpu, **change)
     assert ceilings.other_cpu(cpu, changed, (2.5e9, tsc_hz)) == other
     assert not ceilings.other_cpu(cpu, Cpu(), (2.5e9, math.nan))
-    assert ceilings.describe(cpu, 2.5e9) == "A (6/207/1), TSC 2.500 GHz"
+    assert ceilings.describe(cpu, 2.5e9) == "A (6/207/1), timer 2.500 GHz"
 
 
 @pytest.mark.parametrize(

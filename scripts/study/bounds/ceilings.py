@@ -71,13 +71,13 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
     schema: Annotated[Literal[1], key("", "version of the form")]
     compiler: Annotated[str | None, key("", "version")] = None
     cpu: Annotated[Cpu | None, key("", "whose they are")] = None
-    tsc_hz: Annotated[float, key("Hz", "TSC rate", gt=0)]
+    tsc_hz: Annotated[float, key("Hz", "timer's rate", gt=0)]
     core_hz: Annotated[float, key("Hz", "clock of add chains, with nothing beside them", gt=0)]
     core_hz_load: Annotated[
         dict[str, float | None] | None, key("Hz", "bits of the register → clock under FMAs of that width")
     ] = None
     timer_overhead_cycles: Annotated[
-        int | None, key("TSC cycles", "smallest difference of an empty pair of readings")
+        int | None, key("timer cycles", "smallest difference of an empty pair of readings")
     ] = None
     cache_bytes: Annotated[dict[str, Any] | None, key("bytes", "level → size")] = None
     estimate: Annotated[str | None, key("", "how `value` is made")] = None
@@ -180,13 +180,13 @@ def describe(cpu: Cpu, tsc_hz: float = math.nan) -> str:
     """A machine in a few words; its numbers tell apart what calls itself by one name."""
     numbers = (cpu.family, cpu.model_number, cpu.stepping)
     told = f" ({'/'.join(map(str, numbers))})" if None not in numbers else ""
-    clock = f", TSC {tsc_hz / 1e9:.3f} GHz" if tsc_hz > 0 else ""
+    clock = f", timer {tsc_hz / 1e9:.3f} GHz" if tsc_hz > 0 else ""
     return f"{cpu.model or 'a CPU that is not recorded'}{told}{clock}"
 
 
 def other_cpu(own: Cpu, theirs: Cpu, tsc_hz: Sequence[float] = (math.nan, math.nan)) -> bool:
-    """Whether two records of a CPU are of different ones, or their TSC rates are. What either lacks, or NaN,
-    is not compared."""
+    """Whether two records of a CPU are of different ones, or their timers' rates are. What either lacks, or
+    NaN, is not compared."""
     pairs = [(getattr(own, name), getattr(theirs, name)) for name in _CPU]
     changed = any(None not in pair and pair[0] != pair[1] for pair in pairs)
     return changed or abs(tsc_hz[0] / tsc_hz[1] - 1) > TSC_TOLERANCE

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from study.bounds import ceilings
+from study.bounds import ceilings, peaks
 from study.bounds.ceilings import Ceilings
 from study.bounds.roof_shares import ELEMENT, SHARES, Clocks, Roofs, below, under_load
 from study.core import store
 from study.core.cli import StudyError
+from study.core.run_schema import Cpu
 from study.counting import flops, paper_rule
 from study.counting.counts import Counts
 from study.counting.flops import LIBM_INSIDE
@@ -28,6 +29,7 @@ from study.numbers.analysis import GENERATED, Cell, Data
 
 COUNTS = "counts.json"
 ORDER = ("blocks", "sde", "ptrace", "pmu")  # of two that counted the same picture, the first
+DECLARED = "declared"
 SECTION = {"baseline": "table5"}  # of the paper; every other phase is in Table 6
 P = TypeVar("P", bound=Picture)
 nan = math.nan
@@ -54,7 +56,7 @@ def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, l
 class Point(Roofs, Clocks):
     """A timed configuration of one thread that has counts.
 
-    Rates are FLOPs of the machine convention per core (or TSC) cycle, their ends the interval of the cycles
+    Rates are FLOPs of the machine convention per core (or timer) cycle, their ends the interval of the cycles
     over launches. `scaled_from_n`: the counts are another height's, per pixel. `paper_…`: the paper's own
     figure and percent; `paper_rule_…`: calls × FLOPs of each function. NaN: not counted, or no ceiling.
     `foreign_counts`: why they are not of what was timed.
@@ -99,6 +101,8 @@ class Point(Roofs, Clocks):
 def remarks(points: Sequence[Point]) -> list[str]:
     """What must stand beside every share of a roof: counts of other code, points above."""
     said = []
+    if points and all(one.backend == DECLARED for one in points):
+        said.append("Counts are declared (costs.def), not measured: no bytes, so no roof of a cache.")
     for text in dict.fromkeys(one.foreign_counts for one in points if one.foreign_counts):
         phases = ", ".join(dict.fromkeys(one.phase for one in points if one.foreign_counts == text))
         said.append(f"Counts that are not of what was timed ({phases}): {text}.")
@@ -139,10 +143,10 @@ def _origin(one: Picture, cell: Cell, cpu: str | None) -> str | None:
     return "; ".join(other) or None
 
 
-def own_bits(cell: Cell) -> tuple[str, int]:
+def own_bits(cell: Cell, cpu: Cpu) -> tuple[str, int]:
     """Precision (double, single) and width of the cell's phase: the element's where it is scalar."""
     precision = "single" if cell.facts.precision == "float" else "double"
-    return precision, min(int(cell.facts.lanes or 1) * ELEMENT[precision], 512)
+    return precision, min(int(cell.facts.lanes or 1) * ELEMENT[precision], peaks.widest(cpu))
 
 
 def _same(one: Picture, cell: Cell, scene_hash: str | None) -> bool:
@@ -154,7 +158,7 @@ def _point(cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, st
     """None without counts. `stated`: the paper's figures."""
     cpu, hashes = data.context.cpu, data.frames[data.frames.scene == cell.scene].scene_hash
     scene_hash = str(hashes.iloc[-1]) if len(hashes) else None
-    model, (precision, bits) = cpu.model, own_bits(cell)
+    model, (precision, bits) = cpu.model, own_bits(cell, cpu)
     core, tsc = cell.median("core_cycles"), cell.median("tsc_cycles")
     fitting = [m for m in counted.measured if m.variant == "shipped" and _same(m, cell, scene_hash)]
     fitting.sort(
@@ -172,7 +176,7 @@ def _point(cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, st
     elif paced and paced[2].flops:
         factor, scaled, declared = paced
         flops, loads, stores = factor * declared.flops.machine, nan, nan
-        backend, calibrated, operations = "declared", None, None
+        backend, calibrated, operations = DECLARED, None, None
         libm, origin = False, _origin(declared, cell, model)
     else:
         return None

@@ -36,7 +36,7 @@ from typing import Any
 
 from study.bounds import ceilings, peaks
 from study.bounds.ceilings import LEVELS, Ceilings
-from study.counting.decode import FLOPS
+from study.counting.schema import FLOPS
 from study.numbers.analysis import Cell
 
 RESOURCES = {

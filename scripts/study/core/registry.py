@@ -27,11 +27,13 @@ COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strateg
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SYSTEMS = "systems"  # family of what other articles did: alternatives to the ladder, shown apart
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
+# What arm64's vectors (asimd) do in place of these, by common/simd or by SIMDe (common/build/phase_info.py).
+NEON_FOR = frozenset({"avx2", "fma"})
 FRACTALS = frozenset({"mandelbulb", "mandelbox"})  # shapes whose distance is an estimate
 
 
 class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One phases/NAME/phase.json. `isa` are flag names of /proc/cpuinfo; `path` is the folder."""
+    """One phases/NAME/phase.json. `isa` are flag names of x86-64's /proc/cpuinfo; `path` is the folder."""
 
     name: str
     title: str
@@ -236,7 +238,9 @@ def find_scene(name: str, root: Path = ROOT) -> Scene:
 
 @functools.cache
 def cpu_flags() -> frozenset[str]:
-    match = re.search(r"^flags\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+    match = re.search(
+        r"^(?:flags|Features)\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE
+    )
     return frozenset(match[1].split() if match else ())
 
 
@@ -244,6 +248,8 @@ def _limited() -> frozenset[str]:
     limit = os.environ.get("STEPWISE_ISA_LIMIT")
     if limit not in (None, "", "avx2", "none"):
         raise StudyError(f"STEPWISE_ISA_LIMIT is {limit}: avx2 or none is required")
+    if "asimd" in cpu_flags():
+        return cpu_flags() | NEON_FOR
     if limit == "none":
         return frozenset()
     return frozenset(flag for flag in cpu_flags() if limit != "avx2" or not flag.startswith("avx512"))

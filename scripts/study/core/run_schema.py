@@ -14,11 +14,11 @@ class Cpu(Record, kw_only=True):
 
     model: Annotated[str | None, key("", "its name")] = None
     vendor: Annotated[str | None, key("", "its maker")] = None
-    family: Annotated[int | None, key("", "by CPUID")] = None
-    model_number: Annotated[int | None, key("", "by CPUID")] = None
-    stepping: Annotated[int | None, key("", "by CPUID")] = None
+    family: Annotated[int | None, key("", "by CPUID; arm64: version of the architecture")] = None
+    model_number: Annotated[int | None, key("", "by CPUID; arm64: part")] = None
+    stepping: Annotated[int | None, key("", "by CPUID; arm64: variant and revision")] = None
     microcode: Annotated[str | None, key("", "its version")] = None
-    microarchitecture: Annotated[str | None, key("", "from family and model")] = None
+    microarchitecture: Annotated[str | None, key("", "from these numbers")] = None
     cores: Annotated[int | None, key("cores", "physical cores")] = None
     logical_cpus: Annotated[int | None, key("CPUs", "of the machine")] = None
     usable_cpus: Annotated[int | None, key("CPUs", "that the process may use")] = None
@@ -246,8 +246,8 @@ class Frame(File, kw_only=True):
     ns: Annotated[int, key("ns", "`phase_render` (CLOCK_MONOTONIC_RAW), with an update before it", ge=1)]
     update_ns: Annotated[int | None, key("ns", "`phase_update`'s share; 0 where nothing moves")] = None
     scene_time: Annotated[float | None, key("s", "where an animation is: frame/60")] = None
-    tsc_cycles: Annotated[int, key("TSC cycles", "the same time by fenced RDTSC")]
-    tsc_hz: Annotated[float, key("Hz", "TSC rate, calibrated in this process; 0: STEPWISE_UNTIMED")]
+    tsc_cycles: Annotated[int, key("timer cycles", "the same time by fenced RDTSC or CNTVCT_EL0")]
+    tsc_hz: Annotated[float, key("Hz", "timer's rate, as this process has it; 0: STEPWISE_UNTIMED")]
     core_hz_before: Annotated[float, key("Hz", "core clock right before the frame")]
     core_hz_after: Annotated[float, key("Hz", "core clock right after it")]
     core_hz_load: Annotated[float | None, key("Hz", "core clock under its vector FMAs; 0: scalar")] = None
@@ -263,7 +263,7 @@ class Frame(File, kw_only=True):
     kernel_compile_ns: Annotated[int | None, key("ns", "of it compiling; 0: cached")] = None
     kernel_load_ns: Annotated[int | None, key("ns", "of prepare_ns: checking and loading it")] = None
     present_ns: Annotated[int, key("ns", "gamma and 8 bits of this frame, not in ns")]
-    timer_overhead_cycles: Annotated[int | None, key("TSC cycles", "least of empty readings")] = None
+    timer_overhead_cycles: Annotated[int | None, key("timer cycles", "least of empty readings")] = None
     steal_ticks: Annotated[int | None, key("1/100 s", "taken by the hypervisor meanwhile")] = None
     ctx_voluntary: Annotated[int | None, key("switches", "voluntary, during the frame")] = None
     ctx_involuntary: Annotated[int | None, key("switches", "involuntary, during the frame")] = None

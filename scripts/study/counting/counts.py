@@ -4,11 +4,13 @@ import itertools
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from study.core.cli import StudyError
-from study.counting.decode import FLOPS, Decoded
-from study.counting.schema import Executed, Operation
+from study.counting.schema import FLOPS, Executed, Operation
+
+if TYPE_CHECKING:  # its decoder has no wheel for arm64
+    from study.counting.decode import Decoded
 
 # Kind, precision and width in bits (the element's where scalar): what FLOPs are told apart by.
 Kind = tuple[str, str, int]
@@ -32,7 +34,7 @@ class Counts:
     def machine(self) -> int:
         return sum(FLOPS[kind] * n for (kind, _, _), n in self.lanes.items())
 
-    def add(self, one: Decoded, times: int, active: int | None = None) -> None:
+    def add(self, one: "Decoded", times: int, active: int | None = None) -> None:
         """`times` executions of an instruction; `active`: lanes summed over them, where it is masked.
         StudyError for one whose arithmetic is not counted.
         """

@@ -24,7 +24,6 @@ from iced_x86 import (
     RegisterExt,
 )
 
-FLOPS = {"add": 1, "mul": 1, "fma": 2, "div": 1, "sqrt": 1, "rsqrt": 1, "minmax": 1, "compare": 0, "any": 1}
 MNEMONICS = {value: name for name, value in vars(Mnemonic).items() if isinstance(value, int)}
 _ELEMENT = {"S": 32, "D": 64, "H": 16}
 _PRECISION = {32: "single", 64: "double", 16: "half", 80: "extended"}
@@ -54,9 +53,9 @@ _INFO = InstructionInfoFactory()
 class Decoded:
     """One instruction.
 
-    `kind`: a key of FLOPS, or None; `bits`: width of what it works on (the element's where scalar). `mask`:
-    number of the k register that says which lanes count, or None. `load`, `store`: bytes that the core sees,
-    all lanes. `repeat`: a string instruction whose bytes are per iteration, rcx of them. `target`: where a
+    `kind`: a key of schema.FLOPS, or None; `bits`: width of what it works on (the element's where scalar).
+    `mask`: number of the k register that says which lanes count, or None. `load`, `store`: bytes that the
+    core sees, all lanes. `repeat`: a string instruction whose bytes are per iteration, rcx of them. `target`: where a
     direct call or jump goes, else 0. `uncounted`: arithmetic of no kind, so that nothing true can be said of
     its FLOPs. `ends_block`: control leaves, or may leave, behind it.
     """

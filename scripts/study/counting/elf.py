@@ -15,11 +15,9 @@ from pathlib import Path
 from elftools.common.exceptions import ELFError
 from elftools.elf.elffile import ELFFile
 from elftools.elf.sections import SymbolTableSection
-from iced_x86 import Decoder, FlowControl
 
 from study.core.cli import StudyError
 from study.core.host import child
-from study.counting.decode import decode
 
 WRAPPER = 32  # bytes: a leaf of one or two instructions, such as a name for an intrinsic
 # As addr2line writes it: a phase's own source, a derived phase's or an ablation's (build/NAME/source), and
@@ -103,6 +101,8 @@ class Program:
 
     def returns_of(self, name: str) -> list[int]:
         """Addresses behind the direct calls of a function: where it returns to."""
+        from iced_x86 import Decoder, FlowControl  # has no wheel for arm64
+
         entry = self.find(name).start
         return sorted(
             one.next_ip
@@ -173,6 +173,8 @@ def wrappers(built: Program) -> set[str]:
     or one such function. Inlined ones count to whoever uses them: a line of a table for them would say as
     much as one for `+`.
     """
+    from study.counting.decode import decode  # its decoder has no wheel for arm64
+
     copies: dict[str, list[tuple[int, list[str]]]] = {}  # of each source file: bytes, and what is called
     for one in built.functions:
         if one.start not in built.of_phase:

@@ -5,6 +5,7 @@ Conventions (common/counting/flops.h): `paper`, one FLOP per math.h call; `machi
 
 import importlib
 import math
+import platform
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
@@ -16,12 +17,12 @@ from study.core import registry, run, store
 from study.core.registry import Scene, Spec
 from study.counting import costs, schema
 from study.counting.counts import Counts
-from study.counting.decode import FLOPS
-from study.counting.schema import Declared, Measurement, Row, Validation, named
+from study.counting.schema import FLOPS, Declared, Measurement, Row, Validation, named
 
 TOLERANCE = 0.01  # of declared against measured, in the machine convention
 SMALL = 0.001  # of the total: a function under it is listed, and not judged
 BACKENDS = ("blocks", "ptrace", "sde", "pmu")
+X86 = ("x86_64", "amd64")
 LIBM_INSIDE = ("sde", "pmu")  # their totals have the inside of libm in them
 # Compilers write 2·x as x + x: sums and products are judged together.
 _JUDGED = {"mul": "add"}
@@ -31,6 +32,8 @@ Range = tuple[int, int]
 
 def missing(backend: str) -> str | None:
     """What a back end lacks here and what it would add, in one line; None if it can be used."""
+    if backend != "pmu" and (here := platform.machine()) not in X86:
+        return f"{backend} reads x86-64 code; on {here} counts are declared (costs.def), not measured"
     if backend == "blocks":
         return None
     return importlib.import_module(f"study.counting.{backend}").missing()

@@ -9,8 +9,7 @@ are entered, stands beside. Functions without such a loop cost the same by both.
 from study.core import registry
 from study.core.cli import StudyError
 from study.counting import costs
-from study.counting.decode import FLOPS
-from study.counting.schema import Declared, Function
+from study.counting.schema import FLOPS, Declared, Function
 
 BULB = "sdf_mandelbulb"
 OTHERS = "bulb_"  # how the functions begin that evaluate it in pieces

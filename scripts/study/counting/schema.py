@@ -5,6 +5,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from study.core.schema import Record, key
 from study.numbers.schema import Result
 
+# By kind of operation, of one lane (the machine convention: counting.decode).
+FLOPS = {"add": 1, "mul": 1, "fma": 2, "div": 1, "sqrt": 1, "rsqrt": 1, "minmax": 1, "compare": 0, "any": 1}
+
 
 class Drawn(Record, kw_only=True, omit_defaults=True):
     """A program's picture."""

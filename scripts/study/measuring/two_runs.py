@@ -95,7 +95,7 @@ def other_sizes(*sides: Side) -> dict[str, str]:
 
 
 def other_machine(base: Side, other: Side) -> str | None:
-    """Why two runs are of two machines: CPU, CPUs, TSC rate, kind of core. None: nothing says so."""
+    """Why two runs are of two machines: CPU, CPUs, timer's rate, kind of core. None: nothing says so."""
     kinds = [side.run.context.pinned.core_type for side in (base, other)]
     cpus = [side.run.context.cpu for side in (base, other)]
     rates = [float(clocks.clocked(side.frames).tsc_hz.median()) for side in (base, other)]

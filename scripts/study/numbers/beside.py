@@ -19,7 +19,7 @@ class OriginalRow(Record, kw_only=True):
     commit: Annotated[str | None, key("", "of the paper's step")] = None
     n: Annotated[int, key("pixels", "height of the picture", ge=1)]
     width: Annotated[int | None, key("pixels", "of the picture")] = None
-    theirs_launches_ms: Annotated[list[float], key("ms", "one per launch: TSC time of one frame")]
+    theirs_launches_ms: Annotated[list[float], key("ms", "one per launch: one frame by the timer")]
     ours_launches_ms: Annotated[list[float], key("ms", "the same of ours")]
     theirs_ms: Annotated[Interval | None, key("ms", "the paper's program")] = None
     ours_ms: Annotated[Interval | None, key("ms", "our phase")] = None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-TSC_OFF = 1e-4  # of the run's TSC rate: calibrations of one machine agree to 1e-6
+TSC_OFF = 1e-4  # of the run's timer's rate: calibrations of one machine agree to 1e-6
 CORE_OFF = 0.03  # of the core clock of the same configuration's launches
 
 
@@ -38,14 +38,14 @@ def clocked(frames: pd.DataFrame) -> pd.DataFrame:
 
 
 def off(frames: pd.DataFrame) -> list[Off]:
-    """Timed launches whose TSC rate is off from the run's, or whose core clock from its configuration's."""
+    """Timed launches whose timer is off from the run's rate, or whose core clock from its configuration's."""
     timed = clocked(frames[~frames.warmup.astype(bool)])
     by = timed.groupby(["config", "spec", "scene", "launch"], sort=False)
     launches = by[["tsc_hz", "core_hz"]].median().reset_index()
     cores = launches.groupby("config").core_hz.transform("median")
     found = []
     for what, hz, median, most in (
-        ("TSC", launches.tsc_hz, launches.tsc_hz.median(), TSC_OFF),
+        ("timer", launches.tsc_hz, launches.tsc_hz.median(), TSC_OFF),
         ("core", launches.core_hz, cores, CORE_OFF),
     ):
         ratio = hz / median - 1

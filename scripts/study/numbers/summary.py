@@ -15,7 +15,7 @@ from study.numbers.stats import Interval
 
 SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
 SPEED += [("launches", "launches"), ("ms", "median ms [95 %]"), ("ns_per_pixel", "ns/pixel [95 %]")]
-SPEED += [("tsc_cycles", "TSC cycles"), ("core_cycles_per_pixel", "core cycles/pixel")]
+SPEED += [("tsc_cycles", "timer cycles"), ("core_cycles_per_pixel", "core cycles/pixel")]
 SPEED += [("joules", "J/frame [95 %]")]
 SPEED += [("speedup", f"× {BASE} [95 %]"), ("parent", "parent"), ("parent_speedup", "× parent [95 %]")]
 SPEED += [("second_base", "second base"), ("second_speedup", "× second base [95 %]")]

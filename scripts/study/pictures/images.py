@@ -20,7 +20,7 @@ from study.core.cli import StudyError
 
 try:
     import flip_evaluator
-except ImportError:  # no wheel for Python 3.14: setup says so, and pictures are judged without
+except ImportError:  # no wheel for Python 3.14, none for arm64: pictures are judged without
     flip_evaluator = None
 
 AOVS = ("R", "G", "B", "Z", "id", "N.x", "N.y", "N.z", "evals")
@@ -32,7 +32,7 @@ HAS_FLIP = flip_evaluator is not None
 FLIP_TOOL = (
     f"flip-evaluator {version('flip-evaluator')}, LDR, display pictures, default viewing distance"
     if HAS_FLIP
-    else "none: FLIP has no wheel for this Python, its bounds are not checked"
+    else "none: FLIP has no wheel for this machine or Python, its bounds are not checked"
 )
 
 PICTURE_TOOL = f"OpenImageIO {oiio.VERSION_STRING} ImageBufAlgo.compare"

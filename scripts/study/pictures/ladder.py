@@ -30,7 +30,7 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
     launches = " to ".join(str(n) for n in dict.fromkeys((rows.launches.min(), rows.launches.max())))
     cpu = machine.name(context)
     compiler = context.compiler or rows.compiler.iloc[0]
-    clock = f"core {rows.core_hz.median() / 1e9:.2f} GHz, TSC {rows.tsc_hz.median() / 1e9:.3f} GHz"
+    clock = f"core {rows.core_hz.median() / 1e9:.2f} GHz, timer {rows.tsc_hz.median() / 1e9:.3f} GHz"
     return (
         f"{cpu}, {clock}; {compiler}. Median over {launches} process launches; whiskers: 95 % "
         f"interval (none where launches are fewer than 6).\n{built}"

@@ -73,7 +73,7 @@ def _measured(data: Data) -> dict[str, str | None]:
         "libc": _join(*frames["libc"].unique()),
         "clocks, measured": None
         if data.plan.programs
-        else f"TSC {frames['tsc_hz'].median() / 1e9:.4f} GHz; core {core.median():.3f} GHz, "
+        else f"timer {frames['tsc_hz'].median() / 1e9:.4f} GHz; core {core.median():.3f} GHz, "
         f"{core.min():.3f} to {core.max():.3f} GHz over all frames",
         "measured frames": f"{found.frames} in {found.launches} process launches, "
         f"{found.seconds:.0f} s in all",

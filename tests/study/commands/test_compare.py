@@ -119,14 +119,14 @@ def test_a_launch_with_another_clock_is_flagged_and_can_be_left_out(tmp_path):
         line |= clocked(3.0, 100, 2.501) if line["launch"] == 5 else {}
     made.frames_path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     (side,) = sides(made)
-    assert [(one.launch, one.what, one.hz) for one in side.off] == [(5, "TSC", 2.501e9), (3, "core", 3.2e9)]
+    assert [(one.launch, one.what, one.hz) for one in side.off] == [(5, "timer", 2.501e9), (3, "core", 3.2e9)]
     assert set(side.frames["launch"]) == set(range(8))
     (rest,) = sides(made, leave_out=True)
     assert set(rest.frames["launch"]) == {0, 1, 2, 4, 6, 7}
     for option in ([], ["--leave-out-off-clock"]):
         said = run(made.path, made.path, *option).stdout
         assert "opt1 s launch 3: core 3.2 GHz, +6.7 %" in said
-        assert "opt1 s launch 5: TSC 2.501 GHz, +0.04 %" in said
+        assert "opt1 s launch 5: timer 2.501 GHz, +0.04 %" in said
     assert any(line.startswith("2 launches") for line in noise.remarks(made.frames(), []))
 
 

@@ -26,6 +26,7 @@ VALIDATION = (
     "0.1 % of the picture are not shown."
 )
 GENERAL = "{phases}: counted is the general code, with no kernel generated for the scene."
+UNMEASURED = "All FLOPs are declared (costs.def times counted calls): this run has none that were measured."
 MEASURED = "{phases}: FLOPs are measured (block counters), since no costs are declared."
 HEIGHT = 720  # of the paper's pictures
 
@@ -63,6 +64,8 @@ def counted(path: Path) -> Section:
     ):
         if phases := ", ".join(dict.fromkeys(row.phase for row in some)):
             about.append(text.format(phases=phases))
+    if rows and not found.measured:
+        about.append(UNMEASURED)
     parts = part("table1", "Table 1: FLOPs of a picture", rows, columns.TABLE1, "\n".join(about))
     if any(row.gflop for row in rows):
         caption = "FLOPs of a picture by phase, and the share of lanes at useful work"

@@ -84,7 +84,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     backend = args.backend or "blocks"
     height = args.n or (STEPPED if backend == "ptrace" else HEIGHT)
     target = store.Run.open(args.run) if args.run else None
-    if (args.validate or args.measure) and (lacking := flops.missing(backend)):
+    lacking = flops.missing(backend)
+    if lacking and (args.validate or args.backend):
         raise StudyError(lacking, cli.CANNOT_RUN)
     scenes = args.scene or ["scene0", "mandelbulb", *(["trio"] if args.validate else [])]
     chosen = pairs(args.phase, scenes)
@@ -96,7 +97,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     stated = in_parallel(calls, args.jobs, "count")
     # Of a phase that declares nothing, what the blocks executed stands for its FLOPs.
     wanted = chosen if args.measure else [pair for pair in chosen if pair not in able and not args.validate]
-    work = [partial(flops.measure, backend, *pair, height) for pair in wanted]
+    work = [partial(flops.measure, backend, *pair, height) for pair in wanted if not lacking]
     made = in_parallel(work, args.jobs, "measure")
     rows: list[Row] = []
     if args.validate:
@@ -117,6 +118,8 @@ def measure(args: argparse.Namespace) -> Outcome:
         lines = [show.markdown(show.table(some, shown)) for some, shown in several if some]
     general = dict.fromkeys(one.phase for one in [*stated, *made] if one.kernel)
     remarks = [f"{name}: its general code is counted, no kernel is generated for a scene" for name in general]
+    if lacking and wanted:
+        remarks.append(lacking)
     return Outcome(result, lines, args.run, remarks, _failed(bad))
 
 

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from study.bounds import profiles, topdown
+from study.bounds import profiles
 from study.bounds.profiles import Sampled
 from study.bounds.schema import Beside, Bound, Hotspots
 from study.core import cli, machine, progress, registry, run, show, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT, Scene, Spec
-from study.counting import blocks, elf, flops, perf
+from study.counting import elf, flops, perf
 from study.experiments import running
 from study.experiments.hotspots import bounds_tables, tables
 
@@ -42,7 +42,7 @@ def instructions(spec: Spec, scene: Scene, height: int, variant: str) -> Counter
     """Of a frame by function, by the block counters; none where they cannot be had."""
     found: Counter[str] = Counter()
     try:
-        for name, one in blocks.measure(spec, scene, height, variant).functions.items():
+        for name, one in flops.measure("blocks", spec, scene, height, variant).functions.items():
             found[elf.canonical(name)] += one.instructions
     except StudyError as error:
         say(f"no instruction counts: {error}")
@@ -62,6 +62,8 @@ def lanes(spec: Spec, scene: Scene, height: int) -> dict[str, float | None]:
 
 
 def bound(spec: Spec, scene: Scene, height: int, sampled: Sampled) -> Bound:
+    from study.bounds import topdown  # its decoder has no wheel for arm64
+
     folder = ROOT / "build" / str(spec)
     built = elf.read(folder / profiles.TARGETS["shipped"], folder / profiles.OBJECTS["shipped"])
     return topdown.model(sampled, built, instructions(spec, scene, height, "shipped"), say)
@@ -105,7 +107,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     specs, lacks = running.programs(args.phase or ladder)
     for spec, why in lacks.items():
         cli.say(f"{spec} left out: {why}")
-    if lacking := perf.missing():
+    if lacking := flops.missing("blocks") or perf.missing():
         raise StudyError(lacking, cli.CANNOT_RUN)
     record = Hotspots()
     for scene, spec in progress.each(list(itertools.product(scenes, specs)), "sample"):

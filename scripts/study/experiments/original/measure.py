@@ -1,7 +1,7 @@
 """The paper's own program, fetched, built and timed beside this project's phases.
 
 The paper's public repository has a branch for each step. Each branch is built by its own makefile. Only its
-configuration is set: one picture of one size. The program times itself by the TSC, in its benchmark mode.
+configuration is set: one picture of one size. The program times itself by the timer, in its benchmark mode.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def build(repository: Path, phase: str, height: int) -> Path:
 
 
 def launch(program: Path, scene: str, cpu: int, env_bytes: int = 0) -> tuple[int, np.ndarray]:
-    """TSC cycles of one picture, and the picture as displayed: height × width × 3 bytes."""
+    """Timer cycles of one picture, and the picture as displayed: height × width × 3 bytes."""
     output = program.parents[1] / "output"
     shutil.rmtree(output, ignore_errors=True)
     done = child.run(

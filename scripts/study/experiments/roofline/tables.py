@@ -54,11 +54,11 @@ PERFORMANCE = [
     Column(
         "machine's convention", "flop/core cycle [95\u00a0%]", lambda r: interval(r, "flops_per_core_cycle")
     ),
-    Column("machine's convention", "flop/TSC cycle", plain("flops_per_tsc_cycle", 4)),
+    Column("machine's convention", "flop/timer cycle", plain("flops_per_tsc_cycle", 4)),
     _share("machine's convention", "share of AVX2 peak", "share_of_avx2_peak"),
     _share("machine's convention", "of the measured AVX2 roof", "share_of_avx2_roof"),
     Column("paper's rule", "flop/core cycle", plain("paper_rule_flops_per_core_cycle", 4)),
-    Column("paper's rule", "flop/TSC cycle", plain("paper_rule_flops_per_tsc_cycle", 4)),
+    Column("paper's rule", "flop/timer cycle", plain("paper_rule_flops_per_tsc_cycle", 4)),
     _share("paper's rule", "share of AVX2 peak", "paper_rule_share_of_avx2_peak"),
     _share("paper's rule", "of the measured AVX2 roof", "paper_rule_share_of_avx2_roof"),
     Column("the paper, i7-7700", "flop/cycle", plain("paper_flops_per_cycle", 4)),
