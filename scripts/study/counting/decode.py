@@ -55,9 +55,9 @@ class Decoded:
 
     `kind`: a key of schema.FLOPS, or None; `bits`: width of what it works on (the element's where scalar).
     `mask`: number of the k register that says which lanes count, or None. `load`, `store`: bytes that the
-    core sees, all lanes. `repeat`: a string instruction whose bytes are per iteration, rcx of them. `target`: where a
-    direct call or jump goes, else 0. `uncounted`: arithmetic of no kind, so that nothing true can be said of
-    its FLOPs. `ends_block`: control leaves, or may leave, behind it.
+    core sees, all lanes. `repeat`: a string instruction whose bytes are per iteration, rcx of them. `target`:
+    where a direct call or jump goes, else 0. `uncounted`: arithmetic of no kind, so that nothing true can be
+    said of its FLOPs. `ends_block`: control leaves, or may leave, behind it.
     """
 
     address: int
