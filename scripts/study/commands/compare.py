@@ -73,7 +73,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--confirm", type=Path, metavar="CHECKOUT", help=about)
     about = "of order and padding with --confirm; default: random"
     add("--seed", type=cli.at_least(0), default=secrets.randbelow(2**32), help=about)
-    about = "leave out launches whose timer's rate is 0.01 %% off the run's, or whose core clock 3 %% off its "
+    about = "leave out launches whose timer is 0.01 %% off the run's rate, or whose core clock 3 %% off its "
     add("--leave-out-off-clock", action="store_true", help=about + "configuration's")
     add("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
     about = f"do not fail for it (machine: and give a verdict): {', '.join(KINDS)}; may be repeated"
