@@ -16,7 +16,7 @@ from typing import Any
 from study.core import run, temporary
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
-from study.core.host import child
+from study.core.host import child, read_text
 from study.core.registry import Scene, Spec
 
 FREQUENCY = 999  # samples a second: no multiple of the timer's tick
@@ -148,9 +148,10 @@ def missing() -> str | None:
 
 def forbidden() -> str | None:
     """The setting of the kernel that keeps users from its counters, if there is none or it does."""
-    if not PARANOID.exists():
+    text = read_text(PARANOID)
+    if not text.removeprefix("-").isdecimal():
         return "this kernel offers no perf events"
-    level = int(PARANOID.read_text())
+    level = int(text)
     lets = "`sudo sysctl kernel.perf_event_paranoid=2` lets it"
     return f"perf may not count here: kernel.perf_event_paranoid is {level}; {lets}" if level > 2 else None
 

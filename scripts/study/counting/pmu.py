@@ -20,7 +20,7 @@ from pathlib import Path
 import msgspec
 
 from study.core import machine, temporary
-from study.core.cli import CANNOT_RUN, StudyError
+from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.registry import Scene, Spec, cpu_flags
 from study.core.run import GENERAL, _arguments, environment, render
@@ -29,6 +29,7 @@ from study.counting.counts import Counts
 from study.counting.schema import Measurement
 
 FOLDER = Path(__file__).with_name("events")
+UNSUPPORTED = "<not supported>"
 FEW, MANY = 1, 3  # frames, whose difference is measured
 
 
@@ -97,16 +98,18 @@ def parse(text: str, names: Sequence[str]) -> dict[str, float]:
     """Output of `perf stat -x ';'` of the events `names`, in that order (perf-stat(1), CSV FORMAT): values,
     scaled to the whole run where events shared a counter.
 
-    StudyError for an event that is not supported or was not counted, and for other text.
+    StudyError for an event that is not supported or was not counted, and for other text. An unsupported event
+    keeps the others of its group from being counted: it is the one that is named.
     """
     fields = [one for one in csv.reader(text.splitlines(), delimiter=";") if len(one) > 4 and one[2]]
     if len(fields) != len(names):
         raise StudyError(f"perf stat: {len(fields)} events, {len(names)} were asked for")
     found = {}
-    for name, (value, _, event, *_) in zip(names, fields, strict=True):
+    for value, _, event, *_ in sorted(fields, key=lambda one: one[0] != UNSUPPORTED):
         if value.startswith("<not"):
-            cannot = CANNOT_RUN if "supported" in value else 2
+            cannot = CANNOT_RUN if value == UNSUPPORTED else BAD_INPUT
             raise StudyError(f"perf stat: {event} was {value.strip('<>')}", cannot)
+    for name, (value, _, event, *_) in zip(names, fields, strict=True):
         try:
             found[name] = float(value)
         except ValueError:

@@ -41,6 +41,26 @@ def test_output_that_cannot_be_used(text: str, said: str, status: int) -> None:
     assert error.value.exit_status == status
 
 
+def test_of_a_group_the_event_is_named_that_the_cpu_does_not_have() -> None:
+    """perf counts none of a group that holds one: those stand before and behind it."""
+    events = ("instructions:u", "cycles:u", "fp_ret:u", "stalls:u")
+    lines = [
+        f"<not {'supported' if event == 'fp_ret:u' else 'counted'}>;;{event};0;100.00;;" for event in events
+    ]
+    with pytest.raises(StudyError, match=r"fp_ret:u was not supported") as error:
+        pmu.parse("\n".join(lines), events)
+    assert error.value.exit_status == CANNOT_RUN
+
+
+@pytest.mark.parametrize(
+    ("text", "forbids"), [("2\n", False), ("-1", False), ("3", True), ("", True), ("?", True)]
+)
+def test_what_the_kernel_lets_users_count(text: str, forbids: bool, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(pmu.perf, "PARANOID", tmp_path / "paranoid")
+    (tmp_path / "paranoid").write_text(text)
+    assert (pmu.perf.forbidden() is not None) == forbids
+
+
 def test_every_events_file() -> None:
     """Groups and FLOPs name its events, groups fit the counters, no microarchitecture has two files."""
     families = {*machine.INTEL, *machine.AMD, "Cascade Lake", "Cooper Lake"}
