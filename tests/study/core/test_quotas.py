@@ -44,6 +44,9 @@ NO_LIMIT = {"memory/memory.limit_in_bytes": "9223372036854771712"}
             ONE | NO_LIMIT,
             Limits(cpus=2.0, memory_bytes=1000, throttled=8),
         ),
+        ("3:cpuacct,cpu:/box\n", ONE, Limits(cpus=2.0, throttled=8)),  # in another order than the mount
+        ("3:cpuset,cpu:/box\n", {**ONE, "cpuset/cpu.stat": "nr_throttled 5"}, Limits(cpus=2.0, throttled=8)),
+        ("torn\n0::/\n", {"cpu.stat": "nr_throttled\nnr_throttled many\n"}, Limits()),
         ("4:memory:/\n", NO_LIMIT, Limits()),
         ("0::/\n", {}, Limits()),
     ],

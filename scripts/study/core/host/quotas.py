@@ -1,5 +1,6 @@
 """What a container may use of the machine, by control groups, and whether it was throttled."""
 
+import re
 from pathlib import Path
 
 from study.core.host import read_text
@@ -8,14 +9,20 @@ from study.core.run_schema import Context, Limits
 CGROUP, MOUNTED = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
 
 
+def _mounted(controller: str, otherwise: Path) -> Path:
+    """Of version 1, the folder of a controller and of those mounted with it, whatever their order."""
+    folders = sorted(path for path in MOUNTED.glob(f"*{controller}*") if path.is_dir())
+    return next((path for path in folders if controller in path.name.split(",")), otherwise)
+
+
 def _groups(controller: str) -> list[Path]:
     """Folders of this process's group and of all above it; of version 1, those of the controller."""
     found = []
     for line in read_text(CGROUP).splitlines():
-        _, names, place = line.split(":", 2)
+        _, names, place = [*line.split(":", 2), "", ""][:3]
         if names and controller not in names.split(","):
             continue
-        root = MOUNTED / names if names else MOUNTED
+        root = _mounted(controller, MOUNTED / names) if names else MOUNTED
         parts = [part for part in Path(place).parts[1:] if part != ".."]
         found += [root.joinpath(*parts[:n]) for n in range(len(parts), -1, -1)]
     return found
@@ -32,10 +39,9 @@ def _cpus(group: Path) -> float | None:
 def throttled() -> int | None:
     """How often a group of this process had used up its quota since it was made; None: not known."""
     counts = [
-        int(line.split()[1])
+        int(found[1])
         for group in _groups("cpu")
-        for line in read_text(group / "cpu.stat").splitlines()
-        if line.startswith("nr_throttled ")
+        for found in re.finditer(r"^nr_throttled (\d+)$", read_text(group / "cpu.stat"), re.MULTILINE)
     ]
     return sum(counts) if counts else None
 
