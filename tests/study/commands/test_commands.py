@@ -1,11 +1,14 @@
 """scripts/stepwise: its commands are found by their files, and docs/commands.md is what they say."""
 
+import re
+
 import pytest
 
 from study.commands import docs
 from study.core import cli, commands
-from study.core.registry import ROOT
+from study.core.registry import ROOT, animated
 from study.experiments import experiment
+from study.experiments.flight import measure as flight
 
 
 def test_the_list_names_every_command_and_what_it_does(stepwise) -> None:
@@ -41,3 +44,14 @@ def test_pages_made_from_the_code_are_what_it_says() -> None:
     assert "build/docs/keys/frames.jsonl.md" in made
     for name in ("docs/commands.md", "results/README.md"):
         assert (ROOT / name).read_text(encoding="utf-8") == made[name], f"{name}: write it again"
+
+
+def test_a_help_names_commands_that_there_are() -> None:
+    """And that of animation one that takes animated scenes."""
+    named = {
+        name: re.findall(r"scripts/stepwise ([a-z-]+)", commands.parser_of(one).format_help())
+        for name, one in commands.find_all().items()
+    }
+    assert {other for names in named.values() for other in names} <= commands.find_all().keys()
+    assert named["animation"] == ["flight", "farm"]
+    assert flight.scenes() and all(flight.find(name) == animated()[name] for name in flight.scenes())

@@ -18,7 +18,8 @@ from study.pictures import images
 
 DESCRIPTION = """\
 Frame k shows a scene of common/scenes/animated at k/60 s. Every frame is a process of its own, so nothing is
-timed: `scripts/stepwise frames` does that. ffmpeg makes a film of the pictures; the command says how."""
+timed: `scripts/stepwise flight` times scenes whose camera has a path. ffmpeg makes a film of the pictures;
+the command says how."""
 STATUSES = {
     1: "a frame has samples that are not finite",
     3: "the CPU lacks the phase's instructions",
