@@ -19,7 +19,7 @@ unexport CDPATH PYTHONPATH PYTHONHOME # of the user's shell: they lead cd and Py
 ifeq ($(origin CC),default)
 CC := gcc
 endif
-CC ?= gcc
+CC := $(or $(strip $(CC)),gcc)
 BUILD ?= build
 PYTHON3 ?= $(firstword $(wildcard .venv/bin/python) python3)
 PYTHON_ALONE := $(PYTHON3) -I -S# only the standard library, which starts faster

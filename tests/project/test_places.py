@@ -72,3 +72,10 @@ def test_a_container_takes_along_nothing_that_git_ignores() -> None:
     ]
     assert patterns(".containerignore") == ignored
     assert os.readlink(ROOT / ".dockerignore") == ".containerignore"
+
+
+@pytest.mark.parametrize(("said", "compiler"), [("", "gcc"), (" ", "gcc"), ("ccache gcc", "ccache gcc")])
+def test_the_compiler_is_what_the_shell_exports(said: str, compiler: str) -> None:
+    words = ["make", "-s", "-C", ROOT, "--eval", "which:\n\t@echo '$(CC)'\n", "which"]
+    done = subprocess.run(words, env=os.environ | {"CC": said}, capture_output=True, text=True)
+    assert done.stdout == f"{compiler}\n"

@@ -1,10 +1,12 @@
 """What the measuring machine is, as far as it lets itself be read (context.json). Changes nothing."""
 
+import contextlib
 import datetime
 import importlib.metadata
 import os
 import platform
 import re
+import shlex
 import subprocess
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,6 +17,7 @@ from study.core.host import arm, checkout, energy, quotas, read_text, topology
 from study.core.run_schema import Context, Cpu, Limits
 
 LIBRARIES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "Jinja2", "tqdm", "flip-evaluator")
+HUGE_PAGES = "/sys/kernel/mm/transparent_hugepage/enabled"
 
 # Family 6 models by name: Linux, arch/x86/include/asm/intel-family.h.
 INTEL = {
@@ -81,17 +84,22 @@ def cpu(cpuinfo: str | None = None) -> Cpu:
         return msgspec.structs.replace(arm.named(arm.block(text, topology.FASTEST)), **counts)
     lines = (line.partition(":") for line in text.split("\n\n")[0].splitlines())
     info = {key.strip(): value.strip() for key, _, value in lines}
-    family, model, stepping = (int(info.get(k, "0")) for k in ("cpu family", "model", "stepping"))
+
+    def number(key: str) -> int:  # 0: not told, or as gVisor has it, "unknown"
+        return int(text) if (text := info.get(key, "")).isdecimal() else 0
+
+    family, model, stepping = map(number, ("cpu family", "model", "stepping"))
     vendor, flags = info.get("vendor_id"), info.get("flags", "").split()
+    known = info.get("model name", platform.machine())
     return Cpu(
-        model=info.get("model name", platform.machine()),
+        model=vendor if known == "unknown" else known,
         vendor=vendor,
         family=family,
         model_number=model,
         stepping=stepping,
         microcode=info.get("microcode"),
         microarchitecture=microarchitecture(vendor, family, model, stepping, flags),
-        cores=int(info.get("cpu cores", "0")) or None,
+        cores=number("cpu cores") or None,
         flags=flags,
         **counts,
     )
@@ -120,7 +128,7 @@ def slug(cpuinfo: str | None = None) -> str:
 def steal_ticks() -> int:
     """Time the hypervisor has taken from all CPUs since boot, in 1/100 s."""
     fields = read_text("/proc/stat").split("\n")[0].split()
-    return int(fields[8]) if len(fields) > 8 else 0
+    return int(fields[8]) if len(fields) > 8 and fields[8].isdecimal() else 0
 
 
 def differs(then: Context, now: Context) -> list[str]:
@@ -135,6 +143,19 @@ def differs(then: Context, now: Context) -> list[str]:
     if abs(memory - here) > 0.01 * max(memory, here):  # a kernel keeps some of it, not always the same
         said.append(f"memory {memory / 2**20:.1f} GiB, here {here / 2**20:.1f} GiB")
     return said
+
+
+def compiler_words() -> list[str]:
+    """The compiler as make calls it: several words where CC is `ccache gcc`."""
+    with contextlib.suppress(ValueError):  # an open quotation mark: make will say so
+        return shlex.split(os.environ.get("CC", "")) or ["gcc"]
+    return ["gcc"]
+
+
+def _chosen(text: str) -> str | None:
+    """Of a kernel's line of choices the one in brackets: `always [madvise] never`."""
+    found = re.search(r"\[(\w+)\]", text)
+    return found[1] if found else text or None
 
 
 def _version(package: str) -> str | None:
@@ -162,7 +183,9 @@ def context(pinned: int = topology.FASTEST) -> Context:
         hypervisor=next(filter(None, makers), "yes, name unknown") if "hypervisor" in found.flags else None,
         governor=at.governor,
         no_turbo=read_text("/sys/devices/system/cpu/intel_pstate/no_turbo") or None,
-        compiler=(_output(os.environ.get("CC", "gcc"), "--version") or "").split("\n")[0] or None,
+        boost=read_text(topology.SYSTEM / "cpufreq" / "boost") or None,
+        huge_pages=_chosen(read_text(HUGE_PAGES)),
+        compiler=(_output(*compiler_words(), "--version") or "").split("\n")[0] or None,
         libc=" ".join(platform.libc_ver()).strip() or None,
         python=platform.python_version(),
         libraries={name: _version(name) for name in LIBRARIES},

@@ -89,6 +89,10 @@ class Context(File, kw_only=True):
     hypervisor: Annotated[str | None, key("", "name; null: none is seen")] = None
     governor: Annotated[str | None, key("", "how the clock is chosen; null: not told")] = None
     no_turbo: Annotated[Any | None, key("", "whether turbo is off; null: not told")] = None
+    boost: Annotated[
+        str | None, key("", "1: the clock may exceed its base (AMD's switch); null: not told")
+    ] = None
+    huge_pages: Annotated[str | None, key("", "transparent ones: always, madvise or never")] = None
     compiler: Annotated[str | None, key("", "name and version")] = None
     libc: Annotated[str | None, key("", "name and version")] = None
     python: Annotated[str | None, key("", "version")] = None

@@ -18,7 +18,8 @@ from study.numbers.schema import Verify
 KEY = ["scene", "width", "height", "threads", "spec"]
 LIMITS = ["hit_distance", "max_steps", "scene_hash"]
 CONTEXT = (
-    *("compiler", "libc", "kernel", "system", "hypervisor", "governor", "no_turbo", "memory_kib"),
+    *("compiler", "libc", "kernel", "system", "hypervisor", "governor"),
+    *("no_turbo", "boost", "huge_pages", "memory_kib"),
     *(f"cpu.{name}" for name in ("model", "microarchitecture", "stepping", "microcode", "logical_cpus")),
     *("pinned.core_type", "git.commit", "git.dirty", "git.diff_sha256"),
 )

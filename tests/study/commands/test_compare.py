@@ -145,6 +145,15 @@ def test_many_runs_beside_one_base(two, tmp_path):
     assert run(third.path).returncode == 2
 
 
+def test_a_setting_of_the_machine_that_differs_is_named(tmp_path):
+    first, second = (
+        {"boost": one, "huge_pages": other} for one, other in (("1", "always"), ("0", "madvise"))
+    )
+    runs = [make_run(tmp_path / str(i), TIMES, more) for i, more in enumerate((first, second))]
+    differ = emitted.result(run(*(each.path for each in runs), "--json").stdout)["differences"]
+    assert differ == {name: {"A": first[name], "B": second[name]} for name in first}
+
+
 def test_status_tells_of_something_slower(two, tmp_path):
     a, b = (each.path for each in two)
     done = run(a, b, "--fail-on-slower")

@@ -1,6 +1,7 @@
 """What is said of the machine."""
 
 import json
+import os
 
 import msgspec
 import pytest
@@ -69,6 +70,14 @@ def test_first_processor_of_cpuinfo():
     assert machine.cpu("").flags == []  # unreadable: no crash
 
 
+def test_a_sandbox_that_does_not_know_its_cpu():
+    """gVisor: the model's name and the stepping are the word "unknown"."""
+    text = cpuinfo("unknown", "GenuineIntel", 6, 143, "unknown").replace("cores\t: 8", "cores\t: none")
+    found = machine.cpu(text)
+    assert (found.model, found.stepping, found.cores) == ("GenuineIntel", 0, None)
+    assert found.microarchitecture == "Sapphire Rapids" and machine.slug(text) == "genuineintel-6-143"
+
+
 @pytest.mark.parametrize(
     "cpu, said",
     [
@@ -89,3 +98,35 @@ def test_context_says_what_it_must():
     assert msgspec.convert(json.loads(json.dumps(cli.plain(context))), Context) == context
     assert context.machine == machine.slug() and context.libraries["numpy"]
     assert (context.memory_kib or 0) > 0 and "sse2" in context.cpu.flags
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "key", "value"),
+    [
+        ("cpu/cpufreq/boost", "0\n", "boost", "0"),
+        ("cpu/cpufreq/boost", "1\n", "boost", "1"),
+        ("enabled", "always [madvise] never\n", "huge_pages", "madvise"),
+        ("enabled", "[always] madvise never\n", "huge_pages", "always"),
+        ("none", "", "boost", None),
+        ("none", "", "huge_pages", None),
+    ],
+)
+def test_settings_that_change_times_are_recorded(file, text, key, value, tmp_path, monkeypatch):
+    """AMD's boost switch and transparent huge pages, by which two runs of one machine differ."""
+    (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / file).write_text(text)
+    monkeypatch.setattr(machine.topology, "SYSTEM", tmp_path / "cpu")
+    monkeypatch.setattr(machine, "HUGE_PAGES", tmp_path / "enabled")
+    assert getattr(machine.context(), key) == value
+
+
+@pytest.mark.parametrize("command", ["cc1", "wrapper cc1", "'{}/a wrapper' cc1", "", "'"])
+def test_the_compiler_is_what_make_calls(command, tmp_path, monkeypatch):
+    """CC may be several words: ccache gcc."""
+    for name, body in (("cc1", "echo one 1.2"), ("wrapper", 'exec "$@"'), ("a wrapper", 'exec "$@"')):
+        (tmp_path / name).write_text(f"#!/bin/sh\n{body}\n")
+        (tmp_path / name).chmod(0o755)
+    (tmp_path / "gcc").symlink_to(tmp_path / "cc1")
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setenv("CC", command.format(tmp_path))
+    assert machine.context().compiler == "one 1.2"
