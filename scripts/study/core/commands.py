@@ -6,8 +6,10 @@ an underscore there. A command is a module as `Body` says; the first sentence of
 
 import argparse
 import ast
+import dataclasses
 import difflib
 import importlib
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -15,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from study.core import cli
+from study.core import cli, registry
 from study.core.cli import Outcome, StudyError
 
 STUDY = Path(__file__).resolve().parents[1]
@@ -128,4 +130,14 @@ def main() -> int:
         raise StudyError(f"no command {name!r}; {hint}" if name else f"which command? {hint}")
     sys.argv[:] = [f"stepwise {name}", *rest]
     outcome, as_json = called(name, rest)
-    return outcome.tell(as_json)
+    return noted(outcome).tell(as_json)
+
+
+def noted(outcome: Outcome) -> Outcome:
+    """On arm64 with a remark on the phases named in what is printed whose code SIMDe translated."""
+    if not (programs := registry.by_simde()):
+        return outcome
+    lines = list(map(str, outcome.lines))
+    words = set(re.findall(r"\w+", " ".join(lines)))
+    said = filter(None, [registry.translated(programs, words)])
+    return dataclasses.replace(outcome, lines=lines, remarks=[*outcome.remarks, *said])

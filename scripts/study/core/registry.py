@@ -6,7 +6,7 @@ import difflib
 import functools
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -242,6 +242,25 @@ def cpu_flags() -> frozenset[str]:
         r"^(?:flags|Features)\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE
     )
     return frozenset(match[1].split() if match else ())
+
+
+@functools.cache
+def by_simde() -> list[str]:
+    """Phases whose AVX2 intrinsics SIMDe makes NEON's on this machine: none on x86-64."""
+    if "asimd" not in cpu_flags():
+        return []
+    return [name for name in phases() if "<immintrin.h>" in _source(name)]
+
+
+def _source(name: str) -> str:
+    sources = (path for path in patches.files(name, ROOT).values() if path.suffix in (".c", ".h"))
+    return "".join(path.read_text() for path in sources)
+
+
+def translated(programs: Sequence[str], among: Container[Any]) -> str:
+    """What stands under every table that has some of these programs among its own; "" where it has none."""
+    names = ", ".join(name for name in programs if name in among)
+    return f"{names}: AVX2 code, which SIMDe makes NEON's, not code written for this CPU." if names else ""
 
 
 def _limited() -> frozenset[str]:

@@ -15,7 +15,7 @@ from study.core import commands
 from study.core.cli import StudyError
 from study.core.schema import File
 from study.experiments import cuts
-from study.experiments.section import Section, System
+from study.experiments.section import Section, System, noted
 from study.experiments.shards import Sharded
 from study.numbers.analysis import Data
 
@@ -121,11 +121,11 @@ def load(run: Path, name: str) -> Any:
 def placed(data: Data) -> list[tuple[int, Section]]:
     """The chapters of a run's page with their places, in order. Raises StudyError for a broken file."""
     few = cuts.read(data.path)
-    made = []
+    made, programs = [], data.by_simde
     for one in find_all().values():
         whole = f" The whole: `make study DEPTH=standard` or `make {one.name}`."
         line = few[one.name] + whole if one.name in few else ""
-        made += [(place, replace(make(data), cut=line)) for place, make in one.sections]
+        made += [(place, replace(noted(make(data), programs), cut=line)) for place, make in one.sections]
     return sorted(made, key=lambda each: each[0])
 
 

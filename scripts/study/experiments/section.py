@@ -2,13 +2,13 @@
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from study.core import cli, show
+from study.core import cli, registry, show
 from study.core.cli import StudyError
 from study.core.schema import File, Record
 from study.core.show import Column, Table
@@ -63,6 +63,16 @@ class Section:
     cut: str = ""  # what a quick study left out of it, and how to get it
     html: str = ""  # a fragment of its own, behind the tables
     chart: str = ""  # that answers the mouse, of study.pictures.charts; the first figure is behind it
+
+
+def noted(section: Section, programs: Sequence[str]) -> Section:
+    """The chapter, where each table that has one of these programs says that SIMDe translated them."""
+
+    def foot(one: Part) -> str:
+        names = {show.cell(row, key) for row in one.rows for key in ("phase", "spec")}
+        return "\n".join(filter(None, (one.foot, registry.translated(programs, names))))
+
+    return replace(section, parts=[replace(one, foot=foot(one)) for one in section.parts])
 
 
 @dataclass(frozen=True)

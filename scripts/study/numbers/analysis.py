@@ -26,6 +26,7 @@ SHARE_BESIDE = {
     "antialiased_psnr_db": "antialiased_fraction_over_1_255",
 }
 KEYS = ["scene", "spec", "width", "height", "threads"]
+SIMDE = "SIMDe"  # in the instruction set of a frame (common/build/phase_info.py)
 MEDIANS = ["core_hz_load", "kernel_compile_ns", "joules", "ns", "tsc_cycles", "core_cycles", "core_hz"]
 MEDIANS += ["tsc_hz", "present_ns", "presented_ns", "prepare_ns"]
 SECOND_BASE = "opt2"
@@ -97,6 +98,11 @@ class Data:
     notes: list[str]
     height: int | None = None  # of the ladder's pictures; None: the best measured
     kept: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)  # worked out once, by name
+
+    @property
+    def by_simde(self) -> list[str]:
+        """Programs whose AVX2 code ran as NEON's by SIMDe, as their own frames say."""
+        return list(dict.fromkeys(cell.spec for cell in self.cells if SIMDE in (cell.facts.isa or "")))
 
     def cell(self, scene: str, spec: str, height: int, width: int, threads: int = 1) -> Cell | None:
         wanted = (scene, spec, height, width, threads)

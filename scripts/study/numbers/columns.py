@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from study.core import show
 from study.core.show import NOTHING, Column, Row, cell, gone, interval, number, plain, whole, word
-from study.numbers.analysis import GENERATED
+from study.numbers.analysis import GENERATED, SIMDE
 
 TO_TRUTH = "to ground truth"  # in a head: this column is of accuracy.json
 
@@ -14,7 +14,8 @@ def _phase(row: Row) -> str:
     """Of a phase that generates code for scenes: whether general code ran or was counted in its place."""
     kernel = cell(row, "kernel")
     general = isinstance(kernel, str) and kernel != GENERATED
-    return word("phase")(row) + (" (general code)" if general else "")
+    simde = " (SIMDe)" if SIMDE in str(cell(row, "isa")) else ""
+    return word("phase")(row) + (" (general code)" if general else "") + simde
 
 
 def _code(row: Row) -> str:

@@ -126,6 +126,7 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
         lines.append(cells + _cells(found[phase], ratios))
     others = strongest(data.path, size["height"]) if ratios else []
     table = markdown(head, [*lines, *(originals(data.path) if ratios else []), *others])
+    said = registry.translated(data.by_simde, found)
     at = truth_height([row for several in found.values() for row in several.values()])
     note = (
         f"{size['width']}×{size['height']}, one thread, {show.inert(provenance.place(data.context))}. Times: "
@@ -136,6 +137,7 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
         + " “To ours”: between the displayed pictures of both." * ratios
         + " Without shadows: on both scenes without shadows and mirrors, beside our fastest phase there."
         * bool(others)
+        + f" {said}" * bool(said)
     )
     return f"{table}\n{textwrap.fill(note, 100, break_on_hyphens=False)}\n"
 
@@ -181,4 +183,6 @@ def machines_block(runs: Sequence[Data]) -> str:
         place = show.inert(provenance.place(data.context))
         title = f"## {show.inert(here)}\n\n{place}: run `{data.path.name}`.\n"
         parts += [title, markdown(["phase", *_head(ratios)], lines)]
+        if said := registry.translated(data.by_simde, found):
+            parts.append(f"{textwrap.fill(said, 100)}\n")
     return "\n".join(parts)
