@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import platform
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,8 +10,8 @@ from pathlib import Path
 from study.core.cli import CANNOT_RUN, StudyError
 from study.experiments.peers.peer import FLOAT_DB, IN_FLOAT, Drawn, Job, Python
 
-OLDEST = 17  # LLVM that can compile Dr.Jit's minimum for x86
-FOLDERS = (Path("/usr/lib/x86_64-linux-gnu"), *Path("/usr/lib").glob("llvm-*/lib"))
+OLDEST = 17  # LLVM that can compile Dr.Jit's minimum
+FOLDERS = (Path(f"/usr/lib/{platform.machine()}-linux-gnu"), *Path("/usr/lib").glob("llvm-*/lib"))
 
 
 def llvm_version(path: Path) -> int | None:
