@@ -4,6 +4,10 @@
 $(BUILD)/common/stepper: common/counting/stepper.c common/tools/tools.mk common/rules.mk $(BUILD)/common/toolchain
 	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $< -o $@
 
+# Launches any program and measures it (scripts/study/measuring/launcher.py).
+$(BUILD)/launch: common/tools/launch.c common/tools/tools.mk common/rules.mk $(BUILD)/common/toolchain
+	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) $< -o $@
+
 # A program whose counts are known (tests/calibration), plain and with counted blocks.
 CALIBRATION_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -Icommon
 $(BUILD)/calibration/calibrate: tests/calibration/calibrate.c common/rules.mk $(BUILD)/common/toolchain

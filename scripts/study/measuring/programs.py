@@ -7,7 +7,6 @@ The program's name stands as phase and its case (`n=128`, or "" for the only one
 import datetime
 import hashlib
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ def digest(*values: Any) -> str:
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
-def configuration(program: Program, work: str = "") -> Configuration:
+def configuration(program: Program, work: str = "", threads: int = 1) -> Configuration:
     """`work`: the same for programs whose times may be compared: digest of their input, of what is timed."""
     return Configuration(
         config=digest(program.name, program.case, program.command, work)[:12],
@@ -38,14 +37,14 @@ def configuration(program: Program, work: str = "") -> Configuration:
         scene_hash=digest(program.case, work)[:16],
         width=1,
         height=1,
+        threads=threads,
     )
 
 
-def begin(results: Path, slug: str, plan: Plan, context: Context, works: Sequence[str] = ()) -> Run:
-    """A new run of plan.programs below `results`/`slug`, whose configurations are put into the plan. `works`:
-    of each program, as in `configuration`. Raises StudyError."""
-    works = works or [""] * len(plan.programs)
-    plan.configurations = [configuration(*each) for each in zip(plan.programs, works, strict=True)]
+def begin(results: Path, slug: str, plan: Plan, context: Context) -> Run:
+    """A new run below `results`/`slug`. Configurations that the plan lacks are made of its programs. Raises
+    StudyError."""
+    plan.configurations = plan.configurations or [configuration(one) for one in plan.programs]
     run = Run.create(results, slug)
     run.lock()
     store.write_json(run.path / "context.json", context)
@@ -67,7 +66,7 @@ def line(
     keys of run_schema.Frame: round (by which programs of one run are paired), user_ns, cpu, time …"""
     about = {"schema": 1, "config": of.config, "launch": launch, "frame": frame, "warmup": warmup}
     about |= {"phase": of.phase, "flags_from": of.flags_from, "scene": of.scene, "scene_hash": of.scene_hash}
-    about |= {"width": 1, "height": 1, "threads": 1, "ns": max(round(ns), 1)}
+    about |= {"width": 1, "height": 1, "threads": of.threads, "ns": max(round(ns), 1)}
     return {
         **about,
         "prepare_ns": 0,

@@ -20,7 +20,7 @@ from study.numbers import analysis, columns, paper, verdicts
 from study.numbers.analysis import Data
 from study.pictures import embed
 from study.pictures.draw import Drawing
-from study.report import compared, facts, history_chapter, lessons
+from study.report import compared, facts, history_chapter, lessons, programs_chapter
 
 MORE = 6  # the question of a chapter whose place is of no other
 PICTURES = {  # of stepwise pictures
@@ -165,6 +165,8 @@ def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:
         (700, ran(data)),
         (710, Section("units", "Units and method", "", [])),
     ]
+    if data.plan.programs:  # of other programs there is nothing else to say
+        measured, own = [], [(100, programs_chapter.timed(data)), *own[-2:]]
     made: dict[str, list[Section]] = {text: [] for text in experiment.QUESTIONS.values()}
     for place, section in sorted([*measured, *own], key=lambda each: each[0]):
         made[experiment.QUESTIONS.get(place // 100, experiment.QUESTIONS[MORE])].append(section)

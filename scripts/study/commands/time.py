@@ -1,0 +1,300 @@
+"""Times any programs in turns until their ratios are known: intervals, verdicts, modes, drift."""
+
+import argparse
+import contextlib
+import hashlib
+import itertools
+import os
+import random
+import re
+import secrets
+import shlex
+import shutil
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from study.core import cli, machine, progress, store
+from study.core import run as driver
+from study.core.cli import Outcome, StudyError
+from study.core.host import quotas
+from study.core.run_schema import End, Plan, Program
+from study.measuring import launcher, programs
+from study.measuring.launcher import Launcher
+from study.numbers import analysis, modes, summary
+from study.numbers import programs as table
+from study.pictures import launch_order
+
+DESCRIPTION = """\
+Times any programs: a round launches each of them once, in random order, pinned to one CPU and with an
+environment of random size. Rounds go on until the 95 % interval of every ratio to the first program is within
+--precision of its value, at most for --seconds. The interval holds however often one looks (S. R. Howard and
+A. Ramdas, Bernoulli 28, 2022), so that stopping by it costs none of its 95 %.
+
+    scripts/stepwise time -- ./old scene ::: ./new scene
+    scripts/stepwise time --precision 0.5% --time-from 'frame ([0-9.]+) ms' -- ./old ::: ./new
+    scripts/stepwise time --vary n 128,256,512 -- './mm {n}'
+
+A ratio is the median over rounds of the first program's time over this one's: over 1, this one is faster.
+Warm-up are the first rounds, until no program is 1 % faster than before; they are in no statistic.
+Options that hyperfine has mean what they mean there. Without --shell no shell is between: a command of one
+word is split into words. With one, its own start is in every time."""
+MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
+LEAST_ROUNDS = 10  # where no --seconds are given: so many even of slow programs
+A_PROGRAM = 3.0  # s that each may take without --seconds, as in hyperfine
+BETWEEN = ":::"
+
+
+def precision(text: str) -> float:
+    """`1%` or `0.01`."""
+    with contextlib.suppress(ValueError):
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        if 0 < value < 1:
+            return value
+    raise argparse.ArgumentTypeError(f"'{text}': a share above 0 and below 1, like 1% or 0.01")
+
+
+def codes(text: str) -> frozenset[int] | None:
+    with contextlib.suppress(ValueError):
+        return None if text == launcher.ALL else frozenset(map(int, text.split(",")))
+    raise argparse.ArgumentTypeError(f"'{text}': exit statuses like 1,2, or {launcher.ALL}")
+
+
+def pattern(text: str) -> re.Pattern[str]:
+    with contextlib.suppress(re.error):
+        if (found := re.compile(text, re.MULTILINE)).groups:
+            return found
+    raise argparse.ArgumentTypeError(
+        f"'{text}': an expression with a group of a number, like 'took ([0-9.]+) ms'"
+    )
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("command", nargs="*", metavar="-- CMD ::: CMD", help="the programs, the first of all the base")
+    add("--precision", type=precision, metavar="P", help="of the ratios, ±; default: 1%%")
+    about = f"of measuring at most; default: {A_PROGRAM:g} for each program, or {LEAST_ROUNDS} rounds"
+    add("--seconds", type=cli.at_least(0.001, float), help=about)
+    add("--launches", type=cli.at_least(1), help="of each program, instead of --precision")
+    add("--warmup", type=cli.at_least(0), metavar="ROUNDS", help="rounds left out; default: found")
+    add("--vary", nargs=2, action="append", default=[], metavar=("NAME", "A,B,C"), help="values of {NAME}")
+    add("--time-from", type=pattern, metavar="REGEX", help="time what it prints: a number, then its unit")
+    add("--command-name", action="append", default=[], metavar="NAME", help="of a program in the table")
+    add(
+        "--prepare",
+        action="append",
+        default=[],
+        metavar="CMD",
+        help="before each launch; once or for each CMD",
+    )
+    add("--cleanup", action="append", default=[], metavar="CMD", help="after the last one; the same")
+    about = "go on after a status that is not 0, or after these"
+    kind: Any = codes
+    add(
+        "--ignore-failure", type=kind, nargs="?", const=None, default=frozenset(), metavar="CODES", help=about
+    )
+    add("--input", type=Path, metavar="FILE", help="standard input of the programs; default: none")
+    add("--shell", metavar="SHELL", help="none, default (sh), or like 'bash --norc'; see above")
+    add("--cpu", type=cli.at_least(0), default=driver.FASTEST, help="to pin to; default: of a fast core")
+    add("--threads", type=cli.at_least(1), default=1, help="CPUs to pin to; default: 1")
+    add("--seed", type=cli.at_least(0), help="of order and padding; default: random")
+    add("--results", type=Path, default=store.RESULTS, metavar="DIR", help="parent of the run's folder")
+    add("--export-json", type=Path, metavar="PATH", help="as hyperfine writes it")
+
+
+def commands(words: Sequence[str]) -> list[list[str]]:
+    """Between two ::: stands a command. Raises StudyError for an empty one."""
+    found = [list(some) for end, some in itertools.groupby(words, lambda word: word == BETWEEN) if not end]
+    if not found or len(found) != list(words).count(BETWEEN) + 1 or not all(map(any, found)):
+        raise StudyError("name the programs: stepwise time [options] -- ./old args ::: ./new args")
+    return found
+
+
+def each(given: Sequence[str], many: int, option: str) -> list[str | None]:
+    """Of an option that is given never, once for all commands or once for each."""
+    if len(given) not in (0, 1, many):
+        raise StudyError(f"{option}: {len(given)} times for {many} commands; once, or once for each")
+    return [None] * many if not given else [*given] * (many if len(given) == 1 else 1)
+
+
+def asked(args: argparse.Namespace) -> list[Program]:
+    """Every command with every value of --vary. Raises StudyError."""
+    found = commands(args.command)
+    prepare, cleanup = (each(getattr(args, name), len(found), f"--{name}") for name in ("prepare", "cleanup"))
+    names = args.command_name or [" ".join(one) if len(one) == 1 else shlex.join(one) for one in found]
+    if len(names) != len(found):
+        raise StudyError(f"--command-name: {len(names)} for {len(found)} commands; once for each")
+    for place, name in enumerate(names):  # a program beside itself shows what chance does
+        if (before := names[:place].count(name)) > 0:
+            names[place] = f"{name} ({before + 1})"
+    values = [[(name, value) for value in text.split(",")] for name, text in args.vary]
+    for (name, _), *_ in values:
+        if not all(any(f"{{{name}}}" in word for word in one) for one in found):
+            raise StudyError(f"--vary {name}: every command must have {{{name}}} in it")
+    made = []
+    for chosen in itertools.product(*values):
+
+        def put(text: str, chosen: Sequence[tuple[str, str]] = chosen) -> str:
+            for name, value in chosen:
+                text = text.replace(f"{{{name}}}", value)
+            return text
+
+        for name, words, before, after in zip(names, found, prepare, cleanup, strict=True):
+            around = {"prepare": before and put(before), "cleanup": after and put(after)}
+            case = " ".join(f"{key}={value}" for key, value in chosen)
+            made.append(Program(name=name, case=case, command=[*map(put, words)], **around))
+    if len({(one.name, one.case) for one in made}) < len(made):
+        raise StudyError("two programs of one name and case; --command-name tells them apart")
+    return made
+
+
+def digest(path: Path | str | None) -> str | None:
+    with contextlib.suppress(OSError, TypeError):
+        return hashlib.sha256(Path(path or "").read_bytes()).hexdigest()
+    return None
+
+
+class Timing:
+    """The measuring: what is launched, how, and the times so far (ns, by round)."""
+
+    def __init__(self, args: argparse.Namespace, plan: Plan, how: Launcher) -> None:
+        self.plan, self.how, self.results = plan, how, args.results
+        self.dice = random.Random(plan.seed)
+        self.context = machine.context(args.cpu)
+        pattern = args.time_from.pattern if args.time_from else ""
+        work = f"{digest(args.input) or ''} {pattern}".strip()
+        plan.configurations = [programs.configuration(one, work, args.threads) for one in plan.programs]
+        self.times: list[dict[int, float]] = [{} for _ in plan.programs]
+        self.run: store.Run | None = None
+        self.round = 0
+        self.limit = args.seconds or A_PROGRAM * len(plan.programs)
+        self.least = 1 if args.seconds else LEAST_ROUNDS
+        self.begun = time.monotonic()
+
+    def launches(self, warmup: bool) -> Iterator[dict[str, Any]]:
+        """Lines of a round, in random order."""
+        for place in self.dice.sample(range(len(self.times)), len(self.times)):
+            program, padding = self.plan.programs[place], self.dice.randint(0, 4096)
+            if program.prepare:
+                self.how.around(program.prepare)
+            found = self.how.launch(program.command, padding)
+            about = {"round": self.round, "env_bytes": padding, "cpu": self.plan.cpu, "time": programs.now()}
+            lines = [
+                programs.line(self.plan.configurations[place], self.round, warmup=warmup, **about | one)
+                for one in found
+            ]
+            self.times[place][self.round] = float(pd.Series([line["ns"] for line in lines]).median())
+            yield from lines
+
+    def one_round(self, warmup: bool = False) -> None:
+        """The run's folder is made when its first round has passed: what cannot start leaves none."""
+        if self.run is None:
+            lines = [*self.launches(warmup)]
+            self.run = programs.begin(self.results, machine.slug(), self.plan, self.context)
+            for line in lines:
+                self.run.append_frame(line)
+        else:
+            for line in self.launches(warmup):
+                self.run.append_frame(line)
+        self.round += 1
+
+    @property
+    def spent(self) -> float:
+        return time.monotonic() - self.begun
+
+    def warm_up(self, rounds: int | None) -> None:
+        """`rounds` of them, or until the last one was no faster; their times are forgotten."""
+        while self.round != rounds and self.round < (MOST_WARM if rounds is None else rounds):
+            self.one_round(warmup=True)
+            warm = all(modes.warm([*times.values()]) for times in self.times)
+            if rounds is None and (warm or self.spent > SHARE_WARM * self.limit):
+                break
+        self.plan.warmup = self.round
+        self.times = [{} for _ in self.times]
+        self.begun = time.monotonic()
+
+    def known(self, rounds: int) -> bool:
+        if self.plan.precision is None or rounds % max(rounds // 20, 1):
+            return False
+        series = [pd.Series(times) for times in self.times]
+        return table.precise(series, self.plan.programs, self.plan.precision)
+
+    def measure(self) -> None:
+        with progress.Progress("time", self.plan.launches or self.limit) as bar:
+            for rounds in itertools.count(1):
+                self.one_round()
+                bar.to(rounds if self.plan.launches else min(self.spent, self.limit))
+                if rounds == self.plan.launches or self.known(rounds):
+                    break
+                late = self.plan.seconds is not None or not self.plan.launches
+                if late and self.spent > self.limit and rounds >= self.least:
+                    break
+        self.plan.launches = rounds
+
+    def clean_up(self) -> None:
+        for program in self.plan.programs:
+            if program.cleanup:
+                self.how.around(program.cleanup)
+
+    def end(self) -> store.Run:
+        assert self.run
+        about = {"load_average": list(os.getloadavg()), "steal_ticks": machine.steal_ticks()}
+        self.context.end = End(time=programs.now(), limits=quotas.limits(), **about)
+        store.write_json(self.run.path / "context.json", self.context)
+        programs.end(self.run, self.plan)
+        return self.run
+
+
+def told(target: store.Run, plan: Plan) -> Outcome:
+    frames = target.frames()
+    found = table.rows(analysis.cells_of(frames, plan), plan)
+    picture = launch_order.drawing(frames, plan).write(target.path / "figures" / "launches")
+    lines = [summary.table(found, table.COLUMNS), *picture[-1:], target.path]
+    said = [f"warning: {text}" for text in [*table.remarks(found), *quotas.notices(target.context)]]
+    rounds = f"{plan.launches} rounds after {plan.warmup} of warm-up, CPU {plan.cpu}, seed {plan.seed}"
+    if plan.precision is not None and any(row.verdict in (table.UNSURE, table.FEW) for row in found):
+        rounds += f"; not known to ±{100 * plan.precision:.3g} %: --seconds allows more"
+    return Outcome(
+        {"rows": found, "launches": plan.launches, "warmup": plan.warmup}, [*lines, rounds], target.path, said
+    )
+
+
+def timed(args: argparse.Namespace) -> store.Run:
+    """Raises StudyError."""
+    if args.launches and args.precision:
+        raise StudyError("--launches counts, --precision stops by itself; give one of them")
+    if args.input and not args.input.is_file():
+        raise StudyError(f"{args.input}: no such file for --input")
+    cpus = driver.cpu_set(args.cpu, args.threads)
+    how = Launcher(frozenset(cpus or ()), args.shell, args.input, args.ignore_failure, args.time_from)
+    plan = Plan(
+        programs=asked(args),
+        seed=secrets.randbelow(2**32) if args.seed is None else args.seed,
+        cpu=args.cpu,
+        launches=args.launches or 0,
+        reps=1,
+        precision=None if args.launches else args.precision or 0.01,
+        seconds=args.seconds,
+        time_from=args.time_from.pattern if args.time_from else None,
+        began=programs.now(),
+    )
+    for one in plan.programs:
+        one.sha256 = digest(shutil.which(how.words(one.command)[0]))
+    timing = Timing(args, plan, how)
+    try:
+        with driver.off(args.cpu):
+            timing.warm_up(args.warmup)
+            timing.measure()
+    finally:
+        timing.clean_up()
+    return timing.end()
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    target = timed(args)
+    if args.export_json:
+        store.write_json(args.export_json, table.hyperfine(target.frames()))
+    return told(target, target.plan)

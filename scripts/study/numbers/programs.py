@@ -1,0 +1,163 @@
+"""The table of a run of programs that are no phases: times, ratios, verdicts; and hyperfine's JSON of it."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from study.core.run_schema import Plan, Program
+from study.numbers import modes, sequential
+from study.numbers.analysis import Cell
+from study.numbers.modes import Modes
+from study.numbers.stats import Interval
+
+FASTER, SLOWER, FEW = "faster", "slower", "unknown (too few launches)"
+UNSURE, TWO_MODES = "not told apart", "no verdict (two modes)"
+COLUMNS = [("program", "program"), ("case", "case"), ("launches", "launches"), ("ms", "ms [95 %]")]
+COLUMNS += [("user_ms", "user ms"), ("system_ms", "system ms"), ("mib", "peak MiB")]
+COLUMNS += [("instructions", "instructions"), ("joules", "J"), ("ratio", "first / this [95 %]")]
+COLUMNS += [("verdict", "this is")]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A program in one case; medians over launches. `ratio`: the median over rounds of `base`'s time over
+    this one's: over 1, this one is faster. None: it is the base itself, or the machine has no such counter.
+    `modes`: two modes of its times, ms; `drift`: relative, from the first launches to the last."""
+
+    program: str
+    case: str
+    launches: int
+    ms: Interval
+    user_ms: float | None
+    system_ms: float | None
+    mib: float | None
+    instructions: float | None
+    joules: float | None
+    base: str | None
+    ratio: Interval | None
+    verdict: str
+    modes: Modes | None
+    drift: float | None
+
+    @property
+    def name(self) -> str:
+        return f"{self.program} {self.case}".strip()
+
+
+def bases(programs: Sequence[Program]) -> list[int | None]:
+    """Of each program the place of the one that it is held against: the first of its case; where each case
+    has one program, the first of all. None: itself."""
+    cases = [one.case for one in programs]
+    found = [cases.index(case) if cases.count(case) > 1 else 0 for case in cases]
+    return [base if base != place else None for place, base in enumerate(found)]
+
+
+def verdict(found: Interval, of_rounds: pd.Series, precision: float | None) -> str:
+    """`precision`: a difference that is surely smaller is none."""
+    if not found.sufficient:
+        return FEW
+    two = modes.modes(of_rounds)
+    if two and two.split(found):
+        return TWO_MODES
+    if found.excludes_one:
+        return FASTER if found.low > 1 else SLOWER
+    near = precision and 1 - precision <= found.low <= found.high <= 1 + precision
+    return f"the same within {100 * precision:.3g} %" if precision and near else UNSURE
+
+
+def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
+    """In the order of the plan. Times of another tool were not launched in turns: they have no ratio."""
+    known = {(one.spec, one.scene): one for one in cells}
+    stopped, made = plan.precision is not None, []
+    for program, base in zip(plan.programs, bases(plan.programs), strict=True):
+        cell = known.get((program.name, program.case))
+        if cell is None:
+            continue
+        first = plan.programs[base] if base is not None and not plan.read_from else None
+        other = known.get((first.name, first.case)) if first else None
+        ms, ratio, said = cell.values.ns / 1e6, None, ""
+        if other is not None:
+            of_rounds = sequential.ratios(other.values.ns, cell.values.ns)
+            ratio = sequential.median_interval(of_rounds, stopped)
+            said = verdict(ratio, of_rounds, plan.precision)
+        made.append(
+            Row(
+                program=program.name,
+                case=program.case,
+                launches=len(ms),
+                ms=sequential.median_interval(ms, stopped),
+                user_ms=_median(cell, "user_ns", 1e6),
+                system_ms=_median(cell, "system_ns", 1e6),
+                mib=_median(cell, "max_rss_kib", 1024),
+                instructions=_median(cell, "instructions"),
+                joules=_median(cell, "joules"),
+                base=f"{first.name} {first.case}".strip() if first else None,
+                ratio=ratio,
+                verdict=said,
+                modes=modes.modes(ms),
+                drift=modes.drift(ms),
+            )
+        )
+    return made
+
+
+def _median(cell: Cell, name: str, unit: float = 1) -> float | None:
+    values = cell.values[name].dropna() if name in cell.values else ()
+    return float(np.median(values)) / unit if len(values) else None
+
+
+def precise(times: Sequence[pd.Series], programs: Sequence[Program], precision: float) -> bool:
+    """Whether every ratio is known to ± `precision`, or the median of the only program. `times`: of each
+    program, by round."""
+    pairs = [
+        (times[base], mine) for base, mine in zip(bases(programs), times, strict=True) if base is not None
+    ]
+    found = [sequential.ratio_interval(*pair) for pair in pairs]
+    found = found or [sequential.median_interval(mine) for mine in times]
+    return all(sequential.within(one, precision) for one in found)
+
+
+def remarks(found: Sequence[Row]) -> list[str]:
+    """A sentence each for two modes, a drift, and what has no verdict."""
+    said = []
+    for row in found:
+        if row.modes:
+            text = f"{row.name}: two modes of time, {row.modes.text(unit=' ms')}"
+            between = row.modes.split(row.ms) and row.ms.sufficient
+            said.append(f"{text}; its median lies between them and says little" if between else text)
+        if row.drift:
+            way = "slower" if row.drift > 0 else "faster"
+            text = (
+                f"{row.name}: its launches drifted, the last quarter {100 * abs(row.drift):.1f} % {way} than"
+            )
+            said.append(f"{text} the first")
+        if row.verdict == TWO_MODES:
+            said.append(f"{row.name}: its ratio to {row.base} has two modes: there is no verdict on a median")
+    return said
+
+
+def hyperfine(frames: pd.DataFrame) -> dict[str, Any]:
+    """A run as `hyperfine --export-json` writes one: seconds, of every timed launch."""
+    results = []
+    for (spec, scene), some in frames[~frames.warmup.astype(bool)].groupby(["spec", "scene"], sort=False):
+        launches = some.groupby("launch")
+        times = (launches.ns.median() / 1e9).tolist()
+
+        def mean(name: str, launches: Any = launches) -> float | None:
+            return float(launches[name].first().mean() / 1e9) if name in launches.obj else None
+
+        made = {"command": str(spec), "mean": float(np.mean(times)), "median": float(np.median(times))}
+        made["stddev"] = float(np.std(times, ddof=1)) if len(times) > 1 else None
+        made |= {"user": mean("user_ns"), "system": mean("system_ns"), "min": min(times), "max": max(times)}
+        made["times"] = times
+        if "max_rss_kib" in some:
+            made["memory_usage_byte"] = (launches.max_rss_kib.first() * 1024).astype(int).tolist()
+        codes = launches.exit_status.first().tolist() if "exit_status" in some else [0] * len(times)
+        made["exit_codes"] = [int(code) for code in codes]
+        given = dict(part.split("=", 1) for part in shlex.split(str(scene)) if "=" in part)
+        results.append(made | ({"parameters": given} if given else {}))
+    return {"results": results}
