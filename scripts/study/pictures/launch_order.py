@@ -42,9 +42,8 @@ def draw(frames: pd.DataFrame, plan: Plan) -> Figure:
     rows = frames.assign(
         ms=frames.ns / 1e6, warmup=frames.warmup.astype(bool), order=range(1, len(frames) + 1)
     )
-    cases, names = (
-        list(dict.fromkeys(some)) for some in zip(*((one.case, one.name) for one in plan.programs))
-    )
+    cases = list(dict.fromkeys(one.case for one in plan.programs))
+    names = list(dict.fromkeys(one.name for one in plan.programs))
     figure, grid = panels(rows.sort_values("scene", key=lambda of: of.map(cases.index)), 3.6, 8.0, 1)
     for case, axes in grid.items():
         _panel(axes, rows[rows.scene == case], names)
