@@ -77,7 +77,7 @@ def shrink(picture: Path, out: Path, most: int = PICTURE_BYTES) -> None:
 
 
 def sections(folder: Path) -> list[Any]:
-    return experiment.sections(analysis.load(folder, strict=False))
+    return experiment.sections(analysis.load(folder))
 
 
 def copy_pictures(run: Path, folder: Path) -> list[str]:
@@ -89,7 +89,7 @@ def copy_pictures(run: Path, folder: Path) -> list[str]:
             if picture.is_file() and picture.is_relative_to(run):
                 names.append(str(picture.relative_to(run)))
                 shrink(picture, folder / names[-1])
-    for path, pixels in compared.kept(analysis.load(run, strict=False)).items():
+    for path, pixels in compared.kept(analysis.load(run)).items():
         names.append(str(path.relative_to(run)))
         images.write_png(folder / names[-1], pixels)
     return names

@@ -25,7 +25,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    data, known = analysis.load(args.run, strict=False), sheets()
+    data, known = analysis.load(args.run), sheets()
     chapters = {one.id: one for one in experiment.sections(data)}
     out, made, remarks = store.writable(args.out or args.run), [], []
     for name in args.only or chapters:

@@ -72,7 +72,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    data = analysis.load(args.run, strict=False)
+    data = analysis.load(args.run)
     text = page(data, args.out, args.n, args.running)
     store.write_text(args.out, text)
     told = {"report": args.out, "bytes": len(text.encode()), "missing": data.notes}

@@ -109,6 +109,6 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    data = analysis.load(args.run)
+    data = analysis.load(args.run, timed=True)
     make(data, args.out)
     return Outcome({"pdf": args.out}, [args.out], data.path)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-from study.core import cli, provenance, show, store, table_files
+from study.core import cli, provenance, run_schema, show, store, table_files
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT
 from study.core.show import between
@@ -63,7 +63,7 @@ def systems_block(data: Data) -> str:
 def machines_block() -> str:
     """Of every published run of 1280×720."""
     folders = sorted(file.parent for file in REFERENCE.glob("*-720p*/context.json"))
-    return front_page.machines_block([analysis.load(folder, strict=False) for folder in folders])
+    return front_page.machines_block([analysis.load(folder) for folder in folders])
 
 
 def rewritten(option: str, data: Data, rows: pd.DataFrame) -> str:
@@ -89,8 +89,13 @@ def options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     data = dataclasses.replace(analysis.load(args.run), height=args.n)
     rows = ladder.rows(data)
-    if not rows.headline.any():
+    if not rows.empty and not rows.headline.any():
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
+    if rows.empty and (args.readme or args.limit):
+        raise StudyError(f"{data.path}: has no timed frame for that page; run scripts/stepwise sweep")
+    files = {file for one in experiment.find_all().values() for file in one.schemas} - run_schema.SCHEMAS.keys()
+    if rows.empty and not any(store.stored(data.path / file).exists() for file in files):
+        raise StudyError(f"{data.path}: nothing was measured: no timed frame and no experiment's file")
     made = make(rows, [chapters.reproduced(data, rows), *experiment.sections(data)])
     paths = table_files.write(made, args.out or data.path / "tables")
     for option, (page, _) in PAGES.items():

@@ -22,7 +22,8 @@ from study.core.cli import Outcome, StudyError
 
 STUDY = Path(__file__).resolve().parents[1]
 OPTIONS = {  # one meaning in every command that has it: placeholder and what it is
-    "--run": ("DIR", "the folder of the run that is read or added to"),
+    "--run": ("DIR", "the folder of the run that is read or added to; without it a second result gets a"
+              " folder of its own, build/NAME-2"),
     "--resume": (None, "go on with the interrupted run at `--run`"),
     "--budget": ("SECONDS", "the time for measuring; what does not fit is left out and said"),
     "--phase": ("PHASE", "a phase, `opt2@opt4` (opt2 with opt4's flags) or an ablation `opt2+title`"),

@@ -84,22 +84,18 @@ def cpu(cpuinfo: str | None = None) -> Cpu:
         return msgspec.structs.replace(arm.named(arm.block(text, topology.FASTEST)), **counts)
     lines = (line.partition(":") for line in text.split("\n\n")[0].splitlines())
     info = {key.strip(): value.strip() for key, _, value in lines}
-
-    def number(key: str) -> int:  # 0: not told, or as gVisor has it, "unknown"
-        return int(text) if (text := info.get(key, "")).isdecimal() else 0
-
-    family, model, stepping = map(number, ("cpu family", "model", "stepping"))
+    family, model, stepping = (arm.number(info, key) for key in ("cpu family", "model", "stepping"))
     vendor, flags = info.get("vendor_id"), info.get("flags", "").split()
     known = info.get("model name", platform.machine())
     return Cpu(
-        model=vendor if known == "unknown" else known,
+        model=vendor if known == "unknown" else known,  # as gVisor has it
         vendor=vendor,
         family=family,
         model_number=model,
         stepping=stepping,
         microcode=info.get("microcode"),
         microarchitecture=microarchitecture(vendor, family, model, stepping, flags),
-        cores=number("cpu cores") or None,
+        cores=arm.number(info, "cpu cores") or None,
         flags=flags,
         **counts,
     )

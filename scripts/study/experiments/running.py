@@ -1,6 +1,7 @@
 """What the commands of experiments share: options, the file that they write, figures, and how they end."""
 
 import argparse
+import itertools
 import secrets
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,8 +53,21 @@ def programs(names: Iterable[str]) -> tuple[list[Spec], dict[Spec, str]]:
     return [spec for spec in specs if spec not in lacking], lacking
 
 
-def folder(args: argparse.Namespace) -> Path:
-    return store.writable(args.run or registry.ROOT / "build" / args.home)
+def folder(args: argparse.Namespace, *files: str, gallery: str = "") -> Path:
+    """--run; else build/HOME or, where that has one of `files`, the next of build/HOME-2, -3 …: a second
+    result takes nothing from the first. Shards of one result are together. `gallery`: a folder of pictures by
+    the hash of what drew them, which they share."""
+    first: Path = registry.ROOT / "build" / args.home
+    if args.run or getattr(args, "shard", None):
+        return store.writable(args.run or first)
+    homes = itertools.chain([first], (first.with_name(f"{first.name}-{n}") for n in itertools.count(2)))
+    made = next(home for home in homes if not any((home / file).exists() for file in files))
+    if made != first:
+        cli.say(f"{first} has a result already, which stays: this one goes to {made}")
+    store.writable(made)
+    if gallery and not (made / gallery).exists() and (first / gallery).is_dir():
+        (made / gallery).symlink_to(Path("..", first.name, gallery))
+    return made
 
 
 def about(args: argparse.Namespace) -> dict[str, Any]:

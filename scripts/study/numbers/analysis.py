@@ -112,9 +112,9 @@ class Data:
         )
 
 
-def load(path: Path | str | None, strict: bool = True) -> Data:
+def load(path: Path | str | None, timed: bool = False) -> Data:
     """The run in `path`, by default the newest one; what is missing is left empty and named in `notes`.
-    Raises StudyError for a broken file and, when strict, if there is no timed frame."""
+    Raises StudyError for a broken file and, where the run must be `timed`, without a timed frame."""
     run = store.Run(Path(path)) if path else store.latest()
     if not run.path.is_dir():
         raise StudyError(f"{run.path}: no such run; a run is a folder like results/MACHINE/RUN")
@@ -133,7 +133,7 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
     frames = _usable(run, notes)
     if frames.empty:
         notes.append("frames.jsonl has no timed frame: there are no speeds; run scripts/stepwise sweep.")
-        if strict:
+        if timed:
             raise StudyError(f"{run.path}: no timed frame in frames.jsonl; run scripts/stepwise sweep first")
     plan = plan or Plan()
     pairs = (verify.pairs if verify else None) or []

@@ -55,7 +55,7 @@ def _pictures(run: Run, wanted: list[Picture]) -> dict[str, Picture]:
 
 
 def _read(path: Path, pictures: dict[str, Picture]) -> list[Ratio]:
-    data = analysis.load(path, strict=False)
+    data = analysis.load(path)
     cells = [cell for cell in data.cells if cell.picture == pictures.get(cell.scene)]
     data = dataclasses.replace(data, cells=cells, height=None, kept={})
     return list(_ratios(facts.short_name(data), ladder.rows(data), beside.held_beside(path)))

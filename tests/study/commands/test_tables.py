@@ -212,9 +212,25 @@ def test_no_timed_frame_is_an_error_only_where_a_table_is_wanted(run: Path, text
     if text is None:
         (run / "frames.jsonl").unlink()
     with pytest.raises(StudyError):
-        analysis.load(run)
-    data = analysis.load(run, strict=False)
+        analysis.load(run, timed=True)
+    data = analysis.load(run)
     assert ladder.rows(data).empty and len(data.notes) == 1
+
+
+def test_errors_measured_without_a_sweep_are_exported(tmp_path: Path) -> None:
+    """As `accuracy` and `verify` leave them in build/: a file, and no frames. An empty folder has nothing."""
+    for name, table in (("accuracy.json", "accuracy"), ("verify.json", "verification")):
+        folder = tmp_path / table
+        folder.mkdir()
+        store.write_json(folder / name, complete.published(name))
+        done = emitted.ran("tables", folder)
+        assert done.returncode == 0, done.stderr
+        (known,) = (line for line in emitted.ran("tables", folder, "--json").stdout.splitlines())
+        rows = json.loads(known)["result"][table]
+        assert rows and len(rows) == len(pd.read_csv(folder / "tables" / f"{table}.csv"))
+    done = emitted.ran("tables", tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1) and not (tmp_path / "tables").exists()
+    assert emitted.ran("tables", tmp_path / "accuracy", "--readme").returncode == 2
 
 
 def test_launches_stand_side_by_side_by_the_round_that_they_were_of(run: Path) -> None:
@@ -377,7 +393,7 @@ PUBLISHED = sorted(file.parent for file in (ROOT / "results" / "reference").glob
 def test_a_published_run_says_what_made_it_and_has_tables(folder: Path) -> None:
     said = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
     assert set(said) == {"machine", "compiler", "time", "commit", "commands", "caveat"} and said["commands"]
-    data = analysis.load(folder, strict=False)
+    data = analysis.load(folder)
     made = tables.make(ladder.rows(data), experiment.sections(data))
     assert "ladder" in made
     assert (

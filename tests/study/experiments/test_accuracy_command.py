@@ -14,6 +14,7 @@ from study.core import commands, registry
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT, Spec
 from study.core.run import DriverError
+from study.experiments import running
 from study.experiments.accuracy import command as command_module
 from study.experiments.accuracy import tables
 from study.numbers.accuracy import FILE, Accuracy, rows
@@ -175,6 +176,29 @@ def test_a_shard_of_a_fractal_is_held_against_opt4_too(command, house, disc):
     assert command(*asked, "--shard", "2/2").result.rows == whole[1:]
     assert [path.name for path in house.run.glob("*.json")] == ["accuracy.shard-2-of-2.json"]
     assert command_module.specs_of(["opt4"]) == [Spec("opt4", "opt4")]
+
+
+def test_a_second_result_takes_nothing_from_the_first(house, monkeypatch, tmp_path, disc):
+    """And renders nothing again: both have the same pictures. Shards of one result are in one folder."""
+    monkeypatch.setattr(running.registry, "ROOT", tmp_path)
+    size = ("-n", str(HEIGHT), "-w", str(WIDTH), "--jobs", "1", "--scene", "trio")
+
+    def call(*words: str) -> Outcome:
+        return commands.called("accuracy", [*size, *words])[0]
+
+    first = call("--phase", "opt4")
+    house.pictures["baseline"] = house.pictures["opt4"] = RuntimeError("rendered again")
+    second = call("--phase", "opt4", "opt5")
+    assert (first.run, second.run) == (tmp_path / "build" / "accuracy", tmp_path / "build" / "accuracy-2")
+    assert [r.phase for r in rows(first.run)] == ["opt4"] and [r.phase for r in rows(second.run)] == [
+        "opt4",
+        "opt5",
+    ]
+    assert all(
+        (folder / str(r.picture)).is_file() for folder in (first.run, second.run) for r in rows(folder)
+    )
+    shards = {call("--phase", "opt4", "opt5", "--shard", f"{k}/2").run for k in (1, 2)}
+    assert shards == {first.run}
 
 
 # --- the whole chain, against a program that knows spheres only

@@ -9,6 +9,7 @@ import pytest
 
 from study.core import cli, commands, registry, run, store
 from study.core.registry import Spec
+from study.experiments import running
 from study.experiments.pareto import fronts, tables
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto.schema import Pareto, Row
@@ -252,3 +253,25 @@ def test_a_killed_run_leaves_the_scenes_that_were_done(
     assert "opt4 500.0 [450.0,\u00a0550.0]; or opt5" in cells and "none" in cells
     assert "trio, cubes" in found.drawn["pareto"].note and "1 of 3" in found.drawn["pareto"].note
     assert "50 dB" in found.answer and "(500 [450, 550] ns per pixel, 61.0 dB)" in found.answer
+
+
+def test_a_second_result_takes_nothing_from_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the default folder; the run that --run names is written anew."""
+    monkeypatch.setattr(running.registry, "ROOT", tmp_path)
+    level = iter(range(60, 70))
+
+    def study_scene(scene, *_):
+        return [row("opt1", 500, next(level), scene=scene.name)], []
+
+    monkeypatch.setattr(measuring, "study_scene", study_scene)
+    monkeypatch.setattr(running, "draw", lambda *_: [])
+    made = [pareto("--scene", name, *more).run for name, more in (
+        ("scene0", []), ("trio", []), ("scene0", []),
+        ("trio", ["--run", str(tmp_path / "own")]), ("cubes", ["--run", str(tmp_path / "own")]),
+    )]  # fmt: skip
+    build = tmp_path / "build"
+    assert made == [build / "pareto", build / "pareto-2", build / "pareto-3", *2 * [tmp_path / "own"]]
+    kept = [(r.scene, r.psnr_db) for path in made[:4] for r in Pareto.load(path / "pareto.json").rows]
+    assert kept == [("scene0", 60), ("trio", 61), ("scene0", 62), ("cubes", 64)]

@@ -21,7 +21,7 @@ def test_published_machines_state_ratios_only_beside_the_papers_program(
     drawn: list[Ratio] = []
     monkeypatch.setattr(charts, "speedups", lambda found: drawn.extend(found) or "chart")
     run = REFERENCE / "zen4-2026-11-27-720p"
-    data = analysis.load(run, strict=False)
+    data = analysis.load(run)
     assert machines.chart(data, ladder.rows(data)) == "chart"
     names = list(dict.fromkeys(one.machine for one in drawn))
     assert names[0] == "Zen 4 (this run)" and {"Zen 3", "Zen 5", "Zen 4, AVX2 alone"} <= set(names)

@@ -142,7 +142,7 @@ def test_identical_pictures_stand_on_the_rail_and_failing_ones_are_named(rows: p
 
 def test_without_verify_there_is_no_error_plot(run: Path) -> None:
     (run / "verify.json").unlink()
-    data = analysis.load(run, strict=False)
+    data = analysis.load(run)
     assert "speed-against-error" not in ladder_figures.drawings(data, ladder.rows(data))
 
 

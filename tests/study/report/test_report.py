@@ -117,7 +117,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[Path], P
     monkeypatch.setattr(ladder_figures, "PLOTS", {"runtime": ladder_figures.runtime})
 
     def make(run: Path) -> Page:
-        return Page(report.page(analysis.load(run, strict=False), tmp_path / "out" / "index.html"))
+        return Page(report.page(analysis.load(run), tmp_path / "out" / "index.html"))
 
     return make
 

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> str:
     out = tmp_path_factory.mktemp("report") / "index.html"
-    return report.page(analysis.load(PUBLISHED, strict=False), out)
+    return report.page(analysis.load(PUBLISHED), out)
 
 
 def test_it_is_small_and_whole(page: str) -> None:

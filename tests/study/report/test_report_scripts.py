@@ -172,7 +172,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         plots = {"speedup-ladder": ladder_figures.speedups, "runtime": ladder_figures.runtime}
         patch.setattr(ladder_figures, "PLOTS", plots)
         patch.setattr(machines, "PUBLISHED", folder / "published")
-        text = report.page(analysis.load(run, strict=False), folder / "out" / "index.html")
+        text = report.page(analysis.load(run), folder / "out" / "index.html")
     (folder / "index.html").write_text(text)
     return folder
 
@@ -284,7 +284,7 @@ def test_a_page_is_never_larger_than_its_limit(
     made: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """What is left out is named."""
-    data = analysis.load(made / "machine" / "run", strict=False)
+    data = analysis.load(made / "machine" / "run")
     monkeypatch.setattr(ladder_figures, "PLOTS", {"runtime": ladder_figures.runtime})
     monkeypatch.setattr(machines, "PUBLISHED", tmp_path)
     whole = report.page(data, tmp_path / "index.html")
@@ -311,7 +311,7 @@ def test_a_published_run_keeps_pictures_for_the_slider(made: Path, tmp_path: Pat
     assert publish.copy_pictures(run, folder) == ["images/reference_png.png", "images/png.png"]
     for name, picture in pixels.items():
         assert np.array_equal(images.read_png(folder / "images" / f"{name}.png"), picture[::4, ::4])
-    text = compared.fragment(analysis.load(folder, strict=False))
+    text = compared.fragment(analysis.load(folder))
     assert text.count("<img data-scene=") == 2 and "every 4th pixel" in text
 
 
@@ -330,7 +330,7 @@ def test_pictures_are_thinned_and_limited_and_evaluations_are_levels(
     (run / "images" / "reference.exr").touch()
     planes = {"evals": np.float32([[0, 50], [100, 200]])}
     monkeypatch.setattr(images, "read", lambda path: planes if path.suffix == ".exr" else None)
-    data = analysis.load(run, strict=False)
+    data = analysis.load(run)
     text = compared.fragment(data)
     coded = re.findall(r"base64,([^\"]+)", text)
     shown = [np.asarray(Image.open(io.BytesIO(base64.b64decode(one)))) for one in coded]

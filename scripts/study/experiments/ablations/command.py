@@ -46,6 +46,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=secrets.randbelow(2**32), help="of order and padding; default: random")
     add("--run", type=Path, metavar="DIR", help="for ablations.json or ideas.json; default: build/ablations")
     add("--cpu", type=int, default=run.FASTEST, help="CPU to pin to; default: of a fast core")
+    parser.set_defaults(home="ablations")
     add("--jobs", type=whole, default=cores, help="built and verified at a time; default: CPUs")
 
 
@@ -129,11 +130,11 @@ def measure(args: argparse.Namespace) -> Outcome:
         if study.skipped:
             raise StudyError(f"nothing to measure: {study.skipped[0].reason}", cli.CANNOT_RUN)
         raise StudyError(f"no ablation of these matters on {', '.join(args.scene or SCENES)}")
-    rows = study.measure()
     kind = chapter.KINDS[0 if args.ideas else 1]
+    folder = running.folder(args, kind.file)
+    rows = study.measure()
     about = {"reference": registry.BASE, "n": args.n, **running.about(args)}
     result = SCHEMAS[kind.file](**about, rows=rows, skipped=study.skipped, failures=study.failures)
-    folder = args.run or registry.ROOT / "build" / "ablations"
     store.write_json(folder / kind.file, cli.plain(result))
     lines = [show.markdown(show.table(rows, kind.columns)) if rows else "nothing was measured"]
     lines.append(kind.about.format(n=args.n, launches=args.launches))

@@ -42,6 +42,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("-w", type=whole, metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square")
     add("--run", type=Path, metavar="DIR", help="for accuracy.json and images/; default: build/accuracy")
     add("--jobs", type=whole, default=cores, help="pictures rendered at a time; default: CPUs")
+    parser.set_defaults(home="accuracy")
     shards.option(parser, "pairs of scene and phase")
 
 
@@ -126,7 +127,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     specs = list(dict.fromkeys(spec for _, spec in everything))
     lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
     gated = any(gate.by_truth(registry.find_phase(spec.phase)) for spec in specs if not lacking[spec])
-    folder = args.run or registry.ROOT / "build" / "accuracy"
+    folder = running.folder(args, FILE, gallery="images")
     chosen = [(scene, spec) for scene, spec in shards.part(everything, args.shard) if not lacking[spec]]
     rows, left = compared(args, chosen, gated, folder)
     unable = [Left(phase=str(s), reason=f"this CPU lacks {what}") for s, what in lacking.items() if what]

@@ -103,7 +103,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     spec = Spec.parse(args.phase)
     if lacking := registry.missing_isa(spec):
         raise StudyError(f"{spec} needs {' '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     store.writable(folder / "animation")
     if not args.shard:
         clear(folder, chosen, args)

@@ -40,7 +40,7 @@ def measure(args: argparse.Namespace) -> Outcome:
             raise StudyError(f"{spec} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
         if registry.find_phase(spec.phase).family == registry.TRUTH:
             raise StudyError(f"{spec}: is truth itself; name phases that are to be timed")
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     for spec in specs:
         build(spec)
     settings = breakeven.Settings(args.n, args.launches, args.budget, args.seed)

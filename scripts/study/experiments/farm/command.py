@@ -40,7 +40,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     if count > most:
         raise StudyError(f"--shards {count}: must be at most {most}, the number of units of work")
     python = farm.find_python(args.install)
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     told = farm.plan(args.experiment, words, count, folder, args.workers, args.scheduler)
     found = farm.drive(python, told)
     about = {"experiment": args.experiment, "arguments": words, "shards": count}

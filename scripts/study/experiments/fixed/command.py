@@ -31,7 +31,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     found = fixed.study(args.n, args.sizes, args.frames, args.frame_n, args.launches, args.seed)
     result = Fixed(**running.about(args), **found)
     named = [*((row.case, row) for row in result.rows), *((row.settings, row) for row in result.sweep)]

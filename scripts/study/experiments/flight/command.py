@@ -51,7 +51,7 @@ def measure(args: argparse.Namespace) -> Outcome:
 
 def fly(args: argparse.Namespace) -> Outcome:
     """flight.json."""
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     scenes = [flight.find(name) for name in dict.fromkeys(args.scene or flight.scenes())]
     how = (args.n or 180, args.places, args.launches, args.seed, args.psnr, args.wrong, args.phase)
     with temporary.folder() as scratch:
@@ -66,7 +66,7 @@ def fly(args: argparse.Namespace) -> Outcome:
 
 def rest(args: argparse.Namespace) -> Outcome:
     """throttle.json."""
-    folder = running.folder(args)
+    folder = running.folder(args, THROTTLE)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
     wanted = throttle.settings()
     rows = []

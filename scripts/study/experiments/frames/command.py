@@ -27,7 +27,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     specs = frames.threaded(args.phase)
     wanted = frames.cases(args.scene, registry.ROOT / "build" / "frames" / "scenes", args.n)
     with temporary.folder() as scratch:

@@ -38,7 +38,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         store.write_text(coefficients.FILE, coefficients.header())
         return Outcome({"file": coefficients.FILE}, [coefficients.FILE])
     run.cpu_set(args.cpu, 1)  # says so if there is none such
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     rounds, vectors = functions.ROUNDS, VECTORS
     if args.quick:
         rounds, vectors = functions.QUICK_ROUNDS, functions.QUICK_VECTORS

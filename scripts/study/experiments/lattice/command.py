@@ -76,7 +76,7 @@ def row(point: Point, times: Sequence[float], errors: Mapping[str, HitErrors]) -
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     run.cpu_set(args.cpu, 1)
     threads = args.threads or sorted({1, min(2, len(run.USABLE)), len(run.USABLE)})
     if max(threads) > len(run.USABLE):

@@ -31,7 +31,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     for phase in args.phase:
         if lacking := registry.missing_isa(registry.Spec.parse(phase)):
             raise StudyError(f"{phase} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
-    folder = running.folder(args)
+    folder = running.folder(args, ORIGINAL)
     kept = original.folder_of(args.repository)
     original.fetch(args.repository, kept)
     programs = {phase: original.build(kept, phase, args.n) for phase in args.phase}

@@ -27,7 +27,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
     found = packets.study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
     normalised = packets.normalised(args.vectors, args.seed)

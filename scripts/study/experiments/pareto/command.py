@@ -68,7 +68,7 @@ def measured(
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     specs, lacking = running.programs(args.phase)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
     run.cpu_set(args.cpu, 1)

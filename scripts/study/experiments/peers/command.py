@@ -57,7 +57,7 @@ def others(args: argparse.Namespace) -> tuple[dict[str, Peer], list[Skipped]]:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, PEERS)
     run.cpu_set(args.cpu, 1)
     threads = args.threads or [1, len(run.USABLE)]
     if max(threads) > len(run.USABLE):

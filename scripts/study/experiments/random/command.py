@@ -50,7 +50,7 @@ def units(args: argparse.Namespace) -> list[Unit]:
 
 def measure(args: argparse.Namespace) -> Outcome:
     chosen = shards.part(units(args), args.shard)
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     inputs.prepare([kind for kind, _ in chosen])
 
     def one(unit: Unit) -> Row:

@@ -27,7 +27,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
     how = (args.launches, args.seed)
     own = rods.beside(registry.find_scene(rods.SCENE), args.article_n, *how)

@@ -15,7 +15,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    data = analysis.load(args.run)
+    data = analysis.load(args.run, timed=True)
     counted, limits, _ = roof.read(data.path)
     points = roof.points(data, counted, limits)
     if not points:

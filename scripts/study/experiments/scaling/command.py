@@ -36,7 +36,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def measure(args: argparse.Namespace) -> Outcome:
     """Every series in its share of what is left of the time; what one does not use, the next may."""
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     run.cpu_set(args.cpu, 1)
     height = args.n or (FULL_HEIGHT if args.full else HEIGHT)
     seconds = args.budget or (FULL_SECONDS if args.full else SECONDS)

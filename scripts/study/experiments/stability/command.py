@@ -11,9 +11,10 @@ from pathlib import Path
 
 import msgspec
 
-from study.core import cli, registry, store
+from study.core import cli, registry
 from study.core.cli import Outcome
 from study.core.run import GENERAL
+from study.experiments import running as results
 from study.experiments import shards
 from study.experiments.stability import cases as hard
 from study.experiments.stability import tables
@@ -37,6 +38,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     limit, kind = phase.TIME_LIMIT, cli.at_least(1e-9, float)
     add("--time-limit", type=kind, default=limit, metavar="S", help=f"of a picture; default: {limit:g} s")
     add("--list", action="store_true", help="say which cases there are, and run none")
+    parser.set_defaults(home="stability")
     shards.option(parser, "cases")
 
 
@@ -101,7 +103,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         about = [case.about for case in hard.cases()]
         return Outcome({"schema": 1, "cases": about}, [f"{c.number:2} {c.name}: {c.title}" for c in about])
     chosen = shards.part(units(args), args.shard)
-    folder = store.writable(args.run or registry.ROOT / "build" / "stability")
+    folder = results.folder(args, FILE)
     data = measured(args, chosen)
     result = cli.plain(data)
     path = shards.write(folder, FILE, result, args.shard)

@@ -64,7 +64,7 @@ def study(args: argparse.Namespace) -> Toolchains:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     found = study(args)
     store.write_json(folder / FILE, found)
     lines = []

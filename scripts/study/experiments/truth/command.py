@@ -72,7 +72,7 @@ def kept(scene: Scene, size: truth.Size, jobs: int, folder: Path) -> Row:
 
 def measure(args: argparse.Namespace) -> Outcome:
     scenes = shards.part(units(args), args.shard)
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     rows = [kept(scene, scene.size(args.n, args.w), args.jobs, folder) for scene in scenes]
     result = Truth(schema=1, rows=rows)
     shards.write(folder, FILE, result, args.shard)

@@ -13,6 +13,7 @@ from study.core import cli, progress, registry, run, show, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import NO_ISA, UNSUPPORTED
+from study.experiments import running
 from study.experiments.verify import columns
 from study.numbers.schema import Pair, Skipped, Verify
 from study.pictures import gate, images, panels
@@ -108,6 +109,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--run", type=Path, metavar="DIR", help="for verify.json and images/; default: build/verify")
     about = "pictures rendered at a time; default: CPUs"
     add("--jobs", type=cli.at_least(1), default=len(run.USABLE), help=about)
+    parser.set_defaults(home="verify")
     add("--heatmaps", action="store_true", help="of every pair, not only of failing ones")
 
 
@@ -125,7 +127,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     unable = [spec for spec in specs if lacking[spec]]
     skipped = [Skipped(phase=str(s), reason=f"this CPU lacks {lacking[s]}") for s in unable]
 
-    folder = args.run or registry.ROOT / "build" / "verify"
+    folder = running.folder(args, "verify.json", gallery="images")
     using = list(dict.fromkeys([reference, *able])) if able else []
     gallery = Gallery(folder / "images", using)
     sizes: dict[str, tuple[Size, Size | None]] = {}  # of a scene's pictures, and of those to be averaged

@@ -33,7 +33,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    folder = running.folder(args)
+    folder = running.folder(args, FILE)
     run.cpu_set(args.cpu, 1)
     seconds = args.budget or (math.inf if args.full else SECONDS)
     pairs = viewing.parents(args.phase)

@@ -80,6 +80,15 @@ def test_a_run_without_its_file_has_an_empty_chapter() -> None:
                 assert section.lacking.startswith("make ") and not section.failing, name
 
 
+def test_no_experiment_writes_over_an_earlier_result_of_its_default_folder() -> None:
+    """Each asks for a folder (running.folder) by the names of the files that it writes."""
+    files = {"sweep", "flops", "hotspots", "ceilings", "roofline"}  # into a run, or nowhere
+    for name, one in ALL.items():
+        if one.command and name not in files:
+            text = Path(str(one.command.__file__)).read_text(encoding="utf-8")  # type: ignore[attr-defined]
+            assert re.search(r"\bfolder\(args, \S", text) and "folder(args)" not in text, name
+
+
 PAGE = (ROOT / "docs" / "experiment.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```python\n# (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LEFT_OUT = (".git", ".venv", "build", "results/reference", "__pycache__")
