@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 import zlib
 from pathlib import Path
 from typing import Any
@@ -34,3 +35,30 @@ def read_json(path: Path) -> Any:
         raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
     except (ValueError, RecursionError) as error:  # not UTF-8
         raise StudyError(f"{path}: {error}") from None
+
+
+def line(path: Path, where: str) -> int:
+    """The line of the JSON file `path` in which the value `where` begins, like $.results[0].times[2]; that of
+    the last step there is where the path goes on. The file has been read before."""
+    text = content(path).decode("utf-8-sig", errors="replace")
+    decoder, space = json.JSONDecoder(), re.compile(r"[\s,:]*")
+
+    def skip(at: int) -> int:
+        found = space.match(text, at)
+        return found.end() if found else at
+
+    at = skip(0)
+    for name, place in re.findall(r"\.(\w+)|\[(\d+)\]", where):
+        inner, number = skip(at + 1), 0
+        while text[inner : inner + 1] not in ("", "]", "}"):
+            known = str(number)
+            if text[at] == "{":
+                known, end = decoder.raw_decode(text, inner)
+                inner = skip(end)
+            if known == (name or place):
+                at = inner
+                break
+            inner, number = skip(decoder.raw_decode(text, inner)[1]), number + 1
+        else:
+            break
+    return text.count("\n", 0, at) + 1
