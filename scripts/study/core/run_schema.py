@@ -247,7 +247,7 @@ class Frame(File, kw_only=True):
     hit_distance: Annotated[float | None, key("scene units", "as used")] = None
     max_steps: Annotated[int | None, key("evaluations", "step cap, as used")] = None
     overridden: Annotated[bool | None, key("", "the command line changed one of the two")] = None
-    ns: Annotated[int, key("ns", "`phase_render` (CLOCK_MONOTONIC_RAW), with an update before it", ge=1)]
+    ns: Annotated[float, key("ns", "`phase_render` (CLOCK_MONOTONIC_RAW), with an update", gt=0)]
     update_ns: Annotated[int | None, key("ns", "`phase_update`'s share; 0 where nothing moves")] = None
     scene_time: Annotated[float | None, key("s", "where an animation is: frame/60")] = None
     tsc_cycles: Annotated[int, key("timer cycles", "the same time by fenced RDTSC or CNTVCT_EL0")]

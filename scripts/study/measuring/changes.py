@@ -10,7 +10,7 @@ from study.core import show
 from study.core.registry import BASE
 from study.counting.schema import Counts
 from study.measuring.two_runs import Side, other_machine, other_work
-from study.numbers import analysis, significance, stats
+from study.numbers import analysis, modes, significance, stats
 from study.numbers.significance import LEVEL, corrected, longer
 from study.numbers.stats import ENOUGH, Interval
 
@@ -19,6 +19,7 @@ INSTRUCTIONS, BLOCKS = "instructions", "blocks"
 MOVED = 0.005  # a quantity that changed by less is not what moved, however narrow its interval
 FASTER, SLOWER, SAME, FEW = "faster", "slower", "the same within noise", "unknown (too few launches)"
 NONE, ONCE = "no verdict", "slower once, not confirmed"
+TWO_MODES = f"{NONE} (two modes)"
 Samples = tuple[np.ndarray, np.ndarray]  # of the base and of the run
 Key = tuple[str, int, int, int, str]  # scene, width, height, threads, spec
 
@@ -61,7 +62,7 @@ class Row:
     @property
     def more_work(self) -> float:
         """Share of instructions that the run has more than the base; 0 where they were not counted."""
-        return 1 / self.instructions - 1 if self.instructions else 0.0
+        return round(1 / self.instructions - 1, 9) if self.instructions else 0.0
 
     def why(self, by: str) -> str:
         """The figures that a verdict stands on, in words."""
@@ -137,9 +138,14 @@ def moved(cycles: Interval | None, clock: Interval | None) -> str:
     )
 
 
+def _apart(base: np.ndarray, other: np.ndarray, least: float) -> bool:
+    """Whether all launches of the one run took longer than all of the other, by more than `least`."""
+    return other.min() > base.max() * (1 + least) or base.min() > other.max() * (1 + least)
+
+
 def rows(base: Side, other: Side, by: str, least: float, machine_may_differ: bool) -> list[Row]:
     """Configurations of both, with a verdict where there is none to be had; p-values are each by itself.
-    Other work has no ratio."""
+    Other work has no ratio. Launches in two modes have no verdict on their medians, which tell of chance."""
     ours, theirs, work = _values(base), _values(other), _work(base, other)
     no_scene = other_work(base, other)
     another = not machine_may_differ and other_machine(base, other) is not None
@@ -164,6 +170,8 @@ def rows(base: Side, other: Side, by: str, least: float, machine_may_differ: boo
             verdict = f"{NONE} (not measured)"
         elif min(map(len, samples)) < ENOUGH:
             verdict = FEW
+        elif any(map(modes.modes, samples)) and not _apart(*samples, least):
+            verdict = TWO_MODES
         else:
             p_values = (longer(*samples, least), longer(*samples[::-1], least))
         times = [stats.median_interval(one.ns / 1e6) for one in (a, b)]
@@ -177,18 +185,21 @@ def judged(found: Sequence[Row], by: str, least_work: float) -> list[Row]:
     """The rows with their verdicts, their p-values corrected together. By instructions the count comes first:
     more work is slower unless time says faster, and less is faster unless time says slower."""
     family = [row for row in found if not row.verdict]
-    p_values = zip(
-        *(corrected([getattr(row, p) for row in family]) for p in ("p_slower", "p_faster")), strict=True
-    )
-    made = {}
-    for row, (p, q) in zip(family, p_values, strict=True):
-        verdict = SLOWER if p <= LEVEL else FASTER if q <= LEVEL else SAME
-        if by == INSTRUCTIONS and verdict != FASTER and row.more_work >= least_work:
-            verdict = SLOWER
-        elif by == INSTRUCTIONS and verdict != SLOWER and row.more_work <= -least_work:
-            verdict = FASTER
-        made[id(row)] = replace(row, p_slower=p, p_faster=q, verdict=verdict)
-    return [made.get(id(row), row) for row in found]
+    p_values = [corrected([getattr(row, name) for row in family]) for name in ("p_slower", "p_faster")]
+    tested = iter(zip(*p_values, strict=True))
+    made = []
+    for row in found:
+        if not row.verdict:
+            p, q = next(tested)
+            verdict = SLOWER if p <= LEVEL else FASTER if q <= LEVEL else SAME
+            row = replace(row, p_slower=p, p_faster=q, verdict=verdict)
+        if by == INSTRUCTIONS and row.verdict in (SAME, FEW, TWO_MODES, SLOWER, FASTER):
+            if row.more_work >= least_work and row.verdict != FASTER:
+                row = replace(row, verdict=SLOWER)
+            elif row.more_work <= -least_work and row.verdict != SLOWER:
+                row = replace(row, verdict=FASTER)
+        made.append(row)
+    return made
 
 
 def confirmed(found: Sequence[Row], times: Mapping[Key, Samples], least: float) -> list[Row]:

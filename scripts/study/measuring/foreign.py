@@ -108,8 +108,8 @@ class Series:
 
 @dataclass
 class Found:
-    """What a file has: series by name and case, what was skipped or failed, and the machine as far as the tool
-    says it. `time`: ISO 8601, UTC."""
+    """What a file has: series by name and case, what was skipped or failed, and the machine as far as known.
+    `time`: ISO 8601, UTC."""
 
     tool: str
     series: dict[tuple[str, str], Series] = field(default_factory=dict)
@@ -280,7 +280,7 @@ def lines(found: Found, plan: Plan) -> Iterator[dict[str, Any]]:
 
 
 def written(found: Found, path: Path, results: Path) -> store.Run:
-    """As a run below `results`, in the folder of the machine as far as the file says it. Raises StudyError."""
+    """As a run below `results`, in a folder of its machine, as far as that is known. Raises StudyError."""
     where = found.cpu.model or found.host or found.tool
     slug = "imported-" + re.sub(r"[^a-z0-9]+", "-", where.lower()).strip("-")
     plan = Plan(

@@ -66,7 +66,7 @@ def line(
     keys of run_schema.Frame: round (by which programs of one run are paired), user_ns, cpu, time …"""
     about = {"schema": 1, "config": of.config, "launch": launch, "frame": frame, "warmup": warmup}
     about |= {"phase": of.phase, "flags_from": of.flags_from, "scene": of.scene, "scene_hash": of.scene_hash}
-    about |= {"width": 1, "height": 1, "threads": of.threads, "ns": max(round(ns), 1)}
+    about |= {"width": 1, "height": 1, "threads": of.threads, "ns": float(f"{ns:.12g}")}
     return {
         **about,
         "prepare_ns": 0,
