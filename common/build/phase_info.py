@@ -5,11 +5,11 @@ Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. U
 because it runs before anything is installed.
 
 NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and instruction
-set. CFLAGS_MORE in the environment is appended to the flags (scripts/stepwise toolchains). For a phase with
-variants, the files of "each_variant" are built once per variant, with the variant's flags last. The widest
-variant that the CPU supports runs (driver/variant.h). SHIM is the folder of an <immintrin.h> that emulates
-AVX-512. Flags in COPY_FLAGS are dropped for compilers other than gcc 12 or newer; clang copies that way by
-default.
+set. Of the environment, CFLAGS_MORE is appended to the flags (scripts/stepwise toolchains), and CC is what
+make compiles with (rules.mk). For a phase with variants, the files of "each_variant" are built once per
+variant, with the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h). SHIM
+is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are dropped for compilers other
+than gcc 12 or newer; clang copies that way by default.
 """
 
 import json
@@ -194,6 +194,7 @@ def main() -> None:
         f"#define PHASE_FLAGS_FROM {json.dumps(flags_from)}",
         f"#define PHASE_FLAGS {json.dumps(flags)}",
         f"#define PHASE_COMPILER {json.dumps(compiler)}",
+        f"#define PHASE_CC {json.dumps(os.environ.get('CC', '').strip() or 'gcc')}",  # as make has it
         f"#define PHASE_ISA {json.dumps('+'.join(isa) or 'x86-64')}",
         f"#define PHASE_NEEDS(need) {needs(isa)}",
         f"#define PHASE_VARIANTS(variant, need) {' '.join(choice)}",

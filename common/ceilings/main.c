@@ -1,6 +1,6 @@
 // Measures ceilings of this machine: the best rates of one core, per cycle and per second. Prints one
 // JSON object (results/README.md). Exit status: 0 done; 1 a kernel did not do its work; 2 bad arguments;
-// 5 out of memory.
+// 3 this CPU lacks what times; 5 out of memory.
 //
 //   ceilings [--samples N]
 //
@@ -39,6 +39,10 @@ int main(int argc, char **argv) {
         fprintf(stderr, "usage: ceilings [--samples N], 5 to %d of each ceiling (30)\n",
                 MAX_SAMPLES);
         return BAD_INPUT;
+    }
+    if (timer_missing()) {
+        fprintf(stderr, "ceilings: the CPU lacks %s\n", timer_missing());
+        return NO_TIMER;
     }
     struct ceilings *all = calloc(1, sizeof *all);
     if (!all) {

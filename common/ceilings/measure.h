@@ -8,7 +8,7 @@
 #include "samples.h"
 #include "working_sets.h"
 
-enum status { OK, WRONG_WORK, BAD_INPUT, OUT_OF_MEMORY = 5 };
+enum status { OK, WRONG_WORK, BAD_INPUT, NO_TIMER, OUT_OF_MEMORY = 5 };
 
 struct arithmetic_run {
     long loops; // in one sample

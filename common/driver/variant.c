@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "phase_info.h"
+#include "timing/timer.h"
 
 // True if the CPU lacks the feature or STEPWISE_ISA_LIMIT hides it. `supported` is the answer of
 // __builtin_cpu_supports, which takes only literals and so cannot be called here.
@@ -33,7 +34,7 @@ const char *variant_missing(void) {
     PHASE_NEEDS(NEED)
 #undef NEED
     (void)lacks; // unused if the phase needs nothing
-    return NULL;
+    return timer_missing();
 }
 
 struct variant variant_here(void) {

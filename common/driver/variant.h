@@ -14,7 +14,7 @@ struct variant {
 // instruction sets and flags of its phase.json.
 struct variant variant_here(void);
 
-// Returns the first instruction set that the phase needs and the CPU lacks, NULL if it lacks none.
+// Returns the first instruction set that the phase or its timing needs and the CPU lacks, NULL if it lacks none.
 // STEPWISE_ISA_LIMIT hides features, for tests: "avx2" hides AVX-512, "none" hides everything beyond x86-64.
 const char *variant_missing(void);
 // Returns whether STEPWISE_ISA_LIMIT is unset, empty, "avx2" or "none".

@@ -8,8 +8,9 @@
 #include <string.h>
 
 #include "bench.h"
+#include "timing/timer.h"
 
-enum { OK = 0, BAD_INPUT = 2, OUT_OF_MEMORY = 5 };
+enum { OK = 0, BAD_INPUT = 2, NO_TIMER = 3, OUT_OF_MEMORY = 5 };
 
 static const struct entries *const FILES[] = {&scalar_float, &scalar_double, &sse_float,
                                               &sse_double,   &avx2_float,    &avx2_double,
@@ -183,9 +184,12 @@ static int run_command(const char *command, const struct runnable *all, size_t c
         print_list(all, count);
     else if (strcmp(command, "errors") == 0)
         ok = print_errors(all, count, settings);
-    else if (strcmp(command, "times") == 0)
+    else if (strcmp(command, "times") == 0 && !timer_missing())
         ok = print_times(all, count, settings);
-    else if (strcmp(command, "normalise") == 0)
+    else if (strcmp(command, "times") == 0) {
+        fprintf(stderr, "functions: the CPU lacks %s\n", timer_missing());
+        return NO_TIMER;
+    } else if (strcmp(command, "normalise") == 0)
         ok = print_normalise(FILES, FILE_COUNT, settings);
     else if (strcmp(command, "evaluate") == 0) {
         const struct runnable *one = &all[options->id];

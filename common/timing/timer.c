@@ -2,16 +2,27 @@
 #include "timing/timer.h"
 
 #ifdef __x86_64__
+#include <cpuid.h>
 #include <immintrin.h>
 #else
 #include <arm_neon.h>
 #endif
+#include <stddef.h>
 #include <time.h>
 
 uint64_t timer_ns(void) {
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC_RAW, &now);
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+const char *timer_missing(void) {
+#ifdef __x86_64__
+    unsigned eax, ebx, ecx, edx;
+    if (!__get_cpuid(0x80000001, &eax, &ebx, &ecx, &edx) || !(edx >> 27 & 1))
+        return "rdtscp";
+#endif
+    return NULL;
 }
 
 #ifdef __x86_64__

@@ -39,6 +39,10 @@ static inline uint64_t timer_tsc_end(void) {
 #error "timer.h knows the clocks of x86-64 and of aarch64"
 #endif
 
+// Returns the instruction that timer_tsc_end needs and this CPU lacks (rdtscp, which a hypervisor may hide), or
+// NULL. A program that measures asks first.
+const char *timer_missing(void);
+
 // Returns wall time in nanoseconds (CLOCK_MONOTONIC_RAW).
 uint64_t timer_ns(void);
 

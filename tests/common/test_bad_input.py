@@ -6,6 +6,8 @@ import errno
 import functools
 import json
 import os
+import platform
+import shutil
 import signal
 import subprocess
 from pathlib import Path
@@ -15,6 +17,8 @@ import pytest
 from conformance.feature_scenes import DEEPEST, scene, shape
 from conformance.harness import REFERENCE, Run, binary, call, check_refusal
 from study.core import registry
+from study.core.build import build
+from study.core.run import NO_ISA
 
 SCENE0 = registry.scenes()["scene0"].path
 SPHERE = json.dumps(scene([shape("sphere")]))
@@ -198,3 +202,24 @@ def test_picture_does_not_land_in_a_closed_descriptor(tmp_path: Path) -> None:
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=300)
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done
     assert not [name for name in os.listdir(tmp_path) if name.endswith(".tmp")]
+
+
+# Programs that time something; those that only draw or count have no need of it.
+TIMED = {
+    "render": lambda: [binary(REFERENCE), SCENE0, "-n", "4"],
+    "hits": lambda: [build("packets", "hits"), SCENE0],
+    "ceilings": lambda: [build(".", "ceilings"), "--samples", "5"],
+    "functions": lambda: [build("functions", "bench"), "times"],
+}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name != "render" else name
+                                  for name in TIMED])  # fmt: skip
+def test_a_cpu_without_a_timer_is_refused(name: str) -> None:
+    """rdtscp, which a hypervisor may hide: a status and a line, and no illegal instruction."""
+    if platform.machine() != "x86_64" or not shutil.which("qemu-x86_64"):
+        pytest.skip("this machine is no x86-64, or qemu-x86_64 is missing")
+    command = ["qemu-x86_64", "-cpu", "max,-rdtscp", *map(str, TIMED[name]())]
+    done = subprocess.run(command, capture_output=True, text=True, input="")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (NO_ISA, "", 1)
+    assert f"{name}: " in done.stderr and "rdtscp" in done.stderr

@@ -267,6 +267,43 @@ def test_falls_back_and_says_so(what: str, changes: dict[str, str], shop: Worksh
     assert not list(tmp_path.glob("cache/.*"))
 
 
+@pytest.mark.parametrize(
+    ("there", "said", "called"),
+    [
+        (("gcc", "cc"), {}, "gcc"),
+        (("cc",), {}, "cc"),
+        (("cc", "my"), {"CC": "my"}, "my"),
+        (("cc", "my", "wrapper"), {"CC": "wrapper my"}, "my"),
+        (("gcc", "my", "wrapper"), {"STEPWISE_CC": "wrapper my"}, "my"),
+    ],
+)
+def test_the_compiler_of_the_program_makes_its_kernel(
+    there: tuple[str, ...], said: dict[str, str], called: str, shop: Workshop, tmp_path: Path
+) -> None:
+    """Not `cc`, which may be another; CC is for where it is not. Each says its name, and fails."""
+    (tmp_path / "bin").mkdir()
+    for name in there:
+        body = 'exec "$@"' if name == "wrapper" else f"echo error: called {name}.; exit 1"
+        shop.script(name, body).rename(tmp_path / "bin" / name)
+    words = {"CC": "", "STEPWISE_CC": ""} | said
+    words |= {"PATH": str(tmp_path / "bin"), "STEPWISE_CACHE": str(tmp_path / "cache")}
+    facts, _, _ = shop.run("two_spheres", **words)
+    assert not facts["generated"] and f"error: called {called}." in facts["reason"]
+
+
+@pytest.mark.slow
+def test_a_compiler_of_several_words_makes_a_kernel(shop: Workshop, tmp_path: Path) -> None:
+    """`ccache gcc`: each word's file is in the kernel's name."""
+    hashes = []
+    for more in ("wrapper", "other wrapper"):
+        path = shop.script(more.replace(" ", "-"), 'exec "$@"')
+        words = {"STEPWISE_CC": f"{path} gcc -O0", "STEPWISE_CACHE": str(tmp_path / "cache")}
+        facts, said, _ = shop.run("two_spheres", **words)
+        assert facts["generated"] and not said
+        hashes.append(facts["hash"])
+    assert len(set(hashes)) == 2
+
+
 @pytest.mark.parametrize("what", ["cut", "bit", "other scene", "other source"])
 def test_a_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) -> None:
     folder = {"STEPWISE_CACHE": str(tmp_path / "cache")}

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "kernel/kernel.h"
+#include "phase_info.h"
 
 extern char **environ;
 
@@ -44,13 +45,48 @@ static bool on_path(const char *name, char path[4096]) {
     return false;
 }
 
+// Splits a compiler of several words, as `ccache gcc`; blanks of a program's path are its own. Returns their number.
+static int words_of(char *compiler, char *words[], int most) {
+    int count = 0;
+    if (is_program(compiler))
+        words[count++] = compiler;
+    else
+        for (char *word = strtok(compiler, " "); word && count < most; word = strtok(NULL, " "))
+            words[count++] = word;
+    return count;
+}
+
+// Sets `path` to a program's path, or to a command whose first word is a program. False: there is none.
+static bool command_on_path(const char *command, char path[4096]) {
+    char name[4096];
+    if (on_path(command, path))
+        return true;
+    snprintf(name, sizeof name, "%.*s", (int)strcspn(command, " "), command);
+    bool found = on_path(name, path);
+    return snprintf(path, 4096, "%s", command) < 4096 && found;
+}
+
+void identify_compiler(const char *compiler, char text[8192]) {
+    char command[4096], path[4096], whole[4096], *words[MAX_ARGUMENTS], *end = text + 8192;
+    struct stat file;
+    int count = words_of(memcpy(command, compiler, strlen(compiler) + 1), words, MAX_ARGUMENTS);
+    *text = '\0';
+    for (int i = 0; i < count; i++, text += strlen(text))
+        if (on_path(words[i], path) && realpath(path, whole) && stat(whole, &file) == 0)
+            snprintf(text, (size_t)(end - text), "%s%s: %lld bytes of %lld.%09ld, inode %lld",
+                     i ? "; " : "", whole, (long long)file.st_size, (long long)file.st_mtim.tv_sec,
+                     file.st_mtim.tv_nsec, (long long)file.st_ino);
+        else
+            snprintf(text, (size_t)(end - text), "%s%s", i ? "; " : "", words[i]);
+}
+
 void find_compiler(char path[4096], char reason[256]) {
     const char *chosen = getenv("STEPWISE_CC"), *cc = getenv("CC");
     *reason = '\0';
     if (chosen && *chosen) {
         if (strcmp(chosen, "none") == 0)
             snprintf(reason, 256, "STEPWISE_CC is none");
-        else if (!on_path(chosen, path))
+        else if (!command_on_path(chosen, path))
             snprintf(reason, 256, "there is no compiler %.120s (STEPWISE_CC)", chosen);
 #if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__
     } else {
@@ -58,8 +94,8 @@ void find_compiler(char path[4096], char reason[256]) {
     }
     (void)cc;
 #else
-    } else if (!(cc && *cc && on_path(cc, path)) && !on_path("cc", path) && !on_path("gcc", path) &&
-               !on_path("clang", path))
+    } else if (!command_on_path(PHASE_CC, path) && !(cc && command_on_path(cc, path)) &&
+               !on_path("cc", path) && !on_path("gcc", path) && !on_path("clang", path))
         snprintf(reason, 256, "there is no compiler cc, gcc or clang on PATH");
 #endif
     if (*reason)
@@ -154,7 +190,7 @@ static int spawn(char **arguments, const char *log, pid_t *pid) {
         posix_spawn_file_actions_adddup2(&files, 1, 2);
         posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
         posix_spawnattr_setpgroup(&attributes, 0);
-        error = posix_spawn(pid, arguments[0], &files, &attributes, arguments, environ);
+        error = posix_spawnp(pid, arguments[0], &files, &attributes, arguments, environ);
         posix_spawnattr_destroy(&attributes);
     }
     posix_spawn_file_actions_destroy(&files);
@@ -163,9 +199,10 @@ static int spawn(char **arguments, const char *log, pid_t *pid) {
 
 static bool compile(const char *compiler, const char *flags, int lanes, const char *tag,
                     const char *source_path, const char *object_path, char reason[256]) {
-    char lanes_is[32], tag_is[64], words[2048], log[4096];
-    char *arguments[MAX_ARGUMENTS] = {(char *)compiler};
-    int count = 1;
+    char lanes_is[32], tag_is[64], words[2048], log[4096], command[4096];
+    char *arguments[MAX_ARGUMENTS] = {NULL};
+    snprintf(command, sizeof command, "%s", compiler);
+    int count = words_of(command, arguments, MAX_ARGUMENTS / 2);
     snprintf(lanes_is, sizeof lanes_is, "-DLANES=%d", lanes);
     snprintf(tag_is, sizeof tag_is, "-DKERNEL_TAG=\"%s\"", tag);
     snprintf(log, sizeof log, "%s.log", source_path);

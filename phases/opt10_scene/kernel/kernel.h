@@ -31,8 +31,11 @@ void kernel_unload(struct loaded_kernel *loaded);
 // kernel/generate.c: returns the kernel's whole source, to be freed; NULL: memory is short.
 char *kernel_source(const struct prepared *prepared);
 
-// kernel/compile.c. Sets the compiler's path, or an empty string and the reason.
+// kernel/compile.c. Sets the compiler: the path of STEPWISE_CC's, else of what built this program, with the words
+// behind it; or an empty string and the reason.
 void find_compiler(char path[4096], char reason[256]);
+// Says which files the compiler's words are, so that another version makes kernels anew.
+void identify_compiler(const char *compiler, char text[8192]);
 // Runs the compiler. Returns false and sets the reason if it fails.
 bool compile_kernel(const char *compiler, const char *flags, int lanes, const char *tag,
                     const char *source_path, const char *object_path, char reason[256]);

@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "kernel/kernel.h"
@@ -14,14 +13,9 @@
 // Returns a kernel's whole text: its source behind a line with the flags and the identity of the compiler's
 // file. To be freed; NULL: memory is short.
 static char *text_of(const char *source, const char *flags, int lanes, const char *compiler) {
-    char vfloat[4096], *text;
-    struct stat file = {0};
-    const char *path = realpath(compiler, vfloat) ? vfloat : compiler;
-    if (stat(path, &file) != 0)
-        file.st_size = 0;
-    if (asprintf(&text, "// %d lanes; %s; %s: %lld bytes of %lld.%09ld, inode %lld.\n", lanes,
-                 flags, path, (long long)file.st_size, (long long)file.st_mtim.tv_sec,
-                 file.st_mtim.tv_nsec, (long long)file.st_ino) < 0)
+    char identity[8192], *text;
+    identify_compiler(compiler, identity);
+    if (asprintf(&text, "// %d lanes; %s; %s.\n", lanes, flags, identity) < 0)
         return NULL;
     size_t head = strlen(text), length = strlen(source);
     char *whole = realloc(text, head + length + 1);
