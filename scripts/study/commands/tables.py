@@ -93,7 +93,8 @@ def run(args: argparse.Namespace) -> Outcome:
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
     if rows.empty and (args.readme or args.limit):
         raise StudyError(f"{data.path}: has no timed frame for that page; run scripts/stepwise sweep")
-    files = {file for one in experiment.find_all().values() for file in one.schemas} - run_schema.SCHEMAS.keys()
+    files = {file for one in experiment.find_all().values() for file in one.schemas}
+    files -= run_schema.SCHEMAS.keys()
     if rows.empty and not any(store.stored(data.path / file).exists() for file in files):
         raise StudyError(f"{data.path}: nothing was measured: no timed frame and no experiment's file")
     made = make(rows, [chapters.reproduced(data, rows), *experiment.sections(data)])
