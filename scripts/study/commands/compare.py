@@ -26,7 +26,7 @@ from study.measuring.two_runs import (
     read,
     warnings,
 )
-from study.numbers import analysis, history, significance, stats, summary
+from study.numbers import analysis, history, programs, significance, stats, summary
 from study.numbers.significance import LEVEL
 
 DESCRIPTION = """\
@@ -58,7 +58,7 @@ COLUMNS += [
     ("p", "p, corrected"),
     ("verdict", "run is"),
 ]
-EXPORTS = ("github-action-benchmark",)
+EXPORTS = ("github-action-benchmark", "hyperfine")
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -183,7 +183,9 @@ def run(args: argparse.Namespace) -> Outcome:
             raise StudyError("--history takes no RUN, --export takes one RUN; not both")
         if args.history:
             return over_time(args)
-        made = benchmark(Run.open(args.runs[0]), args.by == "baseline")
+        one = Run.open(args.runs[0])
+        github = args.export == EXPORTS[0]
+        made: Any = benchmark(one, args.by == "baseline") if github else programs.hyperfine(one.frames())
         if args.out:
             store.write_json(args.out, made)
         return Outcome(made, [] if args.out else [json.dumps(cli.plain(made), indent=1)])
