@@ -2,7 +2,9 @@
 // denormals as zeros, as its manual recommends. Spheres are RTC_GEOMETRY_TYPE_SPHERE_POINT.
 #include "tools/embree.h"
 
+#ifdef __x86_64__
 #include <immintrin.h>
+#endif
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +17,29 @@
 
 // Rays converted to Embree's form at a time: few enough to be still in the cache when traced.
 enum { CHUNK = 1024 };
+#ifdef __x86_64__
 enum { DENORMALS_ARE_ZEROS = 0x8040 }; // MXCSR: flush to zero, and denormals are zero
+
+static uint64_t float_control(void) {
+    return _mm_getcsr();
+}
+
+static void set_float_control(uint64_t bits) {
+    _mm_setcsr((unsigned)bits);
+}
+#else
+enum { DENORMALS_ARE_ZEROS = 1 << 24 }; // FPCR.FZ, for both
+
+static uint64_t float_control(void) {
+    uint64_t bits;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(bits));
+    return bits;
+}
+
+static void set_float_control(uint64_t bits) {
+    __asm__ volatile("msr fpcr, %0" ::"r"(bits));
+}
+#endif
 
 struct embree {
     RTCDevice device;
@@ -235,16 +259,15 @@ static void trace_chunk(struct embree *b, struct query_arguments *query_argument
 uint64_t embree_trace(struct embree *b, struct ray_arrays *rays, bool any, enum embree_mode mode) {
     struct query_arguments query_arguments;
     init_query(&query_arguments, b->coherent);
-    unsigned before = _mm_getcsr();
-    uint64_t elapsed = 0;
+    uint64_t before = float_control(), elapsed = 0;
     for (size_t first = 0; first < rays->count; first += CHUNK) {
         size_t left = rays->count - first;
         put_rays(b, rays, first, any, mode);
-        _mm_setcsr(before | DENORMALS_ARE_ZEROS);
+        set_float_control(before | DENORMALS_ARE_ZEROS);
         uint64_t begin = timer_ns();
         trace_chunk(b, &query_arguments, left < CHUNK ? left : CHUNK, any, mode);
         elapsed += timer_ns() - begin;
-        _mm_setcsr(before);
+        set_float_control(before);
         get_hits(b, rays, first, any, mode);
     }
     return elapsed;

@@ -105,7 +105,7 @@ def name(context: Context | Mapping[str, Any] | None) -> str:
     """The CPU of a context.json, and what it is (a virtual machine's may be called just "AMD EPYC")."""
     found = msgspec.convert(context or {}, Context).cpu
     known = found.microarchitecture
-    if not known and found.family:
+    if not known and found.family and found.family != arm.ARMV8:
         known = f"family {found.family} model {found.model_number}"
     model = found.model
     if model and known and known not in model:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from study.core.run_schema import Cpu
 
+ARMV8 = 8  # "CPU architecture" of every 64-bit core
 MAKERS = {
     **{0x41: "Arm", 0x43: "Cavium", 0x46: "Fujitsu", 0x48: "HiSilicon", 0x4E: "NVIDIA", 0x50: "APM"},
     **{0x51: "Qualcomm", 0x61: "Apple", 0x6D: "Microsoft", 0xC0: "Ampere"},
@@ -27,7 +28,7 @@ PARTS = {
     **{(0x61, 0x023): "M1 Firestorm", (0x61, 0x025): "M1 Firestorm", (0x61, 0x029): "M1 Firestorm"},
     **{(0x61, 0x032): "M2 Blizzard", (0x61, 0x034): "M2 Blizzard", (0x61, 0x038): "M2 Blizzard"},
     **{(0x61, 0x033): "M2 Avalanche", (0x61, 0x035): "M2 Avalanche", (0x61, 0x039): "M2 Avalanche"},
-    (0x61, 0x000): "silicon",  # in a virtual machine, which hides the part
+    (0x61, 0x000): "Apple silicon",  # in a virtual machine, which hides the part
 }
 
 
@@ -52,12 +53,13 @@ def named(info: Mapping[str, str]) -> Cpu:
     """The core of a block: `stepping` is variant and revision, so r3p1 is 0x31."""
     maker, part = number(info, "CPU implementer"), number(info, "CPU part")
     vendor, core = MAKERS.get(maker, f"maker {maker:#04x}"), PARTS.get((maker, part))
+    model = core or f"part {part:#05x}"
     return Cpu(
-        model=f"{vendor} {core or f'part {part:#05x}'}",
+        model=model if model.startswith(vendor) else f"{vendor} {model}",
         vendor=vendor,
         family=number(info, "CPU architecture"),
         model_number=part,
         stepping=number(info, "CPU variant") << 4 | number(info, "CPU revision"),
-        microarchitecture=core if part else None,
+        microarchitecture=core,
         flags=info.get("Features", "").split(),
     )
