@@ -69,3 +69,15 @@ def test_the_lock_has_what_is_declared() -> None:
     direct = {normal(name) for name, via in locked if "-r requirements.in" in via}
     sections = ("The study", "Tests and formatting")
     assert direct == {normal(name) for section in sections for name in declared(section)}
+
+
+def test_what_has_no_wheel_for_arm64_is_asked_for_on_x86_alone() -> None:
+    """In the lock as in what it is made from; the scripts run without (study/counting/test_other_machine)."""
+    marked = [
+        {normal(name) for name in re.findall(pattern, (ROOT / file).read_text(), re.MULTILINE)}
+        for file, pattern in (
+            ("requirements.in", r'^([\w.-]+); platform_machine == "x86_64"'),
+            ("requirements.lock", r'^([\w.-]+)==\S+ ; platform_machine == "x86_64" \\$'),
+        )
+    ]
+    assert marked == [{"flip-evaluator", "iced-x86"}] * 2

@@ -232,3 +232,24 @@ def test_packages_that_the_shell_exports_do_not_count(tree: Path) -> None:
     (tree / "exported").mkdir()
     (tree / "exported" / "numpy.py").write_text("raise SystemError('the wrong numpy')")
     assert ends(tree, PYTHONPATH=str(tree / "exported"), PYTHONHOME="/nowhere") == (0, "", "")
+
+
+def machine(tree: Path, name: str) -> None:
+    (tree / "bin" / "uname").unlink()  # the link, not what it points at
+    command(tree, "uname", f"echo {name}")
+
+
+def test_arm64_needs_simdes_headers_and_no_model_of_x86(tree: Path) -> None:
+    command(tree, "perf", ":")
+    machine(tree, "aarch64")
+    headers = tree / "include" / "simde" / "x86"
+    made = f"/bin/mkdir -p {headers}; /bin/touch {headers}/avx2.h"
+    said, asked, _ = setup(tree, install=made)
+    assert "libsimde-dev" in said and [line.split()[-1] for line in asked][1:] == ["libsimde-dev"]
+    assert setup(tree) == ("", [], False)  # llvm-mca is not there either
+
+
+def test_another_machine_gets_nothing(tree: Path) -> None:
+    machine(tree, "riscv64")
+    status, said, error = ends(tree)
+    assert (status, said, error.count("\n")) == (1, "", 1) and "riscv64" in error
