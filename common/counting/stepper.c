@@ -10,6 +10,10 @@
 // `regions` (calls of the function), `maps` (first address, one behind the last, file) and `steps` (address,
 // executions, bytes of code, and of a repeated string instruction bytes loaded and stored, of a masked one
 // the active lanes if there are 1, 2, 4 … 32).
+#ifndef __x86_64__
+#error "stepper: decodes x86-64 instructions; on other machines counts are declared (costs.def)"
+#endif
+
 #include <cpuid.h>
 #include <elf.h>
 #include <errno.h>

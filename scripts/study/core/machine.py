@@ -101,6 +101,11 @@ def cpu(cpuinfo: str | None = None) -> Cpu:
     )
 
 
+def not_x86() -> str | None:
+    """What this machine calls itself where it is not x86-64."""
+    return None if (here := platform.machine()) in ("x86_64", "amd64") else here
+
+
 def name(context: Context | Mapping[str, Any] | None) -> str:
     """The CPU of a context.json, and what it is (a virtual machine's may be called just "AMD EPYC")."""
     found = msgspec.convert(context or {}, Context).cpu

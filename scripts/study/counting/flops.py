@@ -5,7 +5,6 @@ Conventions (common/counting/flops.h): `paper`, one FLOP per math.h call; `machi
 
 import importlib
 import math
-import platform
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from study.core import registry, run, store
+from study.core import machine, registry, run, store
 from study.core.registry import Scene, Spec
 from study.counting import costs, schema
 from study.counting.counts import Counts
@@ -22,7 +21,6 @@ from study.counting.schema import FLOPS, Declared, Measurement, Row, Validation,
 TOLERANCE = 0.01  # of declared against measured, in the machine convention
 SMALL = 0.001  # of the total: a function under it is listed, and not judged
 BACKENDS = ("blocks", "ptrace", "sde", "pmu")
-X86 = ("x86_64", "amd64")
 LIBM_INSIDE = ("sde", "pmu")  # their totals have the inside of libm in them
 # Compilers write 2·x as x + x: sums and products are judged together.
 _JUDGED = {"mul": "add"}
@@ -32,7 +30,7 @@ Range = tuple[int, int]
 
 def missing(backend: str) -> str | None:
     """What a back end lacks here and what it would add, in one line; None if it can be used."""
-    if backend != "pmu" and (here := platform.machine()) not in X86:
+    if backend != "pmu" and (here := machine.not_x86()):
         return f"{backend} reads x86-64 code; on {here} counts are declared (costs.def), not measured"
     if backend == "blocks":
         return None

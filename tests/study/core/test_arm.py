@@ -1,4 +1,4 @@
-"""arm64: its cores by their numbers, what stands for x86-64's instruction sets, and the peaks of its ports."""
+"""arm64: cores by their numbers, what stands for x86-64's instruction sets, and the peaks of ports."""
 
 from __future__ import annotations
 

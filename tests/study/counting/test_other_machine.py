@@ -10,12 +10,13 @@ from pathlib import Path
 import pytest
 
 from study.bounds import roof
-from study.core import cli, commands
+from study.core import cli, commands, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.counting import flops
 from study.counting.schema import Declared, Flops
 from study.experiments.flops import chapter
+from study.experiments.packets import measure as packets
 
 
 @pytest.fixture
@@ -44,7 +45,9 @@ def test_what_reads_x86_code_is_missing_in_one_line(arm64: None, backend: str) -
     assert said and "\n" not in said and backend in said and "aarch64" in said and "declared" in said
 
 
-def test_declared_counts_are_made_and_the_rest_is_said(arm64: None, stated: list[str], tmp_path: Path) -> None:
+def test_declared_counts_are_made_and_the_rest_is_said(
+    arm64: None, stated: list[str], tmp_path: Path
+) -> None:
     (tmp_path / "plan.json").write_text("{}")
     words = ["--phase", "baseline", "opt4", "--scene", "scene0", "-n", "9", "--measure", "--run", tmp_path]
     outcome, _ = commands.called("flops", words)
@@ -63,13 +66,22 @@ def test_declared_counts_are_made_and_the_rest_is_said(arm64: None, stated: list
         ["flops", "--validate", "--phase", "baseline"],
         ["flops", "--measure", "--backend", "ptrace", "--phase", "baseline"],
         ["hotspots", "--phase", "baseline"],
+        ["functions", "--quick"],
     ],
 )
-def test_what_needs_measured_counts_cannot_run(arm64: None, stated: list[str], words: list[str]) -> None:
+def test_what_needs_x86_cannot_run(arm64: None, stated: list[str], words: list[str]) -> None:
     with pytest.raises(StudyError) as refused:
         commands.called(words[0], words[1:])
     assert refused.value.exit_status == cli.CANNOT_RUN and "aarch64" in str(refused.value)
     assert stated == []
+
+
+def test_packets_are_timed_by_their_eight_lanes_and_normalise_nothing(
+    arm64: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "cpu_flags", lambda: frozenset({"asimd"}))
+    assert [packets.able(limit) for limit in ("", "avx2", "none")] == [True, False, False]
+    assert packets.normalised(1024, 1) == []
 
 
 def test_a_share_of_a_roof_says_that_its_counts_are_declared() -> None:
