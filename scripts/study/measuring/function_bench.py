@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from study.core import machine, run
+from study.core import run
 from study.core.build import build
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
@@ -59,15 +59,7 @@ ARTICLE = Article(
 )
 
 
-def missing() -> str | None:
-    """Why the bench cannot run here, in one line; None where it can."""
-    here = machine.not_x86()
-    return f"the functions are SSE, AVX2 and AVX-512 code; this machine is {here}" if here else None
-
-
 def program() -> Path:
-    if lacking := missing():
-        raise StudyError(lacking, CANNOT_RUN)
     return build("functions", "bench")
 
 

@@ -66,7 +66,6 @@ def test_declared_counts_are_made_and_the_rest_is_said(
         ["flops", "--validate", "--phase", "baseline"],
         ["flops", "--measure", "--backend", "ptrace", "--phase", "baseline"],
         ["hotspots", "--phase", "baseline"],
-        ["functions", "--quick"],
     ],
 )
 def test_what_needs_x86_cannot_run(arm64: None, stated: list[str], words: list[str]) -> None:
@@ -76,12 +75,9 @@ def test_what_needs_x86_cannot_run(arm64: None, stated: list[str], words: list[s
     assert stated == []
 
 
-def test_packets_are_timed_by_their_eight_lanes_and_normalise_nothing(
-    arm64: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_packets_are_timed_by_their_eight_lanes_alone(arm64: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "cpu_flags", lambda: frozenset({"asimd"}))
     assert [packets.able(limit) for limit in ("", "avx2", "none")] == [True, False, False]
-    assert packets.normalised(1024, 1) == []
 
 
 def test_a_share_of_a_roof_says_that_its_counts_are_declared() -> None:
