@@ -10,6 +10,7 @@ import re
 import secrets
 import shlex
 import shutil
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -44,7 +45,7 @@ Options that hyperfine has mean what they mean there. Without --shell no shell i
 word is split into words. With one, its own start is in every time."""
 MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
 LEAST_ROUNDS = 10  # where no --seconds are given: so many even of slow programs
-A_PROGRAM = 3.0  # s that each may take without --seconds, as in hyperfine
+A_PROGRAM = 2.0  # s that each may take without --seconds
 BETWEEN = ":::"
 
 
@@ -272,6 +273,7 @@ def timed(args: argparse.Namespace) -> store.Run:
     how = Launcher(frozenset(cpus or ()), args.shell, args.input, args.ignore_failure, args.time_from)
     plan = Plan(
         programs=asked(args),
+        words=["time", *sys.argv[1:]],
         seed=secrets.randbelow(2**32) if args.seed is None else args.seed,
         cpu=args.cpu,
         launches=args.launches or 0,

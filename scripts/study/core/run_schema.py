@@ -212,6 +212,7 @@ class Plan(File, kw_only=True):
     failures: Annotated[list[Left], key("", "what crashed")] = []
     not_reached: Annotated[list[Short], key("", "configurations the budget left out")] = []
     programs: Annotated[list[Program], key("", "timed instead of phases; empty: a sweep")] = []
+    words: Annotated[list[str], key("", "of the command that timed the programs")] = []
     read_from: Annotated[list[str], key("", "files of other tools that the times are of")] = []
     precision: Annotated[float | None, key("", "relative half width that ends it; null: `launches` do")] = (
         None

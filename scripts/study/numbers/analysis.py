@@ -128,7 +128,7 @@ def load(path: Path | str | None, timed: bool = False) -> Data:
             (plan, "plan.json", "what was to be measured is unknown"),
             (verify, "verify.json", "no error stands beside the speeds; run scripts/stepwise verify"),
         )
-        if found is None
+        if found is None and not (name == "verify.json" and plan and plan.programs)
     ]
     frames = _usable(run, notes)
     if frames.empty:

@@ -166,7 +166,11 @@ def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:
         (710, Section("units", "Units and method", "", [])),
     ]
     if data.plan.programs:  # of other programs there is nothing else to say
-        measured, own = [], [(100, programs_chapter.timed(data)), *own[-2:]]
+        ran_how = list(experiment.QUESTIONS.values())[-1]
+        return {
+            programs_chapter.QUESTION: [programs_chapter.timed(data)],
+            ran_how: [one for _, one in own[-2:]],
+        }
     made: dict[str, list[Section]] = {text: [] for text in experiment.QUESTIONS.values()}
     for place, section in sorted([*measured, *own], key=lambda each: each[0]):
         made[experiment.QUESTIONS.get(place // 100, experiment.QUESTIONS[MORE])].append(section)

@@ -106,11 +106,14 @@ def commands(data: Data) -> list[str]:
     size = f" -n {heights.pop()}" if len(heights) == 1 else ""
     sweep = command(data.plan) or "scripts/stepwise sweep"
     rest = "scripts/stepwise pictures --run RUN", "scripts/stepwise report RUN"
-    return [sweep, f"scripts/stepwise verify --run RUN{size}", *rest]
+    verify = f"scripts/stepwise verify --run RUN{size}"
+    return [sweep, rest[1]] if data.plan.programs else [sweep, verify, *rest]
 
 
 def command(plan: Plan) -> str:
-    """The sweep that measures the same again, from what the plan recorded."""
+    """What measures the same again, from what the plan recorded."""
+    if plan.programs:
+        return shlex.join(["scripts/stepwise", *(plan.words or ["import", *plan.read_from])])
     asked = plan.configurations
     parts = ["scripts/stepwise sweep"]
     given: dict[str, list] = {

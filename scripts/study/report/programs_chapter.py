@@ -8,7 +8,7 @@ from study.numbers.analysis import Data
 from study.numbers.summary import cell
 from study.pictures import launch_order
 
-TITLE = "Programs"
+TITLE, QUESTION = "Programs", "How fast is each program here?"
 FOOT = (
     "A ratio is the median over rounds of the first program's time over this one's: over 1, this one is "
     "faster. Its interval holds however often one looked before stopping (docs/method.md)."
