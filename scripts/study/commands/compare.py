@@ -168,9 +168,7 @@ def chance(found: Sequence[Row]) -> list[str]:
     if not judged:
         return []
     several = f"{len(judged)} verdicts, corrected together" if len(judged) > 1 else "1 verdict"
-    lines = [
-        f"{several}: if none is slower, chance makes one so in at most {100 * LEVEL:.3g} % of comparisons"
-    ]
+    lines = [f"{several}: by chance something is called slower in at most {100 * LEVEL:.3g} % of comparisons"]
     fewest = min(min(row.base_ms.launches, row.ms.launches) for row in judged)
     if significance.family(fewest) < len(judged):
         lines.append(f"{fewest} launches are too few to tell a single slower one among {len(judged)}")

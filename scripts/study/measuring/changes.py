@@ -66,10 +66,12 @@ class Row:
 
     def why(self, by: str) -> str:
         """The figures that a verdict stands on, in words."""
-        found = getattr(self, by, None)
-        said = [f"{by} {found.text('.4g')}"] if isinstance(found, Interval) else []
+        time = {"time": self.time, "cycles": self.cycles}.get(by, self.baseline or self.time)
+        said = [
+            f"{name} {found.text('.4g')}" for name, found in (("ratio", time), ("again", self.again)) if found
+        ]
         said += [f"instructions {100 * self.more_work:+.3g} %"] if self.instructions else []
-        return ", ".join([*said, *([f"again {self.again.text('.4g')}"] if self.again else [])])
+        return ", ".join(said)
 
 
 def _values(side: Side) -> dict[Key, pd.DataFrame]:
