@@ -16,9 +16,8 @@ from typing import Any
 from study.core import json_files, store
 from study.core.cli import Outcome, StudyError
 from study.measuring import foreign, paper_scenes
-from study.numbers import stats, summary
+from study.numbers import analysis, programs, summary
 
-COLUMNS = [("program", "program"), ("case", "case"), ("samples", "samples"), ("ms", "ms [95 %]")]
 KINDS = "JSON of google/benchmark, hyperfine or pyperf, or a scene of the paper's program (scenes/*.json)"
 
 
@@ -45,33 +44,26 @@ def scene(path: Path, wanted: Path | None) -> Outcome:
 def times(files: list[Path], contents: list[Any], results: Path) -> Outcome:
     """Nothing is written before all files are read."""
     for path, content in zip(files, contents, strict=True):
-        if not foreign.tool(content):
+        if not foreign.reader(content):
             raise StudyError(f"{path}:1: not a file that can be read: {KINDS}, scenes one at a time")
     every = [foreign.read(path, content) for path, content in zip(files, contents, strict=True)]
     told, lines, remarks = [], [], []
     for path, found in zip(files, every, strict=True):
         run = foreign.written(found, path, results)
-        rows = [
-            {"program": one.program.name, "case": one.program.case, "samples": len(one.samples)}
-            | {"ms": stats.median_interval([ns / 1e6 for ns in one.medians])}
-            for one in found.series.values()
-        ]
+        plan = run.plan
+        rows = programs.rows(analysis.cells_of(run.frames(), plan), plan)
         left = {"skipped": found.skipped, "failures": found.failures, "remarks": found.remarks}
         told.append({"file": path, "tool": found.tool, "run": run.path, "rows": rows} | left)
-        lines += [f"{run}: of {found.tool}'s {path}", "", summary.table(rows, COLUMNS), ""]
+        lines += [f"{path}, of {found.tool}", summary.table(rows, programs.COLUMNS), run.path, ""]
         remarks += [f"skipped: {one.spec}: {one.reason}" for one in found.skipped]
         remarks += [f"failed: {one.spec}: {one.message}" for one in found.failures]
-        remarks += found.remarks
-    if len(told) > 1:
-        lines.append(
-            f"compare them with: scripts/stepwise compare {' '.join(str(one['run']) for one in told)}"
-        )
+        remarks += [*found.remarks, *programs.remarks(rows)]
     return Outcome({"runs": told}, lines, told[0]["run"] if len(told) == 1 else None, remarks)
 
 
 def run(args: argparse.Namespace) -> Outcome:
     contents = [json_files.read_json(path) for path in args.files]
-    if len(contents) == 1 and not foreign.tool(contents[0]):
+    if len(contents) == 1 and not foreign.reader(contents[0]):
         return scene(args.files[0], args.out)
     if args.out:
         raise StudyError("-o names a scene; runs get a folder below --results")

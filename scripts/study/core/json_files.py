@@ -38,27 +38,22 @@ def read_json(path: Path) -> Any:
 
 
 def line(path: Path, where: str) -> int:
-    """The line of the JSON file `path` in which the value `where` begins, like $.results[0].times[2]; that of
-    the last step there is where the path goes on. The file has been read before."""
+    """The line of the JSON file `path` in which a value begins, like $.results[0].times[2]; where that is not
+    there, its parent. The file has been read before."""
     text = content(path).decode("utf-8-sig", errors="replace")
-    decoder, space = json.JSONDecoder(), re.compile(r"[\s,:]*")
+    value, space = json.JSONDecoder().raw_decode, re.compile(r"[\s,:]*")
 
     def skip(at: int) -> int:
-        found = space.match(text, at)
-        return found.end() if found else at
+        return space.match(text, at).end()  # type: ignore[union-attr]
 
     at = skip(0)
     for name, place in re.findall(r"\.(\w+)|\[(\d+)\]", where):
-        inner, number = skip(at + 1), 0
+        inner, number, keyed = skip(at + 1), 0, text[at] == "{"
         while text[inner : inner + 1] not in ("", "]", "}"):
-            known = str(number)
-            if text[at] == "{":
-                known, end = decoder.raw_decode(text, inner)
-                inner = skip(end)
-            if known == (name or place):
+            key, end = value(text, inner) if keyed else (number, inner)
+            inner, number = skip(end), number + 1
+            if str(key) == (name or place):
                 at = inner
                 break
-            inner, number = skip(decoder.raw_decode(text, inner)[1]), number + 1
-        else:
-            break
+            inner = skip(value(text, inner)[1])
     return text.count("\n", 0, at) + 1

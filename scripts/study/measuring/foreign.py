@@ -8,9 +8,7 @@ import datetime
 import json
 import math
 import re
-import statistics
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -24,7 +22,6 @@ from study.measuring import programs
 
 NS = {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9}
 AGGREGATE = re.compile(r"_(mean|median|stddev|cv|min|max|BigO|RMS)$")  # before 1.5 no row said so itself
-GOOGLE, HYPERFINE, PYPERF = "google/benchmark", "hyperfine", "pyperf"
 
 
 class GoogleRow(msgspec.Struct):
@@ -42,11 +39,10 @@ class GoogleRow(msgspec.Struct):
 
 
 class GoogleContext(msgspec.Struct):
-    date: str | None = None
-    host_name: str | None = None
+    date: str = ""
+    host_name: str = ""
     num_cpus: int | None = None
-    library_build_type: str | None = None
-    cpu_scaling_enabled: bool | None = None
+    library_build_type: str = ""
 
 
 class Google(msgspec.Struct):
@@ -57,7 +53,7 @@ class Google(msgspec.Struct):
 class HyperfineRow(msgspec.Struct):
     command: str
     times: list[float] = []
-    exit_codes: list[int | None] = []
+    exit_codes: list[int | None] = []  # none: an older version, which stopped at a failure
     parameters: dict[str, str] = {}
 
 
@@ -68,10 +64,10 @@ class Hyperfine(msgspec.Struct):
 class Metadata(msgspec.Struct):
     """Of a pyperf file, of a benchmark or of a worker: what is not in the one is in the one above it."""
 
-    name: str | None = None
-    unit: str | None = None
-    date: str | None = None
-    hostname: str | None = None
+    name: str = ""
+    unit: str = ""
+    date: str = ""
+    hostname: str = ""
     cpu_model_name: str | None = None
     cpu_count: int | None = None
 
@@ -94,35 +90,26 @@ class Pyperf(msgspec.Struct):
 
 
 @dataclass
-class Series:
-    """One program: of each sample its values in ns, and the exit status where it is known."""
-
-    program: Program
-    samples: list[list[float]] = field(default_factory=list)
-    statuses: list[int | None] = field(default_factory=list)
-
-    @property
-    def medians(self) -> list[float]:
-        return [statistics.median(values) for values in self.samples]
-
-
-@dataclass
 class Found:
-    """What a file has: series by name and case, what was skipped or failed, and the machine as far as known.
-    `time`: ISO 8601, UTC."""
+    """What a file has: by program and case the samples, each its values in ns and what else is known of it;
+    what was skipped or failed; and the machine as far as it is known. `time`: ISO 8601, UTC."""
 
     tool: str
-    series: dict[tuple[str, str], Series] = field(default_factory=dict)
+    time: str = ""
+    host: str = ""
+    cpu: Cpu = field(default_factory=Cpu)
+    samples: dict[tuple[str, str], list[tuple[list[float], dict[str, int]]]] = field(default_factory=dict)
     skipped: list[Left] = field(default_factory=list)
     failures: list[Left] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
-    time: str | None = None
-    host: str | None = None
-    cpu: Cpu = field(default_factory=Cpu)
 
-    def of(self, name: str, case: str = "") -> Series:
-        program = Program(name=name, case=case, command=[name])
-        return self.series.setdefault((name, case), Series(program))
+    def add(self, name: str, values: list[float], case: str = "", **more: int) -> None:
+        self.samples.setdefault((name, case), []).append((values, more))
+
+    def unused(self, name: str, case: str = "") -> str:
+        """The name; of a second program of that name and case another one."""
+        others = (f"{name} ({number})" for number in range(2, len(self.samples) + 2))
+        return next(one for one in (name, *others) if (one, case) not in self.samples)
 
 
 @dataclass(frozen=True)
@@ -143,158 +130,134 @@ class Source:
             what, _, where = str(error).replace("`", "").partition(" - at ")
             raise self.wrong(what, where or "$") from None
 
-    def ns(self, value: float | None, unit: float, where: str) -> float:
+    def ns(self, value: float | None, unit: str, where: str) -> float:
         """Raises StudyError for what is no duration."""
         if value is None or not 0 < value < math.inf:
-            raise self.wrong(f"{'no time' if value is None else value} is no duration", where)
-        return value * unit
+            raise self.wrong(f"{'nothing' if value is None else value} is no duration", where)
+        return value * NS[unit]
 
 
-def utc(text: str | None) -> str | None:
-    """A date as ISO 8601 in UTC; one without a zone is taken for UTC. None for what is no date."""
+def utc(text: str) -> str:
+    """A date as ISO 8601 in UTC; one without a zone is taken for UTC. Empty for what is no date."""
     try:
-        date = datetime.datetime.fromisoformat(text or "")
+        date = datetime.datetime.fromisoformat(text)
     except ValueError:
-        return None
+        return ""
     date = date if date.tzinfo else date.replace(tzinfo=datetime.UTC)
     return date.astimezone(datetime.UTC).isoformat(timespec="seconds")
 
 
 def google(source: Source) -> Found:
     file: Google = source.typed(Google)
-    about = file.context
-    found = Found(GOOGLE, time=utc(about.date), host=about.host_name, cpu=Cpu(logical_cpus=about.num_cpus))
+    about, names = file.context, {row.name for row in file.benchmarks}
+    found = Found("google/benchmark", utc(about.date), about.host_name, Cpu(logical_cpus=about.num_cpus))
     if about.library_build_type == "debug":
-        found.remarks.append(
-            "google/benchmark itself was built for debugging, which its times may have in them"
-        )
-    if about.cpu_scaling_enabled:
-        found.remarks.append("the CPU's clock was not fixed (cpu_scaling_enabled)")
-    names = {row.name for row in file.benchmarks}
+        found.remarks.append("google/benchmark itself was built for debugging, which takes time of its own")
     for number, row in enumerate(file.benchmarks):
-        aggregate = AGGREGATE.search(row.name)
-        if row.run_type == "aggregate" or (
-            not row.run_type and aggregate and row.name[: aggregate.start()] in names
-        ):
+        name, suffix = row.run_name or row.name, AGGREGATE.search(row.name)
+        old = not row.run_type and suffix and row.name[: suffix.start()] in names
+        if row.run_type == "aggregate" or old:
             continue
-        name = row.run_name or row.name
         if row.error_occurred:
             found.failures.append(Left(spec=name, message=row.error_message))
         elif row.skipped:
             found.skipped.append(Left(spec=name, reason=row.skip_message))
         else:
-            ns = source.ns(row.real_time, NS[row.time_unit], f"$.benchmarks[{number}].real_time")
-            found.of(name).samples.append([ns])
+            found.add(name, [source.ns(row.real_time, row.time_unit, f"$.benchmarks[{number}].real_time")])
     return found
 
 
 def hyperfine(source: Source) -> Found:
     file: Hyperfine = source.typed(Hyperfine)
-    found, seen = Found(HYPERFINE), Counter[tuple[str, str]]()
+    found = Found("hyperfine")
     for number, row in enumerate(file.results):
         case = " ".join(f"{name}={value}" for name, value in row.parameters.items())
-        seen[row.command, case] += 1
-        name = row.command + (f" #{again}" if (again := seen[row.command, case]) > 1 else "")
-        statuses = row.exit_codes or [0] * len(row.times)
-        if not row.times or len(statuses) != len(row.times):
-            reason = f"{len(row.times)} times and {len(row.exit_codes)} exit codes"
+        name, codes = found.unused(row.command, case), row.exit_codes or [0] * len(row.times)
+        if not row.times or len(codes) != len(row.times):
+            reason = f"{len(row.times)} times and {len(codes)} exit codes"
             found.skipped.append(Left(spec=name, scene=case, reason=reason))
             continue
-        series = found.of(name, case)
-        for place, (seconds, status) in enumerate(zip(row.times, statuses, strict=True)):
-            ns = source.ns(seconds, NS["s"], f"$.results[{number}].times[{place}]")
-            if status is None:
-                message = "killed by a signal"
-                found.failures.append(Left(spec=name, scene=case, launch=place, message=message))
+        for place, (seconds, code) in enumerate(zip(row.times, codes, strict=True)):
+            ns = source.ns(seconds, "s", f"$.results[{number}].times[{place}]")
+            if code is None:
+                left = Left(spec=name, scene=case, launch=place, message="killed by a signal")
+                found.failures.append(left)
             else:
-                series.samples.append([ns])
-                series.statuses.append(status)
-        if failed := [status for status in series.statuses if status]:
-            said = f"{len(failed)} of {len(statuses)} launches ended with status {failed[0]}"
+                found.add(name, [ns], case, exit_status=code)
+        if failed := [code for code in codes if code]:
+            said = f"{len(failed)} of {len(codes)} launches ended with status {failed[0]}"
             found.remarks.append(f"{name}: {said}, which hyperfine was told to ignore")
     return found
 
 
 def pyperf(source: Source) -> Found:
     file: Pyperf = source.typed(Pyperf)
-    first = file.benchmarks[0].runs[0].metadata if file.benchmarks and file.benchmarks[0].runs else Metadata()
-    levels = (first, file.benchmarks[0].metadata if file.benchmarks else Metadata(), file.metadata)
+    runs = [worker.metadata for one in file.benchmarks for worker in one.runs]
 
     def said(name: str, *levels: Metadata) -> Any:
-        return next((value for level in levels if (value := getattr(level, name)) is not None), None)
+        return next((value for level in levels if (value := getattr(level, name))), None)
 
-    cpu = Cpu(model=said("cpu_model_name", *levels), logical_cpus=said("cpu_count", *levels))
-    found = Found(PYPERF, time=utc(said("date", *levels)), host=said("hostname", *levels), cpu=cpu)
-    seen = Counter[str]()
+    every = (file.metadata, *(one.metadata for one in file.benchmarks), *runs)
+    cpu = Cpu(model=said("cpu_model_name", *every), logical_cpus=said("cpu_count", *every))
+    found = Found("pyperf", utc(said("date", *every) or ""), said("hostname", *every) or "", cpu)
     for number, one in enumerate(file.benchmarks):
-        name = said("name", one.metadata, file.metadata) or source.path.name.partition(".")[0]
-        seen[name] += 1
-        name += f" #{seen[name]}" if seen[name] > 1 else ""
-        unit = said("unit", one.metadata, file.metadata) or "second"
-        if unit != "second":
+        levels = (one.metadata, file.metadata)
+        name = found.unused(said("name", *levels) or source.path.name.partition(".")[0])
+        if (unit := said("unit", *levels) or "second") != "second":
             found.skipped.append(Left(spec=name, reason=f"its unit is {unit}, which is no time"))
             continue
         for process, worker in enumerate(one.runs):
             where = f"$.benchmarks[{number}].runs[{process}].values"
-            if worker.values:
-                values = [source.ns(v, NS["s"], f"{where}[{i}]") for i, v in enumerate(worker.values)]
-                found.of(name).samples.append(values)
+            values = [source.ns(value, "s", f"{where}[{i}]") for i, value in enumerate(worker.values)]
+            if values:
+                found.add(name, values)
     return found
 
 
-def tool(content: Any) -> Any:
-    """The reader of a file with that content; None where it is of none of the tools."""
+def reader(content: Any) -> Any:
+    """Of a file with that content; None where it is of none of the tools."""
     if not isinstance(content, dict):
         return None
-    rows = content.get("benchmarks")
     if isinstance(content.get("results"), list):
         return hyperfine
-    if isinstance(rows, list) and "context" in content:
-        return google
-    return pyperf if isinstance(rows, list) else None
+    if isinstance(content.get("benchmarks"), list):
+        return google if "context" in content else pyperf
+    return None
 
 
 def read(path: Path, content: Any) -> Found:
     """Raises StudyError: file, line and what is wrong; and for a file without a time."""
-    found: Found = tool(content)(Source(path, content))
-    found.series = {key: one for key, one in found.series.items() if one.samples}
-    if not found.series:
-        why = "; ".join(
-            f"{one.spec}: {one.reason or one.message}" for one in (*found.skipped, *found.failures)
-        )
-        raise StudyError(
-            f"{path}:1: no time of a sample in this file of {found.tool} ({why or 'aggregates only?'})"
-        )
-    if found.time is None:
-        date = datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC)
-        found.time = date.isoformat(timespec="seconds")
+    found: Found = reader(content)(Source(path, content))
+    if not found.samples:
+        left = [f"{one.spec}: {one.reason or one.message}" for one in (*found.skipped, *found.failures)]
+        why = "; ".join(left) or "aggregates alone are none"
+        raise StudyError(f"{path}:1: this file of {found.tool} has no sample ({why})")
+    made = datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC)
+    found.time = found.time or made.isoformat(timespec="seconds")
     return found
-
-
-def lines(found: Found, plan: Plan) -> Iterator[dict[str, Any]]:
-    for of, one in zip(plan.configurations, found.series.values(), strict=True):
-        for launch, values in enumerate(one.samples):
-            status = {"exit_status": one.statuses[launch]} if one.statuses else {}
-            for frame, ns in enumerate(values):
-                yield programs.line(of, launch, ns, frame=frame, time=found.time, **status)
 
 
 def written(found: Found, path: Path, results: Path) -> store.Run:
     """As a run below `results`, in a folder of its machine, as far as that is known. Raises StudyError."""
     where = found.cpu.model or found.host or found.tool
     slug = "imported-" + re.sub(r"[^a-z0-9]+", "-", where.lower()).strip("-")
+    every = found.samples.values()
     plan = Plan(
-        launches=max(len(one.samples) for one in found.series.values()),
-        reps=max(len(values) for one in found.series.values() for values in one.samples),
-        began=found.time or "",
-        programs=[one.program for one in found.series.values()],
+        launches=max(map(len, every)),
+        reps=max(len(values) for samples in every for values, _ in samples),
+        began=found.time,
+        programs=[Program(name=name, case=case, command=[name]) for name, case in found.samples],
         read_from=[str(path)],
         skipped=found.skipped,
         failures=found.failures,
     )
-    context = Context(schema=1, time=found.time, machine=slug, cpu=found.cpu)
-    run = programs.begin(results, slug, plan, context)
-    made: Iterable[str] = (json.dumps(line) + "\n" for line in lines(found, plan))
-    store.write_text(run.frames_path, "".join(made))
+    run = programs.begin(results, slug, plan, Context(schema=1, time=found.time, machine=slug, cpu=found.cpu))
+    lines: Iterable[dict[str, Any]] = (
+        programs.line(of, launch, ns, frame=frame, time=found.time, **more)
+        for of, samples in zip(plan.configurations, every, strict=True)
+        for launch, (values, more) in enumerate(samples)
+        for frame, ns in enumerate(values)
+    )
+    store.write_text(run.frames_path, "".join(json.dumps(line) + "\n" for line in lines))
     programs.end(run, plan)
     return run
