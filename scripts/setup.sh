@@ -43,7 +43,7 @@ fi
 # Python cannot load is of a Python that an upgrade has replaced, or of another machine.
 if [ -e $stamp ] && ! .venv/bin/python -I -c 'import numpy' 2>/dev/null; then
     say ".venv is of another Python or machine; it is made anew"
-    rm -rf .venv
+    rm -rf .venv build/setup.without # which the new system may have
 fi
 
 # --- System packages: what is looked for is the tool or library itself, whoever installed it.

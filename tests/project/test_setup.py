@@ -222,7 +222,11 @@ def test_an_environment_of_another_python_is_made_anew(tree: Path, change: str) 
         packages.parent.rename(packages.parent.with_name("python3.2"))
     else:
         (packages / "numpy.py").write_text("raise ImportError('wrong ELF class')")
+    without = tree / "build" / "setup.without"
+    without.parent.mkdir()
+    without.write_text("perf\n")
     status, said, error = ends(tree)
+    assert not without.exists()
     assert (status, error) == (0, "") and "made anew" in said and said.endswith("setup: done\n")
     assert not packages.parent.parent.exists() and ends(tree) == (0, "", "")
 
