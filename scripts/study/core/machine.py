@@ -170,6 +170,8 @@ def context(pinned: int = topology.FASTEST) -> Context:
     """Everything a figure of this run stands on; `pinned`: of one thread. Unreadable things are None."""
     memory = re.search(r"MemTotal:\s+(\d+)", read_text("/proc/meminfo"))
     found, at = cpu(), topology.pinned(pinned)
+    # Of all CPUs; since Linux 6.11 one each as well.
+    switches = [topology.SYSTEM / folder / "cpufreq" / "boost" for folder in (".", f"cpu{pinned}")]
     makers = map(read_text, ("/sys/hypervisor/type", "/sys/class/dmi/id/sys_vendor"))
     return Context(
         schema=1,
@@ -184,7 +186,7 @@ def context(pinned: int = topology.FASTEST) -> Context:
         hypervisor=next(filter(None, makers), "yes, name unknown") if "hypervisor" in found.flags else None,
         governor=at.governor,
         no_turbo=read_text("/sys/devices/system/cpu/intel_pstate/no_turbo") or None,
-        boost=read_text(topology.SYSTEM / "cpufreq" / "boost") or None,
+        boost=next(filter(None, map(read_text, switches)), None),
         huge_pages=_chosen(read_text(HUGE_PAGES)),
         compiler=(_output(*compiler_words(), "--version") or "").split("\n")[0] or None,
         libc=" ".join(platform.libc_ver()).strip() or None,

@@ -105,6 +105,7 @@ def test_context_says_what_it_must():
     [
         ("cpu/cpufreq/boost", "0\n", "boost", "0"),
         ("cpu/cpufreq/boost", "1\n", "boost", "1"),
+        (f"cpu/cpu{machine.topology.FASTEST}/cpufreq/boost", "0\n", "boost", "0"),
         ("enabled", "always [madvise] never\n", "huge_pages", "madvise"),
         ("enabled", "[always] madvise never\n", "huge_pages", "always"),
         ("none", "", "boost", None),
