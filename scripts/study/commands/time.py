@@ -12,10 +12,12 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+import numpy as np
 import pandas as pd
 
 from study.core import cli, machine, progress, store
@@ -25,7 +27,7 @@ from study.core.host import quotas
 from study.core.run_schema import End, Plan, Program
 from study.measuring import launcher, programs
 from study.measuring.launcher import Launcher
-from study.numbers import analysis, modes, summary
+from study.numbers import analysis, modes, sequential, summary
 from study.numbers import programs as table
 from study.pictures import launch_order
 
@@ -68,9 +70,7 @@ def pattern(text: str) -> re.Pattern[str]:
     with contextlib.suppress(re.error):
         if (found := re.compile(text, re.MULTILINE)).groups:
             return found
-    raise argparse.ArgumentTypeError(
-        f"'{text}': an expression with a group of a number, like 'took ([0-9.]+) ms'"
-    )
+    raise argparse.ArgumentTypeError(f"'{text}': a pattern whose group is a number, like 'took ([0-9.]+) ms'")
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -84,19 +84,10 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--vary", nargs=2, action="append", default=[], metavar=("NAME", "A,B,C"), help="values of {NAME}")
     add("--time-from", type=pattern, metavar="REGEX", help="time what it prints: a number, then its unit")
     add("--command-name", action="append", default=[], metavar="NAME", help="of a program in the table")
-    add(
-        "--prepare",
-        action="append",
-        default=[],
-        metavar="CMD",
-        help="before each launch; once or for each CMD",
-    )
-    add("--cleanup", action="append", default=[], metavar="CMD", help="after the last one; the same")
-    about = "go on after a status that is not 0, or after these"
-    kind: Any = codes
-    add(
-        "--ignore-failure", type=kind, nargs="?", const=None, default=frozenset(), metavar="CODES", help=about
-    )
+    for name, about in (("--prepare", "before each launch"), ("--cleanup", "after the last launch")):
+        add(name, action="append", default=[], metavar="CMD", help=f"{about}; once, or once for each program")
+    about, fine = "go on after a status that is not 0, or after these", frozenset[int]()
+    add("--ignore-failure", type=codes, nargs="?", default=fine, metavar="CODES", help=about)
     add("--input", type=Path, metavar="FILE", help="standard input of the programs; default: none")
     add("--shell", metavar="SHELL", help="none, default (sh), or like 'bash --norc'; see above")
     add("--cpu", type=cli.at_least(0), default=driver.FASTEST, help="to pin to; default: of a fast core")
@@ -183,23 +174,19 @@ class Timing:
                 self.how.around(program.prepare)
             found = self.how.launch(program.command, padding)
             about = {"round": self.round, "env_bytes": padding, "cpu": self.plan.cpu, "time": programs.now()}
-            lines = [
-                programs.line(self.plan.configurations[place], self.round, warmup=warmup, **about | one)
-                for one in found
-            ]
-            self.times[place][self.round] = float(pd.Series([line["ns"] for line in lines]).median())
-            yield from lines
+            self.times[place][self.round] = float(np.median([one.ns for one in found]))
+            for one in found:
+                of = self.plan.configurations[place]
+                yield programs.line(of, self.round, warmup=warmup, **about, **msgspec.structs.asdict(one))
 
     def one_round(self, warmup: bool = False) -> None:
         """The run's folder is made when its first round has passed: what cannot start leaves none."""
+        lines: Iterable[dict[str, Any]] = self.launches(warmup)
         if self.run is None:
-            lines = [*self.launches(warmup)]
+            lines = [*lines]
             self.run = programs.begin(self.results, machine.slug(), self.plan, self.context)
-            for line in lines:
-                self.run.append_frame(line)
-        else:
-            for line in self.launches(warmup):
-                self.run.append_frame(line)
+        for line in lines:
+            self.run.append_frame(line)
         self.round += 1
 
     @property
@@ -227,7 +214,7 @@ class Timing:
         with progress.Progress("time", self.plan.launches or self.limit) as bar:
             for rounds in itertools.count(1):
                 self.one_round()
-                bar.to(rounds if self.plan.launches else min(self.spent, self.limit))
+                bar.to(rounds if self.plan.launches else min(round(self.spent), self.limit))
                 if rounds == self.plan.launches or self.known(rounds):
                     break
                 late = self.plan.seconds is not None or not self.plan.launches
@@ -256,11 +243,11 @@ def told(target: store.Run, plan: Plan) -> Outcome:
     lines = [summary.table(found, table.COLUMNS), *picture[-1:], target.path]
     said = [f"warning: {text}" for text in [*table.remarks(found), *quotas.notices(target.context)]]
     rounds = f"{plan.launches} rounds after {plan.warmup} of warm-up, CPU {plan.cpu}, seed {plan.seed}"
-    if plan.precision is not None and any(row.verdict in (table.UNSURE, table.FEW) for row in found):
+    known = [row.ratio for row in found if row.ratio] or [row.ms for row in found]
+    if plan.precision and not all(sequential.within(one, plan.precision) for one in known):
         rounds += f"; not known to ±{100 * plan.precision:.3g} %: --seconds allows more"
-    return Outcome(
-        {"rows": found, "launches": plan.launches, "warmup": plan.warmup}, [*lines, rounds], target.path, said
-    )
+    result = {"rows": found, "launches": plan.launches, "warmup": plan.warmup}
+    return Outcome(result, [*lines, rounds], target.path, said)
 
 
 def timed(args: argparse.Namespace) -> store.Run:

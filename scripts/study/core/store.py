@@ -9,6 +9,7 @@ import fcntl
 import functools
 import json
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,15 +101,17 @@ class Run:
 
     @staticmethod
     def latest(results_root: Path | str = RESULTS) -> Run:
-        """The newest run of any machine below results/ (the published reference does not count)."""
+        """The newest run of any machine below results/. The published reference does not count, nor does a
+        run of other programs than phases, into which no experiment can measure."""
         found = [
             path.parent
             for path in Path(results_root).glob("*/*/plan.json")
             if path.parent.parent.name not in NOT_MACHINES
         ]
-        if not found:
-            raise StudyError(f"{results_root}: no run yet; make one with scripts/stepwise sweep")
-        return Run(max(found, key=lambda path: path.name))
+        for path in sorted(found, key=lambda path: path.name, reverse=True):
+            if not re.search(rb'"programs": \[\s*\{', (path / "plan.json").read_bytes()):
+                return Run(path)
+        raise StudyError(f"{results_root}: no run yet; make one with scripts/stepwise sweep")
 
     def __str__(self) -> str:
         return str(self.path)

@@ -13,7 +13,6 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -29,10 +28,10 @@ _UNIT = re.compile(rf"\s*({'|'.join(sorted(SECONDS, key=len, reverse=True))})\b"
 
 
 class Launched(msgspec.Struct):
-    """What launch.c writes: times in ns, memory in KiB."""
+    """What launch.c writes, by the names of run_schema.Frame."""
 
     exit_status: int
-    ns: int
+    ns: float
     user_ns: int
     system_ns: int
     max_rss_kib: int
@@ -41,6 +40,8 @@ class Launched(msgspec.Struct):
     ctx_voluntary: int
     ctx_involuntary: int
     instructions: int | None = None
+    joules: float | None = None
+    frame: int = 0
 
 
 @dataclass(frozen=True)
@@ -82,9 +83,8 @@ class Launcher:
             said = done.stderr.strip().splitlines()
             raise StudyError(f"{line}: status {done.returncode}" + (f": {said[-1]}" if said else ""))
 
-    def launch(self, command: Sequence[str], env_bytes: int) -> list[dict[str, Any]]:
-        """Keys of a frame for each value of one process: one wall time, or the times that it printed. Raises
-        StudyError where the program fails."""
+    def launch(self, command: Sequence[str], env_bytes: int) -> list[Launched]:
+        """One process: its wall time, or each time that it printed. Raises StudyError where it fails."""
         words, name = self.words(command), shlex.join(command)
         where = ",".join(map(str, sorted(self.cpus))) if self.cpus else "-"
         printed = subprocess.PIPE if self.time_from else subprocess.DEVNULL
@@ -110,11 +110,11 @@ class Launcher:
             ended = f"status {found.exit_status}" if found.exit_status > 0 else f"signal {-found.exit_status}"
             why = "".join(f": {text}" for text in last)
             raise StudyError(f"{name}: {ended}{why} (--ignore-failure takes its time all the same)")
-        told = msgspec.structs.asdict(found) | {"joules": used}
+        found.joules = used
         if self.time_from is None:
-            return [told]
+            return [found]
         times = printed_times(self.time_from, done.stdout.decode(errors="replace"), name)
-        return [told | {"ns": ns, "frame": number} for number, ns in enumerate(times)]
+        return [msgspec.structs.replace(found, ns=ns, frame=number) for number, ns in enumerate(times)]
 
 
 def printed_times(wanted: re.Pattern[str], text: str, name: str) -> list[float]:

@@ -13,6 +13,7 @@ import emitted
 import pytest
 
 from study.core import cli, machine
+from study.core.cli import StudyError
 from study.core.host.topology import USABLE
 from study.core.run_schema import Frame, Plan
 from study.core.store import Run
@@ -242,6 +243,8 @@ def test_such_runs_are_compared_exported_and_reported(stepwise, timed, tmp_path)
             f"{program} {{n}}",
         )
         folders.append(max((tmp_path / "results").glob("*/*"), key=lambda path: path.stat().st_mtime_ns))
+    with pytest.raises(StudyError, match="no run yet"):  # no experiment measures into it
+        Run.latest(tmp_path / "results")
     result = emitted.result(stepwise("compare", *folders, "--json").stdout)
     times = {(row["spec"], row["scene"]): row["time"]["value"] for row in result["rows"]}
     assert times == pytest.approx(
