@@ -270,11 +270,14 @@ BANDWIDTH = [
 def grid(limits: Ceilings, by: str) -> list[dict[str, Any]]:
     """A row per precision or level (`by`) and width; in each ceiling's column what its file says of it."""
     lines: dict[tuple[str, int], dict[str, Any]] = {}
+    widest = max((one.bits for one in limits.ceilings if one.precision), default=math.inf)
     for one in limits.ceilings:
         if (group := getattr(one, by)) is None:
             continue
-        scalar = " (scalar)" if one.bits == peaks.ELEMENT[one.precision or "double"] else ""
-        line = lines.setdefault((group, one.bits), {by: group, "width": f"{one.bits} bits{scalar}"})
+        what = " (scalar)" if one.bits == peaks.ELEMENT[one.precision or "double"] else ""
+        if one.bits > widest:  # one instruction of arm64
+            what = " (two registers)"
+        line = lines.setdefault((group, one.bits), {by: group, "width": f"{one.bits} bits{what}"})
         line |= {one.name: msgspec.to_builtins(one)}
         if one.working_set_bytes is not None:
             line |= {"kib": one.working_set_bytes / 1024 or math.nan}
