@@ -260,7 +260,7 @@ def _source(name: str) -> str:
 def translated(programs: Sequence[str], among: Container[Any]) -> str:
     """What stands under every table that has some of these programs among its own; "" where it has none."""
     names = ", ".join(name for name in programs if name in among)
-    return f"{names}: AVX2 code, translated to NEON by SIMDe. It was not written for this CPU." if names else ""
+    return f"{names}: AVX2 code, translated to NEON by SIMDe; not written for this CPU." if names else ""
 
 
 def _limited() -> frozenset[str]:
