@@ -298,6 +298,7 @@ def test_bad_input_is_status_2_in_one_line(run: Path, tmp_path: Path, stepwise) 
         done = stepwise("tables", *arguments)
         assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     (run / "frames.jsonl").write_text("")
+    (run / "verify.json").unlink()
     assert stepwise("tables", run).returncode == 2
 
 
