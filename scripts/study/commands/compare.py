@@ -215,7 +215,9 @@ def run(args: argparse.Namespace) -> Outcome:
     lines = [*shown(sides, first, found, args.by), *chance(found)]
     lines += [f"{left} {side.letter}: {one.text()}" for side in sides for one in side.off]
     lines += [*(fault.text for fault in missing), *new]
-    lines.append("\nwhat differs" if differ else "\nmachine, compiler and commit are the same")
+    known = all(side.run.context.git.commit for side in sides)  # not of what another tool measured
+    same = "machine, compiler and commit are the same" if known else "what is known of both is the same"
+    lines.append(f"\n{'what differs' if differ else same}")
     for name, values in differ.items():
         lines += [f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items())]
     if not args.fail_on_slower:
