@@ -13,7 +13,7 @@ from study.bounds import roof
 from study.core import cli, commands, registry
 from study.core.cli import StudyError
 from study.core.registry import ROOT
-from study.counting import flops
+from study.counting import flops, perf
 from study.counting.schema import Declared, Flops
 from study.experiments.flops import chapter
 from study.experiments.packets import measure as packets
@@ -68,7 +68,10 @@ def test_declared_counts_are_made_and_the_rest_is_said(
         ["hotspots", "--phase", "baseline"],
     ],
 )
-def test_what_needs_x86_cannot_run(arm64: None, stated: list[str], words: list[str]) -> None:
+def test_what_needs_x86_cannot_run(
+    arm64: None, stated: list[str], monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    monkeypatch.setattr(perf, "missing", lambda: "no perf")  # asked later
     with pytest.raises(StudyError) as refused:
         commands.called(words[0], words[1:])
     assert refused.value.exit_status == cli.CANNOT_RUN and "aarch64" in str(refused.value)
