@@ -43,6 +43,8 @@ def copy_files(run: Path, folder: Path) -> None:
             (folder / f"{file.name}.gz").write_bytes(gzip.compress(text.encode(), mtime=0))
         else:
             shutil.copyfile(file, folder / file.name)
+    for file in sorted((run / store.OWN_SCENES).glob("*.json")):
+        store.write_bytes(folder / store.OWN_SCENES / file.name, file.read_bytes())
     for file in sorted(run.glob("*.json.gz")):
         if not file.with_suffix("").exists():
             shutil.copyfile(file, folder / file.name)

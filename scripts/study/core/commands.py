@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from study.core import cli, registry
+from study.core import cli, registry, store
 from study.core.cli import Outcome, StudyError
 
 STUDY = Path(__file__).resolve().parents[1]
@@ -27,7 +27,7 @@ OPTIONS = {  # one meaning in every command that has it: placeholder and what it
     "--resume": (None, "go on with the interrupted run at `--run`"),
     "--budget": ("SECONDS", "the time for measuring; what does not fit is left out and said"),
     "--phase": ("PHASE", "a phase, `opt2@opt4` (opt2 with opt4's flags) or an ablation `opt2+title`"),
-    "--scene": ("SCENE", "a scene by its name"),
+    "--scene": ("SCENE", "a scene of `common/scenes` by its name, or any by the path of its file"),
     "-n": ("HEIGHT", "the height of the pictures, in pixels"),
     "-w": ("WIDTH", "their width; 16:9 if it is not given"),
     "--threads": ("THREADS", "the threads that a phase renders with"),
@@ -81,6 +81,8 @@ def parser_for(name: str, body: Any) -> argparse.ArgumentParser:
     made = cli.parser(text, getattr(body, "STATUSES", None))
     made.prog = f"stepwise {name}"
     body.options(made)
+    if scene := made._option_string_actions.get("--scene"):
+        scene.type = registry.given
     return made
 
 
@@ -90,7 +92,11 @@ def called(name: str, words: Sequence[str | Path]) -> tuple[Outcome, bool]:
     begun = time.monotonic()
     body: Any = importlib.import_module(find_all()[name].module)
     args = parser_for(name, body).parse_args(list(map(str, words)))
-    return (body.measure(args) if hasattr(body, "measure") else body.run(args)), args.json
+    store.known_scenes(getattr(args, "run", None))
+    outcome = body.measure(args) if hasattr(body, "measure") else body.run(args)
+    if outcome.run:
+        store.keep_scenes(outcome.run)
+    return outcome, args.json
 
 
 def parser_of(command: Command) -> argparse.ArgumentParser:

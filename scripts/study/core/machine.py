@@ -2,6 +2,7 @@
 
 import contextlib
 import datetime
+import hashlib
 import importlib.metadata
 import os
 import platform
@@ -13,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from study.core import registry
 from study.core.host import arm, checkout, energy, quotas, read_text, topology
 from study.core.run_schema import Context, Cpu, Limits
 
@@ -197,4 +199,8 @@ def context(pinned: int = topology.FASTEST) -> Context:
         no_energy=energy.missing(),
         load_average=list(os.getloadavg()),
         steal_ticks=steal_ticks(),
+        scenes={
+            name: hashlib.sha256(scene.path.read_bytes()).hexdigest()
+            for name, scene in registry.own_scenes().items()
+        },
     )

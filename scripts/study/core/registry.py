@@ -227,13 +227,54 @@ def parent_of(name: str, root: Path = ROOT) -> str | None:
 
 
 def find_scene(name: str, root: Path = ROOT) -> Scene:
-    """The scene of that name, or a StudyError that names the nearest ones."""
+    """The scene of that name, or of a file that was `given`, or a StudyError that names the nearest ones."""
+    if name in _given:
+        return _given[name]
     if name in animated(root) and name not in scenes(root):
         raise StudyError(f"scene '{name}' stands in common/scenes/animated: it is for animation and flight")
     known = scenes(root) | large(root)
     if name not in known:
         raise _unknown("scene", name, known)
     return known[name]
+
+
+def find_animated(name: str) -> Scene:
+    """One of `animated`, or of a file that was `given`. Raises StudyError for another."""
+    if name not in (known := animated() | _given):
+        there = f"common/scenes/animated has {', '.join(animated())}; any other by its path"
+        raise StudyError(f"{name}: is no animated scene; {there}")
+    return known[name]
+
+
+def given(text: str) -> str:
+    """The argparse type of --scene: the name of a scene; a path (which has a slash, or ends in .json) makes
+    its file known by its stem. Raises StudyError."""
+    if "/" not in text and not text.endswith(".json"):
+        return text
+    scene = scene_at(Path(text))
+    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,59}", scene.name):
+        raise StudyError(f"{text}: its name goes into tables and files: a-z, 0-9, _, - and . are allowed")
+    if lacking := [key for key in scene_json.KEYS if key not in scene.data]:
+        raise StudyError(f"{text}: $.{lacking[0]}: is missing; common/scenes/README.md has the format")
+    try:
+        if unknown := {one.material for one in scene.content.shapes} - {*scene.content.materials}:
+            raise StudyError(f"{text}: material {unknown.pop()!r} is not defined in $.materials")
+    except msgspec.ValidationError as error:
+        raise StudyError(f"{text}: {error}") from None
+    shipped = scenes() | large() | animated()
+    if (other := _given.get(scene.name, shipped.get(scene.name))) and other.data != scene.data:
+        raise StudyError(f"{text}: {other.path} is another scene of that name; rename one of the files")
+    _given[scene.name] = scene
+    return scene.name
+
+
+_given: dict[str, Scene] = {}  # by name: of the files on the command line, and of those that a run has
+
+
+def own_scenes() -> dict[str, Scene]:
+    """The scenes of given files that are not the project's."""
+    shipped = scenes() | large() | animated()
+    return {name: scene for name, scene in _given.items() if name not in shipped}
 
 
 @functools.cache

@@ -17,7 +17,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from study.core import progress
+from study.core import cli, progress
 from study.core.build import build
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
 from study.core.host import child
@@ -120,11 +120,19 @@ def _lines(
         status = process.wait()
         if watch.ran_out:
             raise DriverError(status, str(child.overdue(arguments[0], watch.seconds)))
+        errors.seek(0)
+        said = errors.read().strip().splitlines()
+        for text in said if not status else []:
+            _remark(text)
         if status:
-            errors.seek(0)
-            said = errors.read().strip().splitlines()
             how = f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
             raise DriverError(status, said[-1] if said else f"{arguments[0]}: {how}")
+
+
+@functools.cache
+def _remark(text: str) -> None:
+    """A driver's warning, once, however many launches there are."""
+    cli.say(text)
 
 
 class _Watch:

@@ -101,6 +101,7 @@ class Context(File, kw_only=True):
     load_average: Annotated[list[float] | None, key("processes", "over 1, 5 and 15 minutes")] = None
     steal_ticks: Annotated[int | None, key("1/100 s", "taken by the hypervisor since boot")] = None
     end: Annotated[End | None, key("", "of a sweep: the machine at its end")] = None
+    scenes: Annotated[dict[str, str], key("", "scene given as a file → SHA-256 of own-scenes/NAME.json")] = {}
 
 
 class Configuration(Record, kw_only=True):

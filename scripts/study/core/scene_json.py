@@ -5,6 +5,7 @@ from typing import Any
 import msgspec
 
 Vector = tuple[float, float, float]
+KEYS = ("camera", "light", "background", "fog", "march", "materials", "shapes")  # all are required
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from study.core import cli, temporary
+from study.core import cli, registry, temporary
 from study.core.cli import StudyError
 from study.core.host import checkout
 from study.core.json_files import content
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 RESULTS = ROOT / "results"
 NOT_MACHINES = ("paper", "reference")
+OWN_SCENES = "own-scenes"  # of a run: the scenes that were given as files
 AGAIN = f"make it again with scripts/stepwise {Frame.made_by}"
 
 
@@ -37,18 +38,23 @@ def _problem(path: Path, error: OSError) -> StudyError:
     return StudyError(f"{path}: {error.strerror or error}")
 
 
-def write_text(path: Path, text: str) -> None:
-    """Replace `path` by `text` in one step: a reader or a kill sees the old file or the new one."""
+def write_bytes(path: Path, data: bytes) -> None:
+    """Replace `path` by `data` in one step: a reader, a kill or a full disk sees the old file or the new one.
+    Raises StudyError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.folder(path.parent, f".{path.name}.") as folder:
-            with (folder / path.name).open("w", encoding="utf-8") as file:
-                file.write(text)
+            with (folder / path.name).open("wb") as file:
+                file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
             (folder / path.name).replace(path)
     except OSError as error:
-        raise _problem(path, error) from None
+        raise StudyError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    write_bytes(path, text.encode())
 
 
 def writable(folder: Path) -> Path:
@@ -65,6 +71,21 @@ def writable(folder: Path) -> Path:
 def write_json(path: Path, value: Any) -> None:
     """`write_text` of indented JSON; NaN and infinity become null."""
     write_text(path, json.dumps(cli.plain(value), indent=2, allow_nan=False) + "\n")
+
+
+def known_scenes(run: Path | None) -> None:
+    """Makes the scenes known that an earlier command kept in a run. Raises StudyError where another scene of
+    such a name is given now: a run has one of a name."""
+    for path in sorted((run / OWN_SCENES).glob("*.json")) if run else []:
+        registry.given(str(path))
+
+
+def keep_scenes(run: Path) -> None:
+    """Copies the scenes that the command line gives as files into a run, so that it can be made again."""
+    for name, scene in registry.own_scenes().items():
+        kept, text = run / OWN_SCENES / f"{name}.json", content(scene.path)
+        if not kept.exists() or kept.read_bytes() != text:
+            write_bytes(kept, text)
 
 
 class Run:

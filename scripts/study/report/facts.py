@@ -1,10 +1,13 @@
 """What a run stands on, in words: machine, noise, what was left out, and the command that repeats it."""
 
 import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from study.core import machine as machines
-from study.core import registry
+from study.core import registry, store
 from study.core.host import checkout, quotas
 from study.core.run_schema import Context, Git, Left, Plan
 from study.numbers import noise
@@ -104,21 +107,22 @@ def commands(data: Data) -> list[str]:
     """What makes the same again, from what the run recorded. RUN stands for the new run's folder."""
     heights = {pair.height for pair in data.pairs}
     size = f" -n {heights.pop()}" if len(heights) == 1 else ""
-    sweep = command(data.plan) or "scripts/stepwise sweep"
+    own = {path.stem: path for path in (data.path / store.OWN_SCENES).glob("*.json")}
+    sweep = command(data.plan, own) or "scripts/stepwise sweep"
     rest = "scripts/stepwise pictures --run RUN", "scripts/stepwise report RUN"
     verify = f"scripts/stepwise verify --run RUN{size}"
     return [sweep, rest[1]] if data.plan.programs else [sweep, verify, *rest]
 
 
-def command(plan: Plan) -> str:
-    """What measures the same again, from what the plan recorded."""
+def command(plan: Plan, own: Mapping[str, Path] = MappingProxyType({})) -> str:
+    """What measures the same again, from what the plan recorded. `own`: files of scenes."""
     if plan.programs:
         return shlex.join(["scripts/stepwise", *(plan.words or ["import", *plan.read_from])])
     asked = plan.configurations
     parts = ["scripts/stepwise sweep"]
     given: dict[str, list] = {
         "--phase": [c.spec or None for c in asked],
-        "--scene": [c.scene for c in asked],
+        "--scene": [own.get(c.scene, c.scene) for c in asked],
         "-n": [f"{c.width}x{c.height}" for c in asked if c.width],
         "--threads": [c.threads for c in asked],
         **{f"--{key}": [getattr(plan, key)] for key in ("launches", "reps", "warmup", "long", "seed", "cpu")},

@@ -166,6 +166,7 @@ def test_the_command_repeats_the_plan() -> None:
         "--launches 10 --reps 3 --warmup 1 --seed 7 --cpu 1"
     )
     assert facts.command(Plan()) == ""
+    assert " --scene scene0 run/trio.json -n " in facts.command(plan, {"trio": Path("run/trio.json")})
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -47,12 +48,8 @@ def options(parser: argparse.ArgumentParser) -> None:
 def units(args: argparse.Namespace) -> list[Unit]:
     """Scenes and numbers of frames. Raises StudyError for a scene or a phase that there is not."""
     registry.find_phase(Spec.parse(args.phase).phase)
-    scenes = registry.animated()
-    if unknown := [name for name in args.scene if name not in scenes]:
-        there = f"common/scenes/animated has {', '.join(scenes)}"
-        raise StudyError(f"{unknown[0]}: is no animated scene; {there}")
-    numbers = range(args.first_frame, args.first_frame + args.frames)
-    return [(scenes[name], number) for name in dict.fromkeys(args.scene) for number in numbers]
+    scenes = [registry.find_animated(name) for name in dict.fromkeys(args.scene)]
+    return list(itertools.product(scenes, range(args.first_frame, args.first_frame + args.frames)))
 
 
 def drawn(spec: Spec, n: int, width: int | None, folder: Path, unit: Unit) -> tuple[Row, int]:

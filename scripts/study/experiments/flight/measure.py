@@ -45,10 +45,11 @@ def scenes() -> dict[str, Scene]:
 
 
 def find(name: str) -> Scene:
-    """One of them. Raises StudyError for another."""
-    if name not in scenes():
+    """One of them, or of a file that was given. Raises StudyError for another."""
+    scene = registry.find_animated(name)
+    if not scene.content.camera.path:
         raise StudyError(f"{name}: is no scene whose camera has a path; there are {', '.join(scenes())}")
-    return scenes()[name]
+    return scene
 
 
 def position(begin: Vector, path: Motion, seconds: float) -> np.ndarray:

@@ -79,9 +79,9 @@ def cases(names: Sequence[str], folder: Path, height: int | None = None) -> list
     made = []
     for name in dict.fromkeys(names):
         scene = registry.find_scene(name)
-        if name not in HEIGHTS:
-            raise StudyError(f"{name} has no size in frames a second; there are {', '.join(HEIGHTS)}")
-        n = height or HEIGHTS[name]
+        n = height or HEIGHTS.get(name)
+        if n is None:
+            raise StudyError(f"{name} has no size in frames a second, as {', '.join(HEIGHTS)} have: give -n")
         made.append(Case(name, n, OWN, scene_json.read(scene.data).march.hit_distance, scene.path))
         half = half_pixel(scene, n)
         path = folder / f"{name}-half-pixel-{n}.json"

@@ -281,6 +281,7 @@ def resume(args: argparse.Namespace) -> Sweep:
 def start(plan: Plan, args: argparse.Namespace) -> Sweep:
     target = store.Run.create(args.results, machine.slug())
     target.lock()
+    store.keep_scenes(target.path)
     context = machine.context(plan.cpu or 0)
     store.write_json(target.path / "context.json", context)
     for notice in quotas.notices(context):
