@@ -144,8 +144,10 @@ bool world_save(const struct world *world, const struct camera *camera, const ch
                json_object_set_new(light, "position", three(camera->light)) == 0;
     json_object_del(shot, "path");
     bool written = set && json_dump_file(root, path, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) == 0;
-    if (!written)
+    if (!written) {
+        unlink(path); // a part of it; it was not there before
         snprintf(error, SCENE_ERROR_SIZE, "%.300s: cannot be written", path);
+    }
     json_decref(root);
     return written;
 }

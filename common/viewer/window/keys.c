@@ -66,7 +66,7 @@ static void save(struct window *w, bool scene) {
 
 static void record(struct window *w) {
     if (w->recording) {
-        bool written = fclose(w->recording) == 0;
+        bool failed = ferror(w->recording), written = fclose(w->recording) == 0 && !failed;
         w->recording = NULL;
         window_say(w, "%s: %s", w->recording_name,
                    written ? "written; --script plays it" : "cannot be written");

@@ -4,7 +4,7 @@ phases/NAME/lesson.svg, and in NOTES.md the table of the phase's ideas, below it
 
 import argparse
 
-from study.core import registry
+from study.core import registry, store
 from study.core.cli import Outcome, StudyError
 from study.experiments import experiment
 from study.report import lessons, lessons_draw
@@ -21,11 +21,11 @@ def run(args: argparse.Namespace) -> Outcome:
         notes = registry.find_phase(name).path / "NOTES.md"
         for fill in (one.lesson for one in experiment.find_all().values() if one.lesson):
             if text := fill(name, notes.read_text(encoding="utf-8")):
-                notes.write_text(text, encoding="utf-8")
+                store.write_text(notes, text)
                 made.append(notes.relative_to(registry.ROOT))
         if found:
             path = notes.with_name(lessons.NAME)
-            path.write_text(lessons_draw.svg(found), encoding="utf-8")
+            store.write_text(path, lessons_draw.svg(found))
             made.append(path.relative_to(registry.ROOT))
         elif args.phase:
             raise StudyError(f"{name}: no figure; there are those of {', '.join(lessons.PANELS)}")

@@ -171,8 +171,8 @@ def report(run: Path, left: Sequence[str]) -> None:
 def finish(run: Path) -> None:
     report(run, [])
     for name in ("tables", "figures"):
-        if (PAGE.parent / name).is_dir():
-            shutil.copytree(PAGE.parent / name, run / name, dirs_exist_ok=True)
+        for file in filter(Path.is_file, (PAGE.parent / name).rglob("*")):
+            store.write_bytes(run / file.relative_to(PAGE.parent), file.read_bytes())
 
 
 def first_look(scene: str, specs: Sequence[Spec], left: Sequence[str]) -> None:

@@ -21,7 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from study.core.cli import StudyError
+from study.core import store
 
 # Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
 # than any of it: no two phases share one. Markers and hatches say the same in print.
@@ -153,13 +153,12 @@ def panels(
 def save(figure: Figure, stem: Path, note: str) -> list[Path]:
     """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure."""
     _ready(figure, note)
-    files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
-    try:
-        stem.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(files[0], metadata={"Date": None})
-        figure.savefig(files[1], dpi=110)
-    except OSError as error:
-        raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
+    files = []
+    for kind, how in (("svg", {"metadata": {"Date": None}}), ("png", {"dpi": 110})):
+        made = io.BytesIO()
+        figure.savefig(made, format=kind, **how)
+        files.append(stem.with_suffix(f".{kind}"))
+        store.write_bytes(files[-1], made.getvalue())
     return files
 
 

@@ -7,15 +7,17 @@ width), one per EXR channel: R G B (linear, not clamped) and, rendered with --ao
 from __future__ import annotations
 
 import hashlib
+import io
 import math
-import os
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
+from PIL import Image
 
+from study.core import store
 from study.core.cli import StudyError
 
 try:
@@ -135,21 +137,11 @@ def box_average(linear: np.ndarray, factor: int) -> np.ndarray:
 
 
 def write_png(path: Path, rgb8: np.ndarray) -> None:
-    """Writes height × width × 3 bytes under a temporary name, then renames. Raises StudyError."""
-    temporary = path.with_name(f".{os.getpid()}.{path.name}")
-    spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], 3, "uint8")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            file = oiio.ImageOutput.create("png")
-            done = file.open(str(temporary), spec) and file.write_image(np.ascontiguousarray(rgb8, np.uint8))
-            if not (file.close() and done):
-                raise StudyError(f"{path}: cannot be written: {file.geterror().strip()}")
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be written: {error.strerror}") from None
+    """Writes height × width × 3 bytes, whole or not at all. Raises StudyError. Made in memory: OpenImageIO
+    says that it has written a file where the disk is full."""
+    made = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(rgb8, np.uint8)).save(made, "png")
+    store.write_bytes(path, made.getvalue())
 
 
 def sha256(picture: Picture) -> str:

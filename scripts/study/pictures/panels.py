@@ -1,4 +1,4 @@
-"""Figures made of pictures: heat maps with their colour bars, rows of panels, sheets. PNG by OpenImageIO."""
+"""Figures made of pictures: heat maps with their colour bars, rows of panels, sheets. PNG."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,6 @@
 """A chapter's figures and pictures for the page, with copies beside it."""
 
 import hashlib
-import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -72,9 +71,8 @@ def copied(wanted: Mapping[Path, str], folder: Path) -> list[Shown]:
     made = []
     for path, text in wanted.items():
         if path.is_file():
-            folder.mkdir(parents=True, exist_ok=True)
             if folder.resolve() != path.parent.resolve():  # of a page in the run's own folder
-                shutil.copyfile(path, folder / path.name)
+                store.write_bytes(folder / path.name, path.read_bytes())
             made.append({"name": path.stem, "caption": text, "uri": embed.rendered(path.read_bytes())})
     return made
 

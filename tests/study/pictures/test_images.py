@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import resource
+import signal
 
 import flip_evaluator
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from matplotlib.figure import Figure
 
 from study.core import cli
 from study.core.cli import StudyError
-from study.pictures import images
+from study.pictures import draw, images, panels
 
 # --- files
 
@@ -45,6 +48,35 @@ def test_png_comes_back_and_leaves_no_other_file(tmp_path):
     images.write_png(tmp_path / "new" / "a.png", made)
     np.testing.assert_array_equal(oiio.ImageBuf(str(tmp_path / "new" / "a.png")).get_pixels(oiio.UINT8), made)
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["a.png"]
+
+
+@pytest.mark.parametrize("write", ["png", "panels", "figure"])
+def test_a_full_disk_is_one_line_and_leaves_what_was_there(write, tmp_path):
+    """A limit on the size of a file stands for the disk; noise does not compress."""
+    noise = np.random.default_rng(1).integers(0, 256, (200, 300, 3), dtype=np.uint8)
+    figure = Figure(figsize=(3, 2))
+    figure.add_subplot().imshow(noise)
+    path = tmp_path / "a.png"
+    for name in ("a.png", "a.svg"):
+        (tmp_path / name).write_text("earlier")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    try:
+        with pytest.raises(StudyError, match=r"a\.(png|svg): cannot be written: File too large"):
+            if write == "png":
+                images.write_png(path, noise)
+            elif write == "panels":
+                panels.save(figure, path)
+            else:
+                draw.save(figure, path.with_suffix(""), "a note")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert sorted((p.name, p.read_text()) for p in tmp_path.iterdir()) == [
+        ("a.png", "earlier"),
+        ("a.svg", "earlier"),
+    ]
 
 
 # --- what is not finite

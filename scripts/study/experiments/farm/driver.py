@@ -108,8 +108,11 @@ def write(path: Path, data: bytes) -> None:
     """The file whole, or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     made = path.with_name(f".{path.name}.{os.getpid()}")
-    made.write_bytes(data)
-    made.replace(path)
+    try:
+        made.write_bytes(data)
+        made.replace(path)
+    finally:
+        made.unlink(missing_ok=True)
 
 
 def work(plan: SimpleNamespace) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 from pathlib import Path
 
 from study.core import cli, registry, show, store
@@ -54,8 +53,8 @@ def kept(scene: Scene, size: truth.Size, jobs: int, folder: Path) -> Row:
     made = truth.make(scene, size, jobs)
     planes = images.read(made)
     status, proved = planes["status"], planes["status"] == truth.PROVED
-    copy = store.writable(folder / "truth") / made.name
-    shutil.copyfile(made, copy)
+    copy = folder / "truth" / made.name
+    store.write_bytes(copy, made.read_bytes())
     return Row(
         scene=scene.name,
         width=size[0],
