@@ -135,10 +135,11 @@ def inferior(
 ) -> dict[str, str]:
     """Metric on which the picture is further from truth than every reference, by more than is allowed → why.
     `references`: name → metrics, baseline's first; per metric the worst of them is the bound, so that a phase
-    need not repeat baseline's luck in rounding. A reference that lacks a metric does not judge it. A scene
-    whose truth is converged only has the hits of its proved pixels, if there are any. `ideal`: of a phase
-    that draws the ideal shadow, the least PSNR to that picture; then the estimator's shadow is in no metric
-    that is judged."""
+    need not repeat baseline's luck in rounding. A reference that lacks a metric does not judge it, nor does
+    one that has no right hit judge |Δt|: what it misses is in another metric. A scene whose truth is
+    converged only has the hits of its proved pixels, if there are any. `ideal`: of a phase that draws the
+    ideal shadow, the least PSNR to that picture; then the estimator's shadow is in no metric that is judged.
+    """
     mine, others = flatten(metrics), {who: flatten(values) for who, values in references.items()}
     found, enough = {}, allowed.get(ENOUGH, NEAREST)
     if not (mine["non_finite"] <= 0):
@@ -155,8 +156,11 @@ def inferior(
             for x in (mine.get(name, math.nan), *(other.get(name, math.nan) for other in others.values()))
         )
         margin = allowed.get(name, 0)
-        bound, who = bounds[0], next(iter(others))
-        for other, whose in zip(bounds, others, strict=True):
+        judges = [(x, who) for x, who in zip(bounds, others, strict=True) if name != "dt_p99" or x == x]
+        if not judges:
+            continue
+        bound, who = judges[0]
+        for other, whose in judges:
             if other < bound if at_least else other > bound:
                 bound, who = other, whose
         grant = f" and {margin:g} are granted" if margin else ""

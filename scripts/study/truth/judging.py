@@ -75,7 +75,8 @@ def right_distances(truth: Picture, image: Picture, least: int = PROVED) -> np.n
 
 
 def dt_p99_of(others: np.ndarray, truth: Picture, image: Picture) -> float:
-    """dt_p99 over as many of the picture's right hits as another picture has, or all of fewer; NaN for none.
+    """dt_p99 over as many of the picture's right hits as another picture has, or all of fewer; NaN for none,
+    but 0 where truth has no hit either: every ray of the scene misses.
     `others`: the other one's right_distances. A picture that hits more of the true hits is not further from
     truth for the grazing ones that it won, so its worst are left out; but none that is further off than every
     hit of the other's, for those it would hide."""
@@ -83,7 +84,9 @@ def dt_p99_of(others: np.ndarray, truth: Picture, image: Picture) -> float:
     spare = max(len(mine) - len(others), 0)
     alike = int(np.searchsorted(mine, others[-1], "right")) if len(others) else 0
     kept = np.delete(mine, slice(max(alike - spare, 0), alike))
-    return float(np.percentile(kept, 99)) if kept.size else math.nan
+    if kept.size:
+        return float(np.percentile(kept, 99))
+    return math.nan if (truth.hit & (truth.status >= PROVED)).any() else 0.0
 
 
 def _judged(truth: Picture) -> np.ndarray:

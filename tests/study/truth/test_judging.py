@@ -134,6 +134,18 @@ def test_distances_are_compared_over_as_many_hits(blank):
     assert math.isnan(judging.dt_p99_of(others, truth, more))
 
 
+def test_where_every_ray_misses_nothing_is_off(blank, miss):
+    """Nothing was hit, so no hit is at the wrong distance; a picture that hits is wrong by its false hits."""
+    empty, hits = blank(), blank()
+    miss(empty)
+    truth = made_truth(empty)
+    assert judging.dt_p99_of(judging.right_distances(truth, empty), truth, empty) == 0
+    found = judging.metrics(truth, empty, empty)
+    assert (found["dt_p99"], found["false_hits_ppm"]) == (0, 0)
+    assert gate.inferior(found, {"baseline": found}, {}) == {}
+    assert "false_hits_ppm" in gate.inferior(judging.metrics(truth, hits, hits), {"baseline": found}, {})
+
+
 # --- colours
 
 
