@@ -34,7 +34,7 @@ TOOLCHAIN := $(shell $(CC) --version 2>/dev/null | head -n 1)
 CLANG := $(findstring clang,$(TOOLCHAIN))
 COMMON_CFLAGS = -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon $(LIBRARY_INCLUDES)
 LIBRARY_INCLUDES := $(shell pkg-config --cflags jansson OpenEXR 2>/dev/null)
-LIBS := -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR 2>/dev/null) -lpthread -lm
+LIBS := -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR 2>/dev/null) -lz -lpthread -lm
 LINK = $(CC) $(SANITIZERS) $(filter %.o,$^) $(LIBS)
 COMMON_HEADERS := $(filter-out common/viewer/%,$(wildcard common/*.h common/*/*.h)) # a change of the viewer's builds no phase again
 

@@ -66,6 +66,7 @@ missing_packages() {
     command -v pkg-config >/dev/null || need pkg-config
     pkg-config --exists jansson 2>/dev/null || need libjansson-dev
     pkg-config --exists OpenEXR 2>/dev/null || need libopenexr-dev
+    pkg-config --exists zlib 2>/dev/null || need zlib1g-dev
     [ -e /usr/include/mpfr.h ] || need libmpfr-dev
     # The AVX2 code of opt3 to opt5 becomes NEON's by SIMDe's headers.
     [ -z "$arm" ] || [ -e "${STEPWISE_INCLUDE:-/usr/include}/simde/x86/avx2.h" ] || need libsimde-dev

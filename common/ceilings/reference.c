@@ -61,8 +61,8 @@ static double add_repeatedly(bool is_double, double x, long times) {
 }
 
 // Lane i of the registers from `bank` on.
-static void reference_lane(const struct arithmetic_kernel *c, long loops,
-                           const union registers *in, union registers *out, int bank, int i) {
+static void reference_lane(const struct arithmetic_kernel *c, long loops, const union registers *in,
+                           union registers *out, int bank, int i) {
     bool d = c->is_double;
     switch (kernel_form(c->kind)) {
     case CHAINED:

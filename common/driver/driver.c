@@ -71,11 +71,19 @@ static bool timed_frame(struct session *s, const struct view *view, struct measu
 }
 
 static bool write_picture(const struct session *s, char *error) {
-    const struct frame *frame = &s->frame;
-    const uint8_t *shown = s->rgb8 ? s->rgb8 : frame->shown;
-    return s->options.display
-               ? frame_write_ppm(frame->width, frame->height, shown, s->options.out, error)
-               : frame_write_exr(frame, s->options.out, error);
+    const struct options *o = &s->options;
+    const uint8_t *shown = s->rgb8 ? s->rgb8 : s->frame.shown;
+    if (driver_ends_in(o->out, ".exr"))
+        return frame_write_exr(o->samples > 1 ? &s->averaged : &s->frame, o->out, error);
+    return (driver_ends_in(o->out, ".png") ? frame_write_png : frame_write_ppm)(
+        o->width, o->height, shown, o->out, error);
+}
+
+// Gamma and 8 bits, and with --samples the means before it.
+static void present(struct session *s) {
+    if (s->options.samples > 1)
+        frame_average(&s->frame, s->options.samples, &s->averaged);
+    frame_present(s->presenter, s->options.samples > 1 ? &s->averaged : &s->frame, s->rgb8);
 }
 
 // Renders, times and records frame `index`; negative: warm-up. Returns an exit status.
@@ -97,7 +105,7 @@ static int render_frame(struct session *s, int index, bool warmup, bool first) {
         return driver_error(NO_MEMORY, "out of memory while rendering");
     if (s->rgb8) {
         m.present_ns = timer_ns();
-        frame_present(s->presenter, &s->frame, s->rgb8);
+        present(s);
         m.present_ns = timer_ns() - m.present_ns;
     }
     if (exact && s->options.out) {
@@ -122,11 +130,14 @@ static int render_frame(struct session *s, int index, bool warmup, bool first) {
             return driver_error(NO_MEMORY, "out of memory");
     } else {
         json_decref(record);
-        double pixels = (double)s->frame.width * s->frame.height;
-        printf("%s %s %dx%d: %.3f ms, %.1f ns/pixel, %.3g timer cycles at %.3f GHz, core clock "
+        const struct options *o = &s->options;
+        char of[32] = "";
+        if (o->samples > 1)
+            snprintf(of, sizeof of, ", %d rays a pixel", o->samples * o->samples);
+        printf("%s %s %dx%d%s: %.3f ms, %.1f ns/pixel, %.3g timer cycles at %.3f GHz, core clock "
                "%.2f GHz%s\n",
-               PHASE_NAME, s->scene.name, s->frame.width, s->frame.height, (double)m.ns / 1e6,
-               (double)m.ns / pixels, (double)m.tsc, s->tsc_hz / 1e9,
+               PHASE_NAME, s->scene.name, o->width, o->height, of, (double)m.ns / 1e6,
+               (double)m.ns / ((double)o->width * o->height), (double)m.tsc, s->tsc_hz / 1e9,
                (m.core_before + m.core_after) / 2e9, warmup ? " (warm-up)" : "");
     }
     return OK;
@@ -139,10 +150,13 @@ static bool allocate_pictures(struct session *s) {
     s->presenter = presenter_create(o->threads);
     if (!s->presenter)
         return false;
-    if (o->display && PHASE_DISPLAY)
+    if (o->display && PHASE_DISPLAY && o->samples == 1)
         return frame_create_display(&s->frame, o->width, o->height, s->presenter);
     s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height);
-    return s->rgb8 && frame_create(&s->frame, o->width, o->height, o->aov, planes);
+    if (!s->rgb8 ||
+        (o->samples > 1 && !frame_create(&s->averaged, o->width, o->height, false, NULL)))
+        return false;
+    return frame_create(&s->frame, o->width * o->samples, o->height * o->samples, o->aov, planes);
 }
 
 static int run(struct session *s) {
@@ -166,6 +180,7 @@ static int run(struct session *s) {
     s->prepare_ns = timer_ns() - begin;
     if (!s->prepared)
         return driver_error(NO_MEMORY, "out of memory while preparing the scene");
+    driver_warn(s);
     int begin_index = o->first_frame - o->warmup, end = o->frames ? o->frames : o->reps;
     for (int i = begin_index; i < end; i++) {
         int status = render_frame(s, i, i < o->first_frame, i == begin_index);
@@ -220,7 +235,8 @@ static int check(const struct session *s) {
     char error[SCENE_ERROR_SIZE];
     const char *unsupported = phase_unsupported ? phase_unsupported(&s->scene) : NULL;
     if (!unsupported && phase_picture_unsupported)
-        unsupported = phase_picture_unsupported(&s->scene, o->width, o->height);
+        unsupported =
+            phase_picture_unsupported(&s->scene, o->width * o->samples, o->height * o->samples);
     if (unsupported)
         return driver_error(UNSUPPORTED, "%s: %s", o->scene, unsupported);
     int status = check_flight(s);
@@ -274,6 +290,7 @@ int main(int argc, char **argv) {
     free(s.moving.shapes);
     free(s.rgb8);
     presenter_free(s.presenter);
+    frame_free(&s.averaged);
     frame_free(&s.frame);
     scene_free(&s.scene);
     return status;

@@ -15,6 +15,7 @@ struct options {
     const char *scene, *out; // paths
     int height, width, threads, reps, warmup;
     int frames, first_frame; // of an animation; 0 frames: a still picture
+    int samples;             // each pixel is the mean of samples × samples rays
     bool aov, display, json, jsonl;
     struct scene_overrides overrides;
 };
@@ -37,7 +38,8 @@ struct session {
     struct scene scene;
     struct model moving; // the scene's model with the shapes where the current frame has them
     struct prepared *prepared;
-    struct frame frame;
+    struct frame frame;    // what the phase draws
+    struct frame averaged; // with --samples: its means
     struct presenter *presenter;
     struct program program;
     uint8_t *rgb8; // the displayed picture; NULL if the phase itself writes frame.shown
@@ -57,6 +59,12 @@ struct measured {
 // options.c: parses the command line into `o` and checks it. Returns OK, an error's exit status
 // after printing the error, or −1 if the arguments were --help or --list and are answered.
 int driver_parse(int argc, char **argv, struct options *o);
+
+// options.c: whether the file's name has a stem and that ending of four characters, in either case.
+bool driver_ends_in(const char *name, const char *ending);
+
+// warnings.c: prints a line on standard error for each thing in the prepared scene that its picture cannot show.
+void driver_warn(const struct session *s);
 
 // phases.c: prints a line for each phase (--list). Returns −1, or BAD_INPUT after printing an error.
 int driver_list_phases(void);

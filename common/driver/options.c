@@ -15,10 +15,12 @@ static const char USAGE[] =
     "usage: render SCENE.json -n HEIGHT [options]\n"
     "  -n HEIGHT, --height   picture height in pixels\n"
     "  -w WIDTH, --width     default: round(HEIGHT*16/9)\n"
-    "  -o FILE.exr           write the picture of the exact camera (float, linear RGB)\n"
-    "  --aov                 with depth, shape id, normal and evaluation count per pixel\n"
-    "  --display             only the picture as displayed (gamma, 8 bits); some phases make it\n"
-    "                        themselves; -o writes it as a binary PPM\n"
+    "  -o FILE               write the picture of the exact camera: .exr (float, linear RGB), or\n"
+    "                        as displayed (gamma, 8 bits) .png or .ppm\n"
+    "  --aov                 .exr with depth, shape id, normal and evaluation count per pixel\n"
+    "  --samples K           each pixel is the mean of K x K rays, in linear light: a picture K\n"
+    "                        times as wide and high is drawn, and timed, and averaged\n"
+    "  --display             only the picture as displayed; some phases make it themselves\n"
     "  --threads T           default 1\n"
     "  --reps R              timed frames, default 1; the camera moves by 1e-6 in between\n"
     "  --frames N            an animation instead: frame k < N is at k/60 s, shapes and the\n"
@@ -43,6 +45,18 @@ static bool parse_whole(const char *text, long least, long most, int *out) {
     return true;
 }
 
+bool driver_ends_in(const char *name, const char *ending) {
+    size_t length = strlen(name);
+    return length >= 5 && strcasecmp(name + length - 4, ending) == 0;
+}
+
+// Returns whether the picture's file has a name that says what it can hold.
+static bool can_hold(const struct options *o) {
+    bool bytes = driver_ends_in(o->out, ".png") || driver_ends_in(o->out, ".ppm");
+    return o->aov ? driver_ends_in(o->out, ".exr")
+                  : bytes || (!o->display && driver_ends_in(o->out, ".exr"));
+}
+
 // Checks the options against each other and fills in defaults. Each alone has a valid value.
 static int check_combination(int argc, char **argv, struct options *o) {
     if (optind + 1 != argc)
@@ -52,13 +66,17 @@ static int check_combination(int argc, char **argv, struct options *o) {
         return driver_error(BAD_INPUT, "-n HEIGHT is required; see render -h");
     if (o->json && o->jsonl)
         return driver_error(BAD_INPUT, "--json and --jsonl exclude each other");
-    const char *ending = o->display ? ".ppm" : ".exr";
-    size_t length = o->out ? strlen(o->out) : 0;
-    if (o->out && (length < 5 || strcasecmp(o->out + length - 4, ending) != 0))
-        return driver_error(BAD_INPUT, "-o: a name that ends in %s is required, not \"%s\"%s",
-                            ending, o->out, o->display ? "" : " (of 8 bits: --display, .ppm)");
     if (o->display && o->aov)
         return driver_error(BAD_INPUT, "--display and --aov exclude each other");
+    if (o->samples > 1 && o->aov)
+        return driver_error(BAD_INPUT, "--samples and --aov exclude each other: a depth or a shape "
+                                       "has no mean");
+    if (o->out && !can_hold(o))
+        return driver_error(BAD_INPUT, "-o: a name that ends in %s is required, not \"%s\"",
+                            o->aov       ? ".exr"
+                            : o->display ? ".png or .ppm"
+                                         : ".exr, .png or .ppm",
+                            o->out);
     if (o->frames && o->reps)
         return driver_error(BAD_INPUT, "--frames and --reps exclude each other");
     if (o->first_frame && !o->frames)
@@ -72,18 +90,36 @@ static int check_combination(int argc, char **argv, struct options *o) {
         o->reps = 1;
     if (o->width == 0)
         o->width = (int)lround(o->height * 16.0 / 9.0);
-    if ((long)o->width * o->height > MAX_PIXELS)
-        return driver_error(BAD_INPUT, "%d x %d pixels; at most %d pixels are allowed", o->width,
-                            o->height, MAX_PIXELS);
+    long side = o->samples, all = (long)o->width * o->height * side * side;
+    if (all > MAX_PIXELS || o->width * side > MAX_SIDE || o->height * side > MAX_SIDE)
+        return driver_error(BAD_INPUT,
+                            "%ld x %ld pixels%s; at most %d a side and %d in all are allowed",
+                            o->width * side, o->height * side, side > 1 ? " with --samples" : "",
+                            MAX_SIDE, MAX_PIXELS);
     return OK;
 }
 
-enum { AOV = 256, THREADS, REPS, WARMUP, HIT, STEPS, JSON, JSONL, LIST, FRAMES, FIRST, DISPLAY };
+enum {
+    AOV = 256,
+    THREADS,
+    REPS,
+    WARMUP,
+    HIT,
+    STEPS,
+    JSON,
+    JSONL,
+    LIST,
+    FRAMES,
+    FIRST,
+    DISPLAY,
+    SAMPLES
+};
 static const struct option KNOWN_OPTIONS[] = {{"height", required_argument, 0, 'n'},
                                               {"width", required_argument, 0, 'w'},
                                               {"output", required_argument, 0, 'o'},
                                               {"aov", no_argument, 0, AOV},
                                               {"display", no_argument, 0, DISPLAY},
+                                              {"samples", required_argument, 0, SAMPLES},
                                               {"threads", required_argument, 0, THREADS},
                                               {"reps", required_argument, 0, REPS},
                                               {"warmup", required_argument, 0, WARMUP},
@@ -106,6 +142,7 @@ static const struct {
     {'n', 1, MAX_SIDE, "-n: a height of 1 to 32768 pixels", offsetof(struct options, height)},
     {'w', 1, MAX_SIDE, "-w: a width of 1 to 32768 pixels", offsetof(struct options, width)},
     {THREADS, 1, 4096, "--threads: 1 to 4096", offsetof(struct options, threads)},
+    {SAMPLES, 1, 64, "--samples: 1 to 64", offsetof(struct options, samples)},
     {REPS, 1, 1000000, "--reps: 1 to 1000000", offsetof(struct options, reps)},
     {WARMUP, 0, 1000000, "--warmup: 0 to 1000000", offsetof(struct options, warmup)},
     {FRAMES, 1, MAX_FRAMES, "--frames: 1 to 1000000", offsetof(struct options, frames)},
@@ -132,7 +169,7 @@ static const char *parse_value(int option, const char *value, struct options *o)
 }
 
 int driver_parse(int argc, char **argv, struct options *o) {
-    *o = (struct options){.threads = 1};
+    *o = (struct options){.threads = 1, .samples = 1};
     opterr = 0;
     for (int c; (c = getopt_long(argc, argv, ":n:w:o:h", KNOWN_OPTIONS, NULL)) != -1;) {
         const char *wanted = NULL;

@@ -55,7 +55,10 @@ json_t *driver_header(const struct session *s) {
         !s->options.display ? NULL
         : s->rgb8           ? "driver"
                             : "phase");
-    if (add_kernel_facts(about, s))
+    // Only where there are several: every record of a run is of one ray a pixel.
+    int samples = s->options.samples;
+    if (add_kernel_facts(about, s) &&
+        (samples == 1 || json_object_set_new(about, "samples", json_integer(samples)) == 0))
         return about;
     json_decref(about);
     return NULL;

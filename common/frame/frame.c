@@ -1,18 +1,16 @@
-// The frame: memory, OpenEXR files (by OpenEXR's C library) and PPM files.
+// The frame: memory, and OpenEXR files (by OpenEXR's C library).
 #include "frame/frame.h"
 
 #include <errno.h>
 #include <math.h>
 #include <openexr.h>
-#include <signal.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-enum { ERROR_SIZE = 512, LARGE_PAGE = 1 << 21 };
+#include "frame/output.h"
+
+enum { LARGE_PAGE = 1 << 21 };
 
 // Aligned to a cache line, which is also the widest vector. Large blocks are aligned to huge pages,
 // which cost fewer TLB misses.
@@ -78,6 +76,26 @@ void frame_free(struct frame *frame) {
     for (int i = 0; i < frame->plane_count; i++)
         free(frame->planes[i]);
     *frame = (struct frame){0};
+}
+
+// Returns the mean of k × k clamped samples, NaN if one of them is not finite.
+static float block_mean(const float *first, size_t row, int k) {
+    double sum = 0;
+    for (int y = 0; y < k; y++)
+        for (int x = 0; x < k; x++) {
+            double c = first[(size_t)y * row + 3 * (size_t)x];
+            sum += isfinite(c) ? fmax(0, fmin(1, c)) : (double)NAN;
+        }
+    return (float)(sum / (k * k));
+}
+
+void frame_average(const struct frame *large, int k, struct frame *frame) {
+    size_t row = 3 * (size_t)large->width;
+    for (int y = 0; y < frame->height; y++)
+        for (int x = 0; x < frame->width; x++)
+            for (size_t c = 0; c < 3; c++)
+                frame->rgb[3 * ((size_t)y * (size_t)frame->width + (size_t)x) + c] = block_mean(
+                    large->rgb + (size_t)(y * k) * row + 3 * (size_t)(x * k) + c, row, k);
 }
 
 struct channel {
@@ -169,84 +187,7 @@ static exr_result_t write_image(exr_context_t context, const struct frame *frame
     return result;
 }
 
-// Temporary name of the file being written. A signal that ends the program removes it first, except
-// for SIGKILL.
-static char unfinished[4096];
-enum { SIGNAL_COUNT = 3 };
-static const int SIGNALS[SIGNAL_COUNT] = {SIGINT, SIGTERM, SIGHUP};
-
-static void remove_unfinished(int number) {
-    unlink(unfinished);
-    raise(number); // ends the program: SA_RESETHAND has restored the default
-}
-
-static void begin_file(const char *temporary, struct sigaction before[SIGNAL_COUNT]) {
-    snprintf(unfinished, sizeof unfinished, "%s", temporary);
-    struct sigaction action = {.sa_handler = remove_unfinished, .sa_flags = (int)SA_RESETHAND};
-    sigemptyset(&action.sa_mask);
-    for (int i = 0; i < SIGNAL_COUNT; i++)
-        if (sigaction(SIGNALS[i], NULL, &before[i]) == 0 && before[i].sa_handler == SIG_DFL)
-            sigaction(SIGNALS[i], &action, NULL); // an ignored signal (nohup) stays ignored
-}
-
-static void end_file(const struct sigaction before[SIGNAL_COUNT]) {
-    for (int i = 0; i < SIGNAL_COUNT; i++)
-        sigaction(SIGNALS[i], &before[i], NULL);
-}
-
-// Renames the file if all of it was written, else removes it. If the renaming fails, `reason` is its
-// errno. Returns whether the file is complete.
-static bool finish_file(bool written, const char *temporary, const char *path, int *reason,
-                        const struct sigaction before[SIGNAL_COUNT]) {
-    bool done = written && rename(temporary, path) == 0;
-    if (!done) {
-        if (written)
-            *reason = errno;
-        unlink(temporary);
-    }
-    end_file(before);
-    return done;
-}
-
-static bool temporary_name(const char *path, char name[4096], char *error) {
-    int length = snprintf(name, 4096, "%s.%ld.tmp", path, (long)getpid());
-    if (length > 0 && length < 4096)
-        return true;
-    snprintf(error, ERROR_SIZE, "the output's path is longer than 4,000 characters");
-    return false;
-}
-
-static bool unwritable(const char *path, const char *reason, char *error) {
-    snprintf(error, ERROR_SIZE, "%.300s: cannot be written: %s", path, reason);
-    return false;
-}
-
-bool frame_writable(const char *path, char *error) {
-    char temporary[4096];
-    if (!temporary_name(path, temporary, error))
-        return false;
-    struct sigaction before[SIGNAL_COUNT];
-    begin_file(temporary, before);
-    FILE *probe = fopen(temporary, "wb");
-    int reason = errno;
-    if (probe) {
-        fclose(probe);
-        unlink(temporary);
-    }
-    end_file(before);
-    if (!probe)
-        return unwritable(path, strerror(reason), error);
-    struct stat existing;
-    if (stat(path, &existing) == 0 && !S_ISREG(existing.st_mode))
-        return unwritable(path, "it exists and is no regular file", error);
-    return true;
-}
-
 bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
-    // Renaming is atomic: no reader ever sees half a file.
-    char temporary[4096];
-    if (!temporary_name(path, temporary, error))
-        return false;
     const float *normal = frame->normal ? frame->normal : frame->rgb; // avoids arithmetic on NULL
     struct channel channels[10 + FRAME_MAX_PLANES] = {
         {"B", frame->rgb + 2, 3}, {"G", frame->rgb + 1, 3},   {"N.x", normal, 3},
@@ -260,38 +201,19 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
                4 * sizeof *channels);
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = ignore_message;
-    struct sigaction before[SIGNAL_COUNT];
-    begin_file(temporary, before);
+    struct output output;
+    if (!output_begin(&output, path, error))
+        return false;
     exr_context_t context = NULL;
     errno = 0;
-    exr_result_t result = exr_start_write(&context, temporary, EXR_WRITE_FILE_DIRECTLY, &setup);
+    exr_result_t result =
+        exr_start_write(&context, output.temporary, EXR_WRITE_FILE_DIRECTLY, &setup);
     if (result == EXR_ERR_SUCCESS)
         result = write_image(context, frame, channels);
     int reason = errno;
     exr_result_t finished = context ? exr_finish(&context) : EXR_ERR_SUCCESS;
     if (result == EXR_ERR_SUCCESS)
         result = finished;
-    bool done = finish_file(result == EXR_ERR_SUCCESS, temporary, path, &reason, before);
-    return done ||
-           unwritable(path, reason ? strerror(reason) : exr_get_default_error_message(result),
-                      error);
-}
-
-bool frame_write_ppm(int width, int height, const uint8_t *rgb8, const char *path, char *error) {
-    char temporary[4096];
-    if (!temporary_name(path, temporary, error))
-        return false;
-    struct sigaction before[SIGNAL_COUNT];
-    begin_file(temporary, before);
-    FILE *file = fopen(temporary, "wb");
-    size_t samples = 3 * (size_t)width * (size_t)height;
-    bool written = file && fprintf(file, "P6\n%d %d\n255\n", width, height) > 0 &&
-                   fwrite(rgb8, 1, samples, file) == samples;
-    int reason = errno;
-    if (file && fclose(file) != 0 && written) {
-        written = false;
-        reason = errno;
-    }
-    bool done = finish_file(written, temporary, path, &reason, before);
-    return done || unwritable(path, strerror(reason), error);
+    return output_end(&output, result == EXR_ERR_SUCCESS,
+                      reason ? strerror(reason) : exr_get_default_error_message(result), error);
 }

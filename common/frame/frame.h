@@ -43,13 +43,18 @@ bool frame_create_display(struct frame *frame, int width, int height,
 // Frees what either of them allocated, and clears the frame.
 void frame_free(struct frame *frame);
 
+// Sets `frame`'s rgb to the means of k × k samples of `large`, which is k times as wide and high. Samples
+// are clamped to [0, 1] before: it is what the eye makes of `large` from afar. NaN where one is not finite.
+void frame_average(const struct frame *large, int k, struct frame *frame);
+
 // Writes a ZIP-compressed OpenEXR file of float channels: R G B, and with the other planes also Z,
 // id, N.x, N.y, N.z, evals and the phase's own. The file is written under a temporary name and then
 // renamed. Returns false with one line in `error` (at least 512 bytes).
 bool frame_write_exr(const struct frame *frame, const char *path, char *error);
 
-// Writes the displayed picture, 3 bytes per pixel, as a binary PPM. Temporary name, result and
-// `error` as for frame_write_exr.
+// Write the displayed picture, 3 bytes per pixel, as a PNG or as a binary PPM. Temporary name, result
+// and `error` as for frame_write_exr.
+bool frame_write_png(int width, int height, const uint8_t *rgb8, const char *path, char *error);
 bool frame_write_ppm(int width, int height, const uint8_t *rgb8, const char *path, char *error);
 
 // Returns whether `path` can be written. If not, `error` (at least 512 bytes) gets one line. Called

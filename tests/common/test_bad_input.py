@@ -61,8 +61,11 @@ ARGUMENTS = {
     "-n 4 --frames 3": "--frames",
     "-n 4 --json --jsonl": "--jsonl",
     "-n 4 --display --aov": "--aov",
-    **{f"-n 4 -o {name}": f'"{name}"' for name in ("a.png", "-", ".exr")},
+    **{f"-n 4 -o {name}": f'"{name}"' for name in ("a.jpg", "-", ".exr", ".png")},
     "-n 4 --display -o a.exr": '"a.exr"',
+    **{f"-n 4 --aov -o a.{ending}": f'"a.{ending}"' for ending in ("png", "ppm")},
+    **{f"-n 4 --samples {words}": "--samples" for words in ("0", "65", "2x", "2 --aov")},
+    "-n 4000 --samples 16": "113776 x 64000",
     "-n 4 another.json": "SCENE.json",
     "-n": "-n",
     "--json": "-n",
@@ -175,15 +178,16 @@ def test_what_ends_the_program_takes_the_half_picture_along(
 
 
 @pytest.mark.parametrize("trap", ["", "trap '' XFSZ; "])
-def test_limited_file_size(trap: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["a.exr", "a.png", "a.ppm"])
+def test_limited_file_size(name: str, trap: str, tmp_path: Path) -> None:
     """As on a full disk, and the picture that was there before is kept, signal ignored or not."""
-    (tmp_path / "a.exr").write_text("earlier")
+    (tmp_path / name).write_text("earlier")
     script = f'ulimit -f 8; {trap}exec "$@"'
-    command = ["sh", "-c", script, "sh", binary(REFERENCE), SCENE0, "-n", "100", "--aov"]
-    command += ["-o", tmp_path / "a.exr"]
+    command = ["sh", "-c", script, "sh", binary(REFERENCE), SCENE0, "-n", "100"]
+    command += ["-o", tmp_path / name]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     check_refusal(Run([str(word) for word in command], done.returncode, done.stdout, done.stderr), 2)
-    assert os.listdir(tmp_path) == ["a.exr"] and (tmp_path / "a.exr").read_text() == "earlier"
+    assert os.listdir(tmp_path) == [name] and (tmp_path / name).read_text() == "earlier"
 
 
 @pytest.mark.parametrize("where", [">/dev/full", ">&-"])

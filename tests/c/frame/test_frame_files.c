@@ -173,6 +173,24 @@ TEST(exr_keeps_what_hardly_compresses) {
     }
 }
 
+// Clamped before, so that a highlight is as bright as it is seen; what is not finite is not averaged away.
+TEST(an_average_is_of_clamped_samples) {
+    struct frame large, frame;
+    assert_true(frame_create(&large, 4, 2, false, NULL) && frame_create(&frame, 2, 1, false, NULL));
+    for (int i = 0; i < 24; i++)
+        large.rgb[i] = 0.25f;
+    large.rgb[0] = 3;      // red of the first block
+    large.rgb[3] = -1;     // and of the pixel beside it
+    large.rgb[13] = 0.75f; // its green, in the lower row
+    large.rgb[8] = INFINITY;
+    frame_average(&large, 2, &frame);
+    static const float expected[6] = {0.375f, 0.375f, 0.25f, 0.25f, 0.25f, NAN};
+    for (int i = 0; i < 6; i++)
+        assert_true(isnan(expected[i]) ? isnan(frame.rgb[i]) : frame.rgb[i] == expected[i]);
+    frame_free(&large);
+    frame_free(&frame);
+}
+
 static void refused(const char *path, const char *reason) {
     struct frame frame = random_frame(2, 2, false);
     char expected[512];
@@ -215,6 +233,10 @@ static void write_that_must_fail(const char *path) {
     error[0] = '\0';
     written =
         frame_write_ppm(200, 200, (const uint8_t *)frame.rgb, path, error) || written; // 120 kB
+    assert_non_null(strstr(error, ": cannot be written: "));
+    error[0] = '\0';
+    written =
+        frame_write_png(200, 200, (const uint8_t *)frame.rgb, path, error) || written; // 110 kB
     frame_free(&frame);
     assert_false(written);
     assert_non_null(strstr(error, ": cannot be written: "));
