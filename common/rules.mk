@@ -11,6 +11,7 @@
 #   build/NAME/syntax/read    parses every source and variant for warnings, and makes no code
 #   build/truth/rays, build/packets/hits, build/ceilings, build/functions/bench   tools
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...   another compiler, with ASan and UBSan, in its own folder
+#   make CC=aarch64-linux-gnu-gcc BUILD=build/arm64 ...  for aarch64, by a cross compiler (tests/arm64/libraries.sh)
 #   make BUILD=build/tsan SANITIZE=thread ...        ThreadSanitizer
 #   make BUILD=build/emulated EMULATE=1 ...          AVX-512 emulated by AVX2, for tests of pictures (tests/emulate)
 #
@@ -32,8 +33,12 @@ SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thre
 SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)$(if $(EMULATE), -O0)
 TOOLCHAIN := $(shell $(CC) --version 2>/dev/null | head -n 1)
 CLANG := $(findstring clang,$(TOOLCHAIN))
+MACHINE := $(shell $(CC) -dumpmachine 2>/dev/null)# e.g. x86_64-linux-gnu, aarch64-linux-gnu
+CROSS := $(if $(filter $(shell uname -m)-%,$(MACHINE)),,$(MACHINE))
+# What is written in intrinsics of x86 is built by way of SIMDe for other machines (package libsimde-dev).
+INTRINSICS := $(if $(filter x86_64-%,$(MACHINE)),,common/simd/x86)
 COMMON_CFLAGS = -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon $(LIBRARY_INCLUDES)
-LIBRARY_INCLUDES := $(shell pkg-config --cflags jansson OpenEXR 2>/dev/null)
+LIBRARY_INCLUDES := $(shell pkg-config --cflags jansson OpenEXR 2>/dev/null) $(INTRINSICS:%=-I%)
 LIBS := -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR 2>/dev/null) -lz -lpthread -lm
 LINK = $(CC) $(SANITIZERS) $(filter %.o,$^) $(LIBS)
 COMMON_HEADERS := $(filter-out common/viewer/%,$(wildcard common/*.h common/*/*.h)) # a change of the viewer's builds no phase again
@@ -83,7 +88,7 @@ $(BUILD)/common/with_embree: LINE = $(EMBREE)
 # Embree's packages have no pkg-config file, so look in the compiler's folders. Embree 4 (Ubuntu 24.04, Debian 13) is
 # preferred to Embree 3 (Debian 12).
 EMBREE_INCLUDE ?= /usr/include /usr/local/include
-EMBREE := $(if $(SANITIZE),,$(firstword $(foreach v,4 3,$(wildcard $(EMBREE_INCLUDE:%=%/embree$(v)/rtcore.h)))))
+EMBREE := $(if $(SANITIZE)$(CROSS),,$(firstword $(foreach v,4 3,$(wildcard $(EMBREE_INCLUDE:%=%/embree$(v)/rtcore.h)))))
 EMBREE_VERSION := $(patsubst embree%,%,$(notdir $(patsubst %/,%,$(dir $(EMBREE)))))
 $(BUILD)/common/tools/embree.o: COMMON_CFLAGS += $(if $(EMBREE),-DWITH_EMBREE=$(EMBREE_VERSION))
 $(BUILD)/common/tools/embree.o: $(BUILD)/common/with_embree
@@ -95,11 +100,11 @@ $(BUILD)/common/%.o: common/%.c $(COMMON_HEADERS) common/rules.mk $(BUILD)/commo
 # Runs in every make; it writes only files whose text changes.
 $(BUILD)/%/phase_info.h: FORCE
 	@: $(call tree_of,$*)
-	@$(PYTHON_ALONE) common/build/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)' '$(EMULATION)'
+	@$(PYTHON_ALONE) common/build/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)' '$(MACHINE)' '$(EMULATION)'
 
 # --- The phase as one object. $(1): compile.py's command, $(2): more arguments.
 only_supported = $(if $(or $(SANITIZERS),$(CLANG),$(findstring +,$*),$(filter-out $(BUILD)/$*,$(@D))),--here)
-compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* --tree $(call tree_of,$*) --include common \
+compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* --tree $(call tree_of,$*) --include common $(INTRINSICS:%=--include %) \
     --cc '$(CC)' --toolchain '$(TOOLCHAIN) $(EMULATED_BY)' --flags '$(WARNINGS) $(SANITIZED)' --parsed $(BUILD)/common/parsed \
     $(only_supported) $(if $(findstring s,$(firstword -$(MAKEFLAGS))),--quiet) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(2)
 NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)

@@ -29,6 +29,8 @@ SETTINGS = {
     "build/clang": ["CC=clang"],
     "build/asan": ["SANITIZE=1"],
     "build/asan-clang": ["CC=clang", "SANITIZE=1"],
+    "build/arm64": ["CC=aarch64-linux-gnu-gcc"],
+    "build/arm64-asan": ["CC=aarch64-linux-gnu-gcc", "SANITIZE=1"],
     "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
 }
 BY_CLANG = ("baseline", "opt4", "opt9_convex")  # of each kind one
@@ -37,6 +39,11 @@ COUNTED = ("baseline", "opt2", "opt4", "opt6_wide", "opt9_convex", "opt10_scene"
 LOUD = os.environ.get("V", "") not in ("", "0")  # whether commands are shown
 CCACHE = Path("/usr/lib/ccache")  # Debian's: has a gcc and a clang that ask ccache first
 END = 5  # seconds that what was started has for its end before it is killed
+
+# Programs of aarch64 that are run under an emulator (tests/arm64): where lanes are NEON's, sanitized too.
+ARM64_WORDS = ("test_simd_4", "test_simd_8")
+ARM64_TESTS = (*ARM64_WORDS, "test_dd", "test_interval", "test_math_opt3", "test_math_opt4", "test_bulb_8")
+ARM64_TESTS += ("test_widest_cones_8", "test_active_set", "test_bvh", "test_fixed")
 
 # Programs by folder: {"build": ["opt1/render"]}.
 Wanted = dict[str, list[str]]
@@ -106,7 +113,25 @@ def rest_tests() -> Tests:
     tests |= {f"{name} counted": {"build": [f"{name}/render-count"]} for name in phases("costs.def")}
     tests["ceilings sanitized"] = {"build/asan": ["ceilings"]}
     tests["C tests by clang"] = {"build/asan-clang": ["c-tests"]}
+    if not arm64_missing():
+        tests |= {f"{name} for aarch64": {"build/arm64": [f"{name}/render"]} for name in phases()}
+        for folder, names in (("build/arm64", ARM64_TESTS), ("build/arm64-asan", ARM64_WORDS)):
+            tests[f"C tests in {folder}"] = {folder: [f"tests/{name}" for name in names]}
     return tests
+
+
+@functools.cache
+def arm64_missing() -> str:
+    """What is not installed of cross-building and emulating aarch64; "" if everything is."""
+    compiler = SETTINGS["build/arm64"][0].removeprefix("CC=")
+    for tool in (compiler, "qemu-aarch64"):
+        if not shutil.which(tool):
+            return f"{tool} is not installed: tests/arm64/libraries.sh"
+    for library in ("libjansson.so", "libOpenEXRCore.so", "libcmocka.so"):
+        found = subprocess.run([compiler, f"-print-file-name={library}"], capture_output=True, text=True)
+        if "/" not in found.stdout:
+            return f"{library} for arm64 is not installed: tests/arm64/libraries.sh"
+    return ""
 
 
 def quick_needs() -> Wanted:

@@ -28,7 +28,7 @@ settings.register_profile("quick", max_examples=WHOLE // 5, derandomize=True, de
 settings.load_profile("whole")
 
 # Folders whose tests share nothing. Elsewhere tests of a file share what the first of them made.
-ALONE = {Path(__file__).parent / name for name in ("c", "conformance", "hard")}
+ALONE = {Path(__file__).parent / name for name in ("arm64", "c", "conformance", "hard")}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

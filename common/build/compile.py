@@ -16,7 +16,8 @@ made, wherever all that a source reads has equal texts.
 
 The timing build by gcc contains all variants. With --here only the variants that this CPU can run are
 compiled, because no other is ever called. Make passes --here for builds that are sanitized, counted, profiled
-or patched, and for clang. A function of a variant that is left out becomes an instruction that traps.
+or patched, and for clang. A function of a variant that is left out, or that the compiler's machine does not
+have, becomes an instruction that traps.
 """
 
 from __future__ import annotations
@@ -51,17 +52,20 @@ def run(command: list[str], show: bool = True) -> str:
 
 
 class Parsed:
-    """Precompiled <immintrin.h>, one per set of compiler flags. Parsing it takes a third of a compilation."""
+    """Precompiled <immintrin.h> or <arm_neon.h>, one per set of compiler flags.
 
-    def __init__(self, folder: Path, compiler: str, toolchain: str) -> None:
-        self.folder, self.toolchain = folder, toolchain
+    Parsing it takes a third of a compilation.
+    """
+
+    def __init__(self, folder: Path, compiler: str, toolchain: str, name: str) -> None:
+        self.folder, self.toolchain, self.name = folder, toolchain, name
         self.compiler = shlex.split(compiler)
         self.ages: str | None = None
 
     def _headers(self) -> str:
         """Ages and sizes of system headers. They change when the compiler or the C library is upgraded."""
         if self.ages is None:
-            found = run([*self.compiler, "-print-file-name=include/immintrin.h"], show=False).strip()
+            found = run([*self.compiler, f"-print-file-name=include/{self.name}"], show=False).strip()
             stats = [os.stat(path) for path in ("/usr/include/stdlib.h", found) if os.path.exists(path)]
             self.ages = " ".join(f"{stat.st_mtime_ns} {stat.st_size}" for stat in stats)
         return self.ages
@@ -81,7 +85,7 @@ class Parsed:
             self.folder.mkdir(parents=True, exist_ok=True)
             if not path.exists():
                 own = path.with_name(f"{path.name}.{os.getpid()}")
-                own.write_text("#include <immintrin.h>\n")
+                own.write_text(f"#include <{self.name}>\n")
                 own.rename(path)
             temporary = made.with_name(f"{made.name}.{os.getpid()}")
             run([*words, "-x", "c-header", str(path), "-o", str(temporary)], show=False)
@@ -168,10 +172,10 @@ def versions(args: argparse.Namespace, about: dict[str, Any]) -> list[tuple[Path
 
 def compile_all(args: argparse.Namespace, about: dict[str, Any]) -> Path:
     """Compiles everything and returns the folder of the objects. Removes objects of deleted sources."""
-    parsed = Parsed(args.parsed, args.cc, args.toolchain)
-    wide = not about["each_variant"] and any(
-        "<immintrin.h>" in path.read_text() for path in args.tree.rglob("*.[ch]")
-    )
+    intrinsics = any("<immintrin.h>" in path.read_text() for path in args.tree.rglob("*.[ch]"))
+    header = "immintrin.h" if intrinsics or not about["never"] else "arm_neon.h"
+    parsed = Parsed(args.parsed, args.cc, args.toolchain, header)
+    wide = not about["each_variant"] and intrinsics
     by_assembly = args.kind == "assembly"
     objects = args.out.parent / "objects"
     folder = args.out.parent / FOLDERS[args.kind]
@@ -230,30 +234,38 @@ def copy(args: argparse.Namespace, about: dict[str, Any]) -> None:
             shutil.copy(path, folder)
 
 
+def binutils(compiler: list[str], name: str) -> str:
+    """Returns the program of that name that belongs to the compiler: a cross compiler has its own."""
+    return run([*compiler, f"-print-prog-name={name}"], show=False).strip()
+
+
 def join(objects: Path, out: Path, args: argparse.Namespace, about: dict[str, Any]) -> None:
     """Joins all objects to one. Of a variant's symbols, only those that start with VARIANT_ stay global."""
     folder = out.parent / "joined"
     folder.mkdir(parents=True, exist_ok=True)
+    compiler = shlex.split(args.cc)
+    ld, objcopy, nm = (binutils(compiler, name) for name in ("ld", "objcopy", "nm"))
+    trap = "ud2" if run([*compiler, "-dumpmachine"], show=False).startswith("x86_64") else "brk #1"
     made = about["here"] if args.here else about["variants"]
     parts = [path for path in sorted(objects.glob("*.o")) if "-lanes" not in path.stem]
     for variant in made:
         part = folder / f"{variant}.o"
-        run(["ld", "-r", "-o", str(part), *map(str, sorted(objects.glob(f"*-{variant}.o")))], show=False)
-        run(["objcopy", "-w", f"--keep-global-symbol={variant}_*", str(part)], show=False)
+        run([ld, "-r", "-o", str(part), *map(str, sorted(objects.glob(f"*-{variant}.o")))], show=False)
+        run([objcopy, "-w", f"--keep-global-symbol={variant}_*", str(part)], show=False)
         parts.append(part)
     whole = folder / "whole.o"
-    run(["ld", "-r", "-o", str(whole), *map(str, parts)], show=False)
-    left_out = [variant for variant in about["variants"] if variant not in made]
+    run([ld, "-r", "-o", str(whole), *map(str, parts)], show=False)
+    left_out = [variant for variant in [*about["variants"], *about["never"]] if variant not in made]
     if left_out:
-        wanted = [line.split()[-1] for line in run(["nm", "-u", str(whole)], show=False).splitlines()]
+        wanted = [line.split()[-1] for line in run([nm, "-u", str(whole)], show=False).splitlines()]
         names = [name for name in wanted if name.startswith(tuple(f"{variant}_" for variant in left_out))]
-        traps = "".join(f".globl {name}\n{name}: ud2\n" for name in names)
+        traps = "".join(f".globl {name}\n{name}: {trap}\n" for name in names)
         (folder / "without.s").write_text(f'.section .note.GNU-stack,"",@progbits\n.text\n{traps}')
         run(
             [*shlex.split(args.cc), "-c", str(folder / "without.s"), "-o", str(folder / "without.o")],
             show=False,
         )
-        run(["ld", "-r", "-o", f"{out}.tmp", str(whole), str(folder / "without.o")], show=False)
+        run([ld, "-r", "-o", f"{out}.tmp", str(whole), str(folder / "without.o")], show=False)
         os.replace(f"{out}.tmp", out)
     else:
         whole.replace(out)

@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 """Turns a phase's phase.json into flags.json for compile.py and phase_info.h for the driver.
 
-Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. Uses only the standard library,
-because it runs before anything is installed.
+Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS MACHINE [SHIM]. Uses only the standard
+library, because it runs before anything is installed.
 
 NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and instruction
 set. Of the environment, CFLAGS_MORE is appended to the flags (scripts/stepwise toolchains), and CC is what
 make compiles with (rules.mk). For a phase with variants, the files of "each_variant" are built once per
-variant, with the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h). SHIM
-is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are dropped for compilers other
-than gcc 12 or newer; clang copies that way by default.
+variant, with the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h).
+MACHINE is what the compiler makes programs for, as -dumpmachine says it: x86's flags and instruction sets are
+left out for others. SHIM is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are
+dropped for compilers other than gcc 12 or newer; clang copies that way by default.
 """
 
 import json
@@ -86,14 +87,28 @@ def supported(variants: list[dict]) -> list[str]:
     return [f"lanes{one['lanes']}" for one in variants if have >= set(one["isa"])]
 
 
+def for_other_machine(name: str, info: dict) -> dict:
+    """Returns phase.json for a machine that is not x86-64: without x86's flags (-m…) and instruction sets,
+    with the variants of 8 lanes and fewer, and with `made_by`: what its lanes are."""
+    files = patches.files(name.partition("+")[0], ROOT).values()
+    by_simde = any("<immintrin.h>" in path.read_text() for path in files if path.suffix in (".c", ".h"))
+    variants = [one for one in info.get("variants", []) if one["lanes"] <= 8]
+    return info | {
+        "isa": [],
+        "cflags": drop_flags(info["cflags"], "-m"),
+        "variants": [one | {"isa": [], "flags": ""} for one in variants],
+        "made_by": "avx2 by SIMDe" if by_simde else "neon" if info["lanes"] > 1 else "aarch64",
+    }
+
+
 def needs(isa: list) -> str:
     return " ".join(f"need({json.dumps(i)})" for i in isa)
 
 
-def variant_line(one: dict, isa: list, flags: str, emulated: bool) -> str:
+def variant_line(one: dict, isa: list, flags: str, emulated: bool, made_by: str) -> str:
     """Returns a variant for variant.c: lanes, features as one word, flags, features that the phase lacks."""
     features = [name for name in one["isa"] if not emulated or not name.startswith("avx512")]
-    whole = "+".join(sorted({*isa, *features})) or "x86-64"
+    whole = "+".join(sorted({*isa, *features})) or made_by
     whole = json.dumps(f"{whole}, {one['lanes']} lanes emulated" if emulated else whole)
     debug = "-Og" if "-fsanitize" in flags and not emulated else ""
     flags = json.dumps(" ".join(filter(None, [flags, one["flags"], debug])))
@@ -160,8 +175,13 @@ def replace(path: Path, text: str) -> None:
 
 def main() -> None:
     name, flags_from, folder, compiler, sanitizers = *sys.argv[1:3], Path(sys.argv[3]), *sys.argv[4:6]
-    shim = sys.argv[6] if len(sys.argv) > 6 else ""
+    machine = sys.argv[6] if len(sys.argv) > 6 else "x86_64"
+    shim = sys.argv[7] if len(sys.argv) > 7 else ""
     phase, flags = load(name), load(flags_from)
+    names = [f"lanes{one['lanes']}" for one in phase.get("variants", [])]
+    if not machine.startswith("x86_64"):
+        phase, flags = for_other_machine(name, phase), for_other_machine(flags_from, flags)
+    made_by = phase.get("made_by", "x86-64")
     isa = sorted(set(phase["isa"]) | set(flags["isa"]))
     folder.mkdir(parents=True, exist_ok=True)
     cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
@@ -170,15 +190,16 @@ def main() -> None:
         variants = [one | {"flags": drop_flags(one["flags"], *COPY_FLAGS)} for one in variants]
     emulated = [bool(shim) and any(i.startswith("avx512") for i in one["isa"]) for one in variants]
     variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]
-    names = " ".join(f"lanes{one['lanes']}" for one in variants)
-    run_here = names if shim else " ".join(supported(variants))
+    built = [f"lanes{one['lanes']}" for one in variants]
+    run_here = " ".join(built) if shim else " ".join(supported(variants))
     of, plus, _ = name.partition("+")
     about = {
         "shares_with": of if plus else phase.get("derives") if name == flags_from else None,
         "cflags": cflags,
-        "variants": names.split(),
+        "variants": built,
         "here": run_here.split(),
-        "rest": [one for one in names.split() if one not in run_here.split()],
+        "rest": [one for one in built if one not in run_here.split()],
+        "never": [one for one in names if one not in built],
         "each_variant": phase.get("each_variant", []),
         "flags": {
             f"lanes{n}": f"{one['flags']} -DLANES={n} '-DVARIANT(a)=lanes{n}_##a'"
@@ -188,14 +209,16 @@ def main() -> None:
     }
     replace(folder / "flags.json", json.dumps(about, indent=1) + "\n")
     flags = " ".join(filter(None, [cflags, sanitizers]))
-    choice = [variant_line(one, isa, flags, is_so) for one, is_so in zip(variants, emulated, strict=True)]
+    choice = [
+        variant_line(one, isa, flags, is_so, made_by) for one, is_so in zip(variants, emulated, strict=True)
+    ]
     lines = [
         f"#define PHASE_NAME {json.dumps(name)}",
         f"#define PHASE_FLAGS_FROM {json.dumps(flags_from)}",
         f"#define PHASE_FLAGS {json.dumps(flags)}",
         f"#define PHASE_COMPILER {json.dumps(compiler)}",
         f"#define PHASE_CC {json.dumps(os.environ.get('CC', '').strip() or 'gcc')}",  # as make has it
-        f"#define PHASE_ISA {json.dumps('+'.join(isa) or 'x86-64')}",
+        f"#define PHASE_ISA {json.dumps('+'.join(isa) or made_by)}",
         f"#define PHASE_NEEDS(need) {needs(isa)}",
         f"#define PHASE_VARIANTS(variant, need) {' '.join(choice)}",
         f"#define PHASE_EMULATED {int(any(emulated))}",

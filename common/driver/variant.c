@@ -8,6 +8,14 @@
 #include "phase_info.h"
 #include "timing/timer.h"
 
+#ifdef __x86_64__
+#define ASK_CPU() __builtin_cpu_init()
+#define CPU_HAS(feature) __builtin_cpu_supports(feature)
+#else // NEON is part of every aarch64
+#define ASK_CPU() ((void)0)
+#define CPU_HAS(feature) false
+#endif
+
 // True if the CPU lacks the feature or STEPWISE_ISA_LIMIT hides it. `supported` is the answer of
 // __builtin_cpu_supports, which takes only literals and so cannot be called here.
 static bool lacks(const char *feature, bool supported) {
@@ -19,7 +27,7 @@ static bool lacks(const char *feature, bool supported) {
     return !supported;
 }
 
-#define LACKS(feature) lacks(feature, __builtin_cpu_supports(feature))
+#define LACKS(feature) lacks(feature, CPU_HAS(feature))
 
 bool variant_limit_valid(void) {
     const char *limit = getenv("STEPWISE_ISA_LIMIT");
@@ -27,7 +35,7 @@ bool variant_limit_valid(void) {
 }
 
 const char *variant_missing(void) {
-    __builtin_cpu_init();
+    ASK_CPU();
 #define NEED(feature)                                                                              \
     if (LACKS(feature))                                                                            \
         return feature;
@@ -38,10 +46,10 @@ const char *variant_missing(void) {
 }
 
 struct variant variant_here(void) {
-    __builtin_cpu_init();
+    ASK_CPU();
 // An emulated feature does not depend on the CPU, only on STEPWISE_ISA_LIMIT.
 #define EMULATED(feature) (PHASE_EMULATED && strncmp(feature, "avx512", 6) == 0)
-#define ALSO_NEED(feature) &&!lacks(feature, EMULATED(feature) || __builtin_cpu_supports(feature))
+#define ALSO_NEED(feature) &&!lacks(feature, EMULATED(feature) || CPU_HAS(feature))
 #define VARIANT(lanes, isa, flags, needs)                                                          \
     if (true needs)                                                                                \
         return (struct variant){lanes, isa, flags};

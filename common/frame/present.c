@@ -2,7 +2,9 @@
 // The byte is the number of the 255 thresholds that a sample reaches. The upper half of a positive float's bits
 // selects a bin, 1/128 of its start wide; the closest thresholds are 1.1 % apart, so a bin contains at most one. The
 // table word makes the addition carry out of the lower half exactly from that threshold on.
+#ifdef __x86_64__
 #include <immintrin.h>
+#endif
 #include <math.h>
 #include <pthread.h>
 #include <stdbool.h>
@@ -15,16 +17,6 @@
 // Bins FIRST to LAST cover the floats from below the first threshold to 1. bits + table word has the
 // displayed byte in bits 16 to 23.
 enum { HALF = 16, CARRY = 1 << HALF, FIRST = 0x3600, LAST = 0x3f80 };
-
-// Samples to prefetch ahead. A picture is larger than L2, and the look-up's own loads fill the
-// out-of-order window.
-enum { PREFETCH_DISTANCE = 1024 };
-
-static inline void prefetch(const float *from) {
-    // Prefetching an address beyond the picture does no harm.
-    uintptr_t address = (uintptr_t)from + PREFETCH_DISTANCE * sizeof *from;
-    _mm_prefetch((const char *)address, _MM_HINT_T0);
-}
 
 // Each thread gets at least this many samples: 50 µs of work, about the time that starting it takes.
 enum { SAMPLES_PER_THREAD = 1 << 16, CACHE_LINE_SAMPLES = 64, MAX_THREADS = 64 };
@@ -72,6 +64,17 @@ static void convert_scalar(const uint32_t *bins, const float *linear, size_t sam
         memcpy(&bits, &c, sizeof bits);
         shown[i] = (uint8_t)((bits + bins[(bits >> HALF) - FIRST]) >> HALF);
     }
+}
+
+#ifdef __x86_64__
+// Samples to prefetch ahead. A picture is larger than L2, and the look-up's own loads fill the
+// out-of-order window.
+enum { PREFETCH_DISTANCE = 1024 };
+
+static inline void prefetch(const float *from) {
+    // Prefetching an address beyond the picture does no harm.
+    uintptr_t address = (uintptr_t)from + PREFETCH_DISTANCE * sizeof *from;
+    _mm_prefetch((const char *)address, _MM_HINT_T0);
 }
 
 // Table words of two lanes. Separate loads take 8.2 TSC cycles for 8 lanes, a gather instruction
@@ -158,12 +161,16 @@ __attribute__((target("avx512f"))) static void cached_16(const uint32_t *bins, c
     convert_16(bins, linear, samples, shown, false);
 }
 
+#endif
+
 // STEPWISE_ISA_LIMIT hides instruction sets, as for the phases (driver/variant.h).
 static void choose_widest(struct presenter *p) {
+    p->stream = p->cached =
+        convert_scalar; // on aarch64 too, whose vectors have no table words to load
+#ifdef __x86_64__
     const char *limit = getenv("STEPWISE_ISA_LIMIT");
     bool none = limit && strcmp(limit, "none") == 0, narrow = limit && strcmp(limit, "avx2") == 0;
     __builtin_cpu_init();
-    p->stream = p->cached = convert_scalar;
     if (!none && !narrow && __builtin_cpu_supports("avx512f")) {
         p->stream = stream_16;
         p->cached = cached_16;
@@ -171,6 +178,7 @@ static void choose_widest(struct presenter *p) {
         p->stream = stream_8;
         p->cached = cached_8;
     }
+#endif
 }
 
 struct presenter *presenter_create(int threads) {

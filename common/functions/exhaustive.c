@@ -64,6 +64,7 @@ static inline __attribute__((always_inline)) struct error compare_each(const str
     return sum;
 }
 
+#ifdef __x86_64__
 // For AVX2, because half of the search's time is spent here.
 __attribute__((target("avx2"))) static struct error compare_avx2(const struct buffers *at,
                                                                  size_t count) {
@@ -73,6 +74,11 @@ __attribute__((target("avx2"))) static struct error compare_avx2(const struct bu
 static struct error compare(const struct buffers *at, size_t count) {
     return __builtin_cpu_supports("avx2") ? compare_avx2(at, count) : compare_each(at, count);
 }
+#else
+static struct error compare(const struct buffers *at, size_t count) {
+    return compare_each(at, count);
+}
+#endif
 
 // Looks for the argument of the largest error, which `error` already holds.
 static void find_worst(const struct buffers *at, size_t count, struct error *error) {

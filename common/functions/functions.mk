@@ -3,17 +3,18 @@
 # CPU has its instruction set. libmvec and SLEEF are loaded at run time. MPFR, if its header is
 # installed, gives the exact values of the double functions.
 FUNCTIONS := common/functions
-FUNCTIONS_MPFR := $(if $(wildcard /usr/include/mpfr.h /usr/local/include/mpfr.h),-lmpfr -lgmp)
+FUNCTIONS_MPFR := $(if $(CROSS),,$(if $(wildcard /usr/include/mpfr.h /usr/local/include/mpfr.h),-lmpfr -lgmp))
 FUNCTIONS_NEEDED = $(wildcard $(FUNCTIONS)/*.h) common/timing/timer.h $(FUNCTIONS)/functions.mk $(BUILD)/common/toolchain $(BUILD)/functions/mpfr
 FUNCTIONS_CC = $(CC) -std=c11 -D_GNU_SOURCE -Icommon $(WARNINGS) $(SANITIZERS) $(if $(FUNCTIONS_MPFR),-DWITH_MPFR)
 
-# Instruction set and vector width of each group of kernels.
-FUNCTIONS_ISA_scalar :=
-FUNCTIONS_ISA_sse := -DBITS=128 -msse4.1
+# Instruction set and vector width of each group of kernels. On aarch64 `sse` is NEON, by SIMDe, and there are no wider ones.
+FUNCTIONS_GROUPS := sse $(if $(INTRINSICS),,avx2 avx512)
+FUNCTIONS_ISA_scalar := $(INTRINSICS:%=-I%)
+FUNCTIONS_ISA_sse := -DBITS=128 $(if $(INTRINSICS),$(INTRINSICS:%=-I%),-msse4.1)
 FUNCTIONS_ISA_avx2 := -DBITS=256 -mavx2 -mfma
 FUNCTIONS_ISA_avx512 := -DBITS=512 -mavx512f -mavx512dq -mfma
 FUNCTIONS_SCALAR := $(foreach type,float double,$(BUILD)/functions/scalar_$(type).o)
-FUNCTIONS_VECTOR := $(foreach isa,sse avx2 avx512,$(foreach type,float double,$(BUILD)/functions/$(isa)_$(type).o))
+FUNCTIONS_VECTOR := $(foreach isa,$(FUNCTIONS_GROUPS),$(foreach type,float double,$(BUILD)/functions/$(isa)_$(type).o))
 FUNCTIONS_PARTS := $(patsubst $(FUNCTIONS)/%.c,$(BUILD)/functions/%.o,$(filter-out %_kernels.c,$(wildcard $(FUNCTIONS)/*.c)))
 
 # No automatic vectorization: scalar code stays scalar, vectors are as wide as written. Without errno

@@ -13,8 +13,12 @@
 enum { OK = 0, BAD_INPUT = 2, NO_TIMER = 3, OUT_OF_MEMORY = 5 };
 
 static const struct entries *const FILES[] = {&scalar_float, &scalar_double, &sse_float,
-                                              &sse_double,   &avx2_float,    &avx2_double,
-                                              &avx512_float, &avx512_double};
+                                              &sse_double,
+#ifdef __x86_64__
+                                              &avx2_float,   &avx2_double,   &avx512_float,
+                                              &avx512_double
+#endif
+};
 enum { FILE_COUNT = sizeof FILES / sizeof *FILES };
 
 struct libraries {
@@ -22,6 +26,7 @@ struct libraries {
 };
 
 bool runs_here(const struct entries *of) {
+#ifdef __x86_64__
     __builtin_cpu_init();
     bool fma = __builtin_cpu_supports("fma");
     if (of->bits == 512)
@@ -29,6 +34,9 @@ bool runs_here(const struct entries *of) {
     if (of->bits == 256)
         return fma && __builtin_cpu_supports("avx2");
     return of->bits < 128 || __builtin_cpu_supports("sse4.1"); // libmvec's b variants use it
+#else
+    return of->bits <= 128;
+#endif
 }
 
 // Checks whether an entry can run here, and finds its library function.

@@ -81,9 +81,17 @@ static inline V moroz_2(V x) {
     V y = moroz_1(x);
     return y * (1.50000057f - 0.5f * x * y * y);
 }
+#ifdef __aarch64__
+#define RSQRT "frsqrte"
+static inline V rsqrt_estimate(V x) {
+    return vrsqrtes_f32(x);
+}
+#else
+#define RSQRT "rsqrtss"
 static inline V rsqrt_estimate(V x) {
     return _mm_cvtss_f32(_mm_rsqrt_ss(_mm_set_ss(x)));
 }
+#endif
 UNARY(moroz_0, bit_trick(x, MOROZ_MAGIC))
 UNARY(moroz_1, moroz_1(x))
 UNARY(moroz_2, moroz_2(x))
@@ -113,12 +121,12 @@ static const struct entry TABLE[] = {
     ENTRY("rsqrt", "bit trick", "Moroz + 0", moroz_0),
     ENTRY("rsqrt", "bit trick", "Moroz + 1", moroz_1),
     ENTRY("rsqrt", "bit trick", "Moroz + 2", moroz_2),
-    ENTRY("rsqrt", "instruction", "rsqrtss + 0", rsqrtss_0),
-    ENTRY("rsqrt", "instruction", "rsqrtss + 1", rsqrtss_1),
-    ENTRY("rsqrt", "instruction", "rsqrtss + 2", rsqrtss_2),
-    ENTRY("sqrt", "instruction", "x·rsqrtss + 0", sqrt_estimate_0),
-    ENTRY("sqrt", "instruction", "x·rsqrtss + 1", sqrt_estimate_1),
-    ENTRY("sqrt", "instruction", "x·rsqrtss + 2", sqrt_estimate_2),
+    ENTRY("rsqrt", "instruction", RSQRT " + 0", rsqrtss_0),
+    ENTRY("rsqrt", "instruction", RSQRT " + 1", rsqrtss_1),
+    ENTRY("rsqrt", "instruction", RSQRT " + 2", rsqrtss_2),
+    ENTRY("sqrt", "instruction", "x·" RSQRT " + 0", sqrt_estimate_0),
+    ENTRY("sqrt", "instruction", "x·" RSQRT " + 1", sqrt_estimate_1),
+    ENTRY("sqrt", "instruction", "x·" RSQRT " + 2", sqrt_estimate_2),
 #endif
 };
 

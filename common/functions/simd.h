@@ -81,7 +81,9 @@ static inline V vabs(V a) {
     return (V)((I)a ^ sign_bits(a));
 }
 
-#if BITS > 128 // kernels of 256 and 512 bits require FMA
+// Kernels of 256 and 512 bits require FMA, and NEON has it.
+#if BITS > 128 || defined __aarch64__
+#define HAS_FMA 1
 static inline V vfma(V a, V b, V c) {
     return MM(fmadd)(a, b, c);
 }
@@ -89,6 +91,8 @@ static inline V vfma(V a, V b, V c) {
 static inline V vfnma(V a, V b, V c) {
     return MM(fnmadd)(a, b, c);
 }
+#else
+#define HAS_FMA 0
 #endif
 
 #endif

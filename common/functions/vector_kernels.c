@@ -4,7 +4,12 @@
 // TPDS 31(6), 2020). Compiled once for each BITS and DOUBLE (functions.mk).
 #include "simd.h"
 
-#if BITS == 128
+#ifdef __aarch64__
+#define ISA "NEON"
+#define LIBMVEC_CODE "n"
+#define SLEEF_CODE "advsimd"
+#define ISA_NAME sse
+#elif BITS == 128
 #define ISA "SSE"
 #define LIBMVEC_CODE "b"
 #define SLEEF_CODE "sse4"
@@ -59,7 +64,11 @@ static inline V rsqrt_estimate(V x) {
 #elif !DOUBLE
 #define HAS_ESTIMATE 1
 static inline V rsqrt_estimate(V x) {
+#ifdef __aarch64__
+    return vrsqrteq_f32(x); // SIMDe's has Newton's steps
+#else
     return MM(rsqrt)(x);
+#endif
 }
 #else
 #define HAS_ESTIMATE 0
@@ -68,6 +77,8 @@ static inline V rsqrt_estimate(V x) {
 #define RSQRT "rsqrt14pd"
 #elif BITS == 512
 #define RSQRT "rsqrt14ps"
+#elif defined __aarch64__
+#define RSQRT "frsqrte"
 #else
 #define RSQRT "rsqrtps"
 #endif
@@ -88,7 +99,7 @@ UNARY(sqrt_estimate_2, x *newton(x, newton(x, rsqrt_estimate(x))))
 #endif
 UNARY(library_1, ((unary *)f)(x))
 BINARY(library_2, ((binary *)f)(x, y))
-#if BITS > 128
+#if HAS_FMA
 #include "polynomials.h"
 UNARY(poly_exp, poly_exp(x))
 UNARY(poly_log, poly_log(x))
@@ -141,7 +152,7 @@ static const struct entry TABLE[] = {
     SLEEF("atan2", "35", library_2),
     SLEEF("acos", "10", library_1),
     SLEEF("acos", "35", library_1),
-#if BITS > 128
+#if HAS_FMA
     ENTRY("exp", "own", "own", poly_exp),
     ENTRY("log", "own", "own", poly_log),
     ENTRY("pow", "own", "own", poly_pow),

@@ -1,6 +1,7 @@
-// Eight lanes: AVX2. See simd.h.
+// Eight lanes: AVX2 or NEON. See simd.h.
 #pragma once
 
+#ifdef __x86_64__
 static inline void v_store_block(float *rgb, size_t stride, vfloat r, vfloat g, vfloat b) {
     // In each half of a register (a row) r0 r2 g0 g2, g1 g3 b1 b3, b0 b2 r1 r3.
     vfloat rg = _mm256_shuffle_ps(r, g, _MM_SHUFFLE(2, 0, 2, 0));
@@ -32,3 +33,22 @@ static inline void v_store_row(float *rgb, bool stream, vfloat r, vfloat g, vflo
     v_store_or_stream(rgb + 8, stream, _mm256_permute2f128_ps(third, first, 0x30));
     v_store_or_stream(rgb + 16, stream, _mm256_permute2f128_ps(second, third, 0x31));
 }
+#else
+// st3 stores three registers interleaved.
+static inline void v_store_block(float *rgb, size_t stride, vfloat r, vfloat g, vfloat b) {
+    vregisters x = v_split(r), y = v_split(g), z = v_split(b);
+    EACH_REGISTER(i) {
+        float32x4x3_t pixels = {{x.of[i], y.of[i], z.of[i]}};
+        vst3q_f32(rgb + (size_t)i * stride, pixels);
+    }
+}
+
+static inline vfloat v_load_block_row(const float *from) {
+    return v_join((vregisters){{vld1q_f32(from), vld1q_f32(from + 8)}});
+}
+
+static inline void v_store_row(float *rgb, bool stream, vfloat r, vfloat g, vfloat b) {
+    (void)stream;
+    v_store_block(rgb, 12, r, g, b);
+}
+#endif

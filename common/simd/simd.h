@@ -60,23 +60,34 @@
 //   v_store_row(rgb, stream, r, g, b)  LANES pixels of a row
 #pragma once
 
+#ifdef __x86_64__
 #include <immintrin.h>
+#else
+#include <arm_neon.h>
+#endif
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 
 #include "counting/flops.h"
 
+#ifdef __aarch64__
+#include "simd/neon.h"
+#endif
 #if LANES == 16
 #include "simd/lanes16.h"
 #include "simd/permute16.h"
 #include "simd/rgb16.h"
 #elif LANES == 8
+#ifdef __x86_64__
 #include "simd/lanes8.h"
+#endif
 #include "simd/permute8.h"
 #include "simd/rgb8.h"
 #elif LANES == 4
+#ifdef __x86_64__
 #include "simd/lanes4.h"
+#endif
 #else
 #error "LANES: 4, 8 or 16; common/rules.mk sets it for the files of each_variant in phase.json"
 #endif
@@ -111,7 +122,7 @@ static inline vmask v_mask_first(int count) {
     return v_cmp_lt(v_iota(), v_splat((float)count));
 }
 
-#if LANES != 8
+#if LANES != 8 || defined __aarch64__
 static inline unsigned v_any_of_four(vmask a, vmask b, vmask c, vmask d) {
     return (unsigned)v_any(a) | (unsigned)v_any(b) << 1 | (unsigned)v_any(c) << 2 |
            (unsigned)v_any(d) << 3;

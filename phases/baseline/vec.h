@@ -16,7 +16,8 @@
 #define CALL __attribute__((noipa, unused)) static
 #endif
 
-struct vec3 {
+// may_alias: vec_at() reads arrays of doubles by it, which C allows of no other struct.
+struct __attribute__((may_alias)) vec3 {
     double x, y, z;
 };
 

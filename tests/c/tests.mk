@@ -1,5 +1,5 @@
 # C tests: one program build/tests/test_NAME per tests/c/FOLDER/test_NAME.c, linked to the scene, frame, timing and
-# workers of common/. A first line `// flags: -mavx2` adds to the compiler's flags. By hand, sanitised:
+# workers of common/. A first line `// flags: -mavx2` adds to the compiler's flags, those of -m on x86-64 alone. By hand, sanitised:
 #   make SANITIZE=1 BUILD=build/asan c-tests && build/asan/tests/test_scene_values
 C_TEST_SOURCES := $(wildcard tests/c/*/test_*.c)
 C_TESTS := $(patsubst %.c,$(BUILD)/tests/%,$(notdir $(C_TEST_SOURCES)))
@@ -15,5 +15,5 @@ $(BUILD)/tests/test_interval: truth/number/angles.c
 $(C_TESTS): $(BUILD)/tests/%: $$(wildcard tests/c/*/$$*.c) $(SCENE_OBJECTS) \
     $(wildcard tests/c/*.h tests/c/*/*.h common/*.h common/*/*.[ch] common/*/*/*.[ch] phases/*/*.h phases/*/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)
-	$(CC) $(COMMON_CFLAGS) -I. $$(sed -n '1s|^// flags: ||p' $<) \
+	$(CC) $(COMMON_CFLAGS) -I. $$(sed -n '1s|^// flags: ||p' $<$(if $(INTRINSICS), | sed 's|-m[^ ]*||g')) \
 	    $< $(SCENE_OBJECTS) $(LIBS) -lcmocka -o $@

@@ -5,6 +5,8 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "number/quad.h"
+
 struct dd {
     double hi, lo;
 };
@@ -13,9 +15,9 @@ static inline struct dd dd_from(double x) {
     return (struct dd){x, 0};
 }
 
-static inline struct dd dd_from_quad(__float128 x) {
+static inline struct dd dd_from_quad(quad x) {
     double hi = (double)x;
-    return (struct dd){hi, (double)(x - (__float128)hi)};
+    return (struct dd){hi, (double)(x - (quad)hi)};
 }
 
 // a + b as sum and error, for |a| ≥ |b|.

@@ -1,9 +1,9 @@
-// Intervals of doubles (ivd) and of __float128 (ivq) that enclose the exact value.
+// Intervals of doubles (ivd) and of quads (ivq) that enclose the exact value.
 //
 // Round to nearest throughout, then one step outward: S. M. Rump, P. Zimmermann, S. Boldo,
 // G. Melquiond, "Computing predecessor and successor in rounding to nearest", BIT 49 (2009). No
 // rounding mode is changed: a compiler cannot move an operation across the change, threads need no
-// set-up, and libgcc's __float128 follows the same rules. An exact sum is not widened (D. E. Knuth's
+// set-up, and libgcc's quads follow the same rules. An exact sum is not widened (D. E. Knuth's
 // error-free sum). Neither is a product by 0 or ±1, nor a quad product of two doubles. So what is
 // exact in a scene (axes, whole numbers) stays exact and can be decided.
 #pragma once
@@ -11,7 +11,7 @@
 #include <math.h>
 #include <stdbool.h>
 
-typedef __float128 quad;
+#include "number/quad.h"
 
 static inline double sqrt_near_d(double x) {
     return sqrt(x);

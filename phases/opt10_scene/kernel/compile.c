@@ -171,7 +171,7 @@ static void first_error(const char *log, char text[128]) {
     char *to = text; // characters that are not ASCII, mostly quotation marks, become '
     for (const char *c = text; *c; c++)
         if ((*c & 0xc0) != 0x80)
-            *to++ = (char)(*c < 0 ? '\'' : *c < ' ' ? ' ' : *c);
+            *to++ = (char)(*c & 0x80 ? '\'' : *c < ' ' ? ' ' : *c);
     *to = '\0';
     if (file)
         fclose(file);

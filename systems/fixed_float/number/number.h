@@ -46,13 +46,15 @@ static inline vmask v_positive(vnum a) {
     return v_cmp_lt(v_splat(0), a);
 }
 
-static inline vindex v_whole(vnum a) {
 #if LANES == 16
+static inline vindex v_whole(vnum a) {
     return _mm512_cvtps_epi32(a);
-#else
-    return _mm256_cvtps_epi32(a);
-#endif
 }
+#elif defined __x86_64__
+static inline vindex v_whole(vnum a) {
+    return _mm256_cvtps_epi32(a);
+}
+#endif // NEON's is common/simd's
 
 static inline vnum v_lookup(const float *table, vnum at) {
     return v_gather(table, v_whole(at));
@@ -61,6 +63,8 @@ static inline vnum v_lookup(const float *table, vnum at) {
 static inline vmask v_test_bit(vnum a, int k) {
 #if LANES == 16
     return (vmask){_mm512_test_epi32_mask(v_whole(a), _mm512_set1_epi32(1 << k))};
+#elif defined __aarch64__
+    return (vmask){(v_whole(a) & 1 << k) != 0};
 #else
     const __m256i bit = _mm256_set1_epi32(1 << k);
     return (vmask){_mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(v_whole(a), bit), bit))};

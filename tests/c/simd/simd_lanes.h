@@ -11,6 +11,11 @@
 static const float values[] = {0.0f,   -0.0f,   1.0f,  -1.0f,  2.5f,      -2.5f,     3.5f,
                                1e-40f, -1e-40f, 1e30f, -1e30f, INFINITY,  -INFINITY, NAN,
                                -NAN,   0.3f,    7.25f, -7.75f, 0x1p-126f, 123456.7f};
+#ifdef __x86_64__
+enum { BY_SSE2 = LANES == 4 };
+#else
+enum { BY_SSE2 = 0 };
+#endif
 enum { VALUES = sizeof values / sizeof *values, PAIRS = VALUES * VALUES };
 
 static uint32_t bits_of(float a) {
@@ -83,7 +88,7 @@ static float magnitude(float a, uint32_t sign) {
 }
 
 static float fused(float a, float b, float c) {
-    return LANES == 4 ? a * b + c : fmaf(a, b, c);
+    return BY_SSE2 ? a * b + c : fmaf(a, b, c);
 }
 
 TEST(test_arithmetic) {
@@ -105,7 +110,7 @@ TEST(test_arithmetic) {
         ARITHMETIC("v_nmadd", v_nmadd(va, vb, vc), fused(-a[lane], b[lane], 0.75f))
         ARITHMETIC("v_msub", v_msub(va, vb, vc), fused(a[lane], b[lane], -0.75f))
         for (int lane = 0; lane < LANES; lane++) // what SSE2 rounds by way of whole numbers
-            if (LANES == 4 && !(fabsf(a[lane]) < 0x1p31f))
+            if (BY_SSE2 && !(fabsf(a[lane]) < 0x1p31f))
                 a[lane] = 4.5f;
         va = v_load(a);
         v_store(v_floor(va), found);
@@ -255,6 +260,72 @@ TEST(test_points_and_pictures) {
     for (int lane = 0; lane < LANES; lane++)
         for (int i = 0; i < 3; i++)
             assert_true(line[3 * lane + i] == (float)(lane + 100 * i));
+}
+
+// Of integers, floats and places in any order.
+TEST(test_lanes_that_move) {
+    float a[LANES], found[LANES], to[3 * LANES];
+    int numbers[LANES], packed[LANES];
+    unsigned short places[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        a[lane] = lane % 3 ? values[lane] : -0.0f;
+        numbers[lane] = -1000 * lane - 7;
+        places[lane] = (unsigned short)(LANES - 1 - lane + (lane == 2) - (lane == 0));
+    }
+    for (int round = 0; round < 300; round++) {
+        vmask m = some_lanes(round);
+        unsigned which = v_mask_bits(m);
+        vindex at = v_index_u16(m, places);
+        v_store(v_gather(a, at), found);
+        for (int lane = 0; lane < LANES; lane++)
+            assert_bits("v_gather", found[lane], a[places[which >> lane & 1 ? lane : 0]], 0, 0);
+        v_permute_store(at, v_load(a), to);
+        assert_memory_equal(to, found, sizeof found);
+        v_compress_store_int(m, numbers, packed);
+        v_permute_store(v_compress_index(m), v_load(a), found);
+        for (int lane = 0, k = 0; lane < LANES; lane++)
+            if (which >> lane & 1) {
+                assert_int_equal(packed[k], numbers[lane]);
+                assert_bits("v_compress_index", found[k++], a[lane], 0, 0);
+            }
+        for (int i = 0; i < 3 * LANES; i++)
+            to[i] = (float)i;
+        unsigned there = (1u << v_count(m)) - 1;
+        v_move_lanes(to, there, to + LANES, which, 1);
+        for (int lane = 0, k = 0; lane < LANES; lane++)
+            if (which >> lane & 1)
+                assert_true(to[k++] == (float)(LANES + lane));
+    }
+    v_store(v_load_block_row(to + LANES), found); // rows of 4 pixels, their first 4 floats
+    for (int lane = 0; lane < LANES; lane++)
+        if (LANES == 8)
+            assert_true(found[lane] == (float)(LANES + lane % 4 + lane / 4 * 8));
+}
+
+TEST(test_doubles) {
+    for (int first = 0; first < PAIRS; first += LANES) {
+        float a[LANES], b[LANES], found[LANES];
+        pairs(first, a, b);
+        vfloat va = v_load(a), vb = v_load(b);
+        vhalf x[2] = {v_half_low(va), v_half_high(va)}, y[2] = {v_half_low(vb), v_half_high(vb)};
+        for (int lane = 0; lane < LANES; lane++) {
+            double p = (double)a[lane], q = (double)b[lane];
+            int half = lane / (LANES / 2), i = lane % (LANES / 2);
+#define DOUBLES(word, expected)                                                                    \
+    assert_true(isnan(expected) ? isnan((word)[i])                                                 \
+                                : memcmp(&(double){(word)[i]}, &(double){expected}, 8) == 0);
+            DOUBLES(x[half], p)
+            DOUBLES(v_half_madd(x[half], y[half], v_half_splat(0.1)), fma(p, q, 0.1))
+            DOUBLES(v_half_nmadd(x[half], y[half], v_half_splat(0.1)), fma(-p, q, 0.1))
+            DOUBLES(v_half_sqrt(x[half]), sqrt(p))
+            DOUBLES(v_half_floor(x[half]), floor(p))
+            if (p > 1e-30 && p < 1e30)
+                assert_true(fabs(v_half_rsqrt_approx(x[half])[i] * sqrt(p) - 1) < 0x1p-11);
+        }
+        v_store(v_from_halves(x[0] * v_half_splat(3.0), x[1] * v_half_splat(3.0)), found);
+        for (int lane = 0; lane < LANES; lane++)
+            assert_bits("v_from_halves", found[lane], (float)((double)a[lane] * 3.0), a[lane], 3);
+    }
 }
 #endif
 

@@ -19,7 +19,7 @@ FAMILIES = ("libm", "instruction", "bit trick", "own", "libmvec", "SLEEF")
 LOOKS = {name: (COLOURS[i], MARKERS[i]) for i, name in enumerate(FAMILIES)}
 # What is on the axis of time, and how to read it.
 TIMES = {"stream_ns": "ns per element, throughput", "latency_ns": "ns per call, latency"}
-SIZES = {"scalar": 22, "SSE": 34, "AVX2": 52, "AVX-512": 80}
+SIZES = {"scalar": 22, "SSE": 34, "NEON": 34, "AVX2": 52, "AVX-512": 80}
 
 
 def _panel(axes: Axes, rows: Sequence[Entry], title: str, time: str) -> None:

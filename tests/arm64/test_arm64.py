@@ -1,0 +1,129 @@
+"""aarch64, cross-built and emulated (helpers/crossed.py): pictures of every phase and scene, and words.
+
+The pictures are held against those of baseline (and truth) on this machine, by the bounds of
+tests/conformance. No test looks at a time: an emulator's says nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import crossed
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from builds import ARM64_TESTS, ARM64_WORDS
+from conformance import harness, test_conformance
+from conformance.feature_scenes import is_fractal
+from conformance.harness import PHASES, TRUTH, Run, keep
+from conformance.test_any_scene import random_scenes, spheres_alone
+from study.core import registry
+from study.core.registry import Phase
+from study.pictures import gate, images
+
+pytestmark = [pytest.mark.slow, crossed.needs_arm64]
+
+SCENES = list(registry.scenes())
+
+
+def draw(phase: str, scene: Path, width: int, height: int) -> Run:
+    """The picture of the cross-built program. Raises harness.Unsupported."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(harness, "binary", crossed.program)
+        return harness.render(phase, scene, width, height)
+
+
+def made_of(phase: Phase) -> str:
+    """What its lanes are: NEON, or x86's intrinsics by SIMDe."""
+    if phase.name in ("opt3", "opt4", "opt5_threads", "fixed_simd"):
+        return "avx2 by SIMDe"
+    return "neon" if phase.lanes > 1 else "aarch64"
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("phase", PHASES)
+def test_scene(phase: str, scene: str) -> None:
+    """Within the conformance suite's bounds to baseline's picture of this machine, and within the phase's own
+    tolerance to it, where it declares one."""
+    size = (8, 5) if phase == TRUTH else (32, 18)
+    about, path = registry.phases()[phase], registry.scenes()[scene].path
+    try:
+        run = draw(phase, path, *size)
+    except harness.Unsupported as refused:
+        assert about.family == registry.SYSTEMS, refused
+        return
+    record = run.record
+    assert record["isa"] == made_of(about)
+    assert record["lanes"] == min(about.lanes, 8) and "-mavx" not in record["flags"]
+    harness.check_picture(run)
+    if about.approximate:
+        return
+    test_conformance.check(run)
+    declared = gate.tolerance(about, registry.scenes()[scene])
+    if declared and not is_fractal(run.scene):
+        beside = harness.reference(path, *size).picture
+        failed = gate.failures(images.compare(beside, run.picture, None), declared)
+        assert not failed, f"{run}: {failed}"
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_random_scenes(phase: str) -> None:
+    """Any scene that hypothesis draws: status 0, and a picture of finite numbers."""
+    size = (3, 2) if phase == TRUTH else (11, 7)
+
+    @settings(max_examples=5, derandomize=True, deadline=None, database=None)
+    @settings(suppress_health_check=list(HealthCheck))
+    @given(random_scenes())
+    def each(whole: dict) -> None:
+        for one in (whole, spheres_alone(whole)):
+            try:
+                harness.check_picture(draw(phase, keep(f"arm64_{phase}", one), *size))
+                return
+            except harness.Unsupported:
+                continue
+
+    each()
+
+
+@pytest.mark.parametrize("phase", ["opt10_scene", "opt11_ideal"])
+def test_a_kernel_is_compiled_there(phase: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It draws what the general code draws, but for the last bits of shininess."""
+    path = registry.scenes()["scene0"].path
+    general = draw(phase, path, 16, 9)
+    assert general.record["kernel"] != "generated"
+    monkeypatch.setenv("STEPWISE_CC", crossed.COMPILER)
+    monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path / "cache"))
+    generated = draw(phase, path, 16, 9)
+    assert generated.record["kernel"] == "generated" and generated.record["kernel_compile_ns"] > 0
+    for name, plane in general.picture.items():
+        with np.errstate(invalid="ignore"):
+            apart = np.abs(np.where(plane == generated.picture[name], 0, plane - generated.picture[name]))
+        assert (apart <= (4e-6 if name in "RGB" else 0)).all(), (name, np.nanmax(apart))
+
+
+@pytest.mark.parametrize("name", ARM64_TESTS)
+def test_program(name: str) -> None:
+    """What holds words to the bit, enclosures to their bounds and polynomials to their ulp."""
+    done = crossed.run(crossed.built(f"tests/{name}"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "skipped" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", ARM64_WORDS)
+def test_words_sanitized(name: str) -> None:
+    """By ASan and UBSan, whose leak check needs ptrace, which the emulator lacks."""
+    made = crossed.built(f"tests/{name}", "build/arm64-asan")
+    done = crossed.run(made, env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"})
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_truth_proves_the_same_pixels() -> None:
+    """By long double of 113 bits as by __float128: the same arithmetic, so the same picture to the bit."""
+    for scene in ("trio", "cubes"):
+        path = registry.scenes()[scene].path
+        here, there = harness.reference(path, 8, 5, phase=TRUTH), draw(TRUTH, path, 8, 5)
+        harness.same_bits(there, here, ("Z", "id", "status", "width", "N.x", "N.y", "N.z"))
+        assert json.loads(there.stdout)["isa"] == "aarch64"
