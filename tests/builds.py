@@ -127,7 +127,7 @@ def arm64_missing() -> str:
     for tool in (compiler, "qemu-aarch64"):
         if not shutil.which(tool):
             return f"{tool} is not installed: tests/arm64/libraries.sh"
-    for library in ("libjansson.so", "libOpenEXRCore.so", "libcmocka.so"):
+    for library in ("libjansson.so", "libOpenEXRCore.so", "libcmocka.so", "libz.so"):
         found = subprocess.run([compiler, f"-print-file-name={library}"], capture_output=True, text=True)
         if "/" not in found.stdout:
             return f"{library} for arm64 is not installed: tests/arm64/libraries.sh"

@@ -21,3 +21,4 @@ for file in *.deb; do
 done
 cp -P usr/lib/aarch64-linux-gnu/*.so* "$root/lib"
 [ ! -d lib/aarch64-linux-gnu ] || cp -P lib/aarch64-linux-gnu/*.so* "$root/lib"
+ln -sf libz.so.1 "$root/lib/libz.so"

@@ -45,12 +45,9 @@ def made_of(phase: Phase) -> str:
 
 def small(tolerance: dict, pixels: int) -> dict:
     """A phase's tolerance for so few pixels: a share of them is one pixel at least."""
-    one = {
-        "fraction_over_1_255": 1.01 / pixels,
-        "mask_mismatch_ppm": 1.01e6 / pixels,
-        "flip_mean": 0.5 / pixels,
-    }
-    one |= {"fraction_over_1_255_display": 1.01 / pixels, "id_mismatch_ppm": 1.01e6 / pixels}
+    share, ppm = 1.01 / pixels, 1.01e6 / pixels
+    one = {"fraction_over_1_255": share, "fraction_over_1_255_display": share, "flip_mean": share}
+    one |= {"mask_mismatch_ppm": ppm, "id_mismatch_ppm": ppm}
     return tolerance | {name: max(bound, one[name]) for name, bound in tolerance.items() if name in one}
 
 
