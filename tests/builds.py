@@ -29,7 +29,7 @@ SETTINGS = {
     "build/clang": ["CC=clang"],
     "build/asan": ["SANITIZE=1"],
     "build/asan-clang": ["CC=clang", "SANITIZE=1"],
-    "build/arm64": ["CC=aarch64-linux-gnu-gcc"],
+    "build/arm64": ["CC=aarch64-linux-gnu-gcc", "SANITIZERS=-O2"],  # compiles faster than -O3
     "build/arm64-asan": ["CC=aarch64-linux-gnu-gcc", "SANITIZE=1"],
     "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
 }

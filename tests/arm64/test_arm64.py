@@ -1,4 +1,4 @@
-"""aarch64, cross-built and emulated (helpers/crossed.py): pictures of every phase and scene, and words.
+"""aarch64, cross-built and emulated (helpers/arm64.py): pictures of every phase and scene, and words.
 
 The pictures are held against those of baseline (and truth) on this machine, by the bounds of
 tests/conformance. No test looks at a time: an emulator's says nothing.
@@ -10,11 +10,11 @@ import json
 import os
 from pathlib import Path
 
-import crossed
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+import arm64
 from builds import ARM64_TESTS, ARM64_WORDS
 from conformance import harness, test_conformance
 from conformance.feature_scenes import is_fractal
@@ -24,7 +24,7 @@ from study.core import registry
 from study.core.registry import Phase
 from study.pictures import gate, images
 
-pytestmark = [pytest.mark.slow, crossed.needs_arm64]
+pytestmark = [pytest.mark.slow, arm64.needs_arm64]
 
 SCENES = list(registry.scenes())
 
@@ -32,7 +32,7 @@ SCENES = list(registry.scenes())
 def draw(phase: str, scene: Path, width: int, height: int) -> Run:
     """The picture of the cross-built program. Raises harness.Unsupported."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(harness, "binary", crossed.program)
+        patch.setattr(harness, "binary", arm64.program)
         return harness.render(phase, scene, width, height)
 
 
@@ -102,7 +102,7 @@ def test_a_kernel_is_compiled_there(phase: str, tmp_path: Path, monkeypatch: pyt
     path = registry.scenes()["scene0"].path
     general = draw(phase, path, 16, 9)
     assert general.record["kernel"] != "generated"
-    monkeypatch.setenv("STEPWISE_CC", crossed.COMPILER)
+    monkeypatch.setenv("STEPWISE_CC", arm64.COMPILER)
     monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path / "cache"))
     generated = draw(phase, path, 16, 9)
     assert generated.record["kernel"] == "generated" and generated.record["kernel_compile_ns"] > 0
@@ -115,7 +115,7 @@ def test_a_kernel_is_compiled_there(phase: str, tmp_path: Path, monkeypatch: pyt
 @pytest.mark.parametrize("name", ARM64_TESTS)
 def test_program(name: str) -> None:
     """What holds words to the bit, enclosures to their bounds and polynomials to their ulp."""
-    done = crossed.run(crossed.built(f"tests/{name}"))
+    done = arm64.run(arm64.built(f"tests/{name}"))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "skipped" not in done.stdout + done.stderr
 
@@ -123,8 +123,8 @@ def test_program(name: str) -> None:
 @pytest.mark.parametrize("name", ARM64_WORDS)
 def test_words_sanitized(name: str) -> None:
     """By ASan and UBSan, whose leak check needs ptrace, which the emulator lacks."""
-    made = crossed.built(f"tests/{name}", "build/arm64-asan")
-    done = crossed.run(made, env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"})
+    made = arm64.built(f"tests/{name}", "build/arm64-asan")
+    done = arm64.run(made, env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"})
     assert done.returncode == 0, done.stdout + done.stderr
 
 
