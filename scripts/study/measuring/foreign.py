@@ -173,8 +173,10 @@ def hyperfine(source: Source) -> Found:
     for number, row in enumerate(file.results):
         case = " ".join(f"{name}={value}" for name, value in row.parameters.items())
         name, codes = found.unused(row.command, case), row.exit_codes or [0] * len(row.times)
-        if not row.times or len(codes) != len(row.times):
+        short = 0 in row.times  # after hyperfine has taken off its shell's own time
+        if short or not row.times or len(codes) != len(row.times):
             reason = f"{len(row.times)} times and {len(codes)} exit codes"
+            reason = "faster than the start of its shell; time it with hyperfine -N" if short else reason
             found.skipped.append(Left(spec=name, scene=case, reason=reason))
             continue
         for place, (seconds, code) in enumerate(zip(row.times, codes, strict=True)):
