@@ -13,19 +13,9 @@ from study.core import cli, show, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import BASE
 from study.core.store import Run
-from study.measuring import again, changes
+from study.measuring import again, changes, two_runs
 from study.measuring.changes import INSTRUCTIONS, NONE, SLOWER, TIMES, Row
-from study.measuring.two_runs import (
-    KINDS,
-    MACHINE,
-    UNCOUNTED,
-    Fault,
-    Side,
-    differences,
-    faults,
-    read,
-    warnings,
-)
+from study.measuring.two_runs import KINDS, MACHINE, UNCOUNTED, Fault, Side
 from study.numbers import analysis, history, programs, significance, stats, summary
 from study.numbers.significance import LEVEL
 
@@ -140,6 +130,8 @@ def confirmed(found: list[Row], sides: Sequence[Side], args: argparse.Namespace)
     program is not the one that was measured."""
     if len(sides) != 2:
         raise StudyError(f"--confirm takes the base and one run, not {len(sides)} runs")
+    if other := next((side.run for side in sides if side.run.plan.programs), None):
+        raise StudyError(f"--confirm launches phases, and {other} is of other programs: time both at once")
     work = args.least_work if args.by == INSTRUCTIONS else math.inf  # counts are exact
     seems = [row.key for row in found if row.verdict == SLOWER and row.more_work < work]
     if not seems:
@@ -151,14 +143,10 @@ def confirmed(found: list[Row], sides: Sequence[Side], args: argparse.Namespace)
 def uncounted(found: Sequence[Row]) -> list[Fault]:
     """Of one thread: counts do not depend on their number."""
     how = "count both runs with scripts/stepwise flops --measure"
+    rows = [row for row in found if row.threads == 1 and not row.verdict.startswith(NONE)]
+    told = {row: f"{row.spec} {row.scene}; {how} -n {row.height} --run RUN" for row in rows}
     return [
-        Fault(
-            UNCOUNTED,
-            row.run,
-            f"not counted in both: {row.spec} {row.scene}; {how} -n {row.height} --run RUN",
-        )
-        for row in found
-        if row.instructions is None and row.threads == 1 and not row.verdict.startswith(NONE)
+        Fault(UNCOUNTED, r.run, f"not counted in both: {told[r]}") for r in rows if r.instructions is None
     ]
 
 
@@ -189,10 +177,8 @@ def run(args: argparse.Namespace) -> Outcome:
         return Outcome(made, [] if args.out else [json.dumps(cli.plain(made), indent=1)])
     if not 2 <= len(args.runs) <= len(ascii_uppercase):
         raise StudyError(f"2 to {len(ascii_uppercase)} runs are compared, not {len(args.runs)}")
-    sides = [
-        read(letter, path, args.leave_out_off_clock)
-        for letter, path in zip(ascii_uppercase, args.runs, strict=False)
-    ]
+    lettered = zip(ascii_uppercase, args.runs, strict=False)
+    sides = [two_runs.read(letter, path, args.leave_out_off_clock) for letter, path in lettered]
     base, *others = sides
     lenient = MACHINE in args.allow
     found = [row for other in others for row in changes.rows(base, other, args.by, args.least, lenient)]
@@ -200,15 +186,16 @@ def run(args: argparse.Namespace) -> Outcome:
     found = changes.judged(found, args.by, args.least_work)
     if args.confirm:
         found = confirmed(found, sides, args)
-    first = [fault for other in others for fault in warnings(base, other, lenient)]
+    first = [fault for other in others for fault in two_runs.warnings(base, other, lenient)]
     if not found and not first:
         raise StudyError(f"{', '.join(str(side.run) for side in sides)}: no phase, scene and size in common")
-    missing = [fault for other in others for fault in faults(base, other)]
+    missing = [fault for other in others for fault in two_runs.faults(base, other)]
     if args.by == INSTRUCTIONS:
         missing += uncounted(found)
     new = [f"only in {other.letter}: {name}" for other in others for name in other.beyond(base)]
-    differ = differences(sides)
-    told = {"runs": {side.letter: str(side.run) for side in sides}, "rows": found}
+    differ = two_runs.differences(sides)
+    told: dict[str, Any] = {"seed": args.seed} if args.confirm else {}
+    told |= {"runs": {side.letter: str(side.run) for side in sides}, "rows": found}
     told |= {"no_verdict": first, "missing": missing, "new": new, "differences": differ}
     told |= {"off_clock": {side.letter: list(side.off) for side in sides}}
     left = "left out of" if args.leave_out_off_clock else "in"
@@ -222,11 +209,10 @@ def run(args: argparse.Namespace) -> Outcome:
         lines += [f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items())]
     if not args.fail_on_slower:
         return Outcome(told, lines)
+    names = {row: f"{row.spec} {row.scene} {row.size} ({row.why(args.by)})" for row in found}
     slower = [
-        Fault(
-            SLOWER, row.run, f"{SLOWER} in {row.run}: {row.spec} {row.scene} {row.size} ({row.why(args.by)})"
-        )
-        for row in found
+        Fault(SLOWER, row.run, f"{SLOWER} in {row.run}: {name}")
+        for row, name in names.items()
         if row.verdict == SLOWER
     ]
     stopping = [one for one in (*first, *missing, *slower) if one.kind not in args.allow]

@@ -115,21 +115,20 @@ def _samples(by: str, key: Key, base: Mapping, other: Mapping) -> Samples | None
     return (a, b) if np.isfinite(a).all() and np.isfinite(b).all() else None
 
 
-def _counted(side: Side) -> dict[tuple[str, str, str | None, tuple[int, int]], int]:
-    """Scene, program, the scene's hash and size → instructions of the timed region, as `blocks` counted."""
-    counts = Counts.load_if_there(side.run.path / "counts.json")
-    return {
-        (one.scene, one.spec, one.scene_hash, one.size): one.total.instructions
-        for one in (counts.measured if counts else [])
-        if one.backend == BLOCKS and one.variant == "shipped"
-    }
-
-
-def _work(base: Side, other: Side) -> dict[tuple[str, str], float]:
-    """Scene and program → instructions of the base over those of the run, of the largest size in common."""
-    ours, theirs = _counted(base), _counted(other)
-    common = sorted(ours.keys() & theirs.keys(), key=lambda key: key[3])
-    return {key[:2]: ours[key] / theirs[key] for key in common}
+def _work(*sides: Side) -> dict[tuple[str, str], float]:
+    """Scene and program → instructions of the first run's timed region over those of the second, as `blocks`
+    counted both: of the largest size in common."""
+    files = [Counts.load_if_there(side.run.path / "counts.json") for side in sides]
+    first, second = (
+        {
+            (one.size, one.scene_hash, one.scene, one.spec): one.total.instructions
+            for one in (file.measured if file else [])
+            if one.backend == BLOCKS and one.variant == "shipped"
+        }
+        for file in files
+    )
+    common = sorted(first.keys() & second.keys(), key=lambda key: key[0])
+    return {key[2:]: first[key] / second[key] for key in common}
 
 
 def moved(cycles: Interval | None, clock: Interval | None) -> str:

@@ -203,7 +203,7 @@ def test_nothing_is_launched_where_nothing_looks_slower(again_runs, tmp_path) ->
     assert run(a, a, "--confirm", tmp_path / "nowhere", "--fail-on-slower").returncode == 0
 
 
-@pytest.mark.parametrize("fault", ["rebuilt", "gone", "three runs"])
+@pytest.mark.parametrize("fault", ["rebuilt", "gone", "three runs", "no phases"])
 def test_only_the_programs_that_were_measured_confirm(again_runs, tmp_path, monkeypatch, fault) -> None:
     monkeypatch.setattr(again.launches, "render", lambda *_, **__: pytest.fail("launched"))
     program = tmp_path / "there" / "build" / "opt1" / "render"
@@ -211,7 +211,10 @@ def test_only_the_programs_that_were_measured_confirm(again_runs, tmp_path, monk
         program.write_text("another")
     elif fault == "gone":
         program.unlink()
+    elif fault == "no phases":
+        complete.write(again_runs[0] / "plan.json", {"programs": [{"name": "opt1"}]})
     runs = again_runs + again_runs[1:] * (fault == "three runs")
     done = run(*runs, "--confirm", tmp_path / "there")
     assert done.returncode == 2 and done.stderr.count("\n") == 1
-    assert str(program) in done.stderr or fault == "three runs"
+    named = {"three runs": "3", "no phases": str(again_runs[0])}.get(fault, str(program))
+    assert named in done.stderr
