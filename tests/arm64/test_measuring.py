@@ -1,6 +1,6 @@
 """aarch64: the kernels of common/ceilings/neon.c do the work they are credited with, and the clocks agree.
 
-Cross-built and emulated (helpers/crossed.py): counts and registers are held, no time is.
+Cross-built and emulated (helpers/arm64.py): counts and registers are held, no time is.
 """
 
 from __future__ import annotations
@@ -13,16 +13,18 @@ import subprocess
 from collections import Counter
 from pathlib import Path
 
-import crossed
 import msgspec
+import numpy as np
 import pytest
 
+import arm64
 from study.bounds import ceilings
 from study.bounds.ceilings import Ceilings
 from study.core import registry
+from study.core.build import build
 from study.core.registry import ROOT
 
-pytestmark = [pytest.mark.slow, crossed.needs_arm64]
+pytestmark = [pytest.mark.slow, arm64.needs_arm64]
 SOURCE = ROOT / "common" / "ceilings"
 FORMS = {"d": ("double", 64), "v2d": ("double", 128), "s": ("single", 32), "v4s": ("single", 128)}
 NAMES = {"add+mul": "add_mul", "add+2mul": "add_2mul", "2add+mul": "two_add_mul"}
@@ -42,13 +44,13 @@ WORK = {
 
 @pytest.fixture(scope="module")
 def program() -> Path:
-    return crossed.built("ceilings")
+    return arm64.built("ceilings")
 
 
 @pytest.fixture(scope="module")
 def loops(program: Path) -> dict[str, list[tuple[str, str]]]:
     """Function → mnemonics and operands of its loop: from the target of its only `b.ne` up to that."""
-    objdump = f"{crossed.COMPILER.removesuffix('gcc')}objdump"
+    objdump = f"{arm64.COMPILER.removesuffix('gcc')}objdump"
     words = [objdump, "-d", "--no-show-raw-insn", program]
     text = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     found = {}
@@ -65,7 +67,7 @@ def loops(program: Path) -> dict[str, list[tuple[str, str]]]:
 def limits(program: Path) -> Ceilings:
     """What it prints, which it does only if every kernel's registers and memory were right."""
     done = subprocess.run(
-        [*crossed.EMULATOR, program, "--samples", "5"], capture_output=True, text=True, timeout=900
+        [*arm64.EMULATOR, program, "--samples", "5"], capture_output=True, text=True, timeout=900
     )
     assert done.returncode == 0, done.stderr
     return msgspec.json.decode(done.stdout, type=Ceilings)
@@ -131,17 +133,17 @@ def test_a_kernel_whose_work_is_wrong_gives_no_figure(tmp_path: Path, old: str, 
     assert old in text
     (tmp_path / "neon.c").write_text(text.replace(old, new))
     made = tmp_path / "made"
-    words = [crossed.COMPILER, "-std=c11", "-D_GNU_SOURCE", "-O1", f"-I{ROOT / 'common'}", "-o", made]
+    words = [arm64.COMPILER, "-std=c11", "-D_GNU_SOURCE", "-O1", f"-I{ROOT / 'common'}", "-o", made]
     sources = [*tmp_path.glob("*.c"), ROOT / "common" / "timing" / "timer.c"]
     subprocess.run([*words, *sources, "-lm"], check=True)
-    done = subprocess.run([*crossed.EMULATOR, made, "--samples", "5"], capture_output=True, text=True)
+    done = subprocess.run([*arm64.EMULATOR, made, "--samples", "5"], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
 
 
 def test_the_clocks_agree() -> None:
     """But for cycles of a core, which an emulator has not."""
-    made = crossed.built("tests/test_timer")
-    done = crossed.run(made, env=os.environ | {"STEPWISE_EMULATED": "1"})
+    made = arm64.built("tests/test_timer")
+    done = arm64.run(made, env=os.environ | {"STEPWISE_EMULATED": "1"})
     said = done.stdout + done.stderr
     assert done.returncode == 0, said
     assert re.findall(r"SKIPPED +\] (\d+) test", said) == ["2"]
@@ -150,7 +152,7 @@ def test_the_clocks_agree() -> None:
 def test_a_record_has_the_timers_frequency() -> None:
     """CNTFRQ_EL0: the same in every process, and what turns its cycles into the other clock's time."""
     words = [registry.scenes()["scene0"].path, "-w", "8", "-n", "5", "--reps", "2", "--json"]
-    command = [crossed.program("baseline"), *words]
+    command = [arm64.program("baseline"), *words]
     environment = {key: value for key, value in os.environ.items() if key != "STEPWISE_UNTIMED"}
     runs = [
         json.loads(
@@ -164,3 +166,28 @@ def test_a_record_has_the_timers_frequency() -> None:
     apart = [abs(one["tsc_cycles"] / hz * 1e9 - one["ns"]) - 0.05 * one["ns"] for one in frames]
     assert min(apart) < 20_000
     assert {run["core_hz_load"] for run in runs} == {0}  # scalar
+
+
+def test_declared_counts_are_those_of_x86() -> None:
+    """The same source in doubles: every function is entered as often. There are no others on arm64."""
+    words = [registry.scenes()["scene0"].path, "-n", "18", "--json"]
+    found = []
+    for program in (build("baseline", "render-count"), arm64.program("baseline", "render-count")):
+        done = subprocess.run([program, *words], capture_output=True, text=True, check=True)
+        found.append(json.loads(done.stdout))
+    here, there = found
+    assert (here["isa"], there["isa"]) == ("x86-64", "aarch64")
+    assert here["flops"]["machine"] > 1e7 and there["flops"] == here["flops"]
+    assert there["by_function"] == here["by_function"] and there["by_class"] == here["by_class"]
+
+
+def test_rays_are_traced_without_embree_which_says_why() -> None:
+    """build/packets/hits: one ray to the first sphere of spheres40, by eight lanes of NEON."""
+    scene = registry.find_scene("spheres40")
+    sphere = scene.data["shapes"][1]
+    ray = np.array([[*np.add(sphere["position"], [0, 20, 0]), 0, -1, 0, 1e9]], "<f4")
+    command = [arm64.program("packets", "hits"), scene.path, "--embree"]
+    done = subprocess.run(command, input=ray.tobytes(), capture_output=True, check=True)
+    said = json.loads(done.stdout)
+    assert (said["lanes"], said["isa"], said["count"]) == (8, "neon", 1)
+    assert said["embree16_ns"] == [] and "libembree-dev" in said["embree"]
