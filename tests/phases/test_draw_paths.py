@@ -72,6 +72,18 @@ def same(a: images.Picture, b: images.Picture, planes: str = "R G B Z id evals N
     return all(np.array_equal(a[plane], b[plane], equal_nan=True) for plane in planes.split())
 
 
+@pytest.mark.parametrize(
+    ("count", "floors", "taken"), [(16, 0, "list"), (17, 0, "bvh"), (31, 0, "bvh"), (16, 20, "list")]
+)
+def test_a_bvh_is_taken_from_where_it_pays(count: int, floors: int, taken: str, tmp_path: Path) -> None:
+    """With soft shadows: from its second level on, whatever planes there are. The two paths' colours differ,
+    so they tell which one was taken."""
+    data = spheres(count)
+    data["shapes"] += [FLOOR | {"offset": -40 - k} for k in range(floors)]
+    found, *both = (picture(data, tmp_path, path) for path in ("", "list", "bvh"))
+    assert not same(*both) and same(found, both[taken == "bvh"])
+
+
 @pytest.mark.parametrize("name", [*registry.scenes(), *RANDOM])
 def test_every_path_is_as_near_to_truth_as_the_phase_declares(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

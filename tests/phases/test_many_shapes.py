@@ -43,7 +43,9 @@ def psnr(a: images.Picture, b: images.Picture) -> float:
 @pytest.mark.parametrize(
     ("count", "shadows", "floor", "mirrors"),
     [
-        (31, "soft", False, 0.0),  # the most that is no crowd
+        (16, "soft", True, 0.0),  # the most solids that are no crowd
+        (17, "soft", False, 0.0),
+        (31, "hard", False, 0.0),  # nor are these in other shadows
         (32, "soft", False, 0.0),
         (257, "soft", True, 0.0),  # a node with a single shape
         (300, "soft", True, 0.5),

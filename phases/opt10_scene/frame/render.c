@@ -9,7 +9,7 @@
 #include "kernel/kernel.h"
 #include "workers/workers.h"
 
-// More shapes get no kernel. Without a Mandelbulb, 32 shapes or more have a BVH and no kernel anyway.
+// More shapes get no kernel. Without a Mandelbulb, fewer have a BVH already, and no kernel.
 enum { MAX_KERNEL_SHAPES = 64 };
 
 // The memory behind a struct prepared: the caller's pointer is to its first member.
@@ -54,7 +54,7 @@ static void make_kernel(struct phase_state *kept) {
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
     else if (kept->prepared.bvh.levels)
         loaded->facts.reason =
-            "a scene of 32 shapes or more has a BVH: no kernel is generated for that";
+            "a scene of so many shapes has a BVH: no kernel is generated for that";
     else if (kept->prepared.model.shape_count > MAX_KERNEL_SHAPES)
         loaded->facts.reason = "more shapes than a generated kernel gains from";
     else if (kept->prepared.model.animated)

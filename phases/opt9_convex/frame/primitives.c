@@ -200,6 +200,16 @@ static float lit_slope(double strength) {
     return (float)(high * (1 + 1e-5));
 }
 
+// Returns whether lists from a BVH are made sooner than by asking every shape. Where soft shadows are marched,
+// they are as soon as the BVH has a second level: a frame of 17 spheres, boxes, cones or mixed shapes takes
+// 1/1.2 to 1/1.7 of the time, of tori as much; of 16 it takes 1.5 to 4 times as long. With hard shadows a BVH
+// changes less than a tenth up to 32 shapes, and where soft shadows are closed forms it loses up to there.
+static bool bvh_pays(const struct prepared *prepared) {
+    bool marches = prepared->model.shadows == SHADOWS_SOFT && !SOFT_IS_IDEAL;
+    int count = prepared->model.shape_count;
+    return marches ? count - prepared->plane_count > BVH_WIDTH : count >= BVH_MIN_SHAPES;
+}
+
 // Builds the BVH, or leaves it without levels. None with a Mandelbulb, whose shadow rays test every shape.
 // None if max_steps is below BVH_MIN_MAX_STEPS: batches of shadow rays do not count the steps of each ray.
 enum { BVH_MIN_MAX_STEPS = 256 };
@@ -208,7 +218,7 @@ static void build_bvh(struct prepared *prepared) {
     int count = prepared->model.shape_count, solids = 0;
     prepared->bvh.levels = 0;
     bool wanted =
-        prepared->path == PATH_BVH || (prepared->path == PATH_DEFAULT && count >= BVH_MIN_SHAPES);
+        prepared->path == PATH_BVH || (prepared->path == PATH_DEFAULT && bvh_pays(prepared));
     if (!wanted || !prepared->analytic || prepared->known.repeats || prepared->known.bulbs ||
         prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
         return;

@@ -101,8 +101,7 @@ struct prepared {
     enum draw_path path; // set by phase_prepare, read by prepare_shapes
 };
 
-// Scenes with fewer shapes get no BVH (build_bvh() in frame/primitives.c): two nodes are the least that can
-// save a test.
+// Scenes with fewer shapes get no BVH unless they march soft shadows (bvh_pays() in frame/primitives.c).
 enum { BVH_MIN_SHAPES = 2 * BVH_WIDTH };
 
 // The camera as a shape sees it.
