@@ -43,7 +43,7 @@ timed() { # CHECKOUT SIDE: a run of its phases, counted too if that is asked for
     run=$("$1/.venv/bin/python" -c 'import json, sys; print(json.load(sys.stdin)["run"])' <<<"$said")
     if [ "$by" = instructions ]; then
         "$1/scripts/stepwise" flops --measure --phase "${phases[@]}" --scene "${scenes[@]}" \
-            -n "${GATE_HEIGHT:-180}" --run "$run" >&2
+            -n "${GATE_HEIGHT:-180}" --run "$run" >/dev/null
     fi
     printf '%s\n' "$run"
 }

@@ -28,6 +28,7 @@ cycles over clock: the ratios of cycles and of clocks stand beside it, and the o
 verdicts of a comparison are corrected together (Benjamini and Hochberg). If no configuration is slower, one
 or more is called so by chance in at most 2.5 % of comparisons. The same holds for "faster". A machine that
 was busier during one of the runs adds more: launches of one run do not show that. --confirm does.
+Launches in two modes of time get no verdict, unless each of one run is slower than all of the other.
 
 With --by instructions the verdict is of exact counts. More instructions are slower unless the time is
 faster. Where the counts agree, or time says slower, the verdict is that of time.
@@ -155,8 +156,9 @@ def chance(found: Sequence[Row]) -> list[str]:
     judged = [row for row in found if row.p is not None]
     if not judged:
         return []
-    several = f"{len(judged)} verdicts, corrected together" if len(judged) > 1 else "1 verdict"
-    lines = [f"{several}: by chance something is called slower in at most {100 * LEVEL:.3g} % of comparisons"]
+    several = "verdicts, corrected together (Benjamini and Hochberg)" if len(judged) > 1 else "verdict"
+    said = f"by chance something is called slower in at most {100 * LEVEL:.3g} % of comparisons"
+    lines = [f"{len(judged)} {several}: {said}"]
     fewest = min(min(row.base_ms.launches, row.ms.launches) for row in judged)
     if significance.family(fewest) < len(judged):
         lines.append(f"{fewest} launches are too few to tell a single slower one among {len(judged)}")
