@@ -24,6 +24,9 @@ def test_the_bounds_are_the_mixture_s(n):
     refused = [k for k in range((n + 1) // 2) if mixture[k] * 2.0**n >= 20]
     assert sequential.rank(n) == len(refused)
     assert gamma(4) == 6 and sequential.rank(8) == 0 and sequential.rank(9) == 1
+    if k := len(refused):
+        found = sequential.median_interval(pd.Series(np.random.default_rng(n).permutation(n) + 1.0))
+        assert (found.value, found.low, found.high) == ((n + 1) / 2, k, n + 1 - k)
 
 
 def test_of_all_looks_one_misses_the_median_in_5_percent_of_runs_at_most():
