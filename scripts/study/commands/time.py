@@ -214,7 +214,9 @@ class Timing:
         with progress.Progress("time", self.plan.launches or self.limit) as bar:
             for rounds in itertools.count(1):
                 self.one_round()
-                bar.to(rounds if self.plan.launches else min(round(self.spent), self.limit))
+                bar.to(
+                    rounds if self.plan.launches else min(round(self.spent), self.limit), f"round {rounds}"
+                )
                 if rounds == self.plan.launches or self.known(rounds):
                     break
                 late = self.plan.seconds is not None or not self.plan.launches
@@ -277,8 +279,11 @@ def timed(args: argparse.Namespace) -> store.Run:
         with driver.off(args.cpu):
             timing.warm_up(args.warmup)
             timing.measure()
-    finally:
-        timing.clean_up()
+    except StudyError:
+        with contextlib.suppress(StudyError):
+            timing.clean_up()
+        raise
+    timing.clean_up()
     return timing.end()
 
 
