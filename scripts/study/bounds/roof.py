@@ -21,7 +21,7 @@ from study.core.cli import StudyError
 from study.core.run_schema import Cpu
 from study.counting import flops, paper_rule
 from study.counting.counts import Counts
-from study.counting.flops import LIBM_INSIDE
+from study.counting.flops import LIBM_INSIDE, stated_operations
 from study.counting.schema import Counts as Counted
 from study.counting.schema import Measurement, Picture
 from study.numbers import paper
@@ -102,7 +102,7 @@ def remarks(points: Sequence[Point]) -> list[str]:
     """What must stand beside every share of a roof: counts of other code, points above."""
     said = []
     if points and all(one.backend == DECLARED for one in points):
-        said.append("Counts are declared (costs.def), not measured: no bytes, so no roof of a cache.")
+        said.append("Counts are declared (costs.def), not measured: without bytes no cache has a roof.")
     for text in dict.fromkeys(one.foreign_counts for one in points if one.foreign_counts):
         phases = ", ".join(dict.fromkeys(one.phase for one in points if one.foreign_counts == text))
         said.append(f"Counts that are not of what was timed ({phases}): {text}.")
@@ -176,7 +176,8 @@ def _point(cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, st
     elif paced and paced[2].flops:
         factor, scaled, declared = paced
         flops, loads, stores = factor * declared.flops.machine, nan, nan
-        backend, calibrated, operations = DECLARED, None, None
+        backend, calibrated = DECLARED, None
+        operations = stated_operations(declared, precision, bits, ELEMENT[precision])
         libm, origin = False, _origin(declared, cell, model)
     else:
         return None

@@ -13,9 +13,10 @@ from typing import Any
 import msgspec
 
 from study.core import machine, registry, run, store
+from study.core.cli import StudyError
 from study.core.registry import Scene, Spec
 from study.counting import costs, schema
-from study.counting.counts import Counts
+from study.counting.counts import Counts, Kind
 from study.counting.schema import FLOPS, Declared, Measurement, Row, Validation, named
 
 TOLERANCE = 0.01  # of declared against measured, in the machine convention
@@ -81,6 +82,22 @@ def by_kind(stated: Declared) -> dict[str, Counter[str]]:
         times = stated.by_function[cost.function].parts[cost.part] * width
         for kind, flop in FLOPS.items():
             found[cost.function][kind] += cost.per_lane.get(kind, 0) * flop * times
+    return found
+
+
+def stated_operations(stated: Declared, precision: str, wide: int, element: int) -> Counter[Kind] | None:
+    """The same as a back end has it, lane by lane: in vectors of `wide` bits, or scalar. None where costs.def
+    is not there or has other parts than were counted, as of an older run."""
+    found: Counter[Kind] = Counter()
+    try:
+        for cost in costs.of_phase(stated.phase):
+            lanes = stated.lanes if cost.width == "LANES" else 1
+            times = lanes * stated.by_function[cost.function].parts[cost.part]
+            for kind, n in cost.per_lane.items():
+                if kind in FLOPS:
+                    found[kind, precision, wide if lanes > 1 else element] += n * times
+    except (KeyError, StudyError):
+        return None
     return found
 
 

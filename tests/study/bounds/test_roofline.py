@@ -23,8 +23,9 @@ from study.bounds import ceilings, roof, roof_shares
 from study.bounds.roof import Point
 from study.core import store
 from study.core.run_schema import Context
+from study.counting import costs, flops
 from study.counting.counts import Counts
-from study.counting.schema import Executed, Measurement
+from study.counting.schema import Declared, Executed, Function, Measurement
 from study.experiments.roofline import chapter, figures, tables
 from study.numbers import analysis
 from study.pictures import draw
@@ -244,6 +245,36 @@ def test_without_a_back_end_the_declared_counts_stand_and_have_no_bytes(run: Pat
     baseline = point(run, "baseline", 90)
     assert (baseline.backend, baseline.flops) == ("declared", 12800 * PIXELS[90])
     assert all(map(math.isnan, (baseline.bytes, baseline.mix_roof, baseline.share_of_mix_roof)))
+
+
+def test_declared_operations_have_a_roof_of_their_own(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Per pixel 12,000 products in 6,000 cycles, and 800 quotients at 8 each: the divider is busiest."""
+    each = costs.Cost("f", "call", "1", {"mul": 12000, "div": 800, "call": 7, "compare": 5})
+    monkeypatch.setattr(costs, "of_phase", lambda name: [each])
+    function = {"f": {"calls": PIXELS[90], "parts": {"call": PIXELS[90]}}}
+    write_counts(run, [], [BASELINE | {"by_function": function}])
+    baseline = point(run, "baseline", 90)
+    assert baseline.mix_roof == pytest.approx(12800 / 6400) and baseline.mix_bound == "divider"
+    assert (baseline.least_bound, baseline.least_roof) == ("divider", baseline.mix_roof)
+    assert math.isnan(baseline.L1_roof) and len(roof.remarks([baseline])) == 1
+
+
+def test_declared_operations_by_lanes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four lanes in the loop, one in what is scalar; none where costs.def has a part that was not counted."""
+    several = [
+        costs.Cost("f", "call", "LANES", {"fma": 2, "call": 1}),
+        costs.Cost("f", "loop", "1", {"sqrt": 3}),
+    ]
+    monkeypatch.setattr(costs, "of_phase", lambda name: several)
+    parts = {"call": 10, "loop": 5}
+    made = Declared(
+        **{"phase": "opt4", "scene": "scene0", "width": 4, "height": 3, "lanes": 4},
+        by_function={"f": Function(calls=10, parts=parts)},
+    )
+    found = flops.stated_operations(made, "single", 128, 32)
+    assert found == {("fma", "single", 128): 80, ("sqrt", "single", 32): 15}
+    del parts["loop"]
+    assert flops.stated_operations(made, "single", 128, 32) is None
 
 
 def test_the_papers_rule_and_its_own_figures_stand_beside(run: Path) -> None:
