@@ -47,7 +47,7 @@ Options that hyperfine has mean what they mean there. Without --shell no shell i
 word is split into words. With one, its own start is in every time."""
 MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
 LEAST_ROUNDS = 10  # where no --seconds are given: so many even of slow programs
-A_PROGRAM = 2.0  # s that each may take without --seconds
+A_PROGRAM = 1.5  # s that each may take without --seconds
 BETWEEN = ":::"
 
 

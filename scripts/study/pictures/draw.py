@@ -12,7 +12,6 @@ import matplotlib
 import matplotlib.image
 import numpy as np
 import pandas as pd
-from adjustText import adjust_text
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection
@@ -127,6 +126,8 @@ def _corners(axes: Axes) -> np.ndarray:
 
 def settle(figure: Figure) -> None:
     """Puts every name of the figure beside its mark, on no other name or mark. Needs a canvas."""
+    from adjustText import adjust_text  # a fifth of a second, which few figures need
+
     for axes in figure.axes:
         names = [text for text in axes.texts if isinstance(text, Name)]
         if names:
