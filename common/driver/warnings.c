@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "driver/driver.h"
+#include "scene/vector.h"
 
 // Returns the smallest length of a shape, +inf for a plane.
 static double size_of(const struct shape *s) {
@@ -37,32 +38,37 @@ static void warn_of_hit_distance(const struct model *model) {
     }
 }
 
-// Returns the largest magnitude of three coordinates.
-static double reach(const double at[3]) {
-    return fmax(fabs(at[0]), fmax(fabs(at[1]), fabs(at[2])));
+// Returns the largest coordinate of a shape's place as seen from `from`; of a plane, how far it is away.
+static double away(const struct shape *shape, const double from[3]) {
+    const double *at = shape->position, *normal = shape->plane.normal;
+    double d[3] = {at[0] - from[0], at[1] - from[1], at[2] - from[2]};
+    if (shape->type == SHAPE_PLANE)
+        return fabs(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2] + shape->plane.offset);
+    return fmax(fabs(d[0]), fmax(fabs(d[1]), fabs(d[2])));
 }
 
-// A number of `bits` cannot be closer to the next than 2^(1 − bits) of itself, while normals are differences over
-// normal_step, and secondary rays start surface_offset off a surface.
-static void warn_of_coordinates(const struct session *s) {
+// Numbers at x are `ulp`·x apart. Secondary rays, which start surface_offset off a surface, start within it where that
+// is less; and a shape that is smaller has no place. Returns whether it warns of this shape.
+static bool warn_of_coordinates(const struct session *s, int index, double ulp) {
     const struct model *model = &s->scene.model;
-    const char *precision = s->program.precision;
-    bool single = strcmp(precision, "float") == 0;
-    if (!single && strcmp(precision, "double") != 0)
-        return; // fixed-point numbers say themselves how far they go
-    double ulp = single ? 0x1p-23 : 0x1p-52, far = reach(s->scene.view.position);
-    for (int i = 0; i < model->shape_count; i++) {
-        const struct shape *shape = &model->shapes[i];
-        far = fmax(far,
-                   shape->type == SHAPE_PLANE ? fabs(shape->plane.offset) : reach(shape->position));
-    }
-    double least = fmin(model->march.normal_step, model->march.surface_offset);
-    if (far * ulp > least)
+    const struct shape *shape = &model->shapes[index];
+    const double *camera = s->scene.view.position, zero[3] = {0};
+    double seen = model->march.bounds_radius + sqrt(dot3(camera, camera));
+    double far = fmin(away(shape, camera), seen), at = away(shape, zero);
+    const char *numbers = s->program.precision, *name = shape_type_name(shape->type);
+    if (far * ulp > model->march.surface_offset)
         fprintf(stderr,
-                "render: warning: at coordinates of %g the %ss of %s are %.2g apart: "
-                "$.march.normal_step and .surface_offset should be more than that, or the scene be "
-                "nearer to 0\n",
-                far, precision, s->program.phase, far * ulp);
+                "render: warning: $.shapes[%d] (%s) is %g away from the camera, where the %ss of "
+                "%s are %.2g apart: $.march.surface_offset should be more than that\n",
+                index, name, far, numbers, s->program.phase, far * ulp);
+    else if (at * ulp > size_of(shape) / 2)
+        fprintf(stderr,
+                "render: warning: $.shapes[%d] (%s, %g) is at %g, where the %ss of %s are %.2g "
+                "apart: the scene should be nearer to 0\n",
+                index, name, size_of(shape), at, numbers, s->program.phase, at * ulp);
+    else
+        return false;
+    return true;
 }
 
 // Asked of the phase itself, which knows the shapes where an animation begins.
@@ -82,7 +88,10 @@ static void warn_of_camera(const struct session *s) {
 }
 
 void driver_warn(const struct session *s) {
+    bool single = strcmp(s->program.precision, "float") == 0; // fixed-point numbers refuse a scene
+    bool warned = !single && strcmp(s->program.precision, "double") != 0;
     warn_of_hit_distance(&s->scene.model);
-    warn_of_coordinates(s);
+    for (int i = 0; i < s->scene.model.shape_count && !warned; i++)
+        warned = warn_of_coordinates(s, i, single ? 0x1p-23 : 0x1p-52);
     warn_of_camera(s);
 }

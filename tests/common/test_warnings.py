@@ -29,10 +29,18 @@ def test_no_scene_of_ours_is_warned_of(name: str, phase: str) -> None:
     assert run.status in (0, 4) and WARNING not in run.stderr, f"{run}"
 
 
-def placed(at: float, **march: float) -> dict:
-    """A sphere before the camera, both at x = `at`."""
-    camera = {"position": [at, 0, -5], "look_at": [at, 0, 0]}
-    return scene([shape("sphere", position=[at, 0, 0])], camera=camera, march=march)
+WIDE = {"bounds_radius": 1e9, "surface_offset": 1e-3}
+
+
+def placed(x: float) -> dict:
+    """A sphere before the camera, both at `x`: what is between them is exact."""
+    camera = {"position": [x, 0, -5], "look_at": [x, 0, 0]}
+    return scene([shape("sphere", position=[x, 0, 0])], camera=camera, march=WIDE)
+
+
+def away(z: float, **march: float) -> dict:
+    """A sphere that far away: the float after 2^14 is 2^-9 = 0.002 behind it."""
+    return scene([shape("sphere", position=[0, 0, z], radius=z / 20)], march=WIDE | march)
 
 
 def sized(kind: str, **sizes: object) -> dict:
@@ -54,14 +62,18 @@ WARNED = {
     "torus": (sized("torus", minor_radius=0.009), "$.march.hit_distance"),
     "cone": (sized("cone", half_height=0.009), "$.march.hit_distance"),
     "octahedron": (sized("octahedron", radius=0.017), "$.march.hit_distance"),
-    "floats": (placed(1e5, normal_step=1e-3, surface_offset=1e-2), "$.march.normal_step"),
+    "far": (away(2e4), "$.march.surface_offset"),
+    "far plane": (scene([shape("plane", offset=-2e4)], march=WIDE), "$.march.surface_offset"),
+    "at large numbers": (placed(1e8), "$.shapes[0]"),
 }
 SILENT = {
     "camera outside": scene([shape("sphere", position=[0.4, 1.1, -3.69])], march=COARSE),
     "box": sized("box", half_size=[1, 1, 0.011]),
     "rounded": sized("box", half_size=[1, 1, 0.009], rounding=0.002),
     "octahedron": sized("octahedron", radius=0.018),
-    "floats": placed(5e3, normal_step=1e-3, surface_offset=1e-2),
+    "far": away(5e3),
+    "beyond the bounds": away(2e4, bounds_radius=5e3),
+    "at large numbers": placed(1e6),
 }
 
 
@@ -80,9 +92,9 @@ def test_what_it_can_show_is_none(name: str, tmp_path: Path) -> None:
     assert warned("opt4", path) == []
 
 
-def test_doubles_go_further_than_floats(tmp_path: Path) -> None:
-    """2^52 and 2^23 times the step."""
-    (path := tmp_path / "a.json").write_text(json.dumps(placed(1e5, normal_step=1e-3, surface_offset=1e-2)))
+@pytest.mark.parametrize("whole", [away(2e4), placed(1e8)], ids=["far", "at large numbers"])
+def test_doubles_go_further_than_floats(whole: dict, tmp_path: Path) -> None:
+    (path := tmp_path / "a.json").write_text(json.dumps(whole))
     assert warned(REFERENCE, path) == []
 
 
