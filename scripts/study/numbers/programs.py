@@ -1,6 +1,5 @@
 """The table of a run of programs that are no phases: times, ratios, verdicts; and hyperfine's JSON of it."""
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from study.core import show
 from study.core.run_schema import Plan, Program
 from study.numbers import modes, sequential
 from study.numbers.analysis import Cell
@@ -143,14 +143,21 @@ def remarks(found: Sequence[Row]) -> list[str]:
 def hyperfine(frames: pd.DataFrame) -> dict[str, Any]:
     """A run as `hyperfine --export-json` writes one: seconds, of every timed launch."""
     results = []
-    for (spec, scene), some in frames[~frames.warmup.astype(bool)].groupby(["spec", "scene"], sort=False):
+    for _, some in frames[~frames.warmup.astype(bool)].groupby("config", sort=False):
+        one = some.iloc[0]
+        given = dict(part.split("=", 1) for part in str(one.scene).split(" ") if "=" in part)
+        picture = show.size(one.width, one.height) and f"{one.scene} {show.size(one.width, one.height)}"
         launches = some.groupby("launch")
         times = (launches.ns.median() / 1e9).tolist()
 
         def mean(name: str, launches: Any = launches) -> float | None:
             return float(launches[name].first().mean() / 1e9) if name in launches.obj else None
 
-        made = {"command": str(spec), "mean": float(np.mean(times)), "median": float(np.median(times))}
+        made = {
+            "command": f"{one.spec} {picture}".strip(),
+            "mean": float(np.mean(times)),
+            "median": float(np.median(times)),
+        }
         made["stddev"] = float(np.std(times, ddof=1)) if len(times) > 1 else None
         made |= {"user": mean("user_ns"), "system": mean("system_ns"), "min": min(times), "max": max(times)}
         made["times"] = times
@@ -158,6 +165,5 @@ def hyperfine(frames: pd.DataFrame) -> dict[str, Any]:
             made["memory_usage_byte"] = (launches.max_rss_kib.first() * 1024).astype(int).tolist()
         codes = launches.exit_status.first().tolist() if "exit_status" in some else [0] * len(times)
         made["exit_codes"] = [int(code) for code in codes]
-        given = dict(part.split("=", 1) for part in shlex.split(str(scene)) if "=" in part)
         results.append(made | ({"parameters": given} if given else {}))
     return {"results": results}
