@@ -284,7 +284,7 @@ def test_the_compiler_of_the_program_makes_its_kernel(
     (tmp_path / "bin").mkdir()
     for name in there:
         body = 'exec "$@"' if name == "wrapper" else f"echo error: called {name}.; exit 1"
-        shop.script(name, body).rename(tmp_path / "bin" / name)
+        shop.script(f"my {name}", body).rename(tmp_path / "bin" / name)
     words = {"CC": "", "STEPWISE_CC": ""} | said
     words |= {"PATH": str(tmp_path / "bin"), "STEPWISE_CACHE": str(tmp_path / "cache")}
     facts, _, _ = shop.run("two_spheres", **words)
