@@ -23,11 +23,11 @@ MANY = pytest.mark.parametrize("gates", [2, pytest.param(40, marks=pytest.mark.s
 
 
 @pytest.fixture(scope="module")
-def any_run(tmp_path_factory):
-    return make_run(tmp_path_factory.mktemp("any"), {("baseline", "s"): 1})
+def any_run(tmp_path_factory) -> Side:
+    return sides(make_run(tmp_path_factory.mktemp("any"), {("baseline", "s"): 1}))[0]
 
 
-def simulated(random: np.random.Generator, any_run, letter: str, factor: float, modes: float) -> Side:
+def simulated(random: np.random.Generator, any_run: Side, letter: str, factor: float, modes: float) -> Side:
     """A run of a gate on a shared runner: its hour, each round and each launch have their own speed. `modes`:
     how much longer a launch takes that falls into the second mode, half of them. `factor`: of all phases."""
     hour = math.exp(0.01 * random.standard_normal())
@@ -37,15 +37,14 @@ def simulated(random: np.random.Generator, any_run, letter: str, factor: float, 
     times *= np.where(random.random(shape) < 0.5, 1 + modes, 1)
     times[1:] *= factor
     at = np.indices(shape).reshape(3, -1)
-    (side,) = sides(any_run)
-    one = side.frames[~side.frames.warmup].iloc[0].to_dict()
+    one = any_run.frames[~any_run.frames.warmup].iloc[0].to_dict()
     names = np.array(PHASES)[at[0]]
     told = {"spec": names, "phase": names, "flags_from": names, "scene": np.array(SCENES)[at[1]]}
     told |= {"launch": at[2], "round": at[2], "ns": times.ravel(), "config": [f"{a}{b}" for a, b in at[:2].T]}
-    return Side(letter, side.run, pd.DataFrame(one | told, index=range(times.size)))
+    return Side(letter, any_run.run, pd.DataFrame(one | told, index=range(times.size)))
 
 
-def failing(any_run, gates: int, factor: float = 1.0, modes: float = 0.0, least: float = 0.0) -> int:
+def failing(any_run: Side, gates: int, factor: float = 1.0, modes: float = 0.0, least: float = 0.0) -> int:
     """Of so many gates those in which a phase is called slower than it was."""
     random, failed = np.random.default_rng(46), 0
     for _ in range(gates):
