@@ -127,8 +127,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     specs = list(dict.fromkeys(spec for _, spec in everything))
     lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
     gated = any(gate.by_truth(registry.find_phase(spec.phase)) for spec in specs if not lacking[spec])
-    folder = running.folder(args, FILE, gallery="images")
     chosen = [(scene, spec) for scene, spec in shards.part(everything, args.shard) if not lacking[spec]]
+    folder = running.folder(args, FILE, gallery="images")
     rows, left = compared(args, chosen, gated, folder)
     unable = [Left(phase=str(s), reason=f"this CPU lacks {what}") for s, what in lacking.items() if what]
     result = Accuracy(
