@@ -8,7 +8,7 @@ import emitted
 import numpy as np
 import pytest
 
-from conformance.harness import REFERENCE, call, check_refusal
+from conformance.harness import REFERENCE, call
 from study.core import registry
 from study.pictures import images
 
@@ -53,12 +53,6 @@ def test_the_record_says_how_many_samples_there_are() -> None:
     several = call(REFERENCE, SCENE, *SIZE, "--samples", 2, "--json").record
     assert (several["width"], several["height"], several["samples"]) == (41, 24, 2)
     assert "samples" not in call(REFERENCE, SCENE, *SIZE, "--json").record
-
-
-def test_a_phase_is_asked_for_the_picture_that_it_draws() -> None:
-    """fixed has numbers for pictures up to a size."""
-    run = call("fixed", registry.scenes()["two_spheres"].path, "-n", 1100, "--samples", 16)
-    check_refusal(run, 4)
 
 
 def test_an_exr_becomes_a_png(write_exr, blank, tmp_path: Path) -> None:
