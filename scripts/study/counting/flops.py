@@ -32,7 +32,9 @@ Range = tuple[int, int]
 def missing(backend: str) -> str | None:
     """What a back end lacks here and what it would add, in one line; None if it can be used."""
     if backend != "pmu" and (here := machine.not_x86()):
-        return f"{backend} reads x86-64 code; on {here} counts are declared (costs.def), not measured"
+        return (
+            f"back end {backend} reads x86-64 code; on {here} counts are declared (costs.def), not measured"
+        )
     if backend == "blocks":
         return None
     return importlib.import_module(f"study.counting.{backend}").missing()

@@ -107,7 +107,11 @@ def measure(args: argparse.Namespace) -> Outcome:
     specs, lacks = running.programs(args.phase or ladder)
     for spec, why in lacks.items():
         cli.say(f"{spec} left out: {why}")
-    if lacking := flops.missing("blocks") or perf.missing():
+    if here := machine.not_x86():
+        raise StudyError(
+            f"functions are found in x86-64 programs alone; this machine is {here}", cli.CANNOT_RUN
+        )
+    if lacking := perf.missing():
         raise StudyError(lacking, cli.CANNOT_RUN)
     record = Hotspots()
     for scene, spec in progress.each(list(itertools.product(scenes, specs)), "sample"):

@@ -7,6 +7,7 @@ from study.core import cli, table_files
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
 from study.experiments.roofline import chapter
+from study.experiments.section import noted
 from study.numbers import analysis
 
 
@@ -21,7 +22,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     if not points:
         again = f"run scripts/stepwise flops --measure --run {data.path}"
         raise StudyError(f"{data.path / roof.COUNTS}: no counts of what was timed; {again}")
-    found, out = chapter.made(data, points, limits), args.out or data.path
+    found, out = noted(chapter.made(data, points, limits), data.by_simde), args.out or data.path
     made = {part.name: (part.frame, part.markdown) for part in found.parts}
     files = [*running.draw(out, found.drawn), *table_files.write(made, out / "tables")]
     remarks = [*roof.remarks(roof.headline(points)), *(limits.remarks() if limits else [])]
