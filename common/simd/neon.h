@@ -1,6 +1,7 @@
-// Four and eight lanes on aarch64: one or two registers of NEON. See simd.h. What C can say of vectors (+ & == and
+// Four and eight lanes on aarch64: one or two registers of NEON. See simd.h. What C can say of vectors (+ & and
 // shifts), the compiler splits into registers. For the rest v_split() gives the registers of a word and v_join() takes
-// them. frsqrte and frecpe tell 8 bits, a step by Newton's method doubles them.
+// them. frsqrte and frecpe tell 8 bits, a step by Newton's method doubles them. gcc 12 keeps eight lanes that live from
+// one turn of a loop to the next in memory, clang in registers.
 // No `#pragma once`: see words.h.
 
 typedef float vfloat __attribute__((vector_size(4 * LANES), may_alias));

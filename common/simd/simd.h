@@ -1,11 +1,12 @@
 // Vector words: everything that is computed for several rays at once is written in these, and built for as
-// many lanes as LANES says: 16 (AVX-512), 8 (AVX2 and FMA) or 4 (SSE2). Every word is correctly rounded or
-// moves bits, so that a lane holds the same whatever the number of lanes, but for those marked (~).
+// many lanes as LANES says: 16 (AVX-512), 8 (AVX2 and FMA) or 4 (SSE2); on aarch64 8 or 4 (NEON). Every word is
+// correctly rounded or moves bits, so that a lane holds the same whatever the number of lanes and the machine, but
+// for those marked (~).
 // A file of one width cannot pass a vector to a file of another: each width is built apart.
 //
 //   vfloat                      a float in each lane; + - * / are the compiler's
 //   v_splat(a)  v_load(p)  v_store(a, p)  v_lane0(a)  v_iota()    0, 1, 2 ... in the lanes
-//   v_madd(a, b, c)  a*b + c    v_nmadd: c - a*b; v_msub: a*b - c. Rounded once; twice with 4 lanes (~)
+//   v_madd(a, b, c)  a*b + c    v_nmadd: c - a*b; v_msub: a*b - c. Rounded once; twice by SSE2 (~)
 //   v_sqrt  v_abs  v_floor      v_round: to the nearest whole number, ties to even
 //   v_min(a, b)  v_max(a, b)    b where either is NaN
 //   v_reduce_min  v_reduce_max  a float: of all lanes; v_max_of_lanes: the maximum in every lane
@@ -14,7 +15,7 @@
 //   v_mantissa_near_1(a, &e)    the same with 3/4 <= mantissa < 3/2
 //   v_ldexp(a, n)               a * 2^n for whole n, while that is a normal number
 //   v_pow2_unit(a)              the power of 2 that scales a > 0 into 1 ... 2
-//   v_rsqrt_approx  v_rcp_approx  the CPU's approximations: 14 bits with 16 lanes, 11 with 8 and 4 (~)
+//   v_rsqrt_approx  v_rcp_approx  the CPU's approximations: 14 bits with 16 lanes, 11 with 8 and 4, 15 by NEON (~)
 //   v_rsqrt_newton(a)           1/sqrt(a) for normal a > 0: the approximation and one Newton step (~)
 //   v_sqrt_below(a)             between sqrt(a)*(1 - 2^-10) and sqrt(a); NaN at 0 (~)
 //

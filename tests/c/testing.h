@@ -8,6 +8,13 @@
 
 #include <cmocka.h>
 
+// Rounds of a test that takes seconds: a tenth of them on aarch64, which is emulated (tests/arm64).
+#ifdef __aarch64__
+#define MANY(rounds) ((rounds) / 10)
+#else
+#define MANY(rounds) (rounds)
+#endif
+
 #define LENGTH(array) (sizeof(array) / sizeof *(array))
 
 static struct CMUnitTest registered[16];

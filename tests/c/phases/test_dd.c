@@ -5,7 +5,7 @@
 
 #include "truth/number/dd.h"
 
-enum { ROUNDS = 200000 };
+enum { ROUNDS = MANY(200000) };
 
 static uint64_t state = 0x2545f4914f6cdd1du;
 

@@ -1,12 +1,12 @@
 // flags: -O2 -iquote truth
-// Intervals of truth against exact results: of double intervals in __float128, where sums and
+// Intervals of truth against exact results: of double intervals in quads, where sums and
 // products of doubles fit, of quad intervals as sums of doubles without error; random and nasty numbers.
 #include "tests/c/testing.h"
 
 #include "truth/number/angles.c"
 #include "truth/number/dd.h"
 
-enum { ROUNDS = 200000 };
+enum { ROUNDS = MANY(200000) };
 
 static uint64_t state = 0x9e3779b97f4a7c15u;
 
@@ -115,7 +115,7 @@ TEST(test_quad_sum) {
 
 TEST(test_angles) {
     // s² + c² = 1, sin 30° = 1/2, quarter turns exact; addition against the same angle elsewhere.
-    for (int i = 0; i < 20000; i++) {
+    for (int i = 0; i < MANY(20000); i++) {
         double degrees = ldexp(number(), -20);
         struct ivq s, c, s2, c2;
         sine_cosine_q(degrees, &s, &c);
