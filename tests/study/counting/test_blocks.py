@@ -14,7 +14,7 @@ import needs
 import pytest
 from elftools.elf.elffile import ELFFile
 
-from builds import BY_CLANG, COUNTED
+from builds import COUNTED, COUNTED_BY_CLANG
 from study.core import patches, registry, run
 from study.core.build import build
 from study.core.cli import StudyError
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
 COMPILERS = {"gcc": "build", "clang": "build/clang"}
 # One phase of each kind; clang counts fewer (tests/builds.py).
 PHASES = COUNTED
-PROGRAMS = [("gcc", phase) for phase in PHASES] + [("clang", phase) for phase in BY_CLANG]
+PROGRAMS = [("gcc", phase) for phase in PHASES] + [("clang", phase) for phase in COUNTED_BY_CLANG]
 VARIANTS = list(blocks.TARGETS)
 REPEATS = 3
 
