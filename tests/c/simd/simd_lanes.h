@@ -264,7 +264,7 @@ TEST(test_points_and_pictures) {
 
 // Of integers, floats and places in any order.
 TEST(test_lanes_that_move) {
-    float a[LANES], found[LANES], to[3 * LANES];
+    float a[LANES], found[LANES], to[4 * LANES];
     int numbers[LANES], packed[LANES];
     unsigned short places[LANES];
     for (int lane = 0; lane < LANES; lane++) {
@@ -296,10 +296,11 @@ TEST(test_lanes_that_move) {
             if (which >> lane & 1)
                 assert_true(to[k++] == (float)(LANES + lane));
     }
-    v_store(v_load_block_row(to + LANES), found); // rows of 4 pixels, their first 4 floats
+    for (int i = 0; i < 4 * LANES; i++)
+        to[i] = (float)i;
+    v_store(v_load_block_row(to), found); // four floats of each of LANES / 4 blocks
     for (int lane = 0; lane < LANES; lane++)
-        if (LANES == 8)
-            assert_true(found[lane] == (float)(LANES + lane % 4 + lane / 4 * 8));
+        assert_true(found[lane] == (float)(lane % 4 + lane / 4 * LANES));
 }
 
 TEST(test_doubles) {
