@@ -18,7 +18,7 @@ import msgspec
 
 from study.core import run
 from study.core.build import build
-from study.core.cli import CANNOT_RUN, StudyError
+from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
 from study.core.host import child, energy
 
 NONE, DEFAULT = "none", "default"  # of --shell
@@ -103,8 +103,8 @@ class Launcher:
             said.seek(0)
             last = said.read().decode(errors="replace").strip().splitlines()[-1:]
         if done.returncode:
-            status = CANNOT_RUN if done.returncode == CANNOT_RUN else None
-            raise StudyError(*last, *([status] if status else []))
+            why = "".join(last) or f"{name}: its launcher ended with status {done.returncode}"
+            raise StudyError(why, CANNOT_RUN if done.returncode == CANNOT_RUN else BAD_INPUT)
         found = msgspec.json.decode(line, type=Launched)
         if found.exit_status and not (self.ignore is None or found.exit_status in self.ignore):
             ended = f"status {found.exit_status}" if found.exit_status > 0 else f"signal {-found.exit_status}"

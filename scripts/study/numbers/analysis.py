@@ -192,9 +192,12 @@ def cells_of(frames: pd.DataFrame, plan: Plan | None = None) -> list[Cell]:
         told |= {"algorithm": about.get(one.phase, PhaseJson()).algorithm}
         mine = mine.drop(columns="kernel").set_index("round")
         cells.append(Cell(*key, Facts(**told), mine, one.config, one.scene_hash))
-    return sorted(
-        cells, key=lambda c: (scenes.index(c.scene), c.pixels, phases.index(c.phase), c.spec, c.threads)
-    )
+
+    def place(c: Cell) -> tuple:
+        name = c.spec if c.spec in phases else c.phase  # other programs may have an @ in their names
+        return scenes.index(c.scene), c.pixels, phases.index(name), c.spec, c.threads
+
+    return sorted(cells, key=place)
 
 
 def by_key(cells: Iterable[Cell]) -> dict[tuple[str, int, int, int, str], Cell]:

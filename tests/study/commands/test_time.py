@@ -67,6 +67,8 @@ def test_ratios_of_known_times(timed, tmp_path):
     assert rows[1]["base"] == rows[0]["program"] and rows[0]["ratio"] is None
     assert plan.launches == 9 and plan.precision == 0.01 and plan.finished and plan.time_from == FROM[1]
     assert {one.ns for one in frames} == {10_000_000, 8_000_000, 10_020_000}
+    (row,), _, _ = timed(*FROM, "--launches", 1, "--", "echo", "took 1 ms", "me@host")
+    assert row["program"] == "echo 'took 1 ms' me@host" and row["verdict"] == ""
 
 
 def test_a_round_launches_each_program_once_in_random_order_with_random_padding(timed, tmp_path):
@@ -202,6 +204,7 @@ def test_several_times_of_one_launch_count_as_their_median(timed):
         (["--time-from", "took ([0-9]+)", "--", "echo", "took 12 bytes"], "12 bytes"),
         (["--time-from", "took ([0-9]+)", "--", "echo", "took 0 ms"], "above 0"),
         (["--", "'"], "No closing quotation"),
+        (["--", "sh", "-c", "kill -9 $PPID"], "launcher"),
     ],
 )
 def test_what_is_wrong_is_one_line(stepwise, tmp_path, words, said):
