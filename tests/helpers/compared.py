@@ -47,4 +47,4 @@ def sides(*runs, leave_out=False) -> list[two_runs.Side]:
 def rows(*runs, by="time", least=0.0, least_work=0.001) -> dict:
     base, *others = sides(*runs)
     found = [row for other in others for row in changes.rows(base, other, by, least, False)]
-    return {(row.spec, row.scene): row for row in changes.judged(found, by, least_work)}
+    return {(row.spec, row.scene): row for row in changes.judged(found, by, least_work, least)}

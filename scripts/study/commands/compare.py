@@ -185,7 +185,7 @@ def run(args: argparse.Namespace) -> Outcome:
     lenient = MACHINE in args.allow
     found = [row for other in others for row in changes.rows(base, other, args.by, args.least, lenient)]
     found.sort(key=lambda row: (*row.key, row.run))
-    found = changes.judged(found, args.by, args.least_work)
+    found = changes.judged(found, args.by, args.least_work, args.least)
     if args.confirm:
         found = confirmed(found, sides, args)
     first = [fault for other in others for fault in two_runs.warnings(base, other, lenient)]

@@ -182,19 +182,19 @@ def rows(base: Side, other: Side, by: str, least: float, machine_may_differ: boo
     return found
 
 
-def judged(found: Sequence[Row], by: str, least_work: float) -> list[Row]:
+def judged(found: Sequence[Row], by: str, least_work: float, least: float = 0.0) -> list[Row]:
     """The rows with their verdicts, their p-values corrected together. By instructions the count comes first:
     more work is slower unless time says faster, and less is faster unless time says slower."""
     family = [row for row in found if not row.verdict]
     p_values = [corrected([getattr(row, name) for row in family]) for name in ("p_slower", "p_faster")]
     tested = iter(zip(*p_values, strict=True))
-    made = []
+    same, made = f"{SAME} or {100 * least:.3g} %" if least else SAME, []
     for row in found:
         if not row.verdict:
             p, q = next(tested)
-            verdict = SLOWER if p <= LEVEL else FASTER if q <= LEVEL else SAME
+            verdict = SLOWER if p <= LEVEL else FASTER if q <= LEVEL else same
             row = replace(row, p_slower=p, p_faster=q, verdict=verdict)
-        if by == INSTRUCTIONS and row.verdict in (SAME, FEW, TWO_MODES, SLOWER, FASTER):
+        if by == INSTRUCTIONS and row.verdict in (same, FEW, TWO_MODES, SLOWER, FASTER):
             if row.more_work >= least_work and row.verdict != FASTER:
                 row = replace(row, verdict=SLOWER)
             elif row.more_work <= -least_work and row.verdict != SLOWER:

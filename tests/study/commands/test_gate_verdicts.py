@@ -130,7 +130,7 @@ def by_instructions(tmp_path: Path, base: int, mine: int, ms: float = 100, **how
 def test_work_is_the_first_witness_and_time_the_second(tmp_path, base, mine, ms, verdict) -> None:
     row, status = by_instructions(tmp_path, base, mine, ms)
     assert row["instructions"] == pytest.approx(base / mine)
-    assert (row["verdict"], status) == (verdict, int(verdict == SLOWER))
+    assert (row["verdict"].removesuffix(" or 2 %"), status) == (verdict, int(verdict == SLOWER))
 
 
 def test_one_launch_is_enough_for_a_count(tmp_path) -> None:
