@@ -24,8 +24,6 @@ typedef struct {
 #define V_ALL(a) {a, a, a, a, a, a, a, a}
 #endif
 
-typedef float vregister __attribute__((vector_size(16), may_alias));
-
 static inline vregisters v_split(vfloat a) {
     vregisters x;
     __builtin_memcpy(&x, &a, sizeof x);
@@ -34,8 +32,7 @@ static inline vregisters v_split(vfloat a) {
 
 static inline vfloat v_join(vregisters x) {
     vfloat a;
-    EACH_REGISTER(i)
-    ((vregister *)&a)[i] = x.of[i]; // gcc copies a whole struct by way of memory
+    __builtin_memcpy(&a, &x, sizeof a);
     return a;
 }
 
@@ -186,6 +183,18 @@ static inline unsigned v_mask_bits(vmask a) {
     for (int i = 1; i < LANES / 4; i++)
         sum = vorrq_u32(sum, vreinterpretq_u32_f32(x.of[i]));
     return vaddvq_u32(sum);
+}
+
+static inline bool v_any(vmask a) {
+    vregisters x = v_split(FLOATS(a.bits));
+    uint32x4_t any = vreinterpretq_u32_f32(x.of[0]);
+    for (int i = 1; i < LANES / 4; i++)
+        any = vorrq_u32(any, vreinterpretq_u32_f32(x.of[i]));
+    return vmaxvq_u32(any) != 0;
+}
+
+static inline bool v_all(vmask a) {
+    return !v_any((vmask){~a.bits});
 }
 
 static inline vmask v_mask_of_bits(unsigned which) {

@@ -103,6 +103,7 @@ static inline vmask v_not(vmask a) {
     return v_andnot(a, v_mask_all());
 }
 
+#ifndef __aarch64__
 static inline bool v_any(vmask a) {
     return v_mask_bits(a) != 0;
 }
@@ -110,6 +111,7 @@ static inline bool v_any(vmask a) {
 static inline bool v_all(vmask a) {
     return v_mask_bits(a) == (1u << LANES) - 1;
 }
+#endif
 
 static inline bool v_same(vmask a, vmask b) {
     return v_mask_bits(a) == v_mask_bits(b);
