@@ -19,6 +19,6 @@ done
 for file in *.deb; do
     dpkg -x "$file" .
 done
-cp -P usr/lib/aarch64-linux-gnu/*.so* "$root/lib"
-[ ! -d lib/aarch64-linux-gnu ] || cp -P lib/aarch64-linux-gnu/*.so* "$root/lib"
+cp -P --remove-destination usr/lib/aarch64-linux-gnu/*.so* "$root/lib"
+[ ! -d lib/aarch64-linux-gnu ] || cp -P --remove-destination lib/aarch64-linux-gnu/*.so* "$root/lib"
 ln -sf libz.so.1 "$root/lib/libz.so"
