@@ -34,7 +34,7 @@ SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)$(if $(EMULATE), -O0)
 TOOLCHAIN := $(shell $(CC) --version 2>/dev/null | head -n 1)
 CLANG := $(findstring clang,$(TOOLCHAIN))
 MACHINE := $(shell $(CC) -dumpmachine 2>/dev/null)# e.g. x86_64-linux-gnu, aarch64-linux-gnu
-CROSS := $(if $(filter $(shell uname -m)-%,$(MACHINE)),,$(MACHINE))
+CROSS := $(if $(filter $(shell uname -m 2>/dev/null)-%,$(MACHINE)),,$(MACHINE))
 # What is written in intrinsics of x86 is built by way of SIMDe for other machines (package libsimde-dev).
 INTRINSICS := $(if $(filter x86_64-%,$(MACHINE)),,common/simd/x86)
 COMMON_CFLAGS = -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon $(LIBRARY_INCLUDES)

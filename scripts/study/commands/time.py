@@ -34,7 +34,7 @@ from study.pictures import launch_order
 DESCRIPTION = """\
 Times any programs: a round launches each of them once, in random order, pinned to one CPU and with an
 environment of random size. Rounds go on until the 95 % interval of every ratio to the first program is within
---precision of its value, at most for --seconds. The interval holds however often one looks (S. R. Howard and
+--precision of its value, at most for --budget. The interval holds however often one looks (S. R. Howard and
 A. Ramdas, Bernoulli 28, 2022), so that stopping by it costs none of its 95 %.
 
     scripts/stepwise time -- ./old scene ::: ./new scene
@@ -46,8 +46,8 @@ Warm-up are the first rounds, until no program is 1 % faster than before; they a
 Options that hyperfine has mean what they mean there. Without --shell no shell is between: a command of one
 word is split into words. With one, its own start is in every time."""
 MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
-LEAST_ROUNDS = 10  # where no --seconds are given: so many even of slow programs
-A_PROGRAM = 1.5  # s that each may take without --seconds
+LEAST_ROUNDS = 10  # where no --budget is given: so many even of slow programs
+A_PROGRAM = 1.5  # s that each may take without --budget
 BETWEEN = ":::"
 
 
@@ -78,7 +78,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("command", nargs="*", metavar="-- CMD ::: CMD", help="the programs, the first of all the base")
     add("--precision", type=precision, metavar="P", help="of the ratios, ±; default: 1%%")
     about = f"of measuring at most; default: {A_PROGRAM:g} for each program, or {LEAST_ROUNDS} rounds"
-    add("--seconds", type=cli.at_least(0.001, float), help=about)
+    add("--budget", type=cli.at_least(0.001, float), metavar="SECONDS", help=about)
     add("--launches", type=cli.at_least(1), help="of each program, instead of --precision")
     add("--warmup", type=cli.at_least(0), metavar="ROUNDS", help="rounds left out; default: found")
     add("--vary", nargs=2, action="append", default=[], metavar=("NAME", "A,B,C"), help="values of {NAME}")
@@ -162,8 +162,8 @@ class Timing:
         self.times: list[dict[int, float]] = [{} for _ in plan.programs]
         self.run: store.Run | None = None
         self.round = 0
-        self.limit = args.seconds or A_PROGRAM * len(plan.programs)
-        self.least = 1 if args.seconds else LEAST_ROUNDS
+        self.limit = args.budget or A_PROGRAM * len(plan.programs)
+        self.least = 1 if args.budget else LEAST_ROUNDS
         self.begun = time.monotonic()
 
     def launches(self, warmup: bool) -> Iterator[dict[str, Any]]:
@@ -247,7 +247,7 @@ def told(target: store.Run, plan: Plan) -> Outcome:
     rounds = f"{plan.launches} rounds after {plan.warmup} of warm-up, CPU {plan.cpu}, seed {plan.seed}"
     known = [row.ratio for row in found if row.ratio] or [row.ms for row in found]
     if plan.precision and not all(sequential.within(one, plan.precision) for one in known):
-        rounds += f"; not known to ±{100 * plan.precision:.3g} %: --seconds allows more"
+        rounds += f"; not known to ±{100 * plan.precision:.3g} %: --budget allows more"
     result = {"rows": found, "launches": plan.launches, "warmup": plan.warmup}
     return Outcome(result, [*lines, rounds], target.path, said)
 
@@ -268,7 +268,7 @@ def timed(args: argparse.Namespace) -> store.Run:
         launches=args.launches or 0,
         reps=1,
         precision=None if args.launches else args.precision or 0.01,
-        seconds=args.seconds,
+        seconds=args.budget,
         time_from=args.time_from.pattern if args.time_from else None,
         began=programs.now(),
     )

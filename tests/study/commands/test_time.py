@@ -111,7 +111,7 @@ def test_two_modes_have_no_verdict(stepwise, timed, tmp_path):
         script(tmp_path, "steady", "echo took 11 ms"),
         counting(tmp_path, "both", "(n % 2 ? 10 : 12) + n % 7 / 50"),
     )
-    words = ["--seconds", 60, "--launches", 30, "--", steady, ":::", both]
+    words = ["--budget", 60, "--launches", 30, "--", steady, ":::", both]
     (one, two), _, _ = timed(*FROM, *words)
     assert one["modes"] is None and one["verdict"] == "" and one["drift"] is None
     assert [two["modes"]["low"], two["modes"]["high"]] == pytest.approx([10.06, 12.06])
