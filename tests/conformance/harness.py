@@ -69,6 +69,12 @@ class Run:
         return f"[{' '.join(self.command)}] status {self.status} {self.stderr.strip()}"
 
     @property
+    def drawn(self) -> bool:
+        """Whether it ended well, and said no more than warnings."""
+        warned = [line.startswith("render: warning: ") for line in self.stderr.splitlines()]
+        return self.status == 0 and all(warned)
+
+    @property
     def record(self) -> dict:
         return json.loads(self.stdout)
 
@@ -112,8 +118,7 @@ def render(phase: str, scene: Path, width: int, height: int, *options: str | int
         if run.status == 4:
             check_refusal(run, 4)
             raise Unsupported(run.stderr.strip())
-        warned = [line.startswith("render: warning: ") for line in run.stderr.splitlines()]
-        assert run.status == 0 and all(warned), f"{run}"
+        assert run.drawn, f"{run}"
         run.scene = json.loads(scene.read_text())
         run.picture = images.read(picture)
     finally:

@@ -100,7 +100,7 @@ def test_user_time_and_peak_memory_are_the_program_s_own(timed):
 def test_warm_up_is_found_and_left_out(timed, tmp_path):
     """30, 20 and 15 ms, then 10 ms: the first launch that is no faster ends the warm-up."""
     program = counting(tmp_path, "warming", "n == 1 ? 30 : n == 2 ? 20 : n == 3 ? 15 : 10")
-    (row,), plan, frames = timed(*FROM, "--", program)
+    (row,), plan, frames = timed(*FROM, "--budget", 60, "--", program)
     assert plan.warmup == 5 and [one.ns / 1e6 for one in frames][:6] == [30, 20, 15, 10, 10, 10]
     assert row["ms"]["value"] == 10 and row["launches"] == 9
 
