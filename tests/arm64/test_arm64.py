@@ -16,10 +16,11 @@ from hypothesis import HealthCheck, given, settings
 
 import arm64
 from builds import ARM64_TESTS, ARM64_WORDS
-from conformance import harness, test_conformance
+from conformance import harness
+from conformance.beside import check
 from conformance.feature_scenes import is_fractal
 from conformance.harness import PHASES, TRUTH, Run, keep
-from conformance.test_any_scene import random_scenes, spheres_alone
+from hard.drawn_scenes import random_scenes, spheres_alone
 from study.core import registry
 from study.core.registry import Phase
 from study.pictures import gate, images
@@ -69,7 +70,7 @@ def test_scene(phase: str, scene: str) -> None:
     harness.check_picture(run)
     if about.approximate:
         return
-    test_conformance.check(run)
+    check(run)
     declared = gate.tolerance(about, registry.scenes()[scene])
     if declared and not is_fractal(run.scene):
         beside = harness.reference(path, *size).picture

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from processes import only_warned
 
 from conformance import geometry
 from study.core import build, registry
@@ -71,8 +72,7 @@ class Run:
     @property
     def drawn(self) -> bool:
         """Whether it ended well, and said no more than warnings."""
-        warned = [line.startswith("render: warning: ") for line in self.stderr.splitlines()]
-        return self.status == 0 and all(warned)
+        return self.status == 0 and only_warned(self.stderr)
 
     @property
     def record(self) -> dict:

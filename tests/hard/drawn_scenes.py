@@ -6,6 +6,8 @@ exactly.
 
 from hypothesis import strategies as st
 
+from conformance.feature_scenes import shape
+
 
 def sixteenths(low: float, high: float) -> st.SearchStrategy[float]:
     return st.integers(round(16 * low), round(16 * high)).map(lambda n: n / 16)
@@ -100,3 +102,30 @@ def scenes(draw: st.DrawFn, kinds: list[str]) -> dict:
         },
         "shapes": draw(st.lists(shapes(kinds), min_size=1, max_size=4)),
     }
+
+
+@st.composite
+def random_scenes(draw: st.DrawFn) -> dict:
+    """Any scene, its cells smaller than its shapes too, under limits that end marches early."""
+    whole = draw(scenes([*EVERY]))
+    for one in whole["shapes"]:
+        if "repeat" in one and draw(st.booleans()):
+            one["repeat"] = draw(vector(0.0625, 8))
+    whole["march"] |= {
+        "max_steps": draw(st.sampled_from([1, 30, 500])),
+        "hit_distance": draw(st.sampled_from([1e-6, 1e-4, 0.05])),
+    }
+    return whole
+
+
+def spheres_alone(whole: dict) -> dict:
+    """What closed forms of spheres can have of a scene: each shape a sphere, no fog, shadows hard or none."""
+    sizes = [next((v for v in s.values() if isinstance(v, float)), 0.5) for s in whole["shapes"]]
+    shapes = [
+        shape(
+            "sphere", position=s.get("position", [0, 0, 0]), radius=min(max(abs(r), 0.1), 2), material="plain"
+        )
+        for s, r in zip(whole["shapes"], sizes, strict=True)
+    ]
+    light = whole["light"] | {"shadows": "none" if whole["light"]["shadows"] == "none" else "hard"}
+    return whole | {"shapes": shapes, "fog": 0, "light": light}

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
-from study.core import cli, schema, store
-from study.core.registry import ROOT
+from study.core import cli, registry, schema, store
+from study.core.registry import ROOT, Phase, Scene
 from study.core.schema import File
 from study.experiments import experiment
 
@@ -79,3 +79,17 @@ RUN = ROOT / "results" / "reference" / "zen5-2026-11-25"
 def published(name: str) -> dict[str, Any]:
     """The content of its file, without where it was made."""
     return {key: value for key, value in store.read_json(RUN / name).items() if key != "context"}
+
+
+# --- scenes of both classes, and phases of any tolerance, for the gate
+
+SMOOTH = Scene("trio", ROOT / "common/scenes/trio.json", {}, False)
+FRACTAL = Scene("mandelbulb", ROOT / "common/scenes/mandelbulb.json", {}, True)
+
+
+def phase(tolerance: dict, name: str = "opt9", isa: tuple[str, ...] = ()) -> Phase:
+    return msgspec.structs.replace(registry.find_phase("opt1"), name=name, tolerance=tolerance, isa=list(isa))
+
+
+def bound(reason: str = "measured", **bounds: object) -> dict:
+    return {**bounds, "reason": reason}

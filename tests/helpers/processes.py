@@ -25,3 +25,8 @@ def ends(pid: int | str) -> bool:
 
 def children(pid: int) -> set[int]:
     return set(map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()))
+
+
+def only_warned(stderr: str) -> bool:
+    """Whether a driver said nothing, or that a picture may not show its scene right."""
+    return all(line.startswith("render: warning: ") for line in stderr.splitlines())

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from tolerances import FRACTAL, SMOOTH, bound, phase
+from complete import FRACTAL, SMOOTH, bound, phase
 
 from study.core import registry
 from study.core.cli import StudyError

@@ -12,7 +12,7 @@ import emitted
 import msgspec
 import numpy as np
 import pytest
-from tolerances import SMOOTH, bound, phase
+from complete import SMOOTH, bound, phase
 
 from study.core import build, registry
 from study.core.cli import StudyError
