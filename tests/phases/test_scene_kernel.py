@@ -15,7 +15,7 @@ import phase_pictures
 import pytest
 from emulated import TRUE, made_in, needs_sixteen, sixteen
 from phase_pictures import check_bits
-from processes import children, ends
+from processes import children, ends, only_warned
 
 from conformance.feature_scenes import FEATURES
 from study.core import registry
@@ -128,7 +128,7 @@ def test_kernels_of_features(shop: Workshop, tmp_path: Path) -> None:
     generated = 0
     for name in names:
         facts, said, by_kernel = shop.run(name, size=(48, 27), **words)
-        assert not said, (name, said)
+        assert only_warned(said), (name, said)
         if facts["generated"]:
             generated += 1
             _, _, general = shop.run(name, size=(48, 27), STEPWISE_CC="none")
@@ -231,7 +231,7 @@ def test_a_camera_within_a_shape_is_drawn_by_opt9s_code(shop: Workshop, tmp_path
     assert facts["generated"]
     trap = trapped(shop, tmp_path)
     facts, said, other = shop.run(inside, **trap)
-    assert facts["generated"] and not said, "the trap was loaded and not drawn by"
+    assert facts["generated"] and only_warned(said), "the trap was loaded and not drawn by"
     same(other, picture)
     drawn = phase_pictures.render(PHASE, "scene0", tmp_path, size=SIZE, **shop.words(**trap))
     assert drawn.returncode == -signal.SIGABRT, "from outside the kernel draws"

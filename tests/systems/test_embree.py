@@ -88,7 +88,7 @@ def hits_with(folder: Path, flags: list[str], libraries: list[str]) -> Path:
             made / "common" / room / f"{path.stem}.o" for path in (ROOT / "common" / room).glob("*.c")
         ]
     found = subprocess.run(["pkg-config", "--libs", "jansson", "OpenEXR"], capture_output=True, text=True)
-    libraries = [*found.stdout.split(), *libraries, "-lpthread", "-lm"]
+    libraries = [*found.stdout.split(), *libraries, "-lz", "-lpthread", "-lm"]
     subprocess.run(["gcc", *objects, stub, *libraries, "-o", program], check=True)
     return program
 
