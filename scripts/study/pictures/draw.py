@@ -125,13 +125,12 @@ def _corners(axes: Axes) -> np.ndarray:
 
 
 def settle(figure: Figure) -> None:
-    """Puts every name of the figure beside its mark, on no other name or mark. Needs a canvas."""
+    """Puts every name of the figure, whose layout is final, beside its mark, on no other name or mark."""
     from adjustText import adjust_text  # a fifth of a second, which few figures need
 
     for axes in figure.axes:
         names = [text for text in axes.texts if isinstance(text, Name)]
         if names:
-            figure.draw_without_rendering()
             x, y = _corners(axes).T
             line = {"arrowstyle": "-", "color": "#888888", "linewidth": 0.7}
             adjust_text(names, x, y, ax=axes, iter_lim=STEPS, arrowprops=line)
@@ -177,10 +176,10 @@ def _ready(figure: Figure, note: str) -> None:
     note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
     FigureCanvasAgg(figure)
-    settle(figure)
     for _ in range(PASSES):  # what stands beside its axes comes home after some only
         figure.draw_without_rendering()
     figure.set_layout_engine("none")
+    settle(figure)
 
 
 def bars_of(group: pd.DataFrame, name: str) -> np.ndarray:
