@@ -19,6 +19,7 @@ from hypothesis import settings
 
 from drawn import WHOLE
 from fixtures import blank, disc, miss, refused, write_exr  # noqa: F401  (fixtures of every suite)
+from study.core import registry
 
 os.environ.setdefault("STEPWISE_CC", "none")
 os.environ.setdefault("STEPWISE_UNTIMED", "1")
@@ -60,3 +61,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
 
     config.option.loadscopereorder = False
     return ByFile(config, log)
+
+
+def pytest_runtest_setup() -> None:
+    """A process keeps the scenes that its command was given as files; here many share a process."""
+    registry._given.clear()
