@@ -28,6 +28,14 @@ struct prepared;
 // The driver prints the reason and refuses the scene: a phase never draws a wrong picture.
 const char *phase_unsupported(const struct scene *scene) __attribute__((weak));
 
+// Returns why a phase that draws no groups ("groups" of phase.json is not true) cannot draw this scene; else NULL.
+static inline const char *groups_unsupported(bool draws, const struct scene *scene) {
+    return draws || scene->model.features.groups == 0
+               ? NULL
+               : "groups, modifiers, capsules, ellipsoids and gyroids are not drawn by this phase; "
+                 "baseline draws them";
+}
+
 // Optional. Returns NULL if the phase renders this scene at width × height pixels, else the reason
 // in one sentence. Called only if phase_unsupported gave none. For phases whose number range
 // limits the picture's size (see systems/fixed).

@@ -48,8 +48,9 @@ def load(name: str) -> dict:
     for key, kind in KEYS.items():
         if not isinstance(info.get(key), kind):
             sys.exit(f"phase_info: {path}: $.{key}: {kind.__name__} required")
-    if not isinstance(info.get("display", False), bool):
-        sys.exit(f"phase_info: {path}: $.display: bool required")
+    for key in ("display", "groups"):
+        if not isinstance(info.get(key, False), bool):
+            sys.exit(f"phase_info: {path}: $.{key}: bool required")
     planes = info.get("planes", [])
     if not isinstance(planes, list) or len(planes) > 32 or not all(isinstance(i, str) for i in planes):
         sys.exit(f"phase_info: {path}: $.planes: a list of at most 32 names of channels required")
@@ -228,6 +229,7 @@ def main() -> None:
         f"#define PHASE_LANES {phase['lanes']}",
         f"#define PHASE_THREADS {int(phase['threads'])}",
         f"#define PHASE_DISPLAY {int(phase.get('display', False))}",
+        f"#define PHASE_GROUPS {int(phase.get('groups', False))}",
         f"#define PHASE_PLANES {' '.join(json.dumps(i) + ',' for i in phase.get('planes', []))}",
     ]
     replace(folder / "phase_info.h", "\n".join(lines) + "\n")

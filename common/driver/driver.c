@@ -164,9 +164,7 @@ static int run(struct session *s) {
     if (!allocate_pictures(s) || !(s->frames = json_array()))
         return driver_error(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);
     s->scene.model.animated = o->frames > 0 && s->scene.model.features.motion;
-    s->moving = s->scene.model;
-    s->moving.shapes = malloc((size_t)s->moving.shape_count * sizeof *s->moving.shapes);
-    if (!s->moving.shapes)
+    if (!model_copy(&s->scene.model, &s->moving))
         return driver_error(NO_MEMORY, "out of memory for %d shapes", s->moving.shape_count);
     // Measuring the clocks takes 25 ms, much longer than a small picture. Tests that want only the
     // picture turn it off; the rates are 0 then.
@@ -233,7 +231,9 @@ static bool same_file(const char *a, const char *b) {
 static int check(const struct session *s) {
     const struct options *o = &s->options;
     char error[SCENE_ERROR_SIZE];
-    const char *unsupported = phase_unsupported ? phase_unsupported(&s->scene) : NULL;
+    const char *unsupported = groups_unsupported(PHASE_GROUPS, &s->scene);
+    if (!unsupported && phase_unsupported)
+        unsupported = phase_unsupported(&s->scene);
     if (!unsupported && phase_picture_unsupported)
         unsupported =
             phase_picture_unsupported(&s->scene, o->width * o->samples, o->height * o->samples);

@@ -14,6 +14,9 @@ void scene_read_path(struct reader *r, json_t *owner, const double position[3], 
 void path_follow(const struct path *path, const double still[3], double seconds,
                  double position[3]);
 
+// bounds.c: computes twist_radius, lipschitz, centre, radius and growth of every node.
+void model_bound_nodes(struct model *model);
+
 // hash.c: writes the hash of a checked scene and of the limits in use as hexadecimal text. Returns
 // false if memory is short.
 bool scene_hash(json_t *root, const struct limits *march, char hash[17]);

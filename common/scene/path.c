@@ -1,5 +1,6 @@
 // Paths of shapes and of the camera: reads them, and computes positions along them.
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "scene/internal.h"
@@ -100,11 +101,31 @@ void path_follow(const struct path *path, const double still[3], double seconds,
                                                   : (1.0 - c) / 2.0 * (path->to[i] - still[i]));
 }
 
+bool model_copy(const struct model *model, struct model *moved) {
+    size_t shapes = (size_t)model->shape_count * sizeof *model->shapes;
+    size_t nodes = (size_t)model->node_count * sizeof *model->nodes;
+    *moved = *model;
+    moved->shapes = malloc(shapes + nodes);
+    if (!moved->shapes)
+        return false;
+    memcpy(moved->shapes, model->shapes, shapes);
+    moved->nodes = (struct node *)(moved->shapes + model->shape_count);
+    if (nodes)
+        memcpy(moved->nodes, model->nodes, nodes);
+    return true;
+}
+
+static void move(const struct shape *still, double seconds, struct shape *moved) {
+    *moved = *still;
+    if (still->path.type != PATH_NONE)
+        path_follow(&still->path, still->position, seconds, moved->position);
+}
+
 void model_move(const struct model *model, double seconds, struct model *moved) {
-    for (int i = 0; i < model->shape_count; i++) {
-        moved->shapes[i] = model->shapes[i];
-        const struct path *path = &model->shapes[i].path;
-        if (path->type != PATH_NONE)
-            path_follow(path, model->shapes[i].position, seconds, moved->shapes[i].position);
-    }
+    for (int i = 0; i < model->shape_count; i++)
+        move(&model->shapes[i], seconds, &moved->shapes[i]);
+    for (int i = 0; i < model->node_count; i++)
+        move(&model->nodes[i].shape, seconds, &moved->nodes[i].shape);
+    if (model->node_count > 0)
+        model_bound_nodes(moved);
 }

@@ -136,6 +136,16 @@ static void find_features(struct model *model) {
         f->mirrors = f->mirrors || (model->materials[shape->material].reflectivity > 0 &&
                                     model->march.max_bounces > 0);
     }
+    f->groups = f->count[SHAPE_GROUP];
+    for (int i = 0; i < model->node_count; i++) {
+        const struct node *node = &model->nodes[i];
+        const struct material *material = &model->materials[node->shape.material];
+        f->blends = f->blends || node->blend > 0;
+        f->displacements = f->displacements || node->amplitude > 0;
+        f->twists = f->twists || node->twist != 0;
+        f->motion = f->motion || node->shape.path.type != PATH_NONE;
+        f->mirrors = f->mirrors || (material->reflectivity > 0 && model->march.max_bounces > 0);
+    }
 }
 
 static void name_scene(const char *path, char name[64]) {
@@ -207,6 +217,7 @@ bool scene_load(const char *path, const struct scene_overrides *overrides, struc
 
 void scene_free(struct scene *scene) {
     free(scene->model.shapes);
+    free(scene->model.nodes);
     free(scene->model.materials);
     memset(scene, 0, sizeof *scene);
 }

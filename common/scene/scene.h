@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SCENE_MAX_SHAPES = 4096, SCENE_ERROR_SIZE = 1024 };
+enum { SCENE_MAX_SHAPES = 4096, SCENE_MAX_NODES = 4096, SCENE_ERROR_SIZE = 1024 };
 
 enum shape_type {
     SHAPE_SPHERE,
@@ -22,7 +22,11 @@ enum shape_type {
     SHAPE_MANDELBULB,
     SHAPE_MANDELBOX,
     SHAPE_ROUNDED_BOX, // in the file: a box with rounding > 0; plain boxes do not pay for it
-    SHAPE_TYPES
+    SHAPE_GROUP,       // a tree of nodes: a group, and every shape that plain code cannot draw
+    SHAPE_TYPES,
+    SHAPE_CAPSULE = SHAPE_TYPES, // these only inside nodes
+    SHAPE_ELLIPSOID,
+    SHAPE_GYROID
 };
 
 // SOFT: the paper's estimate of the soft shadow, by its march. IDEAL: the soft shadow itself, the least
@@ -80,7 +84,48 @@ struct shape {
             double scale, fold_limit, minimum_radius, fixed_radius;
             int iterations;
         } mandelbox;
+        struct {
+            double radius, half_height; // along the y axis: of the cylinder between the half balls
+        } capsule;
+        struct {
+            double radius[3]; // field: (|p/radius| − 1)·the least of them
+        } ellipsoid;
+        struct {
+            double cell, thickness; // field: |sin x cos y + sin y cos z + sin z cos x|·cell/(2π√3)
+        } gyroid;                   // − thickness/2, with x = 2πp/cell
+        struct {
+            int root; // index into model.nodes
+        } group;
     };
+};
+
+enum operation { NODE_SHAPE, NODE_UNION, NODE_INTERSECTION, NODE_DIFFERENCE };
+
+// A node of a group's tree. Nodes stand in prefix order: a node's first child is the next one.
+//
+// Its field at a point p of its parent's coordinates: q is p in its own coordinates, by position, rotation,
+// repeat as of any shape, then mirror. r is q twisted. f is the shape's distance at r, or the operation of the
+// children's fields at r. f grows by the displacement at q; then |f| − shell, if there is a shell; then f − offset.
+// The distance of a SHAPE_GROUP to every march, shadow and normal is f/lipschitz of its root.
+struct node {
+    enum operation operation;
+    struct shape shape; // its transform, none for a root; of NODE_SHAPE: type, sizes, material
+    int end;            // index after its last descendant: of its next sibling, if it has one
+    int children;       // 0 of NODE_SHAPE
+    double blend;       // k of the smooth minimum; 0: sharp
+    bool mirror[3];     // the coordinate's magnitude, after position, rotation and repeat
+    // Turns (x, z) by twist·y: to (c·x − s·z, s·x + c·z). A point farther than twist_radius from the y axis is
+    // moved towards the axis to that distance first, and f becomes max(f, its distance from the axis − twist_radius):
+    // else the slope would have no bound. The solid lies within twist_radius, where nothing changes.
+    double twist, twist_radius; // radians per unit; 0: none
+    double amplitude,
+        frequency[3];     // f + amplitude·sin(frequency[0]·qx)·sin(…·qy)·sin(…·qz); 0: none
+    double shell, offset; // 0: none
+    // What follows is computed by the reader and by model_move. All of it in the parent's coordinates.
+    double
+        lipschitz; // the field's greatest slope, at least 1 (not across the border of a repeated cell)
+    double centre[3], radius; // sphere about the solid, where f < 0; radius INFINITY: none
+    double growth;            // 0 to 1: outside the sphere, f ≥ growth·(|p − centre| − radius)
 };
 
 struct material {
@@ -101,13 +146,17 @@ struct limits {
 // Features that the scene uses. A phase evaluates and counts only these.
 struct features {
     bool rotation, repetition, mirrors, fog;
-    bool motion;            // a shape has a path
+    bool motion;            // a shape or a node has a path
     int count[SHAPE_TYPES]; // shapes of each type
+    // Of nodes. The bits above, but for mirrors and motion, are of shapes alone.
+    int groups; // = count[SHAPE_GROUP]
+    bool blends, displacements, twists;
 };
 
 struct model {
-    int shape_count, material_count;
+    int shape_count, material_count, node_count;
     struct shape *shapes;
+    struct node *nodes;
     struct material *materials;
     struct limits march;
     double background[3];
@@ -158,8 +207,12 @@ void scene_free(struct scene *scene);
 enum aim { AIM_OK, AIM_AT_ITSELF, AIM_ALONG_UP };
 enum aim view_aim(struct view *view, const double look_at[3], const double up[3]);
 
-// Writes the model's shapes to `moved` with their positions at `seconds`, which may be negative.
-// `moved` is a copy of `model` with its own array of shapes of the same length.
+// Makes `moved` a copy of `model` with its own shapes and nodes, for model_move. Both are in one piece of memory:
+// the caller frees moved->shapes. Returns false if memory is short; moved->shapes is NULL then.
+bool model_copy(const struct model *model, struct model *moved);
+
+// Writes the model's shapes and nodes to `moved`, a copy of it, with their positions at `seconds`, which may
+// be negative. Spheres and Lipschitz constants of nodes are those of that time.
 void model_move(const struct model *model, double seconds, struct model *moved);
 
 // Writes the camera and light at `seconds`, which may be negative. Unless it returns AIM_OK, the path leads

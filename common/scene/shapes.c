@@ -8,9 +8,9 @@
 
 enum { MAX_ITERATIONS = 1000, MAX_BOX_ITERATIONS = 100 };
 
-static const char *const TYPE_NAMES[SHAPE_TYPES] = {"sphere",     "box",        "torus",
-                                                    "cone",       "octahedron", "plane",
-                                                    "mandelbulb", "mandelbox",  "rounded box"};
+static const char *const TYPE_NAMES[] = {
+    "sphere",    "box",         "torus", "cone",    "octahedron", "plane", "mandelbulb",
+    "mandelbox", "rounded box", "group", "capsule", "ellipsoid",  "gyroid"};
 
 const char *shape_type_name(enum shape_type type) {
     return TYPE_NAMES[type];

@@ -215,7 +215,9 @@ int main(int argc, char **argv) {
         fprintf(stderr, "hits: %s\n", error);
         return 2;
     }
-    if ((no = phase_unsupported ? phase_unsupported(&scene) : NULL))
+    if (!(no = groups_unsupported(PHASE_GROUPS, &scene)) && phase_unsupported)
+        no = phase_unsupported(&scene);
+    if (no)
         fprintf(stderr, "hits: %s\n", no);
     options.reps = (int)reps;
     int status = no ? 4 : run(&scene, &options);

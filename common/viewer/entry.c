@@ -8,6 +8,7 @@ static const struct viewer_phase ENTRY = {
     .name = PHASE_NAME,
     .precision = PHASE_PRECISION,
     .threads = PHASE_THREADS,
+    .groups = PHASE_GROUPS,
     .planes = PLANES,
     .missing = variant_missing,
     .variant = variant_here,

@@ -10,6 +10,7 @@
 struct viewer_phase {
     const char *name, *precision;
     bool threads;              // may use more than one
+    bool groups;               // draws groups of shapes
     const char *const *planes; // its own, ending with NULL
     const char *(*missing)(void);
     struct variant (*variant)(void);
@@ -25,7 +26,8 @@ struct viewer_phase {
 
 static inline const char *why_unsupported(const struct viewer_phase *phase,
                                           const struct scene *scene) {
-    return phase->unsupported ? phase->unsupported(scene) : NULL;
+    const char *no = groups_unsupported(phase->groups, scene);
+    return no || !phase->unsupported ? no : phase->unsupported(scene);
 }
 
 // Sorts the phases: the ladder first, then the others by name. Called once, before the functions below.

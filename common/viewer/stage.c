@@ -54,9 +54,7 @@ static bool open_alone(struct stage *stage, const struct viewer_phase *phase,
     if (unsupported)
         return refused(stage, unsupported, error);
     const struct model *model = &world->scene.model;
-    stage->moving = *model;
-    stage->moving.shapes = malloc((size_t)model->shape_count * sizeof *model->shapes);
-    if (stage->moving.shapes)
+    if (model_copy(model, &stage->moving))
         stage->prepared = phase->prepare(model, stage->threads);
     if (stage->prepared)
         return true;

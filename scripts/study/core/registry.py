@@ -60,6 +60,8 @@ class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     exact_hits: bool = False
     # It makes the picture as it is displayed itself, where that alone is asked for (render --display).
     display: bool = False
+    # It draws groups of shapes, modifiers and the shapes that are only in groups; others refuse such a scene.
+    groups: bool = False
     # Its picture is meant to be near, not the same: conformance asks of its form alone, and `tolerance` says
     # how much further from truth than baseline it may be (scripts/stepwise accuracy).
     approximate: bool = False

@@ -1,0 +1,132 @@
+// Bounds of groups: of every node a sphere about its solid, its field's greatest slope, and how fast the field
+// grows outside the sphere. See struct node.
+//
+// Each rule keeps the promise f(p) ≥ growth·(|p − centre| − radius) outside the sphere. So f < s lies within the
+// sphere of radius + s/growth, by which offsets, shells, displacements and blends grow it.
+#include <math.h>
+
+#include "scene/internal.h"
+#include "scene/vector.h"
+
+// Multiplies radii and slopes, against rounding.
+static const double MARGIN = 1 + 1e-12;
+
+// Returns the radius of the shape's sphere about 0 in its own coordinates.
+static double shape_radius(const struct shape *s) {
+    const double *half = s->box.half_size, *radius = s->ellipsoid.radius;
+    switch ((int)s->type) {
+    case SHAPE_SPHERE: return s->sphere.radius;
+    case SHAPE_BOX:
+    case SHAPE_ROUNDED_BOX: return sqrt(dot3(half, half)) + s->box.rounding;
+    case SHAPE_TORUS: return s->torus.major_radius + s->torus.minor_radius;
+    case SHAPE_CONE:
+        return hypot(fmax(s->cone.bottom_radius, s->cone.top_radius), s->cone.half_height);
+    case SHAPE_OCTAHEDRON: return s->octahedron.radius;
+    case SHAPE_CAPSULE: return s->capsule.half_height + s->capsule.radius;
+    case SHAPE_ELLIPSOID: return fmax(radius[0], fmax(radius[1], radius[2]));
+    default: return INFINITY; // a plane or a gyroid
+    }
+}
+
+// The sphere about the children's: about the middle of the box of their centres.
+static void enclose(const struct node *nodes, int first, struct node *parent) {
+    double low[3], high[3];
+    parent->radius = 0;
+    for (int i = first; i < parent->end; i = nodes[i].end)
+        for (int k = 0; k < 3; k++) {
+            low[k] = i == first ? nodes[i].centre[k] : fmin(low[k], nodes[i].centre[k]);
+            high[k] = i == first ? nodes[i].centre[k] : fmax(high[k], nodes[i].centre[k]);
+        }
+    for (int k = 0; k < 3; k++)
+        parent->centre[k] = (low[k] + high[k]) / 2;
+    for (int i = first; i < parent->end; i = nodes[i].end) {
+        double d[3];
+        for (int k = 0; k < 3; k++)
+            d[k] = nodes[i].centre[k] - parent->centre[k];
+        parent->radius = fmax(parent->radius, sqrt(dot3(d, d)) + nodes[i].radius);
+        parent->growth = fmin(parent->growth, nodes[i].growth);
+    }
+    // Where all children are equal, a blend is lower than they are by this.
+    parent->radius += parent->blend / 2 * (1 - 1.0 / parent->children) / parent->growth;
+}
+
+// The sphere of an intersection is its smallest child's; that of a difference is its first child's.
+static void take_child(const struct node *nodes, int first, struct node *parent) {
+    int best = first;
+    for (int i = first; i < parent->end && parent->operation == NODE_INTERSECTION; i = nodes[i].end)
+        best = nodes[i].radius < nodes[best].radius ? i : best;
+    for (int k = 0; k < 3; k++)
+        parent->centre[k] = nodes[best].centre[k];
+    parent->radius = nodes[best].radius;
+    parent->growth = nodes[best].growth;
+}
+
+// A twist needs a cylinder about its axis that holds the solid, and what displacement, shell and offset add. Within
+// it, at most ρ from the axis, the greatest stretch of (x, z) → turned by twist·y is the singular value
+// (κρ + √(κ²ρ² + 4))/2 with κ = |twist| of a shear. The sphere moves onto the axis, about which everything turns.
+static void bound_twist(struct node *node, double added) {
+    double off = hypot(node->centre[0], node->centre[2]);
+    node->radius += off;
+    node->centre[0] = node->centre[2] = 0;
+    node->twist_radius = (node->radius + added / node->growth) * MARGIN;
+    double shear = fabs(node->twist) * node->twist_radius;
+    node->lipschitz *= (shear + sqrt(shear * shear + 4)) / 2 * MARGIN;
+    // Outside the cylinder f is the larger of ρ − twist_radius and the field at the nearest point of it.
+    node->growth /= 2;
+}
+
+// Takes the sphere from the node's own to the parent's coordinates.
+static void to_parent(struct node *node) {
+    const struct shape *shape = &node->shape;
+    double turn[3][3], rest[3], aside = 0;
+    for (int k = 0; k < 3; k++)
+        if (node->mirror[k]) { // |q|: two images at ±centre, about 0
+            aside += node->centre[k] * node->centre[k];
+            node->centre[k] = 0;
+        }
+    node->radius += sqrt(aside);
+    if (shape->repeat[0] > 0 || shape->repeat[1] > 0 || shape->repeat[2] > 0)
+        node->radius = INFINITY;
+    rotation_matrix(shape->rotation_degrees, turn);
+    for (int k = 0; k < 3; k++) // by the transpose: the inverse
+        rest[k] = turn[0][k] * node->centre[0] + turn[1][k] * node->centre[1] +
+                  turn[2][k] * node->centre[2];
+    for (int k = 0; k < 3; k++) {
+        node->centre[k] = rest[k] + shape->position[k];
+        node->radius += 1e-15 * (fabs(rest[k]) + fabs(shape->position[k])); // rounding
+    }
+}
+
+static void bound_node(struct node *nodes, int index) {
+    struct node *node = &nodes[index];
+    node->lipschitz = node->growth = 1;
+    node->twist_radius = 0;
+    for (int k = 0; k < 3; k++)
+        node->centre[k] = 0;
+    if (node->operation == NODE_SHAPE) {
+        const double *radius = node->shape.ellipsoid.radius;
+        node->radius = shape_radius(&node->shape);
+        if (node->shape.type == SHAPE_ELLIPSOID)
+            node->growth = fmin(radius[0], fmin(radius[1], radius[2])) / node->radius;
+    } else if (node->operation == NODE_UNION)
+        enclose(nodes, index + 1, node);
+    else
+        take_child(nodes, index + 1, node);
+    for (int i = index + 1; i < node->end; i = nodes[i].end)
+        node->lipschitz = fmax(node->lipschitz, nodes[i].lipschitz);
+    double added = node->amplitude + node->shell + fmax(node->offset, 0);
+    if (node->twist != 0)
+        bound_twist(node, added);
+    // The gradient of sin ωx·x · sin ωy·y · sin ωz·z squared is linear in each sin²: it is largest where each is 0
+    // or 1, and there it is the square of one ω or 0.
+    const double *w = node->frequency;
+    if (node->amplitude > 0)
+        node->lipschitz += node->amplitude * MARGIN * fmax(w[0], fmax(w[1], w[2]));
+    node->radius = (node->radius + added / node->growth) * MARGIN;
+    to_parent(node);
+}
+
+void model_bound_nodes(struct model *model) {
+    for (int i = model->node_count - 1; i >= 0; i--) // children stand after their parent
+        bound_node(model->nodes, i);
+}
