@@ -97,7 +97,7 @@ static void to_parent(struct node *node) {
     }
 }
 
-static void bound_node(struct node *nodes, int index) {
+void node_bound(struct node *nodes, int index) {
     struct node *node = &nodes[index];
     node->lipschitz = node->growth = 1;
     node->twist_radius = 0;
@@ -128,5 +128,5 @@ static void bound_node(struct node *nodes, int index) {
 
 void model_bound_nodes(struct model *model) {
     for (int i = model->node_count - 1; i >= 0; i--) // children stand after their parent
-        bound_node(model->nodes, i);
+        node_bound(model->nodes, i);
 }

@@ -104,7 +104,7 @@ static double checked(struct reader *r, const char *key, json_t *value, enum ran
     else if (range == CELL && !(x == 0 || x >= SMALLEST))
         reader_fail(r, key, "%g is neither 0 nor a cell of at least %g", x, SMALLEST);
     else if (range == ROUNDING && !(x == 0 || x >= SMALLEST))
-        reader_fail(r, key, "%g is neither 0 nor a radius of at least %g", x, SMALLEST);
+        reader_fail(r, key, "%g is neither 0 nor a length of at least %g", x, SMALLEST);
     else if (range == UNIT && !(x >= 0 && x <= 1))
         reader_fail(r, key, "%g is not in 0 to 1", x);
     else if (range == FIELD_OF_VIEW && !(x >= 1 && x <= 170))

@@ -10,7 +10,7 @@ static const double LARGEST = 1e9, SMALLEST = 1e-9;
 
 struct reader {
     const char *file;
-    char path[256]; // of the current object, e.g. $.shapes[3]
+    char path[512]; // of the current object, e.g. $.shapes[3]
     char *error;    // at least SCENE_ERROR_SIZE bytes
     bool failed;
 };

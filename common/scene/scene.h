@@ -117,13 +117,14 @@ struct node {
     // Turns (x, z) by twist·y: to (c·x − s·z, s·x + c·z). A point farther than twist_radius from the y axis is
     // moved towards the axis to that distance first, and f becomes max(f, its distance from the axis − twist_radius):
     // else the slope would have no bound. The solid lies within twist_radius, where nothing changes.
-    double twist, twist_radius; // radians per unit; 0: none
-    double amplitude,
-        frequency[3];     // f + amplitude·sin(frequency[0]·qx)·sin(…·qy)·sin(…·qz); 0: none
-    double shell, offset; // 0: none
+    double twist, twist_radius;     // radians per unit; 0: none
+    double amplitude, frequency[3]; // f + amplitude·sin(ω0·qx)·sin(ω1·qy)·sin(ω2·qz); 0: none
+    double shell, offset;           // 0: none
+    // It or a descendant is repeated, and not its own mirror image at the cell's walls: the field may jump there,
+    // and no bound by `lipschitz` holds across. Of a root: its SHAPE_GROUP's repeat counts too.
+    bool jumps;
     // What follows is computed by the reader and by model_move. All of it in the parent's coordinates.
-    double
-        lipschitz; // the field's greatest slope, at least 1 (not across the border of a repeated cell)
+    double lipschitz;         // the field's greatest slope, at least 1
     double centre[3], radius; // sphere about the solid, where f < 0; radius INFINITY: none
     double growth;            // 0 to 1: outside the sphere, f ≥ growth·(|p − centre| − radius)
 };

@@ -6,9 +6,9 @@
 #include "scene/internal.h"
 #include "scene/vector.h"
 
-enum { MAX_ITERATIONS = 1000, MAX_BOX_ITERATIONS = 100 };
+enum { MAX_ITERATIONS = 1000, MAX_BOX_ITERATIONS = 100, TYPES = SHAPE_GYROID + 1 };
 
-static const char *const TYPE_NAMES[] = {
+static const char *const TYPE_NAMES[TYPES] = {
     "sphere",    "box",         "torus", "cone",    "octahedron", "plane", "mandelbulb",
     "mandelbox", "rounded box", "group", "capsule", "ellipsoid",  "gyroid"};
 
@@ -76,22 +76,48 @@ static void read_mandelbox(struct reader *r, json_t *object, struct shape *shape
             pow(stretch * ratio * ratio, n), (int)(log(1e30) / log(stretch * ratio * ratio)));
 }
 
-static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
-    static const char *const keys[SHAPE_TYPES][5] = {
-        {"radius"},
-        {"half_size", "rounding"},
-        {"major_radius", "minor_radius"},
-        {"bottom_radius", "top_radius", "half_height"},
-        {"radius"},
-        {"normal", "offset"},
-        {"power", "iterations", "bailout"},
-        {"scale", "fold_limit", "minimum_radius", "fixed_radius", "iterations"},
-    };
-    const char *known[12] = {"type", "material", "position", "rotation_degrees", "repeat", "path"};
-    for (int i = 0; i < 5 && keys[shape->type][i]; i++)
-        known[6 + i] = keys[shape->type][i];
+// Sizes of the file's types. A rounded box is a box there. A plane's `offset` is its own, not the modifier.
+static const char *const FILE_KEYS[TYPES][6] = {
+    [SHAPE_SPHERE] = {"radius"},
+    [SHAPE_BOX] = {"half_size", "rounding"},
+    [SHAPE_TORUS] = {"major_radius", "minor_radius"},
+    [SHAPE_CONE] = {"bottom_radius", "top_radius", "half_height"},
+    [SHAPE_OCTAHEDRON] = {"radius"},
+    [SHAPE_PLANE] = {"normal"},
+    [SHAPE_MANDELBULB] = {"power", "iterations", "bailout"},
+    [SHAPE_MANDELBOX] = {"scale", "fold_limit", "minimum_radius", "fixed_radius", "iterations"},
+    [SHAPE_GROUP] = {"operation", "blend", "shapes"},
+    [SHAPE_CAPSULE] = {"radius", "half_height"},
+    [SHAPE_ELLIPSOID] = {"radius"},
+    [SHAPE_GYROID] = {"cell", "thickness"},
+};
+
+static void check_keys(struct reader *r, json_t *object, enum shape_type type) {
+    static const char *const every[] = {"type", "position", "rotation_degrees", "repeat", "path"};
+    static const char *const modifiers[] = {"offset", "shell", "mirror", "displace", "twist"};
+    const char *known[20] = {0};
+    int count = 0;
+    for (int i = 0; i < 5; i++)
+        known[count++] = every[i];
+    if (type != SHAPE_GROUP)
+        known[count++] = "material";
+    for (const char *const *key = FILE_KEYS[type]; *key; key++)
+        known[count++] = *key;
+    for (int i = 0; i < 5 && !is_fractal(type); i++)
+        known[count++] = modifiers[i];
     reader_only_keys(r, object, known);
-    switch (shape->type) {
+}
+
+static void read_ellipsoid(struct reader *r, json_t *object, struct shape *shape) {
+    double *a = shape->ellipsoid.radius;
+    if (reader_vector(r, object, "radius", POSITIVE, a) &&
+        !(fmax(a[0], fmax(a[1], a[2])) <= 1000 * fmin(a[0], fmin(a[1], a[2]))))
+        reader_fail(r, "radius", "the largest is more than 1000 times the least");
+}
+
+static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
+    check_keys(r, object, shape->type);
+    switch ((int)shape->type) {
     case SHAPE_SPHERE: shape->sphere.radius = reader_number(r, object, "radius", POSITIVE); break;
     case SHAPE_BOX:
         reader_vector(r, object, "half_size", POSITIVE, shape->box.half_size);
@@ -125,23 +151,32 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
             reader_fail(r, "bailout", "%g is not in 4 to 10000", shape->mandelbulb.bailout);
         break;
     case SHAPE_MANDELBOX: read_mandelbox(r, object, shape); break;
+    case SHAPE_CAPSULE:
+        shape->capsule.radius = reader_number(r, object, "radius", POSITIVE);
+        shape->capsule.half_height = reader_number(r, object, "half_height", POSITIVE);
+        break;
+    case SHAPE_ELLIPSOID: read_ellipsoid(r, object, shape); break;
+    case SHAPE_GYROID:
+        shape->gyroid.cell = reader_number(r, object, "cell", POSITIVE);
+        shape->gyroid.thickness = reader_number(r, object, "thickness", POSITIVE);
+        break;
     default: break;
     }
 }
 
-static void read_shape(struct reader *r, json_t *object, json_t *materials, struct shape *shape) {
+void scene_read_shape(struct reader *r, json_t *object, json_t *materials, struct shape *shape) {
     json_t *type = reader_member(r, object, "type", JSON_STRING, "the name of a shape");
     if (!type)
         return;
     int found = -1;
-    for (int i = 0; i < SHAPE_ROUNDED_BOX; i++) // a rounded box is a box in the file
-        if (strcmp(json_string_value(type), TYPE_NAMES[i]) == 0)
+    for (int i = 0; i < TYPES; i++)
+        if (FILE_KEYS[i][0] && strcmp(json_string_value(type), TYPE_NAMES[i]) == 0)
             found = i;
     if (found < 0) {
         reader_fail(
             r, "type",
             "\"%.80s\" is not a shape; there are sphere, box, torus, cone, octahedron, plane, "
-            "mandelbulb, mandelbox",
+            "mandelbulb, mandelbox, capsule, ellipsoid, gyroid, group",
             json_string_value(type));
         return;
     }
@@ -155,6 +190,8 @@ static void read_shape(struct reader *r, json_t *object, json_t *materials, stru
         reader_vector(r, object, "repeat", CELL, shape->repeat);
     if (json_object_get(object, "path") && !r->failed)
         scene_read_path(r, object, shape->position, &shape->path);
+    if (shape->type == SHAPE_GROUP)
+        return;
     json_t *material = reader_member(r, object, "material", JSON_STRING, "the name of a material");
     if (material && !r->failed) {
         shape->material = material_index(materials, json_string_value(material));
@@ -162,6 +199,19 @@ static void read_shape(struct reader *r, json_t *object, json_t *materials, stru
             reader_fail(r, "material", "\"%.80s\" is not defined in $.materials",
                         json_string_value(material));
     }
+}
+
+json_t *scene_enter_shape(struct reader *r, json_t *shapes, size_t index, size_t *back) {
+    char place[24];
+    snprintf(place, sizeof place, "[%zu]", index);
+    json_t *object = json_array_get(shapes, index);
+    *back = reader_enter(r, "shapes");
+    if (!json_is_object(object)) {
+        reader_fail(r, place, "%s where an object is required", reader_kind(object));
+        return NULL;
+    }
+    reader_enter(r, place);
+    return object;
 }
 
 void scene_read_shapes(struct reader *r, json_t *root, struct model *model) {
@@ -175,19 +225,15 @@ void scene_read_shapes(struct reader *r, json_t *root, struct model *model) {
     }
     model->shapes = reader_allocate(r, count, sizeof *model->shapes);
     json_t *materials = json_object_get(root, "materials");
-    size_t back = reader_enter(r, "shapes");
     for (size_t i = 0; i < count && !r->failed; i++) {
-        char index[24];
-        snprintf(index, sizeof index, "[%zu]", i);
-        json_t *object = json_array_get(shapes, i);
-        if (!json_is_object(object)) {
-            reader_fail(r, index, "%s where an object is required", reader_kind(object));
-            break;
-        }
-        size_t inner = reader_enter(r, index);
-        read_shape(r, object, materials, &model->shapes[i]);
-        reader_leave(r, inner);
+        size_t back;
+        struct shape *shape = &model->shapes[i];
+        json_t *object = scene_enter_shape(r, shapes, i, &back);
+        if (object)
+            scene_read_shape(r, object, materials, shape);
+        if (!r->failed && scene_needs_tree(object, shape))
+            scene_read_group(r, object, materials, shape, model);
+        reader_leave(r, back);
         model->shape_count++;
     }
-    reader_leave(r, back);
 }
