@@ -28,6 +28,19 @@ static double shape_radius(const struct shape *s) {
     }
 }
 
+// Returns how far the shape reaches from the y axis of its own coordinates.
+static double shape_reach(const struct shape *s) {
+    switch ((int)s->type) {
+    case SHAPE_BOX:
+    case SHAPE_ROUNDED_BOX:
+        return hypot(s->box.half_size[0], s->box.half_size[2]) + s->box.rounding;
+    case SHAPE_CONE: return fmax(s->cone.bottom_radius, s->cone.top_radius);
+    case SHAPE_CAPSULE: return s->capsule.radius;
+    case SHAPE_ELLIPSOID: return fmax(s->ellipsoid.radius[0], s->ellipsoid.radius[2]);
+    default: return shape_radius(s);
+    }
+}
+
 // The sphere about the children's: about the middle of the box of their centres.
 static void enclose(const struct node *nodes, int first, struct node *parent) {
     double low[3], high[3];
@@ -68,7 +81,8 @@ static void bound_twist(struct node *node, double added) {
     double off = hypot(node->centre[0], node->centre[2]);
     node->radius += off;
     node->centre[0] = node->centre[2] = 0;
-    node->twist_radius = (node->radius + added / node->growth) * MARGIN;
+    double reach = node->operation == NODE_SHAPE ? shape_reach(&node->shape) : node->radius;
+    node->twist_radius = (reach + added / node->growth) * MARGIN;
     double shear = fabs(node->twist) * node->twist_radius;
     node->lipschitz *= (shear + sqrt(shear * shear + 4)) / 2 * MARGIN;
     // Outside the cylinder f is the larger of ρ − twist_radius and the field at the nearest point of it.

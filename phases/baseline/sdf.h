@@ -178,8 +178,16 @@ static double (*const distance_of[SHAPE_TYPES])(struct vec3, const struct shape 
     [SHAPE_ROUNDED_BOX] = sdf_rounded_box,
 };
 
-static inline double distance_to_shape(const struct vec3 *p, const struct shape *shape) {
+// Returns a group's distance at a point of its coordinates, and the material of its surface there (group.c).
+double sdf_group(struct vec3 p, const struct node *nodes, int root);
+struct material group_material(struct vec3 p, const struct node *nodes, int root,
+                               const struct material *materials);
+
+static inline double distance_to_shape(const struct vec3 *p, const struct shape *shape,
+                                       const struct node *nodes) {
     COUNT(distance_to_shape, call);
+    if (shape->type == SHAPE_GROUP)
+        return sdf_group(apply_transform(p, shape), nodes, shape->group.root);
     return distance_of[shape->type](apply_transform(p, shape), shape);
 }
 
@@ -197,7 +205,7 @@ CALL double sdf(struct vec3 p, struct world world, int *nearest) {
     double closest = INFINITY;
     for (int i = 0; i < world.shape_count; i++) {
         COUNT(sdf, shape);
-        double distance = distance_to_shape(&p, &world.shapes[i]);
+        double distance = distance_to_shape(&p, &world.shapes[i], world.model->nodes);
         if (distance < closest) {
             closest = distance;
             *nearest = i;

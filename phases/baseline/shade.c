@@ -43,6 +43,15 @@ static struct vec3 light_at(struct vec3 p, struct vec3 n, struct vec3 direction,
     return vec_add(vec_add(ambient, diffuse), specular);
 }
 
+static struct material material_at(struct vec3 p, int index, struct world world) {
+    const struct shape *shape = &world.shapes[index];
+    const struct model *model = world.model;
+    if (shape->type == SHAPE_GROUP)
+        return group_material(apply_transform(&p, shape), model->nodes, shape->group.root,
+                              model->materials);
+    return model->materials[shape->material];
+}
+
 struct shaded trace(struct vec3 origin, struct vec3 direction, int bounce, struct world world) {
     COUNT(trace, call);
     struct shaded result = {.color = *vec_at(world.model->background)};
@@ -52,7 +61,7 @@ struct shaded trace(struct vec3 origin, struct vec3 direction, int bounce, struc
     COUNT(trace, hit);
     struct vec3 p = result.hit.point;
     struct vec3 n = normal_at(p, direction, world);
-    struct material material = world.model->materials[world.shapes[result.hit.shape].material];
+    struct material material = material_at(p, result.hit.shape, world);
     struct vec3 color = light_at(p, n, direction, material, world);
     if (material.reflectivity > 0.0 && bounce < world.model->march.max_bounces) {
         COUNT(trace, mirror);

@@ -12,7 +12,7 @@ from conformance.feature_scenes import scene, shape
 from conformance.harness import REFERENCE, call
 from study.core import registry
 
-SHIPPED = {**registry.scenes(), **registry.animated(), **registry.large()}
+SHIPPED = registry.shipped()
 WARNING = "render: warning: "
 
 

@@ -12,6 +12,7 @@ search.
 - corridors, the worst case: columns of shapes one behind the other, each as large as it looks from the
   camera, so that a column is one outline and a ray that misses runs between columns to the end, close to many
   shapes.
+- molecule: blended spheres along a random walk within a ball, one group.
 - hall: two facing mirrors and three small spheres; nearly every ray is mirrored as often as it may be.
 """
 
@@ -41,6 +42,15 @@ NEAR, FAR, DEEP = 20.0, 40.0, 60.0  # scene units from the camera; DEEP: the las
 CLUSTERS, CLUSTER_SIGMA, BALL = 8, 1.5, 1.5
 RAYS = 160, 90  # of the picture whose coverage is set
 MIRRORS_APART = 4.0
+BOND, NEIGHBOURS, GLOBE, TRIES = (
+    0.36,
+    0.42,
+    2.2,
+    24,
+)  # scene units between atoms of a molecule, and its radius
+ATOMS = {"carbon": (0.26, [0.25, 0.25, 0.27]), "nitrogen": (0.25, [0.08, 0.15, 0.75])}  # radius, colour
+ATOMS |= {"oxygen": (0.24, [0.75, 0.06, 0.06]), "hydrogen": (0.2, [0.8, 0.8, 0.8])}
+SHARES = (0.45, 0.57, 0.72, 1.0)  # of the atoms that are of an element or one before it
 MARCH = {"max_steps": 3000, "hit_distance": 1e-6, "bounds_radius": 100}
 MARCH |= {"max_bounces": 3, "normal_step": 1e-4, "surface_offset": 1e-3}
 Place = tuple[float, float, float]
@@ -208,6 +218,28 @@ def hall(bounces: int) -> dict[str, Any]:
     light = {"position": [0, 3, 2], "shadows": "none", "emission": [3, 3, 3]}
     look_at = [math.cos(math.radians(20)), 0, math.sin(math.radians(20))]
     return _scene(light, {**_materials(), "mirror": mirror}, shapes, look_at, bounces)
+
+
+def molecule(count: int, seed: int) -> dict[str, Any]:
+    """`count` blended spheres in one group: each a bond from the one before it, in the direction, of TRIES,
+    that leads least close to others and not out of the globe."""
+    dice = random.Random(f"molecule {seed}")
+    atoms, shapes = np.zeros((count, 3)), []
+    for i in range(1, count):
+        steps = np.array([[_normal(dice) for _ in range(3)] for _ in range(TRIES)])
+        tried = atoms[i - 1] + BOND * steps / np.linalg.norm(steps, axis=1, keepdims=True)
+        apart = np.linalg.norm(tried[:, None] - atoms[None, : i - 1], axis=2)
+        crowd = np.where(apart < NEIGHBOURS, (apart + 0.1) ** -6, 0).sum(axis=1)
+        outside = np.maximum(np.linalg.norm(tried / [1.25, 1, 1], axis=1) - GLOBE, 0)
+        atoms[i] = tried[(crowd + 1e9 * outside).argmin()]
+    for place in atoms:
+        name = [*ATOMS][np.searchsorted(SHARES, dice.random(), "right")]
+        sphere = {"type": "sphere", "radius": ATOMS[name][0], "material": name}
+        shapes.append(sphere | {"position": [round(float(x), 4) for x in place]})
+    materials = {name: {"color": c, "reflectivity": 0.0, "shininess": 30.0} for name, (_, c) in ATOMS.items()}
+    group = {"type": "group", "operation": "union", "blend": 0.15, "position": [0, 0, 13], "shapes": shapes}
+    light = {"position": [10, 24, -14], "shadows": "soft", "emission": [24, 24, 24]}
+    return _scene(light, materials, [group], [0, 0, 1])
 
 
 def _written(name: str, make: Callable[[], dict[str, Any]], folder: Path) -> Scene:

@@ -178,6 +178,18 @@ def large(root: Path = ROOT) -> dict[str, Scene]:
     return _scenes_in(root / "common" / "scenes" / "large")
 
 
+@functools.cache
+def groups(root: Path = ROOT) -> dict[str, Scene]:
+    """Scenes of groups, by name: drawn where they are asked for, by phases that draw groups."""
+    return _scenes_in(root / "common" / "scenes" / "groups")
+
+
+@functools.cache
+def shipped(root: Path = ROOT) -> dict[str, Scene]:
+    """Every scene of the project, by name."""
+    return scenes(root) | animated(root) | large(root) | groups(root)
+
+
 def _scenes_in(folder: Path) -> dict[str, Scene]:
     return {path.stem: scene_at(path) for path in sorted(folder.glob("*.json"))}
 
@@ -234,7 +246,7 @@ def find_scene(name: str, root: Path = ROOT) -> Scene:
         return _given[name]
     if name in animated(root) and name not in scenes(root):
         raise StudyError(f"scene '{name}' stands in common/scenes/animated: it is for animation and flight")
-    known = scenes(root) | large(root)
+    known = scenes(root) | large(root) | groups(root)
     if name not in known:
         raise _unknown("scene", name, known)
     return known[name]
@@ -259,12 +271,12 @@ def given(text: str) -> str:
     if lacking := [key for key in scene_json.KEYS if key not in scene.data]:
         raise StudyError(f"{text}: $.{lacking[0]}: is missing; common/scenes/README.md has the format")
     try:
-        if unknown := {one.material for one in scene.content.shapes} - {*scene.content.materials}:
+        leaves = [leaf for one in scene.content.shapes for leaf in one.leaves]
+        if unknown := {one.material for one in leaves} - {*scene.content.materials}:
             raise StudyError(f"{text}: material {unknown.pop()!r} is not defined in $.materials")
     except msgspec.ValidationError as error:
         raise StudyError(f"{text}: {error}") from None
-    shipped = scenes() | large() | animated()
-    if (other := _given.get(scene.name, shipped.get(scene.name))) and other.data != scene.data:
+    if (other := _given.get(scene.name, shipped().get(scene.name))) and other.data != scene.data:
         raise StudyError(f"{text}: {other.path} is another scene of that name; rename one of the files")
     _given[scene.name] = scene
     return scene.name
@@ -275,8 +287,7 @@ _given: dict[str, Scene] = {}  # by name: of the files on the command line, and 
 
 def own_scenes() -> dict[str, Scene]:
     """The scenes of given files that are not the project's."""
-    shipped = scenes() | large() | animated()
-    return {name: scene for name, scene in _given.items() if name not in shipped}
+    return {name: scene for name, scene in _given.items() if name not in shipped()}
 
 
 @functools.cache

@@ -7,6 +7,7 @@ import msgspec
 Vector = tuple[float, float, float]
 KEYS = ("camera", "light", "background", "fog", "march", "materials", "shapes")  # all are required
 ZERO: Vector = (0.0, 0.0, 0.0)
+GROUP = "group"  # the type of a shape that is a tree of others
 
 
 class Motion(msgspec.Struct):
@@ -46,6 +47,11 @@ class Material(msgspec.Struct):
     reflectivity: float = 0.0
 
 
+class Displacement(msgspec.Struct):
+    amplitude: float
+    frequency: Vector
+
+
 class Shape(msgspec.Struct):
     """Sizes that its type does not have are zero."""
 
@@ -54,7 +60,7 @@ class Shape(msgspec.Struct):
     position: Vector = ZERO
     rotation_degrees: Vector = ZERO
     repeat: Vector = ZERO
-    radius: float = 0.0
+    radius: Any = 0.0  # of an ellipsoid three numbers
     half_size: Vector = ZERO
     rounding: float = 0.0
     major_radius: float = 0.0
@@ -66,6 +72,27 @@ class Shape(msgspec.Struct):
     offset: float = 0.0
     iterations: int = 0
     bailout: float = 0.0
+    cell: float = 0.0
+    thickness: float = 0.0
+    operation: str = ""
+    blend: float = 0.0
+    shapes: list["Shape"] = []
+    shell: float = 0.0
+    mirror: str = ""
+    displace: Displacement | None = None
+    twist: float = 0.0
+
+    @property
+    def leaves(self) -> list["Shape"]:
+        """The solids and planes of a group, in the file's order; itself, if it is none."""
+        return [leaf for one in self.shapes for leaf in one.leaves] if self.type == GROUP else [self]
+
+    @property
+    def needs_tree(self) -> bool:
+        """Whether only a phase that draws groups draws it: a group, a modifier, a shape of groups alone."""
+        offset = self.offset if self.type != "plane" else 0
+        changed = self.shell or self.mirror or self.displace or self.twist or offset
+        return bool(changed) or self.type in (GROUP, "capsule", "ellipsoid", "gyroid")
 
 
 class Content(msgspec.Struct):
@@ -81,8 +108,13 @@ class Content(msgspec.Struct):
 
     @property
     def of_shapes(self) -> list[Material]:
-        """The material of each shape."""
-        return [self.materials[shape.material] for shape in self.shapes]
+        """The material of each shape; of a group its best mirror's."""
+        materials = ([self.materials[leaf.material] for leaf in shape.leaves] for shape in self.shapes)
+        return [max(each, key=lambda one: one.reflectivity) for each in materials]
+
+    @property
+    def has_groups(self) -> bool:
+        return any(shape.needs_tree for shape in self.shapes)
 
 
 def read(data: dict[str, Any]) -> Content:
