@@ -42,10 +42,26 @@ static inline double mirror(double x, bool mirrored) {
     return mirrored ? (COUNT(node_point, mirror), fabs(x)) : x;
 }
 
+// The point in the shape's frame: as apply_transform, which ablations change.
+CALL struct vec3 place_point(struct vec3 p, const struct shape *shape) {
+    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    COUNT(place_point, call);
+    p = vec_sub(p, *vec_at(shape->position));
+    double x[3] = {p.x, p.y, p.z};
+    for (int axis = 0; axis < 3; axis++) {
+        double angle = shape->rotation_degrees[axis] * (M_PI / 180.0), c = cos(angle),
+               s = sin(angle), *u = &x[pair[axis][0]], *v = &x[pair[axis][1]], old = *u;
+        *u = c * old - s * *v;
+        *v = s * old + c * *v;
+    }
+    const double *cell = shape->repeat;
+    p = new_vector(x[0], x[1], x[2]);
+    return cell[0] > 0 || cell[1] > 0 || cell[2] > 0 ? repeat_point(p, cell) : p;
+}
+
 // The point in the node's frame.
 CALL struct vec3 node_point(struct vec3 p, const struct node *node) {
-    COUNT(node_point, call);
-    p = apply_transform(&p, &node->shape);
+    p = place_point(p, &node->shape);
     return new_vector(mirror(p.x, node->mirror[0]), mirror(p.y, node->mirror[1]),
                       mirror(p.z, node->mirror[2]));
 }
@@ -147,10 +163,11 @@ CALL double sdf_node(struct vec3 p, const struct node *nodes, int index, double 
     return f - node->offset;
 }
 
-double sdf_group(struct vec3 p, const struct node *nodes, int root) {
+double sdf_group(struct vec3 p, const struct shape *group, const struct node *nodes) {
     COUNT(sdf_group, call);
     double room[SCENE_MAX_NODES];
-    return sdf_node(p, nodes, root, room) / nodes[root].lipschitz;
+    int root = group->group.root;
+    return sdf_node(place_point(p, group), nodes, root, room) / nodes[root].lipschitz;
 }
 
 // Returns the material of a node's surface near a point of its parent's coordinates: of a sharp operation, that of the
@@ -184,8 +201,9 @@ CALL struct material node_material(struct vec3 p, const struct node *nodes, int 
     return mixed;
 }
 
-struct material group_material(struct vec3 p, const struct node *nodes, int root,
-                               const struct material *materials) {
+struct material group_material(struct vec3 p, const struct shape *group,
+                               const struct model *model) {
     double room[SCENE_MAX_NODES];
-    return node_material(p, nodes, root, materials, room);
+    return node_material(place_point(p, group), model->nodes, group->group.root, model->materials,
+                         room);
 }

@@ -178,18 +178,14 @@ static double (*const distance_of[SHAPE_TYPES])(struct vec3, const struct shape 
     [SHAPE_ROUNDED_BOX] = sdf_rounded_box,
 };
 
-// Returns a group's distance at a point of its coordinates, and the material of its surface there (group.c).
-double sdf_group(struct vec3 p, const struct node *nodes, int root);
-struct material group_material(struct vec3 p, const struct node *nodes, int root,
-                               const struct material *materials);
-
-static inline double distance_to_shape(const struct vec3 *p, const struct shape *shape,
-                                       const struct node *nodes) {
+static inline double distance_to_shape(const struct vec3 *p, const struct shape *shape) {
     COUNT(distance_to_shape, call);
-    if (shape->type == SHAPE_GROUP)
-        return sdf_group(apply_transform(p, shape), nodes, shape->group.root);
     return distance_of[shape->type](apply_transform(p, shape), shape);
 }
+
+// Returns the distance to a group, and the material of its surface near the point (group.c).
+double sdf_group(struct vec3 p, const struct shape *group, const struct node *nodes);
+struct material group_material(struct vec3 p, const struct shape *group, const struct model *model);
 
 // The scene, a count and pointers as in the paper's program. It goes by value at every call.
 struct world {
@@ -205,7 +201,9 @@ CALL double sdf(struct vec3 p, struct world world, int *nearest) {
     double closest = INFINITY;
     for (int i = 0; i < world.shape_count; i++) {
         COUNT(sdf, shape);
-        double distance = distance_to_shape(&p, &world.shapes[i], world.model->nodes);
+        const struct shape *shape = &world.shapes[i];
+        double distance = shape->type == SHAPE_GROUP ? sdf_group(p, shape, world.model->nodes)
+                                                     : distance_to_shape(&p, shape);
         if (distance < closest) {
             closest = distance;
             *nearest = i;

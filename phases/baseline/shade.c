@@ -45,11 +45,8 @@ static struct vec3 light_at(struct vec3 p, struct vec3 n, struct vec3 direction,
 
 static struct material material_at(struct vec3 p, int index, struct world world) {
     const struct shape *shape = &world.shapes[index];
-    const struct model *model = world.model;
-    if (shape->type == SHAPE_GROUP)
-        return group_material(apply_transform(&p, shape), model->nodes, shape->group.root,
-                              model->materials);
-    return model->materials[shape->material];
+    return shape->type == SHAPE_GROUP ? group_material(p, shape, world.model)
+                                      : world.model->materials[shape->material];
 }
 
 struct shaded trace(struct vec3 origin, struct vec3 direction, int bounce, struct world world) {
