@@ -1,4 +1,5 @@
 // The normal at a hit, enclosed: the gradient of the surface's equation at the enclosed point.
+#include "groups/field.h"
 #include "sdf.h"
 #include "trace.h"
 
@@ -27,6 +28,19 @@ static void fractal_normal(const struct prepared *prepared, const struct ivq poi
         struct dd x = dd_div(slope[i], length);
         n[i].lo = n[i].hi = (quad)x.hi + (quad)x.lo;
     }
+}
+
+// A group's normal: its field's gradient. Where two children meet, and the gradient is one of several, it is not narrow.
+static bool group_normal(const struct prepared *prepared, const struct solid *solid,
+                         const struct ivq p[3], struct ivq n[3], struct material *material) {
+    struct ivq gradient[3];
+    bool sure = field_surface(solid, p, prepared->model.materials, gradient, material);
+    for (int i = 0; i < 3; i++) {
+        sure = sure && gradient[i].hi - gradient[i].lo < 1e-9;
+        n[i] = gradient[i];
+    }
+    normalize(n);
+    return sure;
 }
 
 // code: 2·axis + 1 for the upper side.
@@ -96,6 +110,7 @@ void find_normal(const struct prepared *prepared, const struct ray_q *ray, struc
     const struct solid *solid = &prepared->solids[hit->shape];
     const struct shape *shape = solid->shape;
     struct ivq moved[3], local[3], local_normal[3];
+    hit->material = prepared->model.materials[shape->material];
     if (is_fractal(shape->type))
         fractal_normal(prepared, hit->point, hit->normal);
     else {
@@ -106,7 +121,11 @@ void find_normal(const struct prepared *prepared, const struct ray_q *ray, struc
             if (shape->repeat[i] > 0)
                 local[i] = sub_q(local[i], mul_q(point_q(shape->repeat[i]), point_q(hit->cell[i])));
         }
-        surface_normal(shape, hit->face, local, local_normal);
+        if (shape->type == SHAPE_GROUP &&
+            !group_normal(prepared, solid, local, local_normal, &hit->material))
+            hit->normal_sure = false;
+        if (shape->type != SHAPE_GROUP || hit->face >= FACE_CELL)
+            surface_normal(shape, hit->face, local, local_normal);
         for (int i = 0; i < 3; i++) {
             struct ivq column[3];
             for (int j = 0; j < 3; j++)

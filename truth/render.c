@@ -48,15 +48,13 @@ static void rotation_matrix(const double degrees[3], struct ivq turn[3][3]) {
     }
 }
 
-static void prepare_solid(struct solid *solid, const struct model *model, int index) {
-    const struct shape *shape = &model->shapes[index];
-    *solid = (struct solid){.shape = shape};
+static void prepare_solid(struct solid *solid, const struct model *model,
+                          const struct shape *shape) {
+    *solid = (struct solid){.shape = shape, .nodes = model->nodes};
     for (int i = 0; i < 3; i++) {
         solid->rotated = solid->rotated || shape->rotation_degrees[i] != 0;
         solid->repeated = solid->repeated || shape->repeat[i] > 0;
     }
-    for (int i = 0; i < index && !solid->duplicate; i++)
-        solid->duplicate = same_surface(&model->shapes[i], shape);
     rotation_matrix(shape->rotation_degrees, solid->rotation_q);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
@@ -66,11 +64,18 @@ static void prepare_solid(struct solid *solid, const struct model *model, int in
 }
 
 static bool prepare(struct prepared *prepared, const struct model *model) {
-    struct solid *solids = malloc((size_t)model->shape_count * sizeof *solids);
+    int count = model->shape_count;
+    struct solid *solids = malloc((size_t)(count + model->node_count) * sizeof *solids);
     if (!solids)
         return false;
-    for (int i = 0; i < model->shape_count; i++)
-        prepare_solid(&solids[i], model, i);
+    for (int i = 0; i < count; i++) {
+        prepare_solid(&solids[i], model, &model->shapes[i]);
+        solids[i].inside = solids + count;
+        for (int j = 0; j < i && !solids[i].duplicate; j++)
+            solids[i].duplicate = same_surface(&model->shapes[j], &model->shapes[i]);
+    }
+    for (int i = 0; i < model->node_count; i++)
+        prepare_solid(&solids[count + i], model, &model->nodes[i].shape);
     free(prepared->solids);
     prepared->solids = solids;
     prepared->model = *model;

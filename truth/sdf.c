@@ -4,6 +4,8 @@
 // 2010), with the running derivative of Buddhi and Rrrola (fractalforums.com, 2010).
 #include "sdf.h"
 
+#include "groups/field.h"
+
 static struct dd sdf_sphere(const struct dd p[3], const struct shape *shape) {
     return dd_sub(dd_norm(p), dd_from(shape->sphere.radius));
 }
@@ -154,18 +156,25 @@ void to_frame(const struct solid *solid, const struct dd p[3], struct dd local[3
     }
 }
 
+struct dd shape_distance(const struct shape *shape, const struct dd local[3]) {
+    switch (shape->type) {
+    case SHAPE_SPHERE: return sdf_sphere(local, shape);
+    case SHAPE_BOX: return sdf_box(local, shape);
+    case SHAPE_TORUS: return sdf_torus(local, shape);
+    case SHAPE_CONE: return sdf_cone(local, shape);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(local, shape);
+    case SHAPE_PLANE: return sdf_plane(local, shape);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(local, shape);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(local, shape);
+    default: return sdf_mandelbulb(local, shape);
+    }
+}
+
 struct dd distance_to(const struct solid *solid, const struct dd p[3]) {
     struct dd local[3];
     to_frame(solid, p, local);
-    switch (solid->shape->type) {
-    case SHAPE_SPHERE: return sdf_sphere(local, solid->shape);
-    case SHAPE_BOX: return sdf_box(local, solid->shape);
-    case SHAPE_TORUS: return sdf_torus(local, solid->shape);
-    case SHAPE_CONE: return sdf_cone(local, solid->shape);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(local, solid->shape);
-    case SHAPE_PLANE: return sdf_plane(local, solid->shape);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(local, solid->shape);
-    case SHAPE_MANDELBOX: return sdf_mandelbox(local, solid->shape);
-    default: return sdf_mandelbulb(local, solid->shape);
-    }
+    if (solid->shape->type != SHAPE_GROUP)
+        return shape_distance(solid->shape, local);
+    double slope = solid->nodes[solid->shape->group.root].lipschitz;
+    return dd_div(field_at(solid, local), dd_from(slope));
 }

@@ -10,8 +10,7 @@ static double dot3(const double a[3], const double b[3]) {
 static void light_at(const struct prepared *prepared, const struct view *view,
                      const struct hit *hit, const double n[3], const double direction[3],
                      struct shaded *result) {
-    const struct material *material =
-        &prepared->model.materials[prepared->model.shapes[hit->shape].material];
+    const struct material *material = &hit->material;
     double to_light[3];
     for (int i = 0; i < 3; i++) {
         // In quad, so that nothing cancels.
@@ -78,7 +77,7 @@ void trace(const struct prepared *prepared, const struct view *view, const struc
     if (!hit->normal_sure)
         result->status_all = UNDECIDED;
     light_at(prepared, view, hit, n, direction, result);
-    double reflectivity = model->materials[model->shapes[hit->shape].material].reflectivity;
+    double reflectivity = hit->material.reflectivity;
     if (reflectivity > 0.0 && bounce < model->march.max_bounces) {
         struct ray_q next;
         struct shaded mirrored;

@@ -1,5 +1,6 @@
 // Shadows at a hit: the estimator of every phase, in double-double; the ideal soft shadow that it estimates; and the hard
 // shadow.
+#include "groups/field.h"
 #include "sdf.h"
 #include "trace.h"
 
@@ -158,8 +159,18 @@ static double ideal_shadow(const struct light_ray *ray) {
     double best = 1;
     if (!(ray->start < ray->distance))
         return 1;
+    struct ray_d rough;
+    for (int i = 0; i < 3; i++) {
+        rough.o[i] = (struct ivd){ray->o[i].hi, ray->o[i].hi};
+        rough.d[i] = (struct ivd){ray->d[i].hi, ray->d[i].hi};
+    }
     for (int i = 0; i < ray->prepared->model.shape_count && best > 0; i++) {
         const struct solid *solid = &ray->prepared->solids[i];
+        if (solid->shape->type == SHAPE_GROUP) {
+            best = field_least_ratio(solid, &rough, ray->start, ray->distance,
+                                     ray->prepared->model.shadow_strength, best);
+            continue;
+        }
         bool convex = !solid->repeated && solid->shape->type != SHAPE_TORUS &&
                       !is_fractal(solid->shape->type);
         best = convex ? least_ratio_convex(ray, solid, ray->start, ray->distance, best)

@@ -19,7 +19,7 @@ enum status { UNDECIDED, CONVERGED, PROVED };
 
 struct prepared {
     struct model model;
-    struct solid *solids;
+    struct solid *solids; // of the shapes, then of the nodes
     int threads;
     bool fractals;
 };
@@ -33,7 +33,8 @@ struct hit {
     struct ivq point[3];
     struct ivq normal[3]; // of unit length, against the ray
     enum status status;
-    bool normal_sure;
+    struct material material;
+    bool normal_sure; // and the material
     long evals;
 };
 
@@ -53,7 +54,8 @@ struct dd distance_to_scene(const struct prepared *prepared, const struct dd p[3
 // Finds the first hit: shape, s, t, point and status. A repeated or rotated shape is solved in its own frame.
 void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit);
 
-// Computes the enclosed unit normal of a hit, against the ray. normal_sure: the hit is on one face.
+// Computes the enclosed unit normal of a hit, against the ray, and the material. normal_sure: the hit is on one face, of
+// one material.
 void find_normal(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit);
 
 // Computes the share of the light that reaches the hit, by kind of shadow. Returns the status of a hard shadow.

@@ -128,6 +128,20 @@ static inline struct dd dd_log(struct dd a) {
     return dd_add(dd_scale(ln2, power), dd_twofold(dd_mul(sum, z), 2));
 }
 
+static const struct dd DD_PI = {0x1.921fb54442d18p+1, 0x1.1a62633145c07p-53};
+
+// Returns sin(a + quarters·π/2) for |a| < 2³⁰: Taylor's series of an angle of at most π/4.
+static inline struct dd dd_sine(struct dd a, int quarters) {
+    long n = lrint(a.hi / (DD_PI.hi / 2));
+    struct dd x = dd_sub(a, dd_scale(dd_twofold(DD_PI, 0.5), (double)n));
+    int turned = (int)((n + quarters) & 3), first = !(turned & 1);
+    struct dd square = dd_neg(dd_mul(x, x)), sum = dd_from(1);
+    for (int k = 28 + first; k >= 2 + first; k -= 2)
+        sum = dd_add(dd_from(1), dd_div(dd_mul(sum, square), dd_from((double)k * (k - 1))));
+    sum = first ? dd_mul(sum, x) : sum;
+    return turned & 2 ? dd_neg(sum) : sum;
+}
+
 static inline struct dd dd_dot(const struct dd a[3], const struct dd b[3]) {
     return dd_add(dd_add(dd_mul(a[0], b[0]), dd_mul(a[1], b[1])), dd_mul(a[2], b[2]));
 }

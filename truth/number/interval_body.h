@@ -42,6 +42,15 @@ static inline struct IV FN(hull)(struct IV a, struct IV b) {
     return (struct IV){a.lo < b.lo ? a.lo : b.lo, a.hi > b.hi ? a.hi : b.hi};
 }
 
+// The largest, and the least, of a number of a and one of b.
+static inline struct IV FN(later)(struct IV a, struct IV b) {
+    return (struct IV){a.lo > b.lo ? a.lo : b.lo, a.hi > b.hi ? a.hi : b.hi};
+}
+
+static inline struct IV FN(sooner)(struct IV a, struct IV b) {
+    return (struct IV){a.lo < b.lo ? a.lo : b.lo, a.hi < b.hi ? a.hi : b.hi};
+}
+
 static inline struct IV FN(neg)(struct IV a) {
     return (struct IV){-a.hi, -a.lo};
 }

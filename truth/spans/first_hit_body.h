@@ -26,8 +26,9 @@ static REAL FN(move_start_near)(struct FN(ray) * ray) {
 }
 
 // Finds the spans of the local ray inside of one copy of the shape.
-static void FN(copy_spans)(const struct shape *shape, struct FN(ray) ray, struct IV range,
+static void FN(copy_spans)(const struct solid *solid, struct FN(ray) ray, struct IV range,
                            struct FN(spans) * spans, long *evals) {
+    const struct shape *shape = solid->shape;
     REAL shift = 0;
     spans->count = 0;
     spans->overflow = false;
@@ -44,6 +45,7 @@ static void FN(copy_spans)(const struct shape *shape, struct FN(ray) ray, struct
     case SHAPE_CONE: FN(cone_spans)(shape, &ray, range, spans); break;
     case SHAPE_TORUS: FN(torus_spans)(shape, &ray, range, spans, evals); break;
     case SHAPE_OCTAHEDRON: FN(octahedron_spans)(shape, &ray, range, spans); break;
+    case SHAPE_GROUP: FN(group_spans)(solid, &ray, range, spans, evals); break;
     default: break; // a fractal is marched
     }
     for (int i = 0; shift != 0 && i < spans->count; i++) {
@@ -131,7 +133,10 @@ static void FN(search_solid)(struct FN(search) * search, const struct solid *sol
     }
     struct FN(spans) spans;
     struct IV range = {0, search->reach.hi};
-    FN(copy_spans)(solid->shape, local, range, &spans, evals);
+    if (solid->shape->type == SHAPE_GROUP && search->best.shape >= 0 &&
+        search->best.s.hi < range.hi)
+        range.hi = search->best.s.hi; // what is behind a sure entry does not matter
+    FN(copy_spans)(solid, local, range, &spans, evals);
     if (spans.overflow)
         FN(note_doubt)(search, 0);
     for (int i = 0; i < spans.count; i++)

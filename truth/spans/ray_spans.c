@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+#include "groups/field.h"
+
 enum { MAX_SPANS = 8, MAX_ROOTS = 16, MAX_CELLS = 2000, MAX_ROUNDS = 5000 };
 
 #define REAL double
@@ -14,7 +16,11 @@ enum { MAX_SPANS = 8, MAX_ROOTS = 16, MAX_CELLS = 2000, MAX_ROUNDS = 5000 };
 
 #include "spans/spans_rounded_body.h"
 
+#include "spans/roots_body.h"
+
 #include "spans/spans_torus_body.h"
+
+#include "spans/group_body.h"
 
 #include "spans/first_hit_body.h" // the order matters: each uses the ones above
 #undef REAL
@@ -30,7 +36,11 @@ enum { MAX_SPANS = 8, MAX_ROOTS = 16, MAX_CELLS = 2000, MAX_ROUNDS = 5000 };
 
 #include "spans/spans_rounded_body.h"
 
+#include "spans/roots_body.h"
+
 #include "spans/spans_torus_body.h"
+
+#include "spans/group_body.h"
 
 #include "spans/first_hit_body.h"
 

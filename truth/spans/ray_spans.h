@@ -14,6 +14,8 @@ enum { FACE_BOTTOM, FACE_TOP, FACE_SIDE, FACE_CELL = 16, FACE_NONE = -1 };
 // A shape with what is computed once per scene.
 struct solid {
     const struct shape *shape;
+    const struct node *nodes;   // of a group: the model's,
+    const struct solid *inside; // and of each node its frame
     bool rotated, repeated;
     bool duplicate; // of a shape before it, which then owns every hit
     struct ivd rotation_d[3][3];

@@ -49,7 +49,7 @@ static bool FN(search_cell)(struct FN(search) * search, const struct solid *soli
                         walls.out.hi < range.hi ? walls.out.hi : range.hi};
     if (!(within.lo <= within.hi))
         return false;
-    FN(copy_spans)(shape, local, within, &spans, evals);
+    FN(copy_spans)(solid, local, within, &spans, evals);
     if (spans.overflow)
         FN(note_doubt)(search, walls.in.lo);
     for (int i = 0; i < spans.count; i++) {

@@ -17,14 +17,6 @@ static const struct FN(span) FN(whole_ray) = {
     .out_face_sure = true,
 };
 
-static inline struct IV FN(later)(struct IV a, struct IV b) {
-    return (struct IV){a.lo > b.lo ? a.lo : b.lo, a.hi > b.hi ? a.hi : b.hi};
-}
-
-static inline struct IV FN(sooner)(struct IV a, struct IV b) {
-    return (struct IV){a.lo < b.lo ? a.lo : b.lo, a.hi < b.hi ? a.hi : b.hi};
-}
-
 // Lets the span begin at s, on that face, if it begins earlier.
 static void FN(clip_start)(struct FN(span) * span, struct IV s, int face) {
     if (s.hi < span->in.lo)

@@ -1,15 +1,10 @@
-// The spans of a ray inside of a torus: roots of a quartic, isolated by signs over intervals (R. E. Moore, "Interval
-// Analysis", 1966, chapter 6), then by interval Newton. Included by ray_spans.c, once in doubles and once in quads.
+// The spans of a ray inside of a torus, between the roots of a quartic (roots_body.h). Included by ray_spans.c, once in
+// doubles and once in quads.
 
 struct FN(quartic) {
     struct IV f[5]; // G² − H, by rising powers of s
     struct IV g[3]; // G = ρ² + y² + R² − r²: below 0 the inside of a spindle torus
     long *evals;
-};
-
-struct FN(root) {
-    struct IV s;
-    bool fuzzy; // not proved to be one single root
 };
 
 // Computes the coefficients about m.
@@ -62,136 +57,24 @@ static REAL FN(half_width)(REAL low, REAL high, REAL m) {
     return FN(above)(below > above ? below : above);
 }
 
-// Refines x, where the polynomial is monotone and changes its sign: x holds one root.
-static struct IV FN(refine_root)(const struct FN(quartic) * q, struct IV x, int sign_low) {
-    for (int i = 0; i < 200; i++) {
-        REAL m = FN(mid)(x), width = x.hi - x.lo;
-        if (!(m > x.lo && m < x.hi))
-            break;
-        struct IV c[5];
-        FN(taylor_shift)(q, m, c);
-        struct IV slope = FN(slope_range)(c, FN(half_width)(x.lo, x.hi, m));
-        struct IV next = FN(sub)((struct IV){m, m}, FN(div)(c[0], slope));
-        if (next.lo < x.lo || !(next.lo <= x.hi))
-            next.lo = x.lo;
-        if (next.hi > x.hi || !(next.hi >= x.lo))
-            next.hi = x.hi;
-        if (next.hi - next.lo > width * (REAL)0.5) { // halve it
-            int sign = FN(sign)(c[0]);
-            if (sign == 0)
-                return next;
-            if (sign == sign_low)
-                next.lo = next.lo > m ? next.lo : m;
-            else
-                next.hi = next.hi < m ? next.hi : m;
-        }
-        if (!(next.hi - next.lo < width))
-            break;
-        x = next;
-    }
-    return x;
+// The curve's functions, see roots_body.h.
+static struct FN(jet) FN(quartic_over)(void *of, REAL lo, REAL m, REAL hi) {
+    struct FN(jet) jet = {.rough = false};
+    struct IV c[5];
+    REAL h = FN(half_width)(lo, hi, m);
+    FN(taylor_shift)(of, m, c);
+    jet.at = c[0];
+    jet.over = FN(value_range)(c, h);
+    jet.slope = FN(slope_range)(c, h);
+    return jet;
 }
 
-static bool FN(add_root)(struct FN(root) events[MAX_ROOTS], int *count, struct IV s, bool fuzzy) {
-    struct FN(root) *last = events + *count - 1;
-    if (*count > 0 && last->s.hi >= s.lo) { // the intervals touch: one, without proof
-        last->s = FN(hull)(last->s, s);
-        last->fuzzy = true;
-        return true;
-    }
-    if (*count == MAX_ROOTS)
-        return false;
-    events[(*count)++] = (struct FN(root)){s, fuzzy};
-    return true;
+static int FN(quartic_sign)(void *of, REAL s) {
+    return FN(sign_at)(of, s);
 }
 
-// Finds all intervals in [low, high] where the polynomial may be 0, in order. Returns false if they are too many.
-static bool FN(isolate_roots)(const struct FN(quartic) * q, REAL low, REAL high, REAL scale,
-                              struct FN(root) events[MAX_ROOTS], int *count) {
-    struct IV stack[160];
-    int depth = 0;
-    stack[depth++] = (struct IV){low, high};
-    for (int rounds = 0; depth > 0; rounds++) {
-        if (rounds > MAX_ROUNDS)
-            return false;
-        struct IV x = stack[--depth];
-        REAL m = x.lo + (x.hi - x.lo) * (REAL)0.484375, h = FN(half_width)(x.lo, x.hi, m);
-        struct IV c[5];
-        FN(taylor_shift)(q, m, c);
-        struct IV value = FN(value_range)(c, h);
-        if (!FN(has_zero)(value))
-            continue;
-        if (!FN(has_zero)(FN(slope_range)(c, h))) {
-            int p = FN(sign_at)(q, x.lo), r = FN(sign_at)(q, x.hi);
-            if (p * r > 0)
-                continue;
-            if (p * r < 0) {
-                if (!FN(add_root)(events, count, FN(refine_root)(q, x, p), false))
-                    return false;
-                continue;
-            }
-        }
-        // Near a double root the value is rounding alone: smaller intervals would tell no more.
-        bool drowned = value.hi - value.lo <= (c[0].hi - c[0].lo) * 4;
-        if (drowned || x.hi - x.lo <= RESOLUTION * scale || depth + 2 > 160 ||
-            !(m > x.lo && m < x.hi)) {
-            if (!FN(add_root)(events, count, x, true))
-                return false;
-            continue;
-        }
-        stack[depth++] = (struct IV){m, x.hi};
-        stack[depth++] = (struct IV){x.lo, m};
-    }
-    return true;
-}
-
-// Finds the spans from the roots and from the side that the ray is on between them.
-static void FN(spans_between_roots)(const struct FN(quartic) * q, const struct FN(root) * events,
-                                    int count, struct IV range, int side, bool open,
-                                    struct FN(spans) * spans) {
-    struct FN(span) span = FN(whole_ray); // a ray that starts inside is inside before
-    REAL end = range.hi;
-    span.in_face = span.out_face = 0;
-    if (side == 0) {
-        span.in = span.out = range;
-        span.sure = false;
-        FN(add_span)(spans, span);
-        return;
-    }
-    for (int i = 0; i < count; i++) {
-        struct IV s = events[i].s;
-        struct IV gap = {s.hi, i + 1 < count ? events[i + 1].s.lo : end};
-        int next = i + 1 == count && !open ? 1 : FN(side_at)(q, FN(mid)(gap));
-        if (next == 0) { // nothing is known from here on
-            span.in = side < 0 ? span.in : s;
-            span.out = (struct IV){s.lo, end};
-            span.sure = false;
-            FN(add_span)(spans, span);
-            return;
-        }
-        if (side > 0 && next < 0) {
-            span.in = s;
-            span.out = (struct IV){(REAL)INFINITY, (REAL)INFINITY};
-            span.sure = true;
-        } else if (side < 0 && next > 0) {
-            span.out = s;
-            FN(add_span)(spans, span);
-        } else if (side > 0 && events[i].fuzzy) { // may touch
-            span.in = span.out = s;
-            span.sure = false;
-            FN(add_span)(spans, span);
-        } else if (side < 0 && events[i].fuzzy) { // may leave for a moment
-            span.out = s;
-            span.sure = true;
-            FN(add_span)(spans, span);
-            span.in = s;
-            span.out = (struct IV){(REAL)INFINITY, (REAL)INFINITY};
-            span.sure = false;
-        }
-        side = next;
-    }
-    if (side < 0)
-        FN(add_span)(spans, span); // the ray ends inside
+static int FN(quartic_side)(void *of, REAL s) {
+    return FN(side_at)(of, s);
 }
 
 static void FN(torus_spans)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
@@ -220,8 +103,7 @@ static void FN(torus_spans)(const struct shape *shape, const struct FN(ray) * ra
                      FN(mul)(four, h2));
     q.f[3] = FN(scale)(FN(mul)(a, b), 4);
     q.f[4] = FN(square)(a);
-    struct FN(root) events[MAX_ROOTS];
-    int count = 0;
+    struct FN(curve) curve = {&q, FN(quartic_over), FN(quartic_sign), FN(quartic_side)};
     // A hair more than the ball, so that both ends are outside of the torus. The margin is relative to the ball: a
     // ray along the outer equator has no length inside of it.
     struct IV across = FN(sqrt)(FN(div)(FN(square)(FN(add)(big, small)), a));
@@ -237,8 +119,5 @@ static void FN(torus_spans)(const struct shape *shape, const struct FN(ray) * ra
     high = open ? range.hi : high;
     if (!(low < high))
         return;
-    if (!FN(isolate_roots)(&q, low, high, high - low, events, &count))
-        spans->overflow = true;
-    else
-        FN(spans_between_roots)(&q, events, count, (struct IV){low, high}, side, open, spans);
+    FN(spans_of_curve)(&curve, (struct IV){low, high}, side, open, false, spans);
 }

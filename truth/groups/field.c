@@ -1,0 +1,105 @@
+// Builds fields of groups from their templates, once in doubles and once in quads.
+#include "groups/field.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "number/sine.h"
+
+enum { DEEPEST = 256 };
+
+#define REAL double
+#define IV ivd
+#define FN(name) name##_d
+#include "groups/jet_body.h"
+
+#include "groups/shapes_body.h"
+
+#include "groups/fold_body.h"
+
+#include "groups/field_body.h" // the order matters: each uses the ones above
+#undef REAL
+#undef IV
+#undef FN
+
+#define REAL quad
+#define IV ivq
+#define FN(name) name##_q
+#include "groups/jet_body.h"
+
+#include "groups/shapes_body.h"
+
+#include "groups/fold_body.h"
+
+#include "groups/field_body.h"
+
+bool field_surface(const struct solid *group, const struct ivq p[3],
+                   const struct material *materials, struct ivq gradient[3],
+                   struct material *material) {
+    bool sure = false;
+    for (int axis = 0; axis < 3; axis++) {
+        struct ray_q ray;
+        for (int i = 0; i < 3; i++) {
+            ray.o[i] = p[i];
+            ray.d[i] = point_q(i == axis);
+        }
+        struct field_q *field = field_open_q(group, &ray, false);
+        gradient[axis] = (struct ivq){-(quad)INFINITY, (quad)INFINITY};
+        if (!field)
+            continue;
+        field->materials = materials;
+        struct term_q term = evaluate_q(field, 0, 0, 0);
+        if (!term.jet.rough)
+            gradient[axis] = term.jet.slope;
+        *material = term.material;
+        sure = term.sure;
+        field_close_q(field);
+    }
+    return sure;
+}
+
+// A piece of the light's ray; `least` bounds strength·h/t on it from below.
+struct piece {
+    double lo, hi;
+};
+
+// Encloses h/t on the piece, and notes the least value that is seen. Returns whether the piece may hold a smaller one.
+static bool look(struct field_d *field, struct piece x, double scale, double *best) {
+    double m = x.lo + (x.hi - x.lo) / 2, room = 1e-7;
+    struct jet_d h = field_over_d(field, x.lo, m, x.hi);
+    double here = scale * h.at.hi / m;
+    *best = here < *best ? here : *best;
+    if (*best <= 0)
+        return false;
+    struct ivd t = {x.lo, x.hi}, ratio = div_d(h.over, t);
+    if (!h.rough) { // (h/t)' = (h'·t − h)/t²
+        struct ivd turn = div_d(sub_d(mul_d(h.slope, t), h.over), square_d(t));
+        if (sign_d(turn) != 0) { // the least is at an end
+            double end = turn.lo > 0 ? x.lo : x.hi;
+            double there = scale * field_over_d(field, end, end, end).at.hi / end;
+            *best = there < *best ? there : *best;
+            return false;
+        }
+        struct ivd mean = add_d(div_d(h.at, point_d(m)), mul_d(turn, sub_d(t, point_d(m))));
+        ratio.lo = mean.lo > ratio.lo ? mean.lo : ratio.lo;
+    }
+    return scale * ratio.lo < *best - room;
+}
+
+double field_least_ratio(const struct solid *group, const struct ray_d *ray, double start,
+                         double end, double strength, double best) {
+    enum { DEPTH = 128, ROUNDS = 100000 };
+    struct piece stack[DEPTH] = {{start, end}};
+    struct field_d *field = field_open_d(group, ray, true);
+    double scale = strength / group->nodes[group->shape->group.root].lipschitz;
+    for (int depth = 1, rounds = 0; field && depth > 0 && rounds < ROUNDS && best > 0; rounds++) {
+        struct piece x = stack[--depth];
+        double m = x.lo + (x.hi - x.lo) / 2;
+        if (!look(field, x, scale, &best) || depth + 2 > DEPTH || !(m > x.lo && m < x.hi))
+            continue;
+        stack[depth++] = (struct piece){m, x.hi}; // the nearer half comes first
+        stack[depth++] = (struct piece){x.lo, m};
+    }
+    field_close_d(field);
+    return best > 0 ? best : 0;
+}
