@@ -7,10 +7,11 @@
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
+    group_prepare(model, prepared->nodes);
     for (int i = 0; i < model->shape_count; i++) {
         struct primitive *primitive = &prepared->primitives[i];
         const struct shape *shape = &model->shapes[i];
-        *primitive = (struct primitive){.shape = *shape};
+        *primitive = (struct primitive){.shape = *shape, .nodes = prepared->nodes};
         primitive->position =
             (struct vec3){shape->position[0], shape->position[1], shape->position[2]};
         for (int axis = 0; axis < 3; axis++) {
@@ -28,18 +29,22 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
     struct prepared *prepared = calloc(1, sizeof *prepared);
     struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
-    if (!prepared || !primitives) {
+    struct group_node *nodes = calloc((size_t)model->node_count + 1, sizeof *nodes);
+    if (!prepared || !primitives || !nodes) {
         free(prepared);
         free(primitives);
+        free(nodes);
         return NULL;
     }
     prepared->primitives = primitives;
+    prepared->nodes = nodes;
     phase_update(prepared, model);
     return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
     free(prepared->primitives);
+    free(prepared->nodes);
     free(prepared);
 }
 

@@ -9,6 +9,7 @@
 #ifndef OPT1_SDF_H
 #define OPT1_SDF_H
 
+#include "group.h"
 #include "scene/scene.h"
 #include "vec.h"
 
@@ -24,11 +25,13 @@ struct primitive {
     struct vec3 position;
     double cosine[3], sine[3];
     bool rotated[3], repeated;
+    const struct group_node *nodes; // the scene's, of a group
 };
 
 struct prepared {
     struct model model;
     struct primitive *primitives; // one per shape
+    struct group_node *nodes;     // one per node
 };
 
 // The coordinate within its cell, −cell/2 ... cell/2. Cell 0 means no repetition.
@@ -197,22 +200,48 @@ CALL double sdf_mandelbox(const struct vec3 *p, const struct shape *shape) {
     return vec_norm(&w) / dr;
 }
 
+static inline double solid_distance(const struct vec3 *p, const struct shape *shape) {
+    switch (shape->type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, shape);
+    case SHAPE_BOX: return sdf_box(p, shape);
+    case SHAPE_TORUS: return sdf_torus(p, shape);
+    case SHAPE_CONE: return sdf_cone(p, shape);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, shape);
+    case SHAPE_PLANE: return sdf_plane(p, shape);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, shape);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(p, shape);
+    default: return sdf_mandelbulb(p, shape);
+    }
+}
+
+// For group.c, whose points are arrays.
+static inline double distance_at(const double *at, const struct shape *shape) {
+    struct vec3 p = {at[0], at[1], at[2]};
+    return solid_distance(&p, shape);
+}
+
 static inline double distance_to_shape(const struct vec3 *point,
                                        const struct primitive *primitive) {
     COUNT(distance_to_shape, call);
     struct vec3 p;
     apply_transform(point, primitive, &p);
-    switch (primitive->shape.type) {
-    case SHAPE_SPHERE: return sdf_sphere(&p, &primitive->shape);
-    case SHAPE_BOX: return sdf_box(&p, &primitive->shape);
-    case SHAPE_TORUS: return sdf_torus(&p, &primitive->shape);
-    case SHAPE_CONE: return sdf_cone(&p, &primitive->shape);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(&p, &primitive->shape);
-    case SHAPE_PLANE: return sdf_plane(&p, &primitive->shape);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(&p, &primitive->shape);
-    case SHAPE_MANDELBOX: return sdf_mandelbox(&p, &primitive->shape);
-    default: return sdf_mandelbulb(&p, &primitive->shape);
-    }
+    const struct shape *shape = &primitive->shape;
+    return shape->type == SHAPE_GROUP
+               ? sdf_group((double[3]){p.x, p.y, p.z}, primitive->nodes, shape->group.root)
+               : solid_distance(&p, shape);
+}
+
+// Returns the material of a shape's surface near the point.
+static inline struct material material_at(const struct vec3 *point,
+                                          const struct primitive *primitive,
+                                          const struct material *materials) {
+    const struct shape *shape = &primitive->shape;
+    if (shape->type != SHAPE_GROUP)
+        return materials[shape->material];
+    struct vec3 p;
+    apply_transform(point, primitive, &p);
+    return group_material((double[3]){p.x, p.y, p.z}, primitive->nodes, shape->group.root,
+                          materials);
 }
 
 // Returns the distance to the nearest shape. `nearest` gets its index, the first of equals.

@@ -68,16 +68,17 @@ void trace(const struct vec3 *origin, const struct vec3 *direction, int bounce,
     const struct vec3 *p = &result->hit.point;
     struct vec3 *n = &result->normal, *color = &result->color;
     normal_at(p, direction, world->scene, n);
-    const struct material *material = &model->materials[model->shapes[result->hit.shape].material];
-    light_at(p, n, direction, material, world, color);
-    if (material->reflectivity > 0.0 && bounce < model->march.max_bounces) {
+    struct material material =
+        material_at(p, &world->scene->primitives[result->hit.shape], model->materials);
+    light_at(p, n, direction, &material, world, color);
+    if (material.reflectivity > 0.0 && bounce < model->march.max_bounces) {
         COUNT(trace, mirror);
         struct vec3 start, reflected_direction;
         vec_along(p, n, model->march.surface_offset, &start);
         vec_reflect(direction, n, &reflected_direction);
         struct shaded reflected;
         trace(&start, &reflected_direction, bounce + 1, world, &reflected);
-        vec_along(color, &reflected.color, material->reflectivity * 0.1, color);
+        vec_along(color, &reflected.color, material.reflectivity * 0.1, color);
     }
     if (model->features.fog) {
         COUNT(trace, fog);
