@@ -4,8 +4,6 @@
 
 #include "scene/internal.h"
 
-enum { MAX_DEPTH = 32 };
-
 static const double MAX_SLOPE = 1000, FARTHEST = 1e12;
 static const char *const MODIFIERS[] = {"shell", "mirror", "displace", "twist", "offset"};
 
@@ -107,8 +105,8 @@ static void read_tree(struct reader *r, json_t *object, json_t *materials,
     else if (model->node_count == SCENE_MAX_NODES)
         reader_fail(r, NULL, "one too many: a scene has %d shapes in groups, and groups, at most",
                     SCENE_MAX_NODES);
-    else if (shape->type == SHAPE_GROUP && depth > MAX_DEPTH)
-        reader_fail(r, NULL, "groups are nested more than %d deep", MAX_DEPTH);
+    else if (shape->type == SHAPE_GROUP && depth > SCENE_MAX_DEPTH)
+        reader_fail(r, NULL, "groups are nested more than %d deep", SCENE_MAX_DEPTH);
     if (r->failed)
         return;
     int index = model->node_count++;

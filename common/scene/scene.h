@@ -10,7 +10,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SCENE_MAX_SHAPES = 4096, SCENE_MAX_NODES = 4096, SCENE_ERROR_SIZE = 1024 };
+enum { SCENE_MAX_SHAPES = 4096, SCENE_MAX_NODES = 4096, SCENE_MAX_DEPTH = 32 };
+enum { SCENE_ERROR_SIZE = 1024 };
 
 enum shape_type {
     SHAPE_SPHERE,

@@ -31,7 +31,7 @@ struct primitive {
         struct {
             double bottom_radius, top_radius, half_height;
             double side[2], inv_side_sq; // the side from the bottom rim to the top rim; 1/|side|²
-        } cone;
+        } cone;                          // and capsule: bottom_radius, half_height
         struct {
             double radius;
         } octahedron;
@@ -46,14 +46,39 @@ struct primitive {
             double scale, fold_limit, inner_sq, outer_sq; // squares of the radii
             int iterations;
         } mandelbox;
+        struct {
+            double inv_radii[3], least;
+        } ellipsoid;
+        struct {
+            double frequency, scale, half_thickness;
+        } gyroid;
+        struct {
+            const struct instruction *program;
+            int length;
+            double inv_lipschitz;
+        } group;
     };
 };
 
 struct prepared {
     struct model model;
     double bounds_sq;
-    struct primitive *primitives; // one per shape
+    struct primitive *primitives;     // one per shape
+    struct instruction *instructions; // of all groups
 };
+
+// prepare.c: the shape as the march evaluates it; of a group, all but its program.
+struct primitive make_primitive(const struct shape *shape);
+
+// group.c: memory for the programs of all groups, NULL if it is short; appends a group's program to `out` and returns
+// the program's end; the field over its Lipschitz constant at a point of the group's frame; the material at a point
+// of the world.
+struct instruction *new_instructions(const struct model *model);
+struct instruction *group_compile(const struct model *model, int root, struct primitive *group,
+                                  struct instruction *out);
+double sdf_group(const double *p, const struct primitive *group);
+void group_surface(const double *point, const struct primitive *group, const struct model *model,
+                   struct material *surface);
 
 static inline double min_of(double a, double b) {
     return a < b ? a : b;
@@ -243,6 +268,7 @@ static inline double distance_to_shape(const double *point, const struct primiti
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
     case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
+    case SHAPE_GROUP: return sdf_group(p, primitive);
     default: return sdf_mandelbulb(p, primitive);
     }
 }

@@ -64,7 +64,13 @@ void trace(const double *origin, const double *direction, int bounce, const stru
     const double *p = result->hit.point;
     double *n = result->normal, *color = result->color;
     normal_at(p, direction, world->scene, n);
-    const struct material *material = &model->materials[model->shapes[result->hit.shape].material];
+    const struct shape *shape = &model->shapes[result->hit.shape];
+    const struct material *material = &model->materials[shape->material];
+    struct material mixed;
+    if (shape->type == SHAPE_GROUP) {
+        group_surface(p, &world->scene->primitives[result->hit.shape], model, &mixed);
+        material = &mixed;
+    }
     light_at(p, n, direction, material, world, color);
     if (material->reflectivity > 0.0 && bounce < model->march.max_bounces) {
         COUNT(trace, mirror);

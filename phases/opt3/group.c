@@ -1,0 +1,248 @@
+// Groups of shapes, for four points at once. A tree of operations is a program in postfix order, compiled once per
+// scene: children leave their values on a stack, and an operation folds the last of them into one. A node without
+// a frame of its own, a twist or a displacement has no instruction for it.
+#include <stdlib.h>
+#include <string.h>
+
+#include "trace.h"
+
+enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
+
+struct instruction {
+    enum opcode opcode;
+    int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
+    struct primitive primitive; // TO_FRAME: transform; LEAF: sizes too
+    const struct node *node;
+};
+
+enum { PER_NODE = 4, MAX_FRAMES = 2 * (SCENE_MAX_DEPTH + 2), MAX_VALUES = SCENE_MAX_NODES };
+
+static vdouble sdf_capsule(struct vec p, const struct primitive *s) {
+    COUNT(sdf_capsule, call);
+    vdouble half = v_splat(s->cone.half_height);
+    p.y = p.y - v_min(v_max(p.y, -half), half);
+    return vec_norm(p) - v_splat(s->cone.bottom_radius);
+}
+
+// A bound: the distance is at least (|p/r| − 1)·min r.
+static vdouble sdf_ellipsoid(struct vec p, const struct primitive *s) {
+    COUNT(sdf_ellipsoid, call);
+    struct vec inv = vec_set(s->ellipsoid.inv_radii);
+    struct vec q = {p.x * inv.x, p.y * inv.y, p.z * inv.z};
+    return (vec_norm(q) - v_splat(1.0)) * v_splat(s->ellipsoid.least);
+}
+
+static vdouble sdf_gyroid(struct vec p, const struct primitive *s) {
+    COUNT(sdf_gyroid, call);
+    struct vec q = vec_scale(p, v_splat(s->gyroid.frequency));
+    vdouble level = v_madd(sin_of(q.x), cos_of(q.y),
+                           v_madd(sin_of(q.y), cos_of(q.z), sin_of(q.z) * cos_of(q.x)));
+    return v_msub(v_abs(level), v_splat(s->gyroid.scale), v_splat(s->gyroid.half_thickness));
+}
+
+static vdouble leaf_distance(struct vec point, const struct primitive *s) {
+    struct vec p = apply_transform(point, s);
+    switch (s->type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, s);
+    case SHAPE_BOX: return sdf_box(p, s);
+    case SHAPE_TORUS: return sdf_torus(p, s);
+    case SHAPE_CONE: return sdf_cone(p, s);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, s);
+    case SHAPE_PLANE: return sdf_plane(p, s);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, s);
+    case SHAPE_CAPSULE: return sdf_capsule(p, s);
+    case SHAPE_ELLIPSOID: return sdf_ellipsoid(p, s);
+    default: return sdf_gyroid(p, s);
+    }
+}
+
+// Children's values with their signs: all operations are minima of them, with the first one's sign.
+static vdouble signed_value(const struct node *node, const vdouble *value, int i) {
+    bool positive = i ? node->operation != NODE_INTERSECTION : node->operation == NODE_UNION;
+    return positive ? value[i] : -value[i];
+}
+
+// The minimum of all values; with blend k > 0 the smooth minimum of all at once: the least Σ wᵢdᵢ + k/2·(Σ wᵢ² − 1)
+// of any weights w ≥ 0 of sum 1. There wᵢ = max(τ − eᵢ, 0)/k with eᵢ = dᵢ − least; τ by Michelot's method, until it
+// rests in all lanes. (A. F. T. Martins, R. F. Astudillo, "From softmax to sparsemax", ICML 2016.)
+static vdouble fold(const struct node *node, const vdouble *value, vdouble *least, vdouble *tau) {
+    COUNT(fold, call);
+    vdouble k = *tau = v_splat(node->blend), folded = *least = v_splat(INFINITY);
+    for (int i = 0; i < node->children; i++) {
+        COUNT(fold, child);
+        folded = *least = v_min(signed_value(node, value, i), *least);
+    }
+    if (node->blend > 0.0) {
+        vdouble zero = v_splat(0.0), one = v_splat(1.0), kept = v_splat(INFINITY), squares, before;
+        do { // kept are those below τ, which falls from k
+            COUNT(fold, pass);
+            vdouble sum = squares = zero;
+            before = kept;
+            kept = zero;
+            for (int i = 0; i < node->children; i++) {
+                COUNT(fold, tested);
+                vdouble e = signed_value(node, value, i) - *least;
+                vmask below = v_cmp_lt(e, *tau);
+                e = v_select_or_zero(below, e);
+                kept = kept + v_select_or_zero(below, one);
+                sum = sum + e;
+                squares = v_madd(e, e, squares);
+            }
+            *tau = v_min((k + sum) / kept, *tau);
+        } while (v_any(v_and(v_cmp_lt(kept, before), v_cmp_gt(kept, one))));
+        COUNT(fold, blended);
+        folded = v_madd(v_splat(0.5), v_msub(kept * *tau, *tau, squares) / k - k, *least);
+    }
+    return node->operation == NODE_UNION ? folded : -folded;
+}
+
+// Mixes the children's surfaces into the first one's place by the weights of fold(). A sharp operation takes the
+// first child of the least value.
+static void fold_surfaces(const struct node *node, const vdouble *value, vdouble least, vdouble tau,
+                          struct surface *surface) {
+    vdouble zero = v_splat(0.0);
+    struct surface mixed = {{zero, zero, zero}, zero, zero};
+    vmask decided = v_mask_none();
+    for (int i = 0; i < node->children; i++) {
+        COUNT(fold_surfaces, child);
+        vdouble e = signed_value(node, value, i) - least, weight;
+        if (node->blend > 0.0) {
+            weight = v_max(tau - e, zero) / v_splat(node->blend);
+        } else {
+            vmask decides = v_andnot(v_or(v_cmp_gt(e, zero), decided), v_not(v_mask_none()));
+            weight = v_select_or_zero(decides, v_splat(1.0));
+            decided = v_or(decided, decides);
+        }
+        mixed.color = vec_along(mixed.color, surface[i].color, weight);
+        mixed.reflectivity = v_madd(surface[i].reflectivity, weight, mixed.reflectivity);
+        mixed.shininess = v_madd(surface[i].shininess, weight, mixed.shininess);
+    }
+    surface[0] = mixed;
+}
+
+static vdouble mirrored(vdouble x) {
+    COUNT(mirrored, call);
+    return v_abs(x);
+}
+
+static struct vec to_frame(struct vec point, const struct instruction *in) {
+    struct vec p = apply_transform(point, &in->primitive);
+    const bool *mirror = in->node->mirror;
+    return (struct vec){mirror[0] ? mirrored(p.x) : p.x, mirror[1] ? mirrored(p.y) : p.y,
+                        mirror[2] ? mirrored(p.z) : p.z};
+}
+
+static struct vec twisted(struct vec p, const struct node *node) {
+    COUNT(twisted, call);
+    vdouble angle = v_splat(node->twist) * p.y, limit = v_splat(node->twist_radius);
+    vdouble inward = limit / v_max(v_sqrt(v_madd(p.x, p.x, p.z * p.z)), limit);
+    vdouble c = inward * cos_of(angle), s = inward * sin_of(angle);
+    return (struct vec){v_msub(c, p.x, s * p.z), p.y, v_madd(s, p.x, c * p.z)};
+}
+
+// The values of a node with the end of its twist, displacement, shell and offset, at the points in its frame.
+static vdouble modified(const struct node *node, struct vec p, vdouble f) {
+    COUNT(modified, call);
+    if (node->twist != 0.0) {
+        COUNT(modified, twisted);
+        f = v_max(f, v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(node->twist_radius));
+    }
+    if (node->amplitude > 0.0) {
+        COUNT(modified, displaced);
+        struct vec w = vec_set(node->frequency);
+        vdouble x = sin_of(w.x * p.x), y = sin_of(w.y * p.y), z = sin_of(w.z * p.z);
+        f = v_madd(v_splat(node->amplitude) * x, y * z, f);
+    }
+    if (node->shell > 0.0) {
+        COUNT(modified, shell);
+        f = v_abs(f) - v_splat(node->shell);
+    }
+    return f - v_splat(node->offset);
+}
+
+static struct surface surface_of(const struct material *m) {
+    return (struct surface){vec_set(m->color), v_splat(m->reflectivity), v_splat(m->shininess)};
+}
+
+// Runs the program at points of the group's frame. `surfaces`, unless NULL, gets the materials at its start, and
+// has room for one of each value.
+static vdouble run(struct vec p, const struct primitive *group, const struct material *materials,
+                   struct surface *surfaces) {
+    struct vec frame[MAX_FRAMES];
+    vdouble value[MAX_VALUES], least, tau;
+    int top = -1;
+    frame[0] = p;
+    for (int i = 0; i < group->group.length; i++) {
+        const struct instruction *in = &group->group.program[i];
+        const struct node *node = in->node;
+        struct vec *at = &frame[in->frame];
+        switch (in->opcode) {
+        case TO_FRAME: at[1] = to_frame(*at, in); break;
+        case TWIST: at[1] = twisted(*at, node); break;
+        case LEAF:
+            value[++top] = leaf_distance(*at, &in->primitive);
+            if (surfaces)
+                surfaces[top] = surface_of(&materials[node->shape.material]);
+            break;
+        case FOLD: {
+            top -= node->children - 1;
+            vdouble folded = fold(node, value + top, &least, &tau);
+            if (surfaces)
+                fold_surfaces(node, value + top, least, tau, surfaces + top);
+            value[top] = folded;
+            break;
+        }
+        case MODIFY: value[top] = modified(node, *at, value[top]); break;
+        }
+    }
+    return value[0];
+}
+
+vdouble sdf_group(struct vec p, const struct primitive *group) {
+    COUNT(sdf_group, call);
+    return run(p, group, NULL, NULL) * v_splat(group->group.inv_lipschitz);
+}
+
+struct surface group_surface(struct vec point, const struct primitive *group,
+                             const struct model *model) {
+    struct surface surfaces[MAX_VALUES];
+    run(apply_transform(point, group), group, model->materials, surfaces);
+    return surfaces[0];
+}
+
+// Appends the instructions of the node and its children, which read their point from `frame`. Returns the end.
+static struct instruction *compile(const struct model *model, int index, int frame,
+                                   struct instruction *out) {
+    const struct node *node = &model->nodes[index];
+    struct primitive primitive = make_primitive(0, &node->shape);
+    const double *at = node->shape.position;
+    bool leaf = node->operation == NODE_SHAPE, bent = node->twist != 0.0 || node->amplitude > 0.0;
+    bool moved = primitive.rotated || primitive.repeated || at[0] || at[1] || at[2];
+    if (node->mirror[0] || node->mirror[1] || node->mirror[2] || (moved && (!leaf || bent))) {
+        *out++ = (struct instruction){TO_FRAME, frame++, primitive, node};
+        memset(primitive.position, 0, sizeof primitive.position);
+        primitive.rotated = primitive.repeated = false;
+    }
+    int inner = frame;
+    if (node->twist != 0.0)
+        *out++ = (struct instruction){TWIST, inner++, primitive, node};
+    for (int child = index + 1; child < node->end; child = model->nodes[child].end)
+        out = compile(model, child, inner, out);
+    *out++ = (struct instruction){leaf ? LEAF : FOLD, inner, primitive, node};
+    if (bent || node->shell > 0.0 || node->offset != 0.0)
+        *out++ = (struct instruction){MODIFY, frame, primitive, node};
+    return out;
+}
+
+struct instruction *new_instructions(const struct model *model) {
+    return calloc((size_t)model->node_count * PER_NODE + 1, sizeof(struct instruction));
+}
+
+struct instruction *group_compile(const struct model *model, int root, struct primitive *group,
+                                  struct instruction *out) {
+    struct instruction *end = compile(model, root, 0, out);
+    group->group.program = out;
+    group->group.length = (int)(end - out);
+    group->group.inv_lipschitz = 1.0 / model->nodes[root].lipschitz;
+    return end;
+}
