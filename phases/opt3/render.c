@@ -21,7 +21,24 @@ static void rotation_matrix(const double *degrees, double m[3][3]) {
     }
 }
 
-static struct primitive make_primitive(int index, const struct shape *shape) {
+// The solids that stand in groups alone.
+static void set_group_solid(const struct shape *shape, struct primitive *p) {
+    const double *r = shape->ellipsoid.radius;
+    if (shape->type == SHAPE_CAPSULE) {
+        p->cone.bottom_radius = shape->capsule.radius;
+        p->cone.half_height = shape->capsule.half_height;
+    } else if (shape->type == SHAPE_ELLIPSOID) {
+        p->ellipsoid.least = fmin(r[0], fmin(r[1], r[2]));
+        for (int i = 0; i < 3; i++)
+            p->ellipsoid.inv_radii[i] = 1.0 / r[i];
+    } else {
+        p->gyroid.frequency = 2.0 * M_PI / shape->gyroid.cell;
+        p->gyroid.scale = 1.0 / (sqrt(3.0) * p->gyroid.frequency);
+        p->gyroid.half_thickness = 0.5 * shape->gyroid.thickness;
+    }
+}
+
+struct primitive make_primitive(int index, const struct shape *shape) {
     struct primitive p = {.type = shape->type, .index = index};
     memcpy(p.position, shape->position, sizeof p.position);
     rotation_matrix(shape->rotation_degrees, p.rotation);
@@ -64,6 +81,10 @@ static struct primitive make_primitive(int index, const struct shape *shape) {
         p.mandelbox.outer_sq = shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius;
         p.mandelbox.iterations = shape->mandelbox.iterations;
         break;
+    case SHAPE_CAPSULE:
+    case SHAPE_ELLIPSOID:
+    case SHAPE_GYROID: set_group_solid(shape, &p); break;
+    case SHAPE_GROUP: break; // group_compile()
     default:
         p.mandelbulb.bailout = shape->mandelbulb.bailout;
         p.mandelbulb.iterations = shape->mandelbulb.iterations;
@@ -75,8 +96,13 @@ static struct primitive make_primitive(int index, const struct shape *shape) {
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->bounds_sq = model->march.bounds_radius * model->march.bounds_radius;
-    for (int i = 0; i < model->shape_count; i++)
-        prepared->primitives[i] = make_primitive(i, &model->shapes[i]);
+    struct instruction *next = prepared->instructions;
+    for (int i = 0; i < model->shape_count; i++) {
+        const struct shape *shape = &model->shapes[i];
+        prepared->primitives[i] = make_primitive(i, shape);
+        if (shape->type == SHAPE_GROUP)
+            next = group_compile(model, shape->group.root, &prepared->primitives[i], next);
+    }
     return true;
 }
 
@@ -84,17 +110,21 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
     struct prepared *prepared = calloc(1, sizeof *prepared);
     struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
-    if (!prepared || !primitives) {
+    struct instruction *instructions = new_instructions(model);
+    if (!prepared || !primitives || !instructions) {
         free(prepared);
         free(primitives);
+        free(instructions);
         return NULL;
     }
+    prepared->instructions = instructions;
     prepared->primitives = primitives;
     phase_update(prepared, model);
     return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
+    free(prepared->instructions);
     free(prepared->primitives);
     free(prepared);
 }

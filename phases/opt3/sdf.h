@@ -32,7 +32,7 @@ struct primitive {
         struct {
             double bottom_radius, top_radius, half_height;
             double side[2], inv_side_sq; // the side from the bottom rim to the top rim; 1/|side|²
-        } cone;
+        } cone;                          // and capsule: bottom_radius, half_height
         struct {
             double radius;
         } octahedron;
@@ -48,14 +48,29 @@ struct primitive {
             double inner_sq, outer_sq;         // squares of the radii
             int iterations;
         } mandelbox;
+        struct {
+            double inv_radii[3], least;
+        } ellipsoid;
+        struct {
+            double frequency, scale, half_thickness;
+        } gyroid;
+        struct {
+            const struct instruction *program;
+            int length;
+            double inv_lipschitz;
+        } group;
     };
 };
 
 struct prepared {
     struct model model;
     double bounds_sq;
-    struct primitive *primitives; // one per shape
+    struct primitive *primitives;     // one per shape
+    struct instruction *instructions; // of all groups
 };
+
+// group.c: the field of the group over its Lipschitz constant, at points of its frame.
+vdouble sdf_group(struct vec p, const struct primitive *group);
 
 // The points in the shape's frame, wrapped into the central cell if the shape is repeated.
 static inline struct vec apply_transform(struct vec point, const struct primitive *primitive) {
@@ -221,6 +236,7 @@ distance_to_shape(struct vec point, const struct primitive *primitive, vmask don
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
     case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
+    case SHAPE_GROUP: return sdf_group(p, primitive);
     default: return sdf_mandelbulb(p, primitive, done);
     }
 }

@@ -2,13 +2,25 @@
 // CACM 18 (1975)), mirrors by recursion, fog.
 #include "trace.h"
 
-// The materials of four hits.
-struct surface {
-    struct vec color;
-    vdouble reflectivity, shininess;
-};
+// The surfaces with those of hits on groups in their lanes.
+static struct surface group_surfaces(vdouble shape, struct vec p, vmask found,
+                                     const struct prepared *scene, struct surface surface) {
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        vdouble index = v_splat(scene->primitives[i].index);
+        vmask same = v_andnot(v_or(v_cmp_lt(shape, index), v_cmp_gt(shape, index)), found);
+        if (scene->primitives[i].type != SHAPE_GROUP || !v_any(same))
+            continue;
+        struct surface mixed = group_surface(p, &scene->primitives[i], &scene->model);
+        surface.color = vec_select(same, mixed.color, surface.color);
+        surface.reflectivity = v_select(same, mixed.reflectivity, surface.reflectivity);
+        surface.shininess = v_select(same, mixed.shininess, surface.shininess);
+    }
+    return surface;
+}
 
-static struct surface gather_surface(vdouble shape, vmask found, const struct model *model) {
+static struct surface gather_surface(vdouble shape, struct vec p, vmask found,
+                                     const struct prepared *scene) {
+    const struct model *model = &scene->model;
     double id[LANES], values[5][LANES];
     _mm256_storeu_pd(id, v_select(found, shape, v_splat(0.0)));
     for (int lane = 0; lane < LANES; lane++) {
@@ -18,10 +30,11 @@ static struct surface gather_surface(vdouble shape, vmask found, const struct mo
         values[3][lane] = m->reflectivity;
         values[4][lane] = m->shininess;
     }
-    return (struct surface){
+    struct surface surface = {
         {_mm256_loadu_pd(values[0]), _mm256_loadu_pd(values[1]), _mm256_loadu_pd(values[2])},
         _mm256_loadu_pd(values[3]),
         _mm256_loadu_pd(values[4])};
+    return model->features.groups ? group_surfaces(shape, p, found, scene, surface) : surface;
 }
 
 // The unit normal by forward differences of the scene's distance, on the side of the incoming ray.
@@ -93,7 +106,7 @@ void trace(struct vec origin, struct vec direction, vmask active, int bounce,
     ACTIVE(v_count(found));
     struct vec p = result->hit.point;
     struct vec n = normal_at(p, direction, found, world->scene);
-    struct surface surface = gather_surface(result->hit.shape, found, model);
+    struct surface surface = gather_surface(result->hit.shape, p, found, world->scene);
     struct vec color = light_at(p, n, direction, found, &surface, world);
     ACTIVE(v_count(found));
     if (model->features.mirrors && bounce < model->march.max_bounces) {

@@ -16,6 +16,12 @@ struct hit {
     vdouble evals; // evaluations of the scene's distance
 };
 
+// The materials of four hits.
+struct surface {
+    struct vec color;
+    vdouble reflectivity, shininess;
+};
+
 struct shaded {
     struct vec color;
     struct vec normal; // 0 on a miss
@@ -36,3 +42,14 @@ vdouble shadow(struct vec point, struct vec to_light, vdouble distance, vmask ac
 // lanes of `active` are valid in `result`.
 void trace(struct vec origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result);
+
+// render.c: the shape as the march evaluates it; of a group, all but its program.
+struct primitive make_primitive(int index, const struct shape *shape);
+
+// group.c: memory for the programs of all groups, NULL if it is short; appends a group's program to `out` and returns
+// the program's end; the materials at points of the world.
+struct instruction *new_instructions(const struct model *model);
+struct instruction *group_compile(const struct model *model, int root, struct primitive *group,
+                                  struct instruction *out);
+struct surface group_surface(struct vec point, const struct primitive *group,
+                             const struct model *model);

@@ -161,7 +161,7 @@ static inline struct vec vec_reflect(struct vec d, struct vec n) {
     return vec_along(d, n, v_splat(-2.0) * vec_dot(d, n));
 }
 
-// log and exp: range reduction after W. J. Cody and W. Waite, "Software manual for the elementary
+// log, exp and sin: range reduction after W. J. Cody and W. Waite, "Software manual for the elementary
 // functions" (1980). The polynomials are Chebyshev interpolants made by scripts/stepwise polynomials.
 // tests/c/phases/test_math_opt3.c measures the errors: below 2 ulp over the ranges given here.
 
@@ -221,4 +221,28 @@ static inline vdouble exp_of(vdouble a) {
 static inline vdouble power_of(vdouble a, vdouble b) {
     COUNT(power_of, call);
     return exp_of(b * log_of(a));
+}
+
+// Returns sin a, off by at most 2^-52 for |a| up to 1000.
+static inline vdouble sin_of(vdouble a) {
+    COUNT(sin_of, call);
+    const vdouble shift = v_splat(6755399441055744.0); // 1.5·2^52: adding it rounds to an integer
+    vdouble shifted = v_madd(a, v_splat(0.31830988618379067154), shift);
+    vdouble n = shifted - shift;
+    vdouble r = v_nmadd(n, v_splat(1.2246467991473532e-16), v_nmadd(n, v_splat(M_PI), a));
+    vdouble u = r * r;
+    vdouble p = v_madd(u, v_splat(2.7314447669863993424e-15), v_splat(-7.6439702967985720524e-13));
+    p = v_madd(u, p, v_splat(1.6058977312464087621e-10));
+    p = v_madd(u, p, v_splat(-2.5052107616996182891e-8));
+    p = v_madd(u, p, v_splat(2.7557319219163233416e-6));
+    p = v_madd(u, p, v_splat(-0.00019841269841254973769));
+    p = v_madd(u, p, v_splat(0.0083333333333333158688));
+    p = v_madd(u, p, v_splat(-0.16666666666666666633));
+    // An odd n turns the sign: its lowest bit moves to the sign's place.
+    __m256i sign = _mm256_slli_epi64(_mm256_castpd_si256(shifted), 63);
+    return _mm256_xor_pd(v_madd(r * u, p, r), _mm256_castsi256_pd(sign));
+}
+
+static inline vdouble cos_of(vdouble a) {
+    return sin_of(a + v_splat(0.5 * M_PI));
 }

@@ -1,5 +1,5 @@
 // flags: -mavx2 -mfma -ffp-contract=off
-// opt3's log and exp against the C library's long double ones, on stratified samples.
+// opt3's log, exp and sin against the C library's long double ones, on stratified samples.
 #include "tests/c/testing.h"
 
 #include "phases/opt3/vec.h"
@@ -55,6 +55,20 @@ TEST(test_exp) {
     print_message("opt3 exp: %.3f ulp in -708 to 709, %.3f ulp near 0\n", worst, small);
     assert_true(worst <= 2);
     assert_true(small <= 2);
+}
+
+TEST(test_sin) {
+    double worst = 0;
+    for (uint32_t i = 0; i < SAMPLES; i++) {
+        double x = (weyl(i) - 0.5) * 2000.0 * ldexp(1.0, -(int)(i % 40));
+        double error = (double)fabsl(lane0(sin_of(v_splat(x))) - sinl((long double)x));
+        if (!(error <= worst))
+            worst = error;
+    }
+    print_message("opt3 sin: off by %.3g in -1000 to 1000\n", worst);
+    assert_true(worst <= 0x1p-52);
+    assert_true(lane0(sin_of(v_splat(0.0))) == 0.0);
+    assert_true(fabs(lane0(cos_of(v_splat(3.0))) - cos(3.0)) <= 0x1p-51);
 }
 
 TEST(test_ends) {
