@@ -4,7 +4,7 @@
 #include "phase.h"
 #include "trace.h"
 
-static struct vec vec_from_doubles(const double a[3]) {
+struct vec vec_from_doubles(const double a[3]) {
     return (struct vec){v_splat((float)a[0]), v_splat((float)a[1]), v_splat((float)a[2])};
 }
 

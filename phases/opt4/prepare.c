@@ -70,8 +70,25 @@ static void set_mandelbox(const struct shape *shape, struct primitive *p) {
     p->mandelbox.iterations = shape->mandelbox.iterations;
 }
 
-static struct primitive make_primitive(int index, const struct shape *shape,
-                                       const struct limits *limits) {
+// The solids that stand in groups alone.
+static void set_group_solid(const struct shape *shape, struct primitive *p) {
+    const double *r = shape->ellipsoid.radius;
+    if (shape->type == SHAPE_CAPSULE) {
+        p->cone.bottom_radius = (float)shape->capsule.radius;
+        p->cone.half_height = (float)shape->capsule.half_height;
+    } else if (shape->type == SHAPE_ELLIPSOID) {
+        p->ellipsoid.least = (float)fmin(r[0], fmin(r[1], r[2]));
+        for (int i = 0; i < 3; i++)
+            p->ellipsoid.inv_radii[i] = (float)(1.0 / r[i]);
+    } else {
+        double frequency = 2.0 * M_PI / shape->gyroid.cell;
+        p->gyroid.frequency = (float)frequency;
+        p->gyroid.scale = (float)(1.0 / (sqrt(3.0) * frequency));
+        p->gyroid.half_thickness = (float)(0.5 * shape->gyroid.thickness);
+    }
+}
+
+struct primitive make_primitive(int index, const struct shape *shape, const struct limits *limits) {
     struct primitive p = {.type = shape->type, .index = (float)index};
     double rotation[3][3];
     rotation_matrix(shape->rotation_degrees, rotation);
@@ -115,6 +132,10 @@ static struct primitive make_primitive(int index, const struct shape *shape,
         p.plane.offset = (float)shape->plane.offset;
         break;
     case SHAPE_MANDELBOX: set_mandelbox(shape, &p); break;
+    case SHAPE_CAPSULE:
+    case SHAPE_ELLIPSOID:
+    case SHAPE_GYROID: set_group_solid(shape, &p); break;
+    case SHAPE_GROUP: break; // group_compile()
     default:
         p.mandelbulb.bailout = (float)shape->mandelbulb.bailout;
         p.mandelbulb.iterations = shape->mandelbulb.iterations;
@@ -125,7 +146,12 @@ static struct primitive make_primitive(int index, const struct shape *shape,
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
-    for (int i = 0; i < model->shape_count; i++)
-        prepared->primitives[i] = make_primitive(i, &model->shapes[i], &model->march);
+    struct instruction *next = prepared->instructions;
+    for (int i = 0; i < model->shape_count; i++) {
+        const struct shape *shape = &model->shapes[i];
+        prepared->primitives[i] = make_primitive(i, shape, &model->march);
+        if (shape->type == SHAPE_GROUP)
+            next = group_compile(model, shape->group.root, &prepared->primitives[i], next);
+    }
     return true;
 }

@@ -9,17 +9,21 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
     struct prepared *prepared = calloc(1, sizeof *prepared);
     struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
-    if (!prepared || !primitives) {
+    struct instruction *instructions = new_instructions(model);
+    if (!prepared || !primitives || !instructions) {
         free(prepared);
         free(primitives);
+        free(instructions);
         return NULL;
     }
+    prepared->instructions = instructions;
     prepared->primitives = primitives;
     phase_update(prepared, model);
     return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
+    free(prepared->instructions);
     free(prepared->primitives);
     free(prepared);
 }

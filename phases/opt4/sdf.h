@@ -41,7 +41,7 @@ struct primitive {
         struct {
             float bottom_radius, top_radius, half_height;
             float side[2], inv_side_sq; // the side from the bottom rim to the top rim; 1/|side|²
-        } cone;
+        } cone;                         // and capsule: bottom_radius, half_height
         struct {
             float radius;
         } octahedron;
@@ -57,6 +57,17 @@ struct primitive {
             float inner_sq, outer_sq;         // squares of the radii
             int iterations;
         } mandelbox;
+        struct {
+            float inv_radii[3], least;
+        } ellipsoid;
+        struct {
+            float frequency, scale, half_thickness;
+        } gyroid;
+        struct {
+            const struct instruction *program;
+            int length;
+            float inv_lipschitz, extent; // extent: of the sphere about it
+        } group;
     };
     // In double, for a ray's origin: it is moved into the shape's frame and then rounded once.
     // `row` holds the rows of the rotation matrix. LINEAR: row[0] is the normal in world axes.
@@ -65,8 +76,12 @@ struct primitive {
 
 struct prepared {
     struct model model;
-    struct primitive *primitives; // one per shape
+    struct primitive *primitives;     // one per shape
+    struct instruction *instructions; // of all groups
 };
+
+// group.c: the field of the group over its Lipschitz constant, at points of its frame.
+vfloat sdf_group(struct vec p, const struct primitive *group);
 
 // Eight rays in the frame of one shape. LINEAR: the distance is origin.x + t·direction.x. POWER:
 // |p|² − radius² is power + t·(t + slope).
@@ -338,6 +353,7 @@ distance_at(struct vec p, const struct primitive *primitive, vmask done) {
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
     case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
+    case SHAPE_GROUP: return sdf_group(p, primitive);
     default: return sdf_mandelbulb(p, primitive, done);
     }
 }

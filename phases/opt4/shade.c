@@ -2,13 +2,27 @@
 // CACM 18 (1975)), mirrors by recursion, fog.
 #include "trace.h"
 
-// The materials of eight hits.
-struct surface {
-    struct vec color;
-    vfloat reflectivity, shininess;
-};
+// The surfaces with those of hits on groups in their lanes.
+static struct surface group_surfaces(vfloat shape, vmask found, const struct world *world,
+                                     struct surface surface) {
+    for (int i = 0; i < world->scene->model.shape_count; i++) {
+        const struct primitive *primitive = &world->scene->primitives[i];
+        vfloat apart = v_abs(shape - v_splat(primitive->index));
+        vmask same = v_and(found, v_cmp_lt(apart, v_splat(0.5f)));
+        if (primitive->type != SHAPE_GROUP || !v_any(same))
+            continue;
+        struct surface mixed =
+            group_surface(world->local_rays[i].origin, primitive, &world->scene->model);
+        surface.color = vec_select(same, mixed.color, surface.color);
+        surface.reflectivity = v_select(same, mixed.reflectivity, surface.reflectivity);
+        surface.shininess = v_select(same, mixed.shininess, surface.shininess);
+    }
+    return surface;
+}
 
-static struct surface gather_surface(vfloat shape, vmask found, const struct model *model) {
+// Precondition: the hits are the origins of world->local_rays.
+static struct surface gather_surface(vfloat shape, vmask found, const struct world *world) {
+    const struct model *model = &world->scene->model;
     float id[LANES], values[5][LANES];
     _mm256_storeu_ps(id, v_select(found, shape, v_splat(0.0f)));
     for (int lane = 0; lane < LANES; lane++) {
@@ -18,16 +32,18 @@ static struct surface gather_surface(vfloat shape, vmask found, const struct mod
         values[3][lane] = (float)m->reflectivity;
         values[4][lane] = (float)m->shininess;
     }
-    return (struct surface){
+    struct surface surface = {
         {_mm256_loadu_ps(values[0]), _mm256_loadu_ps(values[1]), _mm256_loadu_ps(values[2])},
         _mm256_loadu_ps(values[3]),
         _mm256_loadu_ps(values[4])};
+    return model->features.groups ? group_surfaces(shape, found, world, surface) : surface;
 }
 
 // Normals. By the scene's definition a normal is the forward difference of the scene's distance over
 // normal_step. In float that difference has noise in its third digit: an ulp of the point over 1e-4.
 // Three sources serve instead:
-// - the closed-form gradient of the shape, where it agrees with the difference within that noise;
+// - the closed-form gradient of the shape, where it agrees with the difference within that noise; of a group, the
+//   central difference over more steps;
 // - the difference of the shape's distance, elsewhere: within a step of an edge, on a Mandelbulb;
 // - the difference of the scene's distance, where another shape is within reach of the step.
 // The X_gradient functions work in the shape's axes. Their results need not be of unit length.
@@ -144,6 +160,20 @@ static struct vec difference(const struct primitive *primitive, const struct loc
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
+// The slope of a group's field by central differences over 16 steps, but at most 2^-10 of the group's size.
+static struct vec group_gradient(const struct primitive *primitive, const struct local_ray *ray,
+                                 vmask done, float step) {
+    COUNT(group_gradient, call);
+    COUNT(group_gradient, scalar);
+    vfloat slope[3];
+    float wide = fmaxf(step, fminf(16 * step, primitive->group.extent * 0x1p-10f));
+    for (int axis = 0; axis < 3; axis++)
+        slope[axis] = (moved_distance(primitive, ray, done, wide, axis) -
+                       moved_distance(primitive, ray, done, -wide, axis)) *
+                      v_splat(0.5f / wide);
+    return (struct vec){slope[0], slope[1], slope[2]};
+}
+
 // Forward differences of the scene's distance, as in the other phases.
 static struct vec scene_difference(vmask done, float step, const struct world *world) {
     ACTIVE(LANES - v_count(done));
@@ -206,12 +236,17 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     case SHAPE_CONE: exact = cone_gradient(p, primitive); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
     case SHAPE_PLANE: exact = vec_set(primitive->plane.normal); break;
+    case SHAPE_GROUP: exact = group_gradient(primitive, ray, v_not(found), step); break;
     default: return rounded;
     }
-    COUNT(gradient_of, closed);
     COUNT(gradient_of, scalar);
-    exact = turned_back(primitive, exact);
-    exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
+    if (primitive->type == SHAPE_GROUP) {
+        COUNT(gradient_of, group);
+    } else {
+        COUNT(gradient_of, closed);
+        exact = turned_back(primitive, exact);
+        exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
+    }
     rounded = vec_scale(rounded, v_splat(1.0f / step));
     struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
     vfloat size = v_max(v_abs(p.x), v_max(v_abs(p.y), v_abs(p.z)));
@@ -312,7 +347,7 @@ void trace(struct point origin, struct vec direction, vmask active, int bounce,
     ACTIVE(v_count(found));
     struct point p = result->hit.point;
     struct vec n = result->hit.normal;
-    struct surface surface = gather_surface(result->hit.shape, found, model);
+    struct surface surface = gather_surface(result->hit.shape, found, world);
     struct vec color = light_at(p, n, direction, found, &surface, world);
     ACTIVE(v_count(found));
     if (model->features.mirrors && bounce < model->march.max_bounces) {

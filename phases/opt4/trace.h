@@ -19,6 +19,12 @@ struct hit {
     vfloat evals;      // evaluations of the scene's distance
 };
 
+// The materials of eight hits.
+struct surface {
+    struct vec color;
+    vfloat reflectivity, shininess;
+};
+
 struct shaded {
     struct vec color;
     struct hit hit;
@@ -64,3 +70,15 @@ struct vec get_direction(int column, int row, const struct frame *frame, const s
 vmask v_mask_first(int count);
 void store(struct frame *frame, size_t pixel, int count, const struct shaded *seen);
 struct local_ray *new_local_rays(const struct prepared *prepared);
+struct vec vec_from_doubles(const double a[3]);
+
+// prepare.c: the shape as the march evaluates it; of a group, all but its program.
+struct primitive make_primitive(int index, const struct shape *shape, const struct limits *limits);
+
+// group.c: memory for the programs of all groups, NULL if it is short; appends a group's program to `out` and returns
+// the program's end; the materials at points of the group's frame.
+struct instruction *new_instructions(const struct model *model);
+struct instruction *group_compile(const struct model *model, int root, struct primitive *group,
+                                  struct instruction *out);
+struct surface group_surface(struct vec p, const struct primitive *group,
+                             const struct model *model);

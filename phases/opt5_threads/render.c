@@ -21,14 +21,17 @@ struct threaded {
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct threaded *threaded = calloc(1, sizeof *threaded);
     struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
-    if (threaded && primitives)
+    struct instruction *instructions = new_instructions(model);
+    if (threaded && primitives && instructions)
         threaded->workers =
             workers_start(threads, (size_t)model->shape_count * sizeof(struct local_ray));
     if (!threaded || !primitives || !threaded->workers) {
         free(threaded);
         free(primitives);
+        free(instructions);
         return NULL;
     }
+    threaded->prepared.instructions = instructions;
     threaded->prepared.primitives = primitives;
     phase_update(&threaded->prepared, model);
     return &threaded->prepared;
@@ -37,6 +40,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 void phase_release(struct prepared *prepared) {
     struct threaded *threaded = (struct threaded *)prepared; // its first member
     workers_end(threaded->workers);
+    free(prepared->instructions);
     free(prepared->primitives);
     free(threaded);
 }

@@ -1,5 +1,5 @@
 // flags: -mavx2 -mfma -ffp-contract=off
-// opt4's log and exp against the C library's double ones, over every float of their ranges.
+// opt4's log, exp and sin against the C library's double ones, over every float of their ranges.
 #include "tests/c/testing.h"
 
 #include <string.h>
@@ -63,6 +63,22 @@ TEST(test_exp) {
 
 static float lane0(vfloat a) {
     return _mm256_cvtss_f32(a);
+}
+
+TEST(test_sin) {
+    double worst = 0;
+    for (int i = -500000; i <= 500000; i++) { // −1000 … 1000, and as much near 0
+        for (int narrow = 0; narrow < 2; narrow++) {
+            float x = (float)i * (narrow ? 1e-5f : 2e-3f);
+            double error = fabs((double)lane0(sin_of(v_splat(x))) - sin((double)x));
+            if (!(error <= worst))
+                worst = error;
+        }
+    }
+    print_message("opt4 sin: off by %.3g in -1000 to 1000\n", worst);
+    assert_true(worst <= 1.5 * 0x1p-23);
+    assert_true(lane0(sin_of(v_splat(0.0f))) == 0.0f);
+    assert_true(fabs((double)lane0(cos_of(v_splat(3.0f))) - cos(3.0)) <= 0x1p-22);
 }
 
 TEST(test_ends) {
