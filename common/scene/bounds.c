@@ -9,7 +9,7 @@
 #include "scene/vector.h"
 
 // Multiplies radii and slopes, against rounding.
-static const double MARGIN = 1 + 1e-12;
+static const double MARGIN = 1 + 4e-15;
 
 // Returns the radius of the shape's sphere about 0 in its own coordinates.
 static double shape_radius(const struct shape *s) {
@@ -67,7 +67,7 @@ static void enclose(const struct node *nodes, int first, struct node *parent) {
 static void take_child(const struct node *nodes, int first, struct node *parent) {
     int best = first;
     for (int i = first; i < parent->end && parent->operation == NODE_INTERSECTION; i = nodes[i].end)
-        best = nodes[i].radius < nodes[best].radius ? i : best;
+        best = nodes[i].radius < nodes[best].radius * (1 - 1e-9) ? i : best; // not by rounding
     for (int k = 0; k < 3; k++)
         parent->centre[k] = nodes[best].centre[k];
     parent->radius = nodes[best].radius;

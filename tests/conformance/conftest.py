@@ -26,10 +26,13 @@ FORM = (
 )
 # Asked of the reference alone: whether its pictures are what the words say, and show each feature. The others
 # are held against its pictures.
-OF_THE_REFERENCE = ("test_features_show", "test_picture_is_what_the_words_say")
+OF_THE_REFERENCE = ("test_features_show", "test_picture_is_what_the_words_say", "test_slope", "test_bounds")
+OF_THE_REFERENCE += ("test_slope_is_not_far_from_one",)
 # The quick half: of these, each phase takes another one in so many; the rest is slow.
 SHARES = {
     "test_feature": 8,
+    "test_group": 4,
+    "test_group_scene": 3,
     "test_shape": 3,
     "test_special_points": 3,
     "test_placed": 3,
@@ -46,7 +49,7 @@ SLOW = re.compile(
 )
 # What a sanitized build is asked: each feature that has code of its own once, cut tiles, threads, any scene.
 SANITIZED = ("test_feature", "test_sizes", "test_threads", "test_threads_of_many_tiles", "test_random_scenes")
-SANITIZED += ("test_many_shapes",)
+SANITIZED += ("test_many_shapes", "test_group", "test_field")
 SANITIZED_FEATURES = re.compile(
     r"everything|shapes_64$|shadows_(hard|ideal)|mirrors_facing_2|mandelbox_(plane|bulb)|rounded_soft|camera_within|"
     r"nothing_to_see|crowd|hits_in_one_column|bounds_radius_large|repeated_all|max_steps_1$|bulb_within"

@@ -13,6 +13,8 @@ import math
 
 import numpy as np
 
+from conformance import groups
+
 Array = np.ndarray
 
 
@@ -157,7 +159,9 @@ def mandelbox(p: Array, shape: dict, noise: float = 0, seed: int = 0) -> Array:
 
 
 def shape_distance(points: Array, shape: dict) -> Array:
-    """Signed distance to one shape, placed, turned and repeated."""
+    """Signed distance to one shape, placed, turned and repeated; of a group its field (groups.py)."""
+    if groups.needs_tree(shape):
+        return groups.distance(np.asarray(points, float), shape)
     local = to_shape_frame(np.asarray(points, float), shape)
     if shape["type"] == "mandelbulb":
         return mandelbulb(local, shape)[0]

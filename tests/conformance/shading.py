@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from conformance import geometry
+from conformance import geometry, groups
 
 Array = np.ndarray
 
@@ -92,6 +92,17 @@ def lit(point: Array, to_light: Array, light_distance: Array, scene: dict) -> Ar
     return np.clip(share, 0, 1)
 
 
+def materials(point: Array, shape: Array, scene: dict) -> tuple[Array, Array, Array]:
+    """Colour (count, 3), reflectivity and shininess (count,): a group's are mixed from its leaves'."""
+    mixed = np.zeros((len(point), 5))
+    for i in np.unique(shape):
+        mine = shape == i
+        for name, share in groups.shares(point[mine], scene["shapes"][i]):
+            one = scene["materials"][name]
+            mixed[mine] += share[:, None] * [*one["color"], one["reflectivity"], one["shininess"]]
+    return mixed[:, :3], mixed[:, 3], mixed[:, 4]
+
+
 def reflect(direction: Array, normal: Array) -> Array:
     return direction - 2 * (direction * normal).sum(axis=1, keepdims=True) * normal
 
@@ -106,12 +117,7 @@ def trace(origin: Array, direction: Array, scene: dict, bounce: int = 0) -> tupl
         return color, hits, all_normals
     p, d = hits.point[on], direction[on]
     n = all_normals[on] = normals(p, d, scene)
-    made_of = [scene["materials"][scene["shapes"][i]["material"]] for i in hits.shape[on]]
-    base = np.array([m["color"] for m in made_of], float)
-    reflectivity, shininess = (
-        np.array([m[k] for m in made_of], float) for k in ("reflectivity", "shininess")
-    )
-
+    base, reflectivity, shininess = materials(p, hits.shape[on], scene)
     to_light = scene["light"]["position"] - p
     distance = np.linalg.norm(to_light, axis=1)
     to_light /= distance[:, None]

@@ -38,15 +38,16 @@ static void check_shape(const struct shape *shape, const struct model *model) {
         CHECK(shape->repeat[i] >= 0 && shape->repeat[i] <= LARGEST_NUMBER);
     if (shape->type == SHAPE_PLANE)
         CHECK(fabs(dot3(shape->plane.normal, shape->plane.normal) - 1) < 1e-9);
+    if (shape->type == SHAPE_GROUP)
+        CHECK(shape->group.root < model->node_count);
     if (shape->path.type == PATH_CIRCLE)
         CHECK(fabs(dot3(shape->path.axis, shape->path.axis) - 1) < 1e-9);
 }
 
 // Every position of an animation is finite, and near what the format allows.
 static void check_motion(const struct model *model, double seconds) {
-    struct model moved = *model;
-    moved.shapes = malloc((size_t)model->shape_count * sizeof *moved.shapes);
-    CHECK(moved.shapes);
+    struct model moved;
+    CHECK(model_copy(model, &moved));
     model_move(model, seconds, &moved);
     for (int i = 0; i < model->shape_count; i++) {
         CHECK(within(moved.shapes[i].position, 4.0 * LARGEST_NUMBER));
@@ -54,7 +55,24 @@ static void check_motion(const struct model *model, double seconds) {
             CHECK(memcmp(moved.shapes[i].position, model->shapes[i].position,
                          sizeof moved.shapes[i].position) == 0);
     }
+    for (int i = 0; i < model->node_count; i++)
+        CHECK(within(moved.nodes[i].centre, 1e12) && moved.nodes[i].lipschitz >= 1);
     free(moved.shapes);
+}
+
+// A tree's nodes are in prefix order, and its bounds are numbers.
+static void check_node(const struct model *model, int i) {
+    const struct node *node = &model->nodes[i];
+    int children = 0, child = i + 1;
+    for (; child < node->end; child = model->nodes[child].end)
+        children++;
+    CHECK(child == node->end && node->end <= model->node_count && children == node->children);
+    CHECK((node->operation == NODE_SHAPE) == (children == 0));
+    CHECK(node->shape.material >= 0 && node->shape.material < model->material_count);
+    CHECK(node->lipschitz >= 1 && node->lipschitz <= 1000);
+    CHECK(within(node->centre, 1e12) && node->radius > 0);
+    CHECK(node->growth > 0 && node->growth <= 1);
+    CHECK(node->twist == 0 || (node->twist_radius > 0 && isfinite(node->twist_radius)));
 }
 
 // The camera of an animation is a frame, or is told not to be one.
@@ -108,6 +126,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     check_view(&scene.view, LARGEST_NUMBER);
     for (int i = 0; i < scene.model.shape_count; i++)
         check_shape(&scene.model.shapes[i], &scene.model);
+    for (int i = 0; i < scene.model.node_count; i++)
+        check_node(&scene.model, i);
     const double times[] = {0, 0.1, -3.7, 1e9};
     for (int i = 0; i < 4; i++) {
         check_motion(&scene.model, times[i]);

@@ -32,7 +32,15 @@ static const char WHOLE[] =
     "{'type':'plane','normal':[0,3,4],'offset':10,'material':'white'},"
     "{'type':'mandelbulb','power':8,'iterations':4,'bailout':256,'material':'white'},"
     "{'type':'mandelbox','scale':-1.5,'fold_limit':1,'minimum_radius':0.5,'fixed_radius':2,"
-    "'iterations':16,'material':'white'}]}";
+    "'iterations':16,'material':'white'},"
+    "{'type':'group','operation':'difference','blend':0.2,'position':[0,1,9],'shapes':["
+    "{'type':'box','half_size':[1,1,1],'material':'white','shell':0.1,'mirror':'xz'},"
+    "{'type':'group','operation':'intersection','shapes':["
+    "{'type':'gyroid','cell':1,'thickness':0.2,'material':'white'},"
+    "{'type':'ellipsoid','radius':[1,2,3],'material':'mirror','twist':0.5,"
+    "'path':{'type':'line','to':[1,0,0],'period':3}}]},"
+    "{'type':'capsule','radius':0.2,'half_height':1,'material':'mirror','offset':-0.05,"
+    "'displace':{'amplitude':0.01,'frequency':[1,2,3]}}]}]}";
 
 static char file_name[] = "/tmp/stepwise-scene-XXXXXX.json";
 static char error[SCENE_ERROR_SIZE];

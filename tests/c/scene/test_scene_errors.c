@@ -17,6 +17,10 @@ TEST(every_value_is_checked) {
         optional = optional || ends_in(path, "rotation_degrees") || ends_in(path, "repeat");
         optional = optional || ends_in(path, "].path") || ends_in(path, "rounding");
         optional = optional || strcmp(path, "camera.path") == 0;
+        static const char *const modifiers[] = {".blend", ".shell",   ".mirror",
+                                                ".twist", "].offset", ".displace"};
+        for (size_t k = 0; k < LENGTH(modifiers) && strncmp(path, "shapes[5]", 9) != 0; k++)
+            optional = optional || ends_in(path, modifiers[k]);
         bool material = strncmp(path, "materials.", 10) == 0 && !strchr(path + 10, '.');
         if (!element && !optional && !material)
             refused(path, NULL, NULL, NULL);

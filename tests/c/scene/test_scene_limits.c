@@ -56,11 +56,72 @@ TEST(values_beyond_a_limit_are_refused) {
         {"camera.path.type", "'point'"},
         {"camera.path.to", "[1,2,3]"},
         {"shapes[1].path.to", "[0,-0.0,0]"},
+        {"shapes[0].twist", "2e9"},
+        {"shapes[6].twist", "1"},
+        {"shapes[8].operation", "'Union'", "'xor'"},
+        {"shapes[8].blend", "-0.1", "1e-12"},
+        {"shapes[8].material", "'white'"},
+        {"shapes[8].shapes", "[]"},
+        {"shapes[8].shapes[1]", "1"},
+        {"shapes[8].shapes[0].mirror", "'xx'", "'w'"},
+        {"shapes[8].shapes[0].shell", "0"},
+        {"shapes[8].shapes[0].material", "'gold'"},
+        {"shapes[8].shapes[1].shapes[0].thickness", "0"},
+        {"shapes[8].shapes[1].shapes[0].twist", "1"},
+        {"shapes[8].shapes[1].shapes[1].radius", "[1,1,2000]", "1"},
+        {"shapes[8].shapes[1].shapes[1].twist", "1000"},
+        {"shapes[8].shapes[2].displace.frequency", "[1,1]"},
+        {"shapes[8].shapes[2].displace.frequency[2]", "0"},
+        {"shapes[8].shapes[2].displace.amplitude", "-1"},
+        {"shapes[8].shapes[2].half_height", "0"},
     };
     for (size_t i = 0; i < LENGTH(cases); i++)
         for (size_t k = 1; cases[i][k]; k++)
             refused(cases[i][0], cases[i][k], NULL, NULL);
     refused("materials.white", NULL, "shapes[1].material", NULL);
+    refused("shapes[8].shapes[2]",
+            "{'type':'mandelbulb','power':8,'iterations':4,'bailout':256,'material':'white'}",
+            "shapes[8].shapes[2].type", NULL);
+    refused("shapes[8].shapes[2].displace.frequency[2]", "1e7", "shapes[8].shapes[2].displace", NULL);
+    refused("shapes[0]", "{'type':'gyroid','cell':1,'thickness':0.2,'material':'white'}", NULL,
+            NULL);
+    refused("shapes[8].shapes[0]",
+            "{'type':'plane','normal':[0,1,0],'offset':0,'twist':1,'material':'white'}",
+            "shapes[8].shapes[0].twist", NULL);
+}
+
+// Groups nest to a depth of 32, and all groups and their shapes are 4096 at most.
+TEST(trees_have_a_size) {
+    for (int depth = 32; depth <= 33; depth++) {
+        json_t *root = edited("shapes", "[]"), *shapes = json_object_get(root, "shapes");
+        for (int i = 0; i < depth; i++) {
+            json_array_append_new(shapes,
+                                  parse("{'type':'group','operation':'union','shapes':[]}"));
+            shapes = json_object_get(json_array_get(shapes, 0), "shapes");
+        }
+        json_array_append_new(shapes, parse("{'type':'sphere','radius':1,'material':'white'}"));
+        bool loaded = load_json(root, JSON_COMPACT);
+        assert_int_equal(loaded, depth == 32);
+        if (loaded) {
+            assert_int_equal(scene.model.node_count, 33);
+            scene_free(&scene);
+        } else
+            assert_non_null(strstr(error, "$.shapes[0].shapes[0].shapes[0]"));
+        json_decref(root);
+    }
+    for (int count = 4095; count <= 4096; count++) { // and the group itself
+        json_t *root = edited("shapes[8].shapes", "[]");
+        json_t *group = json_array_get(json_object_get(root, "shapes"), 8);
+        for (int i = 0; i < count; i++)
+            json_array_append_new(json_object_get(group, "shapes"),
+                                  parse("{'type':'sphere','radius':1,'material':'white'}"));
+        assert_int_equal(load_json(root, JSON_COMPACT), count == 4095);
+        if (count == 4095)
+            scene_free(&scene);
+        else
+            assert_non_null(strstr(error, "$.shapes[8].shapes[4095]: "));
+        json_decref(root);
+    }
 }
 
 static void must_be_accepted(const char *path, const char *value) {
