@@ -100,7 +100,7 @@ static struct FN(jet) FN(twist)(const struct node *node, struct FN(jet) q[3], st
         x = FN(product)(x, inward, away);
         z = FN(product)(z, inward, away);
     }
-    FN(sine_cosine)(FN(times)(q[1], FN(point)(node->twist)), away, &s, &c);
+    FN(waves)(FN(times)(q[1], FN(point)(node->twist)), away, &s, &c);
     q[0] = FN(minus)(FN(product)(x, c, away), FN(product)(z, s, away));
     q[2] = FN(plus)(FN(product)(x, s, away), FN(product)(z, c, away));
     return beyond;
@@ -194,7 +194,7 @@ static struct FN(jet)
     FN(displacement)(const struct node *node, const struct FN(jet) q[3], struct IV away) {
     struct FN(jet) all = FN(number)(node->amplitude), s, c;
     for (int i = 0; i < 3; i++) {
-        FN(sine_cosine)(FN(times)(q[i], FN(point)(node->frequency[i])), away, &s, &c);
+        FN(waves)(FN(times)(q[i], FN(point)(node->frequency[i])), away, &s, &c);
         all = FN(product)(all, s, away);
     }
     return all;

@@ -123,8 +123,8 @@ static struct FN(jet) FN(norm_2)(struct FN(jet) a, struct FN(jet) b, struct IV a
     return FN(norm)(2, (struct FN(jet)[2]){a, b}, away);
 }
 
-static void FN(sine_cosine)(struct FN(jet) a, struct IV away, struct FN(jet) * sine,
-                            struct FN(jet) * cosine) {
+static void FN(waves)(struct FN(jet) a, struct IV away, struct FN(jet) * sine,
+                      struct FN(jet) * cosine) {
     struct FN(jet) s = {.at = FN(sine)(a.at, 0), .over = FN(sine)(a.over, 0), .rough = a.rough};
     struct FN(jet) c = {.at = FN(sine)(a.at, 1), .over = FN(sine)(a.over, 1), .rough = a.rough};
     s.slope = FN(mul)(c.over, a.slope);

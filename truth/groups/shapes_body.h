@@ -66,7 +66,7 @@ static struct FN(jet)
     struct IV wave = FN(div)(turn, cell);
     struct FN(jet) s[3], c[3];
     for (int i = 0; i < 3; i++)
-        FN(sine_cosine)(FN(times)(p[i], wave), away, &s[i], &c[i]);
+        FN(waves)(FN(times)(p[i], wave), away, &s[i], &c[i]);
     struct FN(jet) sum = FN(product)(s[0], c[1], away);
     sum = FN(plus)(sum, FN(product)(s[1], c[2], away));
     sum = FN(plus)(sum, FN(product)(s[2], c[0], away));
