@@ -6,10 +6,10 @@
 #include "driver/driver.h"
 #include "scene/vector.h"
 
-// Returns the smallest length of a shape, +inf for a plane.
-static double size_of(const struct shape *s) {
-    const double *half = s->box.half_size;
-    switch (s->type) {
+// Returns the smallest length of a solid or fractal, +inf for a plane.
+static double solid_size(const struct shape *s) {
+    const double *half = s->box.half_size, *radius = s->ellipsoid.radius;
+    switch ((int)s->type) {
     case SHAPE_SPHERE: return s->sphere.radius;
     case SHAPE_BOX:
     case SHAPE_ROUNDED_BOX: return fmin(half[0], fmin(half[1], half[2])) + s->box.rounding;
@@ -19,20 +19,37 @@ static double size_of(const struct shape *s) {
     case SHAPE_OCTAHEDRON: return s->octahedron.radius / sqrt(3); // to a face
     case SHAPE_MANDELBULB: return 1;
     case SHAPE_MANDELBOX: return s->mandelbox.fold_limit;
+    case SHAPE_CAPSULE: return s->capsule.radius;
+    case SHAPE_ELLIPSOID: return fmin(radius[0], fmin(radius[1], radius[2]));
+    case SHAPE_GYROID: return s->gyroid.thickness;
     default: return INFINITY;
     }
+}
+
+// Returns the smallest length of a shape, of a group that of its solids and shells.
+static double size_of(const struct model *model, const struct shape *shape) {
+    double size = INFINITY;
+    if (shape->type != SHAPE_GROUP)
+        return solid_size(shape);
+    for (int i = shape->group.root; i < model->nodes[shape->group.root].end; i++) {
+        const struct node *node = &model->nodes[i];
+        size = fmin(size, node->operation == NODE_SHAPE ? solid_size(&node->shape) : INFINITY);
+        size = fmin(size, node->shell > 0 ? 2 * node->shell : INFINITY);
+    }
+    return size;
 }
 
 // A march ends where the distance is below hit_distance: in front of a smaller shape it ends far from it.
 static void warn_of_hit_distance(const struct model *model) {
     for (int i = 0; i < model->shape_count; i++) {
         const struct shape *shape = &model->shapes[i];
-        if (size_of(shape) < model->march.hit_distance) {
+        if (size_of(model, shape) < model->march.hit_distance) {
             fprintf(stderr,
                     "render: warning: $.march.hit_distance: %g is more than the size of "
                     "$.shapes[%d] (%s, "
                     "%g), which is drawn too large\n",
-                    model->march.hit_distance, i, shape_type_name(shape->type), size_of(shape));
+                    model->march.hit_distance, i, shape_type_name(shape->type),
+                    size_of(model, shape));
             return;
         }
     }
@@ -61,11 +78,11 @@ static bool warn_of_coordinates(const struct session *s, int index, double ulp) 
                 "render: warning: $.shapes[%d] (%s) is %g away from the camera, where the %ss of "
                 "%s are %.2g apart: $.march.surface_offset should be more than that\n",
                 index, name, far, numbers, s->program.phase, far * ulp);
-    else if (at * ulp > size_of(shape) / 2)
+    else if (at * ulp > size_of(model, shape) / 2)
         fprintf(stderr,
                 "render: warning: $.shapes[%d] (%s, %g) is at %g, where the %ss of %s are %.2g "
                 "apart: the scene should be nearer to 0\n",
-                index, name, size_of(shape), at, numbers, s->program.phase, at * ulp);
+                index, name, size_of(model, shape), at, numbers, s->program.phase, at * ulp);
     else
         return false;
     return true;

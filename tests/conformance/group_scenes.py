@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 from typing import Any
 
 from conformance.feature_scenes import FLOOR, SIZES, TURNED, scene, shape
@@ -92,7 +93,12 @@ def _modifiers(draw: random.Random) -> dict:
     return found
 
 
-def tree(draw: random.Random, depth: int = 3, bounded: bool = True) -> dict:
+MATERIALS = ("plain", "blue", "mirror")
+
+
+def tree(
+    draw: random.Random, depth: int = 3, bounded: bool = True, materials: Sequence[str] = MATERIALS
+) -> dict:
     """A random tree of any operations, modifiers and shapes; `bounded`: one with a bounding sphere."""
     placed: dict[str, Any] = {"position": [draw.uniform(-1, 1) for _ in range(3)]}
     if draw.random() < 0.5:
@@ -100,14 +106,16 @@ def tree(draw: random.Random, depth: int = 3, bounded: bool = True) -> dict:
     if depth == 0 or draw.random() < 0.3:
         solids = [kind for kind in [*SIZES, *GROUP_SIZES] if not kind.startswith("mandel")]
         kind = draw.choice([k for k in solids if not bounded or k not in ("plane", "gyroid")])
-        made_of = made(kind, material=draw.choice(["plain", "blue", "mirror"])) | placed
+        made_of = made(kind, material=draw.choice(materials)) | placed
         changes = _modifiers(draw)
         if kind in ("plane", "gyroid"):
             changes = {key: changes[key] for key in changes.keys() - {"twist", "offset"}}
         return made_of | changes
     operation = draw.choice(["union", "intersection", "difference"])
     count = draw.choice([1, 2, 2, 3, 5])
-    members = [tree(draw, depth - 1, bounded and (operation == "union" or i == 0)) for i in range(count)]
+    members = [
+        tree(draw, depth - 1, bounded and (operation == "union" or i == 0), materials) for i in range(count)
+    ]
     blend = {"blend": draw.uniform(0.05, 0.8)} if draw.random() < 0.5 else {}
     changes = _modifiers(draw)
     if not bounded:

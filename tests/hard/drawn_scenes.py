@@ -7,6 +7,7 @@ exactly.
 from hypothesis import strategies as st
 
 from conformance.feature_scenes import shape
+from conformance.group_scenes import tree
 
 
 def sixteenths(low: float, high: float) -> st.SearchStrategy[float]:
@@ -102,6 +103,15 @@ def scenes(draw: st.DrawFn, kinds: list[str]) -> dict:
         },
         "shapes": draw(st.lists(shapes(kinds), min_size=1, max_size=4)),
     }
+
+
+@st.composite
+def scenes_of_groups(draw: st.DrawFn) -> dict:
+    """A benign scene of a plane or none and one or two random trees of solids."""
+    whole, materials = draw(scenes(["plane"])), ("plain", "mirror")
+    dice = draw(st.lists(st.randoms(use_true_random=False), min_size=1, max_size=2))
+    trees = [tree(one, depth=2, materials=materials) for one in dice]
+    return whole | {"shapes": [*trees, *whole["shapes"][: draw(st.integers(0, 1))]]}
 
 
 @st.composite

@@ -14,7 +14,7 @@ from hypothesis import Phase as Stage
 from hypothesis import strategies as st
 
 from conformance import harness
-from hard.drawn_scenes import EVERY, SIZES, rounded, scenes, vector
+from hard.drawn_scenes import EVERY, SIZES, rounded, scenes, scenes_of_groups, vector
 from study.core import registry
 from study.experiments.stability.cases import measure
 from study.pictures import images
@@ -164,8 +164,19 @@ def test_no_phase_breaks_at_the_limits(scene: dict) -> None:
 @given(scene=scenes([kind for kind in SIZES if kind != "mandelbulb"]))
 def test_phases_agree(scene: dict) -> None:
     """Exact distances, and nothing that rounding decides: all phases see what the baseline sees."""
-    note("build/test-scenes/random_benign.json")
-    runs = pictures(scene, "random_benign")
+    agree(scene, "random_benign")
+
+
+@settled(15)
+@given(scene=scenes_of_groups())
+def test_phases_agree_on_groups(scene: dict) -> None:
+    """Random trees of operations and modifiers: every phase that draws them sees what the baseline sees."""
+    agree(scene, "random_groups")
+
+
+def agree(scene: dict, name: str) -> None:
+    note(f"build/test-scenes/{name}.json")
+    runs = pictures(scene, name)
     reference = runs.pop(REFERENCE)
     # A camera inside of a solid sees a point behind itself. Rounding may decide what of it the light meets.
     assume((reference.picture["Z"] >= 0).all())

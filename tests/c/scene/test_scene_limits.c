@@ -82,7 +82,8 @@ TEST(values_beyond_a_limit_are_refused) {
     refused("shapes[8].shapes[2]",
             "{'type':'mandelbulb','power':8,'iterations':4,'bailout':256,'material':'white'}",
             "shapes[8].shapes[2].type", NULL);
-    refused("shapes[8].shapes[2].displace.frequency[2]", "1e7", "shapes[8].shapes[2].displace", NULL);
+    refused("shapes[8].shapes[2].displace.frequency[2]", "1e7", "shapes[8].shapes[2].displace",
+            NULL);
     refused("shapes[0]", "{'type':'gyroid','cell':1,'thickness':0.2,'material':'white'}", NULL,
             NULL);
     refused("shapes[8].shapes[0]",

@@ -15,9 +15,9 @@ from study.experiments.random.schema import Random, Row
 
 DESCRIPTION = """\
 Scenes are drawn by tests/hard/test_random_scenes.py, other ones for each seed. They are any scenes, scenes at
-the format's limits, and benign ones, on which every phase must see what baseline sees. The readers are those
-of tests/fuzz, under ASan and UBSan. `make fuzz MINUTES=60` tries longer: it keeps the inputs that reached new
-code, where this command starts anew with each seed."""
+the format's limits, and benign ones and groups, on which every phase must see what baseline sees. The readers
+are those of tests/fuzz, under ASan and UBSan. `make fuzz MINUTES=60` tries longer: it keeps the inputs that
+reached new code, where this command starts anew with each seed."""
 FILE = "random.json"
 Unit = tuple[str, int]
 

@@ -25,6 +25,7 @@ SCENES = {  # kind → its test; the scene that fails is random_KIND.json
     "any": "test_no_phase_breaks",
     "extreme": "test_no_phase_breaks_at_the_limits",
     "benign": "test_phases_agree",
+    "groups": "test_phases_agree_on_groups",
 }
 # As make fuzz has it: quarantines are small, but larger than what one input allocates.
 ASAN = "malloc_context_size=0:quarantine_size_mb=1:thread_local_quarantine_size_kb=64"

@@ -11,7 +11,9 @@ from study.numbers.schema import Result
 class Row(Record, kw_only=True):
     """What one kind of input found with one seed."""
 
-    kind: Annotated[str, key("", "of the input: any, extreme or benign scenes, or a harness of tests/fuzz")]
+    kind: Annotated[
+        str, key("", "of the input: any, extreme or benign scenes, groups, or a harness of tests/fuzz")
+    ]
     seed: Annotated[int, key("", "of what is drawn", ge=1)]
     tried: Annotated[int, key("inputs", "that were to be drawn", ge=1)]
     found: Annotated[str | None, key("", "what broke, in a line; null: nothing")]
