@@ -81,20 +81,20 @@ def test_slope(phase: str, seeds: range) -> None:
 
 STEEP = {
     "displaced": made("sphere", displace={"amplitude": 0.2, "frequency": [6, 5, 4]}),
-    "twisted": made("box", half_size=[1.2, 0.6, 0.2], twist=2),
+    "twisted": made("box", half_size=[1.2, 1.2, 0.01], twist=1),
 }
 
 
 @pytest.mark.parametrize("name", STEEP)
-def test_slope_is_not_far_from_one(phase: str, name: str) -> None:
-    """The constants are not generous: some field is three quarters as steep as they allow."""
+def test_slope_reaches_one(phase: str, name: str) -> None:
+    """The constants are not generous: where the field is steepest it is as steep as they allow."""
     draw = np.random.default_rng(5)
-    a = draw.uniform(-1.3, 1.3, (20000, 3))
+    a = draw.uniform(-1.4, 1.4, (40000, 3))
     path = keep(f"steep_{name}", scene([STEEP[name]]))
     f = distances(phase, path, np.concatenate([a, *(a + 1e-6 * axis for axis in np.eye(3))]))[0].reshape(
         4, -1
     )
-    assert np.linalg.norm((f[1:] - f[0]) / 1e-6, axis=0).max() > 0.75
+    assert 0.95 < np.linalg.norm((f[1:] - f[0]) / 1e-6, axis=0).max() <= 1 + 1e-6
 
 
 def test_bounds(phase: str) -> None:
