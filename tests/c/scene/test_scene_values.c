@@ -69,4 +69,73 @@ TEST(overrides_replace) {
     scene_free(&scene);
 }
 
+// The group of WHOLE, in prefix order; its transform is the shape's, its solid is its first member's.
+TEST(a_tree_stands_in_prefix_order) {
+    static const struct {
+        enum operation operation;
+        int type, end, children;
+    } nodes[] = {{NODE_DIFFERENCE, SHAPE_GROUP, 6, 3},   {NODE_SHAPE, SHAPE_BOX, 2, 0},
+                 {NODE_INTERSECTION, SHAPE_GROUP, 5, 2}, {NODE_SHAPE, SHAPE_GYROID, 4, 0},
+                 {NODE_SHAPE, SHAPE_ELLIPSOID, 5, 0},    {NODE_SHAPE, SHAPE_CAPSULE, 6, 0}};
+    load_whole();
+    const struct model *model = &scene.model;
+    const struct shape *shape = &model->shapes[8];
+    const struct node *root = &model->nodes[0];
+    assert_int_equal(model->node_count, LENGTH(nodes));
+    for (int i = 0; i < model->node_count; i++) {
+        const struct node *node = &model->nodes[i];
+        assert_int_equal(node->operation, nodes[i].operation);
+        assert_int_equal(node->shape.type, nodes[i].type);
+        assert_int_equal(node->end, nodes[i].end);
+        assert_int_equal(node->children, nodes[i].children);
+    }
+    assert_int_equal(shape->type, SHAPE_GROUP);
+    assert_true(shape->position[2] == 9 && root->shape.position[2] == 0);
+    assert_true(near(root->radius, sqrt(3) + 0.1, 1e-12) && near(root->blend, 0.2, 0));
+    assert_true(near(model->nodes[5].lipschitz, 1.03, 1e-12)); // 1 + 0.01·3
+    assert_true(
+        near(model->nodes[4].growth, 1 / 6., 1e-12)); // 1/3 of an ellipsoid, halved by a twist
+    assert_true(model->nodes[1].mirror[0] && !model->nodes[1].mirror[1]);
+    assert_true(model->features.groups == 1 && model->features.blends);
+    assert_true(model->features.displacements && model->features.twists);
+    scene_free(&scene);
+}
+
+// A modified shape alone is a group, too. What is repeated jumps at its cells' walls unless it is its mirror image.
+TEST(jumps_are_known) {
+    static const struct {
+        const char *shape;
+        bool jumps;
+    } cases[] = {
+        {"{'type':'capsule','radius':1,'half_height':1,'material':'white'}", false},
+        {"{'type':'capsule','radius':1,'half_height':1,'material':'white','repeat':[5,5,5]}",
+         false},
+        {"{'type':'capsule','radius':1,'half_height':1,'material':'white','repeat':[5,5,5],'twist':"
+         "1}",
+         true},
+        {"{'type':'cone','bottom_radius':1,'top_radius':2,'half_height':1,'shell':0.1,"
+         "'material':'white','repeat':[5,0,5]}",
+         false},
+        {"{'type':'cone','bottom_radius':1,'top_radius':2,'half_height':1,'shell':0.1,"
+         "'material':'white','repeat':[0,5,0]}",
+         true},
+        {"{'type':'group','operation':'union','repeat':[4,0,0],'shapes':"
+         "[{'type':'sphere','radius':1,'material':'white'}]}",
+         true},
+        {"{'type':'group','operation':'union','repeat':[4,0,0],'mirror':'x','shapes':"
+         "[{'type':'sphere','radius':1,'material':'white'}]}",
+         false},
+        {"{'type':'group','operation':'union','shapes':[{'type':'sphere','radius':1,'shell':0.1,"
+         "'repeat':[4,0,0],'material':'white','displace':{'amplitude':0.1,'frequency':[1,1,1]}}]}",
+         true},
+    };
+    for (size_t i = 0; i < LENGTH(cases); i++) {
+        assert_true(accepted("shapes[0]", cases[i].shape));
+        const struct shape *shape = &scene.model.shapes[0];
+        assert_int_equal(shape->type, SHAPE_GROUP);
+        assert_int_equal(scene.model.nodes[shape->group.root].jumps, cases[i].jumps);
+        scene_free(&scene);
+    }
+}
+
 RUN_TESTS(make_file, remove_file)
