@@ -198,9 +198,27 @@ static vdouble run(struct vec p, const struct primitive *group, const struct mat
     return value[0];
 }
 
-vdouble sdf_group(struct vec p, const struct primitive *group) {
+// The field of the group over its Lipschitz constant.
+static vdouble sdf_group(struct vec point, const struct primitive *group) {
     COUNT(sdf_group, call);
-    return run(p, group, NULL, NULL) * v_splat(group->group.inv_lipschitz);
+    vdouble field = run(apply_transform(point, group), group, NULL, NULL);
+    return field * v_splat(group->group.inv_lipschitz);
+}
+
+struct closest closest_group(struct vec p, const struct prepared *scene, struct closest least) {
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *group = &scene->primitives[i];
+        if (group->type != SHAPE_GROUP)
+            continue;
+        COUNT(closest_group, shape);
+        vdouble distance = sdf_group(p, group), index = v_splat(group->index);
+        vmask first = v_cmp_lt(index, least.shape); // of equals
+        vmask closer = v_or(v_cmp_lt(distance, least.distance),
+                            v_andnot(v_cmp_gt(distance, least.distance), first));
+        least.distance = v_min(distance, least.distance);
+        least.shape = v_select(closer, index, least.shape);
+    }
+    return least;
 }
 
 struct surface group_surface(struct vec point, const struct primitive *group,

@@ -69,8 +69,14 @@ struct prepared {
     struct instruction *instructions; // of all groups
 };
 
-// group.c: the field of the group over its Lipschitz constant, at points of its frame.
-vdouble sdf_group(struct vec p, const struct primitive *group);
+struct closest {
+    vdouble distance, shape;
+};
+
+// group.c. Returns the closest shape at the points, of all groups and of `least`, the closest of the others. Apart from
+// their loop, which a call in it makes slower; cold, so that it keeps its registers.
+struct closest closest_group(struct vec p, const struct prepared *scene, struct closest least)
+    __attribute__((cold));
 
 // The points in the shape's frame, wrapped into the central cell if the shape is repeated.
 static inline struct vec apply_transform(struct vec point, const struct primitive *primitive) {
@@ -236,7 +242,7 @@ distance_to_shape(struct vec point, const struct primitive *primitive, vmask don
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
     case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
-    case SHAPE_GROUP: return sdf_group(p, primitive);
+    case SHAPE_GROUP: return v_splat(INFINITY); // closest_group()
     default: return sdf_mandelbulb(p, primitive, done);
     }
 }
@@ -255,6 +261,11 @@ __attribute__((always_inline)) static inline vdouble sdf(struct vec p, const str
         vmask closer = v_cmp_lt(distance, closest);
         closest = v_min(distance, closest);
         *nearest = v_select(closer, v_splat(scene->primitives[i].index), *nearest);
+    }
+    if (scene->model.features.groups) {
+        struct closest least = closest_group(p, scene, (struct closest){closest, *nearest});
+        closest = least.distance;
+        *nearest = least.shape;
     }
     return closest;
 }

@@ -219,6 +219,29 @@ struct surface group_surface(struct vec p, const struct primitive *group,
     return surfaces[0];
 }
 
+static vfloat group_along(const struct local_ray *ray, vfloat t, const struct primitive *group) {
+    COUNT(group_along, call);
+    struct vec p = vec_along(ray->origin, ray->direction, t);
+    return sdf_group(group->repeated ? vec_wrapped(group, p) : p, group);
+}
+
+struct closest closest_group(const struct local_ray *rays, vfloat t, const struct prepared *scene,
+                             struct closest least) {
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *group = &scene->primitives[i];
+        if (group->type != SHAPE_GROUP)
+            continue;
+        COUNT(closest_group, shape);
+        vfloat distance = group_along(&rays[i], t, group), index = v_splat(group->index);
+        vmask first = v_cmp_lt(index, least.shape); // of equals
+        vmask closer = v_or(v_cmp_lt(distance, least.distance),
+                            v_and(first, v_cmp_ge(least.distance, distance)));
+        least.distance = v_min(distance, least.distance);
+        least.shape = v_select(closer, index, least.shape);
+    }
+    return least;
+}
+
 // Appends the instructions of the node and its children, which read their point from `frame`. Returns the end.
 static struct instruction *compile(const struct model *model, int index, int frame,
                                    struct instruction *out) {

@@ -10,8 +10,8 @@
 // Where lanes take different branches, every branch is evaluated and a mask selects the result.
 #pragma once
 
+#include "group.h"
 #include "scene/scene.h"
-#include "vec.h"
 
 // How a shape's distance along a ray is evaluated. AT_POINT: at a point of the shape's frame.
 // LINEAR: a plane without repetition, whose distance is linear in t. POWER: a sphere wider than the
@@ -57,17 +57,9 @@ struct primitive {
             float inner_sq, outer_sq;         // squares of the radii
             int iterations;
         } mandelbox;
-        struct {
-            float inv_radii[3], least;
-        } ellipsoid;
-        struct {
-            float frequency, scale, half_thickness;
-        } gyroid;
-        struct {
-            const struct instruction *program;
-            int length;
-            float inv_lipschitz, extent; // extent: of the sphere about it
-        } group;
+        struct ellipsoid ellipsoid;
+        struct gyroid gyroid;
+        struct group group;
     };
     // In double, for a ray's origin: it is moved into the shape's frame and then rounded once.
     // `row` holds the rows of the rotation matrix. LINEAR: row[0] is the normal in world axes.
@@ -79,9 +71,6 @@ struct prepared {
     struct primitive *primitives;     // one per shape
     struct instruction *instructions; // of all groups
 };
-
-// group.c: the field of the group over its Lipschitz constant, at points of its frame.
-vfloat sdf_group(struct vec p, const struct primitive *group);
 
 // Eight rays in the frame of one shape. LINEAR: the distance is origin.x + t·direction.x. POWER:
 // |p|² − radius² is power + t·(t + slope).
@@ -353,7 +342,7 @@ distance_at(struct vec p, const struct primitive *primitive, vmask done) {
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
     case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
-    case SHAPE_GROUP: return sdf_group(p, primitive);
+    case SHAPE_GROUP: return v_splat(INFINITY); // closest_group()
     default: return sdf_mandelbulb(p, primitive, done);
     }
 }
@@ -395,6 +384,13 @@ __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *
                                 *nearest);
         }
         closest = v_min(distance, closest);
+    }
+    if (scene->model.features.groups) {
+        struct closest least = {closest, nearest ? *nearest : closest};
+        least = closest_group(rays, t, scene, least);
+        closest = least.distance;
+        if (nearest)
+            *nearest = least.shape;
     }
     return closest;
 }

@@ -147,7 +147,9 @@ static vfloat moved_distance(const struct primitive *primitive, const struct loc
         COUNT(moved_distance, moved);
         return v_madd(v_splat(primitive->normal[axis]), v_splat(step), ray->origin.x);
     }
-    return distance_at(moved_point(primitive, ray, step, axis), primitive, done);
+    struct vec p = moved_point(primitive, ray, step, axis);
+    return primitive->type == SHAPE_GROUP ? sdf_group(p, primitive)
+                                          : distance_at(p, primitive, done);
 }
 
 // Forward differences of one shape's distance.

@@ -1,0 +1,35 @@
+// Groups of shapes (group.c): what a primitive holds of them, and the closest of them. Included by sdf.h.
+#pragma once
+
+#include "vec.h"
+
+struct local_ray;
+struct prepared;
+struct primitive;
+
+// Sizes of solids that stand in groups alone.
+struct ellipsoid {
+    float inv_radii[3], least;
+};
+
+struct gyroid {
+    float frequency, scale, half_thickness;
+};
+
+struct group {
+    const struct instruction *program;
+    int length;
+    float inv_lipschitz, extent; // extent: of the sphere about it
+};
+
+struct closest {
+    vfloat distance, shape;
+};
+
+// The field of the group over its Lipschitz constant, at points of its frame.
+vfloat sdf_group(struct vec p, const struct primitive *group);
+
+// Returns the closest shape at distance t along the rays, of all groups and of `least`, the closest of the others. Apart
+// from their loop, which a call in it makes slower; cold, so that it keeps its registers.
+struct closest closest_group(const struct local_ray *rays, vfloat t, const struct prepared *scene,
+                             struct closest least) __attribute__((cold));
