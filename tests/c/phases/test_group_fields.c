@@ -10,7 +10,7 @@
 #include "truth/number/angles.c"
 #include "truth/sdf.c"
 
-enum { TREES = MANY(400), MOST = 64 };
+enum { TREES = MANY(250), MOST = 64 };
 
 struct tree {
     struct node nodes[MOST];
