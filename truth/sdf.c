@@ -4,8 +4,6 @@
 // 2010), with the running derivative of Buddhi and Rrrola (fractalforums.com, 2010).
 #include "sdf.h"
 
-#include "groups/field.h"
-
 static struct dd sdf_sphere(const struct dd p[3], const struct shape *shape) {
     return dd_sub(dd_norm(p), dd_from(shape->sphere.radius));
 }
@@ -168,13 +166,4 @@ struct dd shape_distance(const struct shape *shape, const struct dd local[3]) {
     case SHAPE_MANDELBOX: return sdf_mandelbox(local, shape);
     default: return sdf_mandelbulb(local, shape);
     }
-}
-
-struct dd distance_to(const struct solid *solid, const struct dd p[3]) {
-    struct dd local[3];
-    to_frame(solid, p, local);
-    if (solid->shape->type != SHAPE_GROUP)
-        return shape_distance(solid->shape, local);
-    double slope = solid->nodes[solid->shape->group.root].lipschitz;
-    return dd_div(field_at(solid, local), dd_from(slope));
 }

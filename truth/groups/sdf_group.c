@@ -1,5 +1,5 @@
-// The field of a group in double-double, for the shadow's estimator and marches: as scene.h defines it. The smooth minimum
-// by C. Michelot's method (J. Optim. Theory Appl. 50 (1986)).
+// Distances of shapes and groups in double-double, for the shadow's estimator and marches; a group's field is as scene.h
+// defines it. The smooth minimum by C. Michelot's method (J. Optim. Theory Appl. 50 (1986)).
 #include "groups/field.h"
 #include "sdf.h"
 
@@ -139,6 +139,14 @@ static struct dd node_at(const struct solid *group, int index, const struct dd p
 }
 
 struct dd field_at(const struct solid *group, const struct dd p[3]) {
-    int root = group->shape->group.root;
-    return node_at(group, root, p);
+    return node_at(group, group->shape->group.root, p);
+}
+
+struct dd distance_to(const struct solid *solid, const struct dd p[3]) {
+    struct dd local[3];
+    to_frame(solid, p, local);
+    if (solid->shape->type != SHAPE_GROUP)
+        return shape_distance(solid->shape, local);
+    double slope = solid->nodes[solid->shape->group.root].lipschitz;
+    return dd_div(field_at(solid, local), dd_from(slope));
 }
