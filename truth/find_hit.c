@@ -55,32 +55,8 @@ static void set_hit(struct hit *hit, struct first_q first) {
         hit->cell[i] = first.cell[i];
 }
 
-// Solves the first solid again in quads, where doubles found it. A group is searched near there alone: it is slow, and
-// doubles have proved that nothing is before.
-static struct first_q solve_again(const struct prepared *prepared, const struct ray_q *ray,
-                                  const struct first_d *first, struct ivq reach, long *evals) {
-    const struct solid *solid = prepared->solids + first->shape;
-    if (solid->shape->type != SHAPE_GROUP)
-        return first_hit_q(solid, 1, ray, reach, evals);
-    double room = 16 * (first->s.hi - first->s.lo) + 1e-12 * first->s.hi;
-    double from = first->s.lo > room ? first->s.lo - room : 0;
-    struct ivq shift = point_q(from), until = point_q(first->s.hi + room);
-    struct ray_q near = *ray;
-    point_on(ray, shift, near.o);
-    reach = sub_q(reach.lo < until.lo ? reach : until, shift);
-    struct first_q found = first_hit_q(solid, 1, &near, reach, evals);
-    found.s = add_q(found.s, shift);
-    if (!found.proved || found.shape < 0 || found.inside)
-        found = (struct first_q){.s = widen(first->s),
-                                 .face = first->face,
-                                 .face_sure = first->face_sure,
-                                 .proved = true};
-    for (int i = 0; i < 3; i++)
-        found.cell[i] = first->cell[i];
-    return found;
-}
-
-// Finds the first solid in doubles and its s in quads. If doubles do not decide, everything is done in quads.
+// Finds the first solid in doubles and its s in quads; a group's s in doubles, as its field costs more. If doubles do not
+// decide, everything is done in quads.
 static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, struct ivq reach,
                       struct hit *hit) {
     const struct solid *solids = prepared->solids;
@@ -96,8 +72,9 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
         hit->status = PROVED;
         return;
     }
-    if (first.proved && (!first.inside || solids[first.shape].shape->type == SHAPE_GROUP)) {
-        struct first_q fine = solve_again(prepared, ray, &first, reach, &hit->evals);
+    bool group = first.proved && solids[first.shape].shape->type == SHAPE_GROUP;
+    if (first.proved && !first.inside && !group) {
+        struct first_q fine = first_hit_q(solids + first.shape, 1, ray, reach, &hit->evals);
         if (fine.proved && fine.shape == 0 && !fine.inside && fine.s.hi >= first.s.lo &&
             fine.s.lo <= first.s.hi) {
             fine.shape = first.shape;
@@ -105,8 +82,12 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
             return;
         }
     }
-    if (!first.proved && first.gave_up) {
-        struct first_q rest = {.s = widen(first.s), .shape = first.shape, .face = first.face};
+    if (group || (!first.proved && first.gave_up)) {
+        struct first_q rest = {.s = widen(first.s),
+                               .shape = first.shape,
+                               .face = first.face,
+                               .proved = group,
+                               .face_sure = group && first.face_sure};
         for (int i = 0; i < 3; i++)
             rest.cell[i] = first.cell[i];
         set_hit(hit, rest);

@@ -38,22 +38,22 @@ bool field_surface(const struct solid *group, const struct ivq p[3],
                    struct material *material) {
     bool sure = false;
     for (int axis = 0; axis < 3; axis++) {
-        struct ray_q ray;
+        struct ray_d ray;
         for (int i = 0; i < 3; i++) {
-            ray.o[i] = p[i];
-            ray.d[i] = point_q(i == axis);
+            ray.o[i] = narrow(p[i]);
+            ray.d[i] = point_d(i == axis);
         }
-        struct field_q *field = field_open_q(group, &ray, false);
+        struct field_d *field = field_open_d(group, &ray, false);
         gradient[axis] = (struct ivq){-(quad)INFINITY, (quad)INFINITY};
         if (!field)
             continue;
         field->materials = materials;
-        struct term_q term = evaluate_q(field, 0, 0, 0);
+        struct term_d term = evaluate_d(field, 0, 0, 0);
         if (!term.jet.rough)
-            gradient[axis] = term.jet.slope;
+            gradient[axis] = widen(term.jet.slope);
         *material = term.material;
         sure = term.sure;
-        field_close_q(field);
+        field_close_d(field);
     }
     return sure;
 }
