@@ -43,12 +43,12 @@ static double shape_reach(const struct shape *s) {
 
 // The sphere about the children's: about the middle of the box of their centres.
 static void enclose(const struct node *nodes, int first, struct node *parent) {
-    double low[3], high[3];
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     parent->radius = 0;
     for (int i = first; i < parent->end; i = nodes[i].end)
         for (int k = 0; k < 3; k++) {
-            low[k] = i == first ? nodes[i].centre[k] : fmin(low[k], nodes[i].centre[k]);
-            high[k] = i == first ? nodes[i].centre[k] : fmax(high[k], nodes[i].centre[k]);
+            low[k] = fmin(low[k], nodes[i].centre[k]);
+            high[k] = fmax(high[k], nodes[i].centre[k]);
         }
     for (int k = 0; k < 3; k++)
         parent->centre[k] = (low[k] + high[k]) / 2;

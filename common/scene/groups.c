@@ -158,6 +158,7 @@ void scene_read_group(struct reader *r, json_t *object, json_t *materials, struc
     shape->type = SHAPE_GROUP;
     shape->material = model->nodes[root].shape.material;
     shape->group.root = root;
+    shape->group.nodes = model->nodes;
     struct node *tree = &model->nodes[root];
     tree->jumps = tree->jumps || !is_continuous(tree, shape->repeat);
     for (int i = root; i < model->node_count; i++)

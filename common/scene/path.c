@@ -112,6 +112,9 @@ bool model_copy(const struct model *model, struct model *moved) {
     moved->nodes = (struct node *)(moved->shapes + model->shape_count);
     if (nodes)
         memcpy(moved->nodes, model->nodes, nodes);
+    for (int i = 0; i < model->shape_count; i++)
+        if (model->shapes[i].type == SHAPE_GROUP)
+            moved->shapes[i].group.nodes = moved->nodes;
     return true;
 }
 
@@ -122,8 +125,11 @@ static void move(const struct shape *still, double seconds, struct shape *moved)
 }
 
 void model_move(const struct model *model, double seconds, struct model *moved) {
-    for (int i = 0; i < model->shape_count; i++)
+    for (int i = 0; i < model->shape_count; i++) {
         move(&model->shapes[i], seconds, &moved->shapes[i]);
+        if (model->shapes[i].type == SHAPE_GROUP)
+            moved->shapes[i].group.nodes = moved->nodes;
+    }
     for (int i = 0; i < model->node_count; i++)
         move(&model->nodes[i].shape, seconds, &moved->nodes[i].shape);
     if (model->node_count > 0)

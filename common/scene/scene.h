@@ -95,7 +95,8 @@ struct shape {
             double cell, thickness; // field: |sin x cos y + sin y cos z + sin z cos x|·cell/(2π√3)
         } gyroid;                   // − thickness/2, with x = 2πp/cell
         struct {
-            int root; // index into model.nodes
+            int root;                 // index into model.nodes
+            const struct node *nodes; // the model's
         } group;
     };
 };

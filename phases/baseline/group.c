@@ -163,11 +163,11 @@ CALL double sdf_node(struct vec3 p, const struct node *nodes, int index, double 
     return f - node->offset;
 }
 
-double sdf_group(struct vec3 p, const struct shape *group, const struct node *nodes) {
+double sdf_group(struct vec3 p, const struct shape *shape) {
     COUNT(sdf_group, call);
     double room[SCENE_MAX_NODES];
-    int root = group->group.root;
-    return sdf_node(place_point(p, group), nodes, root, room) / nodes[root].lipschitz;
+    const struct node *nodes = shape->group.nodes;
+    return sdf_node(p, nodes, shape->group.root, room) / nodes[shape->group.root].lipschitz;
 }
 
 // Returns the material of a node's surface near a point of its parent's coordinates: of a sharp operation, that of the

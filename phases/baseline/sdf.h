@@ -165,6 +165,10 @@ CALL double sdf_mandelbox(struct vec3 p, const struct shape *shape) {
     return vec_norm(w) / dr;
 }
 
+// The field of a group at a point of its frame, and the material of its surface near a point of the scene (group.c).
+double sdf_group(struct vec3 p, const struct shape *shape);
+struct material group_material(struct vec3 p, const struct shape *group, const struct model *model);
+
 // The distance function of each type, called by pointer: the paper's shapes carry such a pointer.
 static double (*const distance_of[SHAPE_TYPES])(struct vec3, const struct shape *) = {
     [SHAPE_SPHERE] = sdf_sphere,
@@ -176,16 +180,13 @@ static double (*const distance_of[SHAPE_TYPES])(struct vec3, const struct shape 
     [SHAPE_MANDELBULB] = sdf_mandelbulb,
     [SHAPE_MANDELBOX] = sdf_mandelbox,
     [SHAPE_ROUNDED_BOX] = sdf_rounded_box,
+    [SHAPE_GROUP] = sdf_group,
 };
 
 static inline double distance_to_shape(const struct vec3 *p, const struct shape *shape) {
     COUNT(distance_to_shape, call);
     return distance_of[shape->type](apply_transform(p, shape), shape);
 }
-
-// Returns the distance to a group, and the material of its surface near the point (group.c).
-double sdf_group(struct vec3 p, const struct shape *group, const struct node *nodes);
-struct material group_material(struct vec3 p, const struct shape *group, const struct model *model);
 
 // The scene, a count and pointers as in the paper's program. It goes by value at every call.
 struct world {
@@ -201,9 +202,7 @@ CALL double sdf(struct vec3 p, struct world world, int *nearest) {
     double closest = INFINITY;
     for (int i = 0; i < world.shape_count; i++) {
         COUNT(sdf, shape);
-        const struct shape *shape = &world.shapes[i];
-        double distance = shape->type == SHAPE_GROUP ? sdf_group(p, shape, world.model->nodes)
-                                                     : distance_to_shape(&p, shape);
+        double distance = distance_to_shape(&p, &world.shapes[i]);
         if (distance < closest) {
             closest = distance;
             *nearest = i;

@@ -200,24 +200,18 @@ CALL double sdf_mandelbox(const struct vec3 *p, const struct shape *shape) {
     return vec_norm(&w) / dr;
 }
 
-static inline double solid_distance(const struct vec3 *p, const struct shape *shape) {
-    switch (shape->type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, shape);
-    case SHAPE_BOX: return sdf_box(p, shape);
-    case SHAPE_TORUS: return sdf_torus(p, shape);
-    case SHAPE_CONE: return sdf_cone(p, shape);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, shape);
-    case SHAPE_PLANE: return sdf_plane(p, shape);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, shape);
-    case SHAPE_MANDELBOX: return sdf_mandelbox(p, shape);
-    default: return sdf_mandelbulb(p, shape);
-    }
-}
-
-// For group.c, whose points are arrays.
+// The distance to a solid or plane of a group, whose points are arrays.
 static inline double distance_at(const double *at, const struct shape *shape) {
     struct vec3 p = {at[0], at[1], at[2]};
-    return solid_distance(&p, shape);
+    switch (shape->type) {
+    case SHAPE_SPHERE: return sdf_sphere(&p, shape);
+    case SHAPE_BOX: return sdf_box(&p, shape);
+    case SHAPE_TORUS: return sdf_torus(&p, shape);
+    case SHAPE_CONE: return sdf_cone(&p, shape);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(&p, shape);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(&p, shape);
+    default: return sdf_plane(&p, shape);
+    }
 }
 
 static inline double distance_to_shape(const struct vec3 *point,
@@ -225,10 +219,19 @@ static inline double distance_to_shape(const struct vec3 *point,
     COUNT(distance_to_shape, call);
     struct vec3 p;
     apply_transform(point, primitive, &p);
-    const struct shape *shape = &primitive->shape;
-    return shape->type == SHAPE_GROUP
-               ? sdf_group((double[3]){p.x, p.y, p.z}, primitive->nodes, shape->group.root)
-               : solid_distance(&p, shape);
+    switch (primitive->shape.type) {
+    case SHAPE_SPHERE: return sdf_sphere(&p, &primitive->shape);
+    case SHAPE_BOX: return sdf_box(&p, &primitive->shape);
+    case SHAPE_TORUS: return sdf_torus(&p, &primitive->shape);
+    case SHAPE_CONE: return sdf_cone(&p, &primitive->shape);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(&p, &primitive->shape);
+    case SHAPE_PLANE: return sdf_plane(&p, &primitive->shape);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(&p, &primitive->shape);
+    case SHAPE_GROUP:
+        return sdf_group((double[3]){p.x, p.y, p.z}, primitive->nodes, primitive->shape.group.root);
+    case SHAPE_MANDELBOX: return sdf_mandelbox(&p, &primitive->shape);
+    default: return sdf_mandelbulb(&p, &primitive->shape);
+    }
 }
 
 // Returns the material of a shape's surface near the point.
