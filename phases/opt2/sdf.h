@@ -268,7 +268,10 @@ static inline double distance_to_shape(const double *point, const struct primiti
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
     case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
-    case SHAPE_GROUP: return sdf_group(p, primitive);
+    case SHAPE_GROUP: { // a copy: p stays in registers
+        double q[3] = {p[0], p[1], p[2]};
+        return sdf_group(q, primitive);
+    }
     default: return sdf_mandelbulb(p, primitive);
     }
 }

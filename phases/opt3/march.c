@@ -2,8 +2,11 @@
 // of implicit surfaces", The Visual Computer 12 (1996). A packet marches until its last ray is done.
 #include "trace.h"
 
-void ray_march(struct vec origin, struct vec direction, vmask active, const struct prepared *scene,
-               struct hit *hit) {
+// Always inlined, as the shadows' marches are: in scenes without groups a call would cost them registers.
+__attribute__((always_inline)) static inline void march(struct vec origin, struct vec direction,
+                                                        vmask active, bool groups,
+                                                        const struct prepared *scene,
+                                                        struct hit *hit) {
     COUNT(ray_march, call);
     vmask done = v_not(active);
     vdouble hit_distance = v_splat(scene->model.march.hit_distance),
@@ -15,7 +18,7 @@ void ray_march(struct vec origin, struct vec direction, vmask active, const stru
         vdouble nearest = v_splat(-1.0);
         ACTIVE(LANES - v_count(done));
         COUNT(ray_march, step);
-        vdouble distance = sdf(point, scene, done, &nearest);
+        vdouble distance = sdf(point, scene, done, groups, &nearest);
         evals = evals + v_zero_where(done, v_splat(1.0));
         t = t + v_zero_where(done, distance);
         point = vec_along(origin, direction, t);
@@ -33,11 +36,21 @@ void ray_march(struct vec origin, struct vec direction, vmask active, const stru
     *hit = (struct hit){found, t, point, shape, evals};
 }
 
+void ray_march(struct vec origin, struct vec direction, vmask active, const struct prepared *scene,
+               struct hit *hit) {
+    if (scene->model.features.groups)
+        march(origin, direction, active, true, scene, hit);
+    else
+        march(origin, direction, active, false, scene, hit);
+}
+
 // Returns the light that reaches the point, 0 ... 1, with a penumbra. S. Aaltonen's estimator (GDC
 // 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
 // passes the light and ends at the bounds, as in the paper.
-static vdouble soft_shadow(struct vec point, struct vec to_light, vmask active,
-                           const struct prepared *scene) {
+__attribute__((always_inline)) static inline vdouble soft_shadow(struct vec point,
+                                                                 struct vec to_light, vmask active,
+                                                                 bool groups,
+                                                                 const struct prepared *scene) {
     COUNT(soft_shadow, call);
     vmask done = v_not(active);
     vdouble hit_distance = v_splat(scene->model.march.hit_distance),
@@ -49,7 +62,7 @@ static vdouble soft_shadow(struct vec point, struct vec to_light, vmask active,
     for (int step = 0; step < scene->model.march.max_steps; step++) {
         ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, eval);
-        vdouble h = sdf(p, scene, done, &nearest);
+        vdouble h = sdf(p, scene, done, groups, &nearest);
         done = v_or(done, v_cmp_lt(h, hit_distance));
         if (v_all(done))
             break;
@@ -82,8 +95,9 @@ static vdouble soft_shadow(struct vec point, struct vec to_light, vmask active,
 // A Mandelbulb's h is an estimate: nothing is proved there.
 #define ROOM (1.0 / 64)
 #define LEAST_STEP 0x1p-16 // of t, for strengths that ask for less
-static vdouble ideal_shadow(struct vec point, struct vec to_light, vdouble distance, vmask active,
-                            const struct prepared *scene) {
+__attribute__((always_inline)) static inline vdouble
+ideal_shadow(struct vec point, struct vec to_light, vdouble distance, vmask active, bool groups,
+             const struct prepared *scene) {
     COUNT(ideal_shadow, call);
     COUNT(ideal_shadow, scalar);
     double strength = scene->model.shadow_strength, lit = 1.0 / strength;
@@ -94,7 +108,7 @@ static vdouble ideal_shadow(struct vec point, struct vec to_light, vdouble dista
     while (!v_all(done)) {
         ACTIVE(LANES - v_count(done));
         COUNT(ideal_shadow, step);
-        vdouble h = sdf(vec_along(point, to_light, t), scene, done, &nearest);
+        vdouble h = sdf(vec_along(point, to_light, t), scene, done, groups, &nearest);
         least = v_select(done, least, v_min(least, v_max(h / t, zero)));
         vmask going = v_and(v_cmp_gt(least, zero), v_cmp_lt(t, distance));
         done = v_or(done, v_not(going));
@@ -106,8 +120,9 @@ static vdouble ideal_shadow(struct vec point, struct vec to_light, vdouble dista
 }
 
 // Returns 1 where nothing blocks the ray before `distance`, else 0.
-static vdouble hard_shadow(struct vec point, struct vec to_light, vdouble distance, vmask active,
-                           const struct prepared *scene) {
+__attribute__((always_inline)) static inline vdouble
+hard_shadow(struct vec point, struct vec to_light, vdouble distance, vmask active, bool groups,
+            const struct prepared *scene) {
     COUNT(hard_shadow, call);
     vmask done = v_not(active);
     vdouble hit_distance = v_splat(scene->model.march.hit_distance),
@@ -122,7 +137,7 @@ static vdouble hard_shadow(struct vec point, struct vec to_light, vdouble distan
             break;
         ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, step);
-        vdouble h = sdf(p, scene, done, &nearest);
+        vdouble h = sdf(p, scene, done, groups, &nearest);
         vmask blocked = v_andnot(done, v_cmp_lt(h, hit_distance));
         lit = v_zero_where(blocked, lit);
         done = v_or(done, blocked);
@@ -133,13 +148,21 @@ static vdouble hard_shadow(struct vec point, struct vec to_light, vdouble distan
     return lit;
 }
 
+__attribute__((always_inline)) static inline vdouble
+any_shadow(struct vec point, struct vec to_light, vdouble distance, vmask active, bool groups,
+           const struct prepared *scene) {
+    switch (scene->model.shadows) {
+    case SHADOWS_SOFT: return soft_shadow(point, to_light, active, groups, scene);
+    case SHADOWS_IDEAL: return ideal_shadow(point, to_light, distance, active, groups, scene);
+    case SHADOWS_HARD: return hard_shadow(point, to_light, distance, active, groups, scene);
+    default: return v_splat(1.0);
+    }
+}
+
 vdouble shadow(struct vec point, struct vec to_light, vdouble distance, vmask active,
                const struct prepared *scene) {
     COUNT(shadow, call);
-    switch (scene->model.shadows) {
-    case SHADOWS_SOFT: return soft_shadow(point, to_light, active, scene);
-    case SHADOWS_IDEAL: return ideal_shadow(point, to_light, distance, active, scene);
-    case SHADOWS_HARD: return hard_shadow(point, to_light, distance, active, scene);
-    default: return v_splat(1.0);
-    }
+    return scene->model.features.groups
+               ? any_shadow(point, to_light, distance, active, true, scene)
+               : any_shadow(point, to_light, distance, active, false, scene);
 }

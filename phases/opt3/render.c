@@ -197,7 +197,8 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
                      double *distance, int *nearest) {
     for (size_t i = 0; i < count; i++) {
         vdouble shape = v_splat(-1.0);
-        vdouble h = sdf(vec_set(points + 3 * i), prepared, v_mask_none(), &shape);
+        vdouble h = sdf(vec_set(points + 3 * i), prepared, v_mask_none(),
+                        prepared->model.features.groups, &shape);
         distance[i] = _mm256_cvtsd_f64(h);
         nearest[i] = (int)_mm256_cvtsd_f64(shape);
     }

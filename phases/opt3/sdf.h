@@ -250,9 +250,9 @@ distance_to_shape(struct vec point, const struct primitive *primitive, vmask don
 // Returns the distance to the nearest shape. `nearest` gets the index of that shape, the first of
 // equals. Lanes of `done` may return anything. Always inlined: a call would pass the three vectors
 // through memory at every step, which cost 28 % of scene0's time and 24 % of the Mandelbulb's
-// (n = 180).
-__attribute__((always_inline)) static inline vdouble sdf(struct vec p, const struct prepared *scene,
-                                                         vmask done, vdouble *nearest) {
+// (n = 180). `groups`: whether the scene has groups, a constant of each copy of the caller.
+__attribute__((always_inline)) static inline vdouble
+sdf(struct vec p, const struct prepared *scene, vmask done, bool groups, vdouble *nearest) {
     COUNT(sdf, call);
     vdouble closest = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
@@ -262,7 +262,7 @@ __attribute__((always_inline)) static inline vdouble sdf(struct vec p, const str
         closest = v_min(distance, closest);
         *nearest = v_select(closer, v_splat(scene->primitives[i].index), *nearest);
     }
-    if (scene->model.features.groups) {
+    if (groups) {
         struct closest least = closest_group(p, scene, (struct closest){closest, *nearest});
         closest = least.distance;
         *nearest = least.shape;

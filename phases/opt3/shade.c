@@ -49,7 +49,7 @@ static struct vec normal_at(struct vec p, struct vec direction, vmask found,
         struct vec moved = {p.x + (i == 1 ? step : v_splat(0.0)),
                             p.y + (i == 2 ? step : v_splat(0.0)),
                             p.z + (i == 3 ? step : v_splat(0.0))};
-        values[i] = sdf(moved, scene, done, &nearest);
+        values[i] = sdf(moved, scene, done, scene->model.features.groups, &nearest);
     }
     struct vec gradient = {values[1] - values[0], values[2] - values[0], values[3] - values[0]};
     vdouble length = vec_norm(gradient);

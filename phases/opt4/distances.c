@@ -14,7 +14,8 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
         vfloat shape = v_splat(-1.0f);
         local_ray_origins(point_from_doubles(points + 3 * i), prepared, rays);
         local_ray_directions(nowhere, prepared, rays);
-        distance[i] = _mm256_cvtss_f32(sdf(rays, v_splat(0.0f), prepared, v_mask_none(), &shape));
+        distance[i] = _mm256_cvtss_f32(sdf(rays, v_splat(0.0f), prepared, v_mask_none(),
+                                           prepared->model.features.groups, &shape));
         nearest[i] = (int)_mm256_cvtss_f32(shape);
     }
     free(rays);

@@ -57,8 +57,8 @@ struct march_state {
 };
 
 // Marches until every ray has ended. A hit is a hit of the float march, whose error grows with t.
-static inline void march(struct march_state *state, struct vec direction,
-                         const struct world *world) {
+__attribute__((always_inline)) static inline void
+march_in(struct march_state *state, struct vec direction, bool groups, const struct world *world) {
     COUNT(march, call);
     const struct prepared *scene = world->scene;
     struct exit exit = leaving(state->origin, direction, &scene->model);
@@ -68,7 +68,7 @@ static inline void march(struct march_state *state, struct vec direction,
     for (int step = state->steps; step < scene->model.march.max_steps; step++) {
         ACTIVE(LANES - v_count(done));
         COUNT(march, step);
-        vfloat distance = sdf(world->local_rays, t, scene, done, NULL);
+        vfloat distance = sdf(world->local_rays, t, scene, done, groups, NULL);
         evals = evals + v_zero_where(done, v_splat(1.0f));
         vmask reached = v_andnot(done, is_hit(distance, t, hit_distance));
         last = v_select(reached, distance, last);
@@ -85,6 +85,13 @@ static inline void march(struct march_state *state, struct vec direction,
                                   evals,         done,           found, state->steps};
 }
 
+static void march(struct march_state *state, struct vec direction, const struct world *world) {
+    if (world->scene->model.features.groups)
+        march_in(state, direction, true, world);
+    else
+        march_in(state, direction, false, world);
+}
+
 // Finds the shape that contains the end of each march in `deep`. The last step goes back out of that
 // shape, where another one may be nearer.
 __attribute__((noinline)) static void stay_in(vmask deep, vfloat t, const struct world *world,
@@ -92,7 +99,8 @@ __attribute__((noinline)) static void stay_in(vmask deep, vfloat t, const struct
     ACTIVE(v_count(deep));
     COUNT(stay_in, call);
     vfloat inside = v_splat(-1.0f);
-    sdf(world->local_rays, t, world->scene, v_not(deep), &inside);
+    sdf(world->local_rays, t, world->scene, v_not(deep), world->scene->model.features.groups,
+        &inside);
     *shape = v_select(deep, inside, *shape);
 }
 
@@ -198,7 +206,8 @@ void ray_march(struct point origin, struct vec direction, vmask active, const st
 // 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
 // passes the light and ends at the bounds, as in the paper. A ray that hits is not set to 0: its steps
 // shrink towards the surface, and so do the terms. With longer steps a hit would have to be set to 0.
-static vfloat soft_shadow(vmask active, struct exit exit, const struct world *world) {
+__attribute__((always_inline)) static inline vfloat
+soft_shadow(vmask active, struct exit exit, bool groups, const struct world *world) {
     COUNT(soft_shadow, call);
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
@@ -210,7 +219,7 @@ static vfloat soft_shadow(vmask active, struct exit exit, const struct world *wo
     for (int step = 0; step < model->march.max_steps; step++) {
         ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, eval);
-        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
+        vfloat h = sdf(world->local_rays, t, scene, done, groups, NULL);
         done = v_or(done, is_hit(h, t, hit_distance));
         if (v_all(done))
             break;
@@ -244,7 +253,8 @@ static vfloat soft_shadow(vmask active, struct exit exit, const struct world *wo
 // A Mandelbulb's h is an estimate: nothing is proved there.
 #define ROOM (1.0f / 64)
 #define LEAST_STEP 0x1p-16f // of t, for strengths that ask for less
-static vfloat ideal_shadow(vfloat distance, vmask active, const struct world *world) {
+__attribute__((always_inline)) static inline vfloat
+ideal_shadow(vfloat distance, vmask active, bool groups, const struct world *world) {
     COUNT(ideal_shadow, call);
     COUNT(ideal_shadow, scalar);
     const struct prepared *scene = world->scene;
@@ -256,7 +266,7 @@ static vfloat ideal_shadow(vfloat distance, vmask active, const struct world *wo
     while (!v_all(done)) {
         ACTIVE(LANES - v_count(done));
         COUNT(ideal_shadow, step);
-        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
+        vfloat h = sdf(world->local_rays, t, scene, done, groups, NULL);
         least = v_select(done, least, v_min(least, v_max(h / t, zero)));
         vmask going = v_and(v_cmp_gt(least, zero), v_cmp_lt(t, distance));
         done = v_or(done, v_not(going));
@@ -268,8 +278,9 @@ static vfloat ideal_shadow(vfloat distance, vmask active, const struct world *wo
 }
 
 // Returns 1 where nothing blocks the ray before `distance`, else 0.
-static vfloat hard_shadow(vfloat distance, vmask active, struct exit exit,
-                          const struct world *world) {
+__attribute__((always_inline)) static inline vfloat hard_shadow(vfloat distance, vmask active,
+                                                                struct exit exit, bool groups,
+                                                                const struct world *world) {
     COUNT(hard_shadow, call);
     const struct prepared *scene = world->scene;
     vmask done = v_not(active);
@@ -283,7 +294,7 @@ static vfloat hard_shadow(vfloat distance, vmask active, struct exit exit,
             break;
         ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, step);
-        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
+        vfloat h = sdf(world->local_rays, t, scene, done, groups, NULL);
         vmask blocked = v_andnot(done, is_hit(h, t, hit_distance));
         lit = v_zero_where(blocked, lit);
         done = v_or(done, blocked);
@@ -291,6 +302,16 @@ static vfloat hard_shadow(vfloat distance, vmask active, struct exit exit,
         done = v_or(done, outside(exit, t));
     }
     return lit;
+}
+
+__attribute__((always_inline)) static inline vfloat any_shadow(vfloat distance, vmask active,
+                                                               struct exit exit, bool groups,
+                                                               const struct world *world) {
+    if (world->scene->model.shadows == SHADOWS_IDEAL)
+        return ideal_shadow(distance, active, groups, world);
+    return world->scene->model.shadows == SHADOWS_SOFT
+               ? soft_shadow(active, exit, groups, world)
+               : hard_shadow(distance, active, exit, groups, world);
 }
 
 vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
@@ -301,8 +322,6 @@ vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask ac
         return v_splat(1.0f);
     local_ray_directions(to_light, scene, world->local_rays);
     struct exit exit = leaving(point, to_light, &scene->model);
-    if (scene->model.shadows == SHADOWS_IDEAL)
-        return ideal_shadow(distance, active, world);
-    return scene->model.shadows == SHADOWS_SOFT ? soft_shadow(active, exit, world)
-                                                : hard_shadow(distance, active, exit, world);
+    return scene->model.features.groups ? any_shadow(distance, active, exit, true, world)
+                                        : any_shadow(distance, active, exit, false, world);
 }

@@ -369,10 +369,11 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *p
 
 // Returns the distance to the nearest shape at distance t along the rays. Unless `nearest` is NULL,
 // it gets the index of that shape, the first of equals. Lanes of `done` may return anything.
-// Always inlined, so that the march keeps its state in registers.
+// `groups`: whether the scene has groups, a constant of each copy of the caller. Always inlined, so that
+// the march keeps its state in registers.
 __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *rays, vfloat t,
                                                         const struct prepared *scene, vmask done,
-                                                        vfloat *nearest) {
+                                                        bool groups, vfloat *nearest) {
     COUNT(sdf, call);
     vfloat closest = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
@@ -385,7 +386,7 @@ __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *
         }
         closest = v_min(distance, closest);
     }
-    if (scene->model.features.groups) {
+    if (groups) {
         struct closest least = {closest, nearest ? *nearest : closest};
         least = closest_group(rays, t, scene, least);
         closest = least.distance;
