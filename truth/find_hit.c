@@ -55,8 +55,8 @@ static void set_hit(struct hit *hit, struct first_q first) {
         hit->cell[i] = first.cell[i];
 }
 
-// Finds the first solid in doubles and its s in quads; a group's s in doubles, as its field costs more. If doubles do not
-// decide, everything is done in quads.
+// Finds the first solid in doubles and its s in quads; what the field of a group decides, in doubles alone, as it costs
+// twenty times as much in quads. If doubles do not decide, everything is done in quads.
 static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, struct ivq reach,
                       struct hit *hit) {
     const struct solid *solids = prepared->solids;
@@ -72,8 +72,9 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
         hit->status = PROVED;
         return;
     }
-    bool group = first.proved && solids[first.shape].shape->type == SHAPE_GROUP;
-    if (first.proved && !first.inside && !group) {
+    bool enough = first.proved && (solids[first.shape].shape->type == SHAPE_GROUP ||
+                                   (first.inside && prepared->model.features.groups > 0));
+    if (first.proved && !first.inside && !enough) {
         struct first_q fine = first_hit_q(solids + first.shape, 1, ray, reach, &hit->evals);
         if (fine.proved && fine.shape == 0 && !fine.inside && fine.s.hi >= first.s.lo &&
             fine.s.lo <= first.s.hi) {
@@ -82,12 +83,12 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
             return;
         }
     }
-    if (group || (!first.proved && first.gave_up)) {
+    if (enough || (!first.proved && first.gave_up)) {
         struct first_q rest = {.s = widen(first.s),
                                .shape = first.shape,
                                .face = first.face,
-                               .proved = group,
-                               .face_sure = group && first.face_sure};
+                               .proved = enough,
+                               .face_sure = enough && first.face_sure};
         for (int i = 0; i < 3; i++)
             rest.cell[i] = first.cell[i];
         set_hit(hit, rest);
