@@ -1,5 +1,7 @@
-// Reads groups: trees of operations over shapes, and the modifiers of each node.
+// Reads a scene's shapes: plain ones as shapes.c has them, and groups: trees of operations over shapes, with the
+// modifiers of each node.
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "scene/internal.h"
@@ -7,7 +9,23 @@
 static const double MAX_SLOPE = 1000, FARTHEST = 1e12;
 static const char *const MODIFIERS[] = {"shell", "mirror", "displace", "twist", "offset"};
 
-bool scene_needs_tree(json_t *object, const struct shape *shape) {
+// Enters shapes[index] of the current object, whose `shapes` are given. Returns it, or NULL after an error. `back`
+// is for reader_leave.
+static json_t *enter_shape(struct reader *r, json_t *shapes, size_t index, size_t *back) {
+    char place[24];
+    snprintf(place, sizeof place, "[%zu]", index);
+    json_t *object = json_array_get(shapes, index);
+    *back = reader_enter(r, "shapes");
+    if (!json_is_object(object)) {
+        reader_fail(r, place, "%s where an object is required", reader_kind(object));
+        return NULL;
+    }
+    reader_enter(r, place);
+    return object;
+}
+
+// Whether the object, read into `shape`, needs a tree: a group, a modifier, a shape without plain code.
+static bool needs_tree(json_t *object, const struct shape *shape) {
     bool modified = false;
     for (int i = 0; i < (shape->type == SHAPE_PLANE ? 4 : 5); i++)
         modified = modified || json_object_get(object, MODIFIERS[i]);
@@ -122,7 +140,7 @@ static void read_tree(struct reader *r, json_t *object, json_t *materials,
         for (size_t i = 0; i < json_array_size(shapes) && !r->failed; i++) {
             size_t back;
             struct shape member = {0};
-            json_t *child = scene_enter_shape(r, shapes, i, &back);
+            json_t *child = enter_shape(r, shapes, i, &back);
             if (child)
                 scene_read_shape(r, child, materials, &member);
             int first = model->node_count;
@@ -141,8 +159,9 @@ static void read_tree(struct reader *r, json_t *object, json_t *materials,
     check_bounds(r, node);
 }
 
-void scene_read_group(struct reader *r, json_t *object, json_t *materials, struct shape *shape,
-                      struct model *model) {
+// Reads the tree of such a shape into model->nodes and makes the shape, of $.shapes, a SHAPE_GROUP.
+static void read_group(struct reader *r, json_t *object, json_t *materials, struct shape *shape,
+                       struct model *model) {
     int root = model->node_count;
     if (!model->nodes)
         model->nodes = reader_allocate(r, SCENE_MAX_NODES + 1, sizeof *model->nodes);
@@ -166,4 +185,28 @@ void scene_read_group(struct reader *r, json_t *object, json_t *materials, struc
             reader_fail(r, NULL,
                         "a gyroid has no end; it should be in an intersection with a "
                         "bounded shape");
+}
+
+void scene_read_shapes(struct reader *r, json_t *root, struct model *model) {
+    json_t *shapes = reader_member(r, root, "shapes", JSON_ARRAY, "an array of shapes");
+    if (!shapes)
+        return;
+    size_t count = json_array_size(shapes);
+    if (count < 1 || count > SCENE_MAX_SHAPES) {
+        reader_fail(r, "shapes", "%zu shapes; 1 to %d are allowed", count, SCENE_MAX_SHAPES);
+        return;
+    }
+    model->shapes = reader_allocate(r, count, sizeof *model->shapes);
+    json_t *materials = json_object_get(root, "materials");
+    for (size_t i = 0; i < count && !r->failed; i++) {
+        size_t back;
+        struct shape *shape = &model->shapes[i];
+        json_t *object = enter_shape(r, shapes, i, &back);
+        if (object)
+            scene_read_shape(r, object, materials, shape);
+        if (!r->failed && needs_tree(object, shape))
+            read_group(r, object, materials, shape, model);
+        reader_leave(r, back);
+        model->shape_count++;
+    }
 }

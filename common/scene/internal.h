@@ -4,23 +4,12 @@
 #include "scene/reader.h"
 #include "scene/scene.h"
 
-// shapes.c: reads $.shapes into `model`, whose materials are already read. Reports errors to `r`.
+// groups.c: reads $.shapes into `model`, whose materials are already read. Reports errors to `r`.
 void scene_read_shapes(struct reader *r, json_t *root, struct model *model);
 
 // shapes.c: reads one shape: type, transform and, but for a group, sizes and material. Modifiers, operation and
-// members are left to scene_read_tree.
+// members are left to groups.c.
 void scene_read_shape(struct reader *r, json_t *object, json_t *materials, struct shape *shape);
-
-// shapes.c: enters shapes[index] of the current object, whose `shapes` are given. Returns it, or NULL after an
-// error. `back` is for reader_leave.
-json_t *scene_enter_shape(struct reader *r, json_t *shapes, size_t index, size_t *back);
-
-// groups.c: whether the object, read into `shape`, needs a tree: a group, a modifier, a shape without plain code.
-bool scene_needs_tree(json_t *object, const struct shape *shape);
-
-// groups.c: reads the tree of such a shape into model->nodes and makes the shape, of $.shapes, a SHAPE_GROUP.
-void scene_read_group(struct reader *r, json_t *object, json_t *materials, struct shape *shape,
-                      struct model *model);
 
 // path.c: reads the path of a shape or of the camera, whose position is already read.
 void scene_read_path(struct reader *r, json_t *owner, const double position[3], struct path *path);

@@ -1,6 +1,5 @@
-// Reads a scene's shapes.
+// Reads one shape of a scene: its type, sizes, transform and material.
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "scene/internal.h"
@@ -198,42 +197,5 @@ void scene_read_shape(struct reader *r, json_t *object, json_t *materials, struc
         if (shape->material < 0)
             reader_fail(r, "material", "\"%.80s\" is not defined in $.materials",
                         json_string_value(material));
-    }
-}
-
-json_t *scene_enter_shape(struct reader *r, json_t *shapes, size_t index, size_t *back) {
-    char place[24];
-    snprintf(place, sizeof place, "[%zu]", index);
-    json_t *object = json_array_get(shapes, index);
-    *back = reader_enter(r, "shapes");
-    if (!json_is_object(object)) {
-        reader_fail(r, place, "%s where an object is required", reader_kind(object));
-        return NULL;
-    }
-    reader_enter(r, place);
-    return object;
-}
-
-void scene_read_shapes(struct reader *r, json_t *root, struct model *model) {
-    json_t *shapes = reader_member(r, root, "shapes", JSON_ARRAY, "an array of shapes");
-    if (!shapes)
-        return;
-    size_t count = json_array_size(shapes);
-    if (count < 1 || count > SCENE_MAX_SHAPES) {
-        reader_fail(r, "shapes", "%zu shapes; 1 to %d are allowed", count, SCENE_MAX_SHAPES);
-        return;
-    }
-    model->shapes = reader_allocate(r, count, sizeof *model->shapes);
-    json_t *materials = json_object_get(root, "materials");
-    for (size_t i = 0; i < count && !r->failed; i++) {
-        size_t back;
-        struct shape *shape = &model->shapes[i];
-        json_t *object = scene_enter_shape(r, shapes, i, &back);
-        if (object)
-            scene_read_shape(r, object, materials, shape);
-        if (!r->failed && scene_needs_tree(object, shape))
-            scene_read_group(r, object, materials, shape, model);
-        reader_leave(r, back);
-        model->shape_count++;
     }
 }
