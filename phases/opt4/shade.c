@@ -243,7 +243,7 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     }
     COUNT(gradient_of, scalar);
     if (primitive->type == SHAPE_GROUP) {
-        COUNT(gradient_of, group);
+        COUNT(group_gradient, compared);
     } else {
         COUNT(gradient_of, closed);
         exact = turned_back(primitive, exact);
