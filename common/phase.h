@@ -99,7 +99,7 @@ struct ray_set {
 bool phase_hits(const struct prepared *prepared, const struct ray_set *rays);
 
 // Optional, for truth; used by tests (tools/rays.c). A ray is six numbers, origin and direction; its hit is
-// at origin + s·direction, s ≥ 0. Writes five: status (2 proved, 1 converged only, 0 undecided), the first
+// at origin + s·direction, s ≥ 0. Writes five: status (2 proved, 1 marched, 0 undecided), the first
 // shape (−1: none), bounds of s (+inf on a proved miss), and the number of evaluations.
 bool phase_enclosures(const struct prepared *prepared, size_t count, const double *rays,
                       double *enclosures);

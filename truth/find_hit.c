@@ -1,5 +1,7 @@
-// The first hit of a ray. Solids are intersected with proof; a fractal is marched (J. C. Hart, "Sphere tracing", The
+// The first hit of a ray. Solids are intersected with proof, and so is a Mandelbulb in the picture of the exact surface
+// (bulb/); in the other pictures a fractal is marched (J. C. Hart, "Sphere tracing", The
 // Visual Computer 12 (1996)) with the scene's own hit distance and steps.
+#include "bulb/bulb_hit.h"
 #include "sdf.h"
 #include "trace.h"
 
@@ -149,8 +151,10 @@ void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct h
         hit->status = PROVED;
     else
         solve_hit(prepared, ray, reach, hit);
+    if (prepared->exact && reach.hi >= 0)
+        first_bulb(prepared, ray, reach, hit);
     hit->t = mul_q(hit->s, length);
-    if (prepared->fractals) {
+    if (prepared->fractals && !prepared->exact) {
         struct dd t;
         double last;
         struct hit other = *hit;
@@ -163,7 +167,7 @@ void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct h
             other.evals = hit->evals;
             *hit = other;
         }
-        hit->status = hit->status > CONVERGED ? CONVERGED : hit->status;
+        hit->status = hit->status > MARCHED ? MARCHED : hit->status;
     }
     struct ivq s = hit->s;
     if (hit->status == UNDECIDED) // the picture shows the nearest sure surface, if there is one

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bulb/bulb_hit.h"
 #include "number/angles.h"
 #include "phase.h"
 #include "sdf.h"
@@ -81,6 +82,7 @@ static bool prepare(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->fractals =
         model->features.count[SHAPE_MANDELBULB] > 0 || model->features.count[SHAPE_MANDELBOX] > 0;
+    prepared->provable = prepared->fractals && model->features.count[SHAPE_MANDELBOX] == 0;
     return true;
 }
 
@@ -117,6 +119,14 @@ static void camera_ray(const struct view *view, const struct frame *frame, int c
     }
 }
 
+// Rounded up. The width of a ray that may never leave a half-space is FLT_MAX.
+static float width_of(const struct hit *hit) {
+    quad width = hit->t.hi - hit->t.lo;
+    bool none = hit->shape < 0 && hit->status != UNDECIDED;
+    float above = width < FLT_MAX ? nextafterf((float)width, INFINITY) : FLT_MAX;
+    return none ? 0 : above;
+}
+
 static void store(struct frame *frame, size_t pixel, const struct shaded *result) {
     const struct hit *hit = &result->hit;
     bool found = hit->shape >= 0;
@@ -137,13 +147,32 @@ static void store(struct frame *frame, size_t pixel, const struct shaded *result
     }
     frame->planes[PLANE_SHADOW][pixel] = (float)result->shadow[SHADOW_ESTIMATE];
     frame->planes[PLANE_SHADOW_IDEAL][pixel] = (float)result->shadow[SHADOW_IDEAL];
-    // Rounded up. The width of a ray that may never leave a half-space is FLT_MAX.
-    quad width = hit->t.hi - hit->t.lo;
-    bool none = !found && hit->status != UNDECIDED;
-    float above = width < FLT_MAX ? nextafterf((float)width, INFINITY) : FLT_MAX;
-    frame->planes[PLANE_WIDTH][pixel] = none ? 0 : above;
+    frame->planes[PLANE_WIDTH][pixel] = width_of(hit);
     frame->planes[PLANE_STATUS][pixel] = (float)hit->status;
     frame->planes[PLANE_STATUS_ALL][pixel] = (float)result->status_all;
+}
+
+// The pixel of the exact surface. Its colour is NaN where a ray that it depends on is undecided.
+static void store_surface(const struct prepared *exact, struct frame *frame, size_t pixel,
+                          const struct shaded *result) {
+    const struct hit *hit = &result->hit;
+    bool known = result->status_all != UNDECIDED, found = hit->shape >= 0;
+    double n[3] = {0, 0, 0};
+    for (int i = 0; i < 3 && found; i++)
+        n[i] = (double)mid_q(hit->normal[i]);
+    if (found && is_fractal(exact->model.shapes[hit->shape].type))
+        bulb_normal(&exact->solids[hit->shape], hit->point, n);
+    for (int i = 0; i < 3; i++) {
+        frame->planes[PLANE_SURFACE_NORMAL + i][pixel] = (float)n[i];
+        frame->planes[PLANE_SURFACE + i][pixel] =
+            known ? (float)result->color[SHADOW_ESTIMATE][i] : NAN;
+        frame->planes[PLANE_SURFACE_IDEAL + i][pixel] =
+            known ? (float)result->color[SHADOW_IDEAL][i] : NAN;
+    }
+    frame->planes[PLANE_SURFACE_Z][pixel] = found ? (float)hit->shown_t : INFINITY;
+    frame->planes[PLANE_SURFACE_ID][pixel] = (float)hit->shape;
+    frame->planes[PLANE_SURFACE_STATUS][pixel] = (float)hit->status;
+    frame->planes[PLANE_SURFACE_WIDTH][pixel] = width_of(hit);
 }
 
 struct job {
@@ -157,6 +186,8 @@ struct job {
 static void *render_tiles(void *argument) {
     struct job *job = argument;
     struct frame *frame = job->frame;
+    struct prepared exact = *job->prepared;
+    exact.exact = true;
     int across = (frame->width + TILE - 1) / TILE, down = (frame->height + TILE - 1) / TILE;
     for (int tile; (tile = atomic_fetch_add(&job->next, 1)) < across * down;) {
         int left = tile % across * TILE, top = tile / across * TILE;
@@ -166,7 +197,14 @@ static void *render_tiles(void *argument) {
                 struct shaded result;
                 camera_ray(job->view, frame, column, row, &ray);
                 trace(job->prepared, job->view, &ray, 0, &result);
-                store(frame, (size_t)row * (size_t)frame->width + (size_t)column, &result);
+                size_t pixel = (size_t)row * (size_t)frame->width + (size_t)column;
+                store(frame, pixel, &result);
+                if (frame->plane_count > 0 && exact.provable) {
+                    trace(&exact, job->view, &ray, 0, &result);
+                    store_surface(&exact, frame, pixel, &result);
+                } else if (frame->plane_count > 0)
+                    for (int i = PLANE_SURFACE; i <= PLANE_SURFACE_WIDTH; i++)
+                        frame->planes[i][pixel] = 0;
             }
     }
     return NULL;
@@ -200,6 +238,8 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
 
 bool phase_enclosures(const struct prepared *prepared, size_t count, const double *rays,
                       double *enclosures) {
+    struct prepared exact = *prepared;
+    exact.exact = prepared->provable;
     for (size_t i = 0; i < count; i++) {
         const double *from = rays + 6 * i;
         double *to = enclosures + 5 * i;
@@ -212,7 +252,7 @@ bool phase_enclosures(const struct prepared *prepared, size_t count, const doubl
             ray.d[j] = point_q(from[j + 3]);
         }
         if (finite)
-            find_hit(prepared, &ray, &hit);
+            find_hit(&exact, &ray, &hit);
         bool miss = hit.shape < 0 && hit.status != UNDECIDED;
         to[0] = hit.status;
         to[1] = hit.shape;

@@ -1,5 +1,6 @@
 // Shadows at a hit: the estimator of every phase, in double-double; the ideal soft shadow that it estimates; and the hard
 // shadow.
+#include "bulb/bulb_hit.h"
 #include "groups/field.h"
 #include "sdf.h"
 #include "trace.h"
@@ -229,10 +230,15 @@ static enum status hard_shadow(const struct light_ray *light, const struct hit *
         proved = fine.proved || fine.inside;
         blocked = fine.shape >= 0 || fine.inside;
     }
-    if (prepared->fractals)
+    enum status status = !proved ? UNDECIDED : prepared->exact ? PROVED : MARCHED;
+    if (prepared->exact)
+        blocked = blocked || bulb_blocks(prepared, &ray, double_above(reach.hi), &status);
+    else if (prepared->fractals)
         blocked = blocked || fractal_blocks(light);
+    else if (proved)
+        status = PROVED;
     *factor = blocked ? 0 : 1;
-    return !proved ? UNDECIDED : prepared->fractals ? CONVERGED : PROVED;
+    return status;
 }
 
 enum status find_shadow(const struct prepared *prepared, const struct hit *hit,

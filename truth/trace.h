@@ -12,16 +12,24 @@ enum plane {
     PLANE_SHADOW_IDEAL,
     PLANE_WIDTH,
     PLANE_STATUS,
-    PLANE_STATUS_ALL
+    PLANE_STATUS_ALL,
+    PLANE_SURFACE, // planes of the exact surface's picture: 0 without one
+    PLANE_SURFACE_IDEAL = PLANE_SURFACE + 3,
+    PLANE_SURFACE_Z = PLANE_SURFACE_IDEAL + 3,
+    PLANE_SURFACE_ID,
+    PLANE_SURFACE_NORMAL,
+    PLANE_SURFACE_STATUS = PLANE_SURFACE_NORMAL + 3,
+    PLANE_SURFACE_WIDTH
 };
 
-enum status { UNDECIDED, CONVERGED, PROVED };
+enum status { UNDECIDED, MARCHED, PROVED };
 
 struct prepared {
     struct model model;
     struct solid *solids; // of the shapes, then of the nodes
     int threads;
-    bool fractals;
+    bool fractals, provable; // provable: there are Mandelbulbs, and no fractal besides
+    bool exact;              // hits of Mandelbulbs are proved ones, not a march's
 };
 
 struct hit {

@@ -61,7 +61,7 @@ def chosen(verified: Verify, scenes: Sequence[str] | None, specs: Sequence[str] 
 def to_truth(folder: Path) -> dict[tuple[str, str], str]:
     """(scene, phase) → its error to ground truth in words, where the run has accuracy.json."""
     return {
-        (r.scene, r.phase): f"to ground truth {decibels(r.colours.psnr_db)}{' (4×4)' * r.converged_only}"
+        (r.scene, r.phase): f"to ground truth {decibels(r.shown.psnr_db)}{r.of}"
         for r in accuracy.rows(folder)
     }
 

@@ -221,7 +221,7 @@ def compared(args: argparse.Namespace) -> Compared:
 
 def cells(side: Side) -> dict[str, str]:
     truth, base = side.truth, side.baseline
-    decibels, means = truth.colours.psnr_db, " (4×4 means)" * truth.converged_only
+    decibels, means = truth.shown.psnr_db, truth.of
     declared = show.NOTHING
     if side.flops is not None:
         declared = show.number(side.flops / truth.width / truth.height, 4)

@@ -31,8 +31,8 @@ def decibels(square: float) -> float | None:
 
 
 def errors(exact: Picture, made: Picture) -> HitErrors:
-    """Errors of the pixels that truth proves; where it proves none, of those that converged."""
-    least = judging.PROVED if (exact.status == judging.PROVED).any() else judging.CONVERGED
+    """Errors of the pixels that truth proves; where it proves none, of those it marched."""
+    least = judging.PROVED if (exact.status == judging.PROVED).any() else judging.MARCHED
     count = int((exact.status >= least).sum())
     off = judging.right_distances(exact, made, least)
     p50, p99, most = np.percentile(off, (50, 99, 100)).tolist() if off.size else (None, None, None)
@@ -41,12 +41,12 @@ def errors(exact: Picture, made: Picture) -> HitErrors:
         for kind, mask in judging.wrong_hits(exact, made, least).items()
     }
     a, b = (images.clamped(images.rgb(p)).astype(float) for p in (exact, made))
-    seen = np.isfinite(a).all(axis=-1) & (exact.chain >= truth.CONVERGED)
+    seen = np.isfinite(a).all(axis=-1) & (exact.chain >= truth.MARCHED)
     square = float(np.mean((a[seen] - b[seen]) ** 2)) if seen.any() else math.nan
     return HitErrors(
         evaluations=float((made.evals + made.get("rods", 0)).mean()),
         judged=count / exact.status.size,
-        known=float((exact.status >= truth.CONVERGED).mean()),
+        known=float((exact.status >= truth.MARCHED).mean()),
         **{f"{kind}_ppm": value for kind, value in wrong.items()},
         wrong_ppm=sum(wrong.values()),
         dt_p50=p50,

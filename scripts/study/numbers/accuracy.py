@@ -31,6 +31,20 @@ class Colours(Record, kw_only=True):
     rmse_none: Annotated[float, key("linear RGB", "both without shadows")] = math.nan
 
 
+class Surface(Colours, kw_only=True):
+    """Errors to a Mandelbulb's exact surface, whose hits are proved: colours, `psnr_db` with the paper's
+    estimator and `psnr_ideal_db` with the ideal shadow, by the scene's own normals at the proved points."""
+
+    proved_fraction: Annotated[float, key("share of pixels", "camera ray proved")] = math.nan
+    proved_hits: Annotated[int, key("pixels", "of these, hits")] = 0
+    lost_ppm: Annotated[float, key("ppm", "of proved pixels: the hit is missed, or over 1e-3 behind")] = (
+        math.nan
+    )
+    wrong_ppm: Annotated[float, key("ppm", "the hit is over 1e-3 before the surface")] = math.nan
+    normal_p50_degrees: Annotated[float, key("degrees", "median angle to the exact normal")] = math.nan
+    antialiased: Annotated[Colours | None, key("", "the same errors of 4×4 means")] = None
+
+
 class Row(Colours, kw_only=True):
     """One phase and scene against ground truth (truth). Colours are of the pixels that truth knows."""
 
@@ -40,11 +54,11 @@ class Row(Colours, kw_only=True):
     width: Annotated[int, key("pixels", "of the picture", ge=1)]
     height: Annotated[int, key("pixels", "of the picture", ge=1)]
     precision: Annotated[str | None, key("", "float or double")] = None
-    converged_only: Annotated[bool, key("", "a fractal: judged by `antialiased` and depth alone")] = False
+    converged_only: Annotated[bool, key("", "a fractal, marched: judged by `antialiased` and depth")] = False
     non_finite: Annotated[int, key("samples", "NaN or infinite where none may be")] = 0
     proved_fraction: Annotated[float, key("share of pixels", "camera ray proved")] = math.nan
     proved_chain_fraction: Annotated[float, key("share of pixels", "and every mirror ray")] = math.nan
-    converged_pixels: Annotated[int, key("pixels", "camera ray converged only")] = 0
+    converged_pixels: Annotated[int, key("pixels", "camera ray marched")] = 0
     undecided_pixels: Annotated[int, key("pixels", "camera ray neither")] = 0
     unjudged_colours: Annotated[int, key("pixels", "for which truth has no colour")] = 0
     false_hits_ppm: Annotated[float, key("ppm", "of proved pixels: hit where truth misses")] = math.nan
@@ -59,6 +73,7 @@ class Row(Colours, kw_only=True):
     flip_mean: Annotated[float, key("", "FLIP of the display pictures, mean")] = math.nan
     flip_max: Annotated[float, key("", "its maximum")] = math.nan
     antialiased: Annotated[Colours | None, key("", "the same errors of 4×4 means, fractals")] = None
+    surface: Annotated[Surface | None, key("", "errors to a Mandelbulb's exact surface")] = None
     shadow_rmse: Annotated[float, key("linear RGB", "of what the shadow takes, estimator")] = math.nan
     shadow_ideal_rmse: Annotated[float, key("linear RGB", "the same, ideal shadow")] = math.nan
     bad_pixels: Annotated[int, key("pixels", "off by over 1/255, or a wrong hit")] = 0
@@ -81,6 +96,16 @@ class Row(Colours, kw_only=True):
     def colours(self) -> Colours:
         """The errors that a picture is judged by: of a fractal those of 4×4 means."""
         return self.antialiased if self.converged_only and self.antialiased else self
+
+    @property
+    def shown(self) -> Colours:
+        """The errors to ground truth that a reader is shown: to the exact surface where that is proved."""
+        return self.surface.antialiased if self.surface and self.surface.antialiased else self.colours
+
+    @property
+    def of(self) -> str:
+        """What `shown` is of, for a remark behind it; "" of a solid's single samples."""
+        return " (4×4)" if self.surface else " (4×4, march)" if self.converged_only else ""
 
     @property
     def wrong_ppm(self) -> float:

@@ -49,6 +49,7 @@ class PeerRow(PictureErrors, kw_only=True):
     beside: Annotated[str | None, key("", "the phase that it is held against; null: none drew it")]
     ratio: Annotated[Interval | None, key("×", "its time over that phase's; null: is that phase")]
     psnr_display_db: Annotated[float | None, key("dB", "pictures as displayed")] = None
+    surface_db: Annotated[float | None, key("dB", "to a Mandelbulb's exact surface")] = None
 
 
 class Program(Record, kw_only=True):

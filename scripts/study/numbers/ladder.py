@@ -39,18 +39,21 @@ def error_of(data: Data, cell: Cell) -> dict[str, Any]:
 
 
 TRUTH = ["scene", "phase", "psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99", "wrong_ppm"]
-TRUTH += ["draws_ideal", "own_db", "converged_only", "height"]
+TRUTH += ["draws_ideal", "own_db", "surface_db", "converged_only", "height"]
 
 
 def truth_errors(data: Data) -> pd.DataFrame:
     """What accuracy.json has of each (scene, phase), columns truth_…; PSNR of a fractal is the averaged one.
-    `truth_own_db`: to the picture that the phase draws: with the ideal shadow, if `truth_draws_ideal`."""
+    `truth_own_db`: to the picture that the phase draws: with the ideal shadow, if `truth_draws_ideal`; of a
+    Mandelbulb to its exact surface (`truth_surface_db`), or to a march where the run lacks that.
+    """
     made = []
     for row in accuracy.rows(data.path):
         known, colours = phases().get(re.split("[@+]", row.phase)[0]), row.colours
         ideal = known is not None and known.draws_ideal
         levels = colours.psnr_db, colours.psnr_ideal_db, colours.psnr_none_db
-        about = ideal, levels[1 if ideal else 0], row.converged_only, row.height
+        own = row.shown.psnr_ideal_db if ideal else row.shown.psnr_db
+        about = ideal, own, own if row.surface else np.nan, row.converged_only, row.height
         made.append((row.scene, row.phase, *levels, row.dt_p99, row.wrong_ppm, *about))
     return pd.DataFrame(made, columns=[*TRUTH[:2], *(f"truth_{name}" for name in TRUTH[2:])])
 

@@ -137,7 +137,7 @@ def inferior(
     `references`: name → metrics, baseline's first; per metric the worst of them is the bound, so that a phase
     need not repeat baseline's luck in rounding. A reference that lacks a metric does not judge it, nor does
     one that has no right hit judge |Δt|: what it misses is in another metric. A scene whose truth is
-    converged only has the hits of its proved pixels, if there are any. `ideal`: of a phase that draws the
+    marched has the hits of its proved pixels, if there are any. `ideal`: of a phase that draws the
     ideal shadow, the least PSNR to that picture; then the estimator's shadow is in no metric that is judged.
     """
     mine, others = flatten(metrics), {who: flatten(values) for who, values in references.items()}

@@ -158,8 +158,8 @@ def non_finite(picture: Picture) -> int:
     count = 0
     for name, plane in picture.items():
         bad = ~np.isfinite(plane)
-        if name == "Z":
-            bad &= ~((plane == np.inf) & (picture["id"] == -1))
+        if name.endswith("Z"):
+            bad &= ~((plane == np.inf) & (picture[f"{name[:-1]}id"] == -1))
         count += int(bad.sum())
     return count
 
@@ -195,6 +195,14 @@ def _percentile(values: np.ndarray, share: float, any_hit: bool) -> float:
     return float(np.percentile(values, share)) if values.size else math.nan if any_hit else 0.0
 
 
+def angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Degrees between normals, count × 3; 180 where one has no length, and so no direction to agree with."""
+    # atan2 keeps its digits at small angles, where acos of the dot product has none left.
+    angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1)))
+    unit = np.all([np.abs(np.linalg.norm(n, axis=-1) - 1) < 1e-3 for n in (a, b)], axis=0)
+    return np.where(unit, angle, 180.0)
+
+
 def geometry(reference: Picture, image: Picture) -> dict[str, float]:
     """Hit mask, shapes, hit distances and normals: the errors below the picture. Planes of any shape."""
     both = reference.hit & image.hit
@@ -208,10 +216,7 @@ def geometry(reference: Picture, image: Picture) -> dict[str, float]:
         np.stack([p[n][same] for n in ("N.x", "N.y", "N.z")], -1).astype(np.float64)
         for p in (reference, image)
     )
-    # atan2 keeps its digits at small angles, where acos of the dot product has none left.
-    angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1)))
-    unit = np.all([np.abs(np.linalg.norm(n, axis=-1) - 1) < 1e-3 for n in (a, b)], axis=0)
-    angle = np.where(unit, angle, 180.0)  # a normal of no length has no direction to agree with
+    angle = angles(a, b)
     return {
         "mask_mismatch_ppm": 1e6 * float((~agree).sum()) / pixels,
         "id_mismatch_ppm": 1e6 * float((both & ~same).sum()) / pixels,

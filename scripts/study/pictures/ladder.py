@@ -127,11 +127,13 @@ def paper_marks(axes: Axes, group: pd.DataFrame) -> None:
 
 
 def truth_text(row: pd.Series) -> str:
-    """PSNR to ground truth, a fractal's of 4×4 means, "ideal" with the ideal shadow; – if not measured."""
+    """PSNR to ground truth, a fractal's of 4×4 means (“march” where its exact surface is not held beside),
+    "ideal" with the ideal shadow; – if not measured."""
     found = row.get("truth_own_db")
     if found is None or pd.isna(found):
         return show.NOTHING
     of = ["4×4"] * show.yes(row.get("truth_converged_only"))
+    of += ["march"] * (bool(of) and pd.isna(row.get("truth_surface_db", math.nan)))
     of += ["ideal"] * show.yes(row.get("truth_draws_ideal"))
     return f"{show.number(found)} dB{' (' * bool(of)}{', '.join(of)}{')' * bool(of)}"
 

@@ -58,6 +58,9 @@ def _cells(of: Mapping[str, Row], ratios: bool) -> list[str]:
             made += [show.NOTHING] * (2 + ratios)
             continue
         psnr = show.number(row.get("truth_own_db")) + " (ideal)" * show.yes(row.get("truth_draws_ideal"))
+        psnr += " to a march" * (
+            show.yes(row.get("truth_converged_only")) and show.gone(row.get("truth_surface_db"))
+        )
         speedup = [show.speedup("speedup", "speedup_base")(row)] if ratios else []
         made += [show.interval(row, "ms"), *speedup, psnr]
     return made
@@ -104,18 +107,27 @@ def strongest(folder: Path, height: int) -> list[list[str]]:
         cells = [name, "Another program, without shadows", show.NOTHING]
         for row in (whole[name][scene] for scene in beside.PLAIN):
             cells += [show.spread(row.ms, 4), f"{show.spread(row.ratio, 3, '×')} as long as {row.beside}"]
-            cells.append("identical" if row.psnr_db is None else show.number(row.psnr_db))
+            march = " to a march" * bool(row.averaged and row.surface_db is None)
+            shown = row.psnr_db if row.surface_db is None else row.surface_db
+            cells.append("identical" if shown is None else show.number(shown) + march)
         lines.append(cells)
     return lines
 
 
-def ladder_block(data: Data, rows: pd.DataFrame) -> str:
+def ladder_block(data: Data, rows: pd.DataFrame, exact: pd.DataFrame | None = None) -> str:
     """The README's one table: a row a phase, then the paper's own program and the strongest others where the
     run has them.
 
-    The ratio to baseline is shown where baseline was held beside the paper's program.
+    The ratio to baseline is shown where baseline was held beside the paper's program. `exact`: errors to
+    exact surfaces (ladder.truth_errors, with `run`) for a run without: pictures do not hang on the clock.
     """
     found, bound, known = by_phase(rows), limits(data), registry.ladder()
+    borrowed = ""
+    for one in [] if exact is None else exact.to_dict("records"):
+        row = found.get(one["phase"], {}).get(one["scene"])
+        if row and show.gone(row.get("truth_surface_db")) and not show.gone(one["truth_surface_db"]):
+            found[one["phase"]][one["scene"]] = {**row, **one}
+            borrowed = f" Those of the mandelbulb are of the run {one['run']}."
     ratios = beside.held_beside(data.path)
     size = next(iter(next(iter(found.values())).values()))
     head = ["phase", "idea", "lowest roof", *_head(ratios)]
@@ -131,9 +143,11 @@ def ladder_block(data: Data, rows: pd.DataFrame) -> str:
     note = (
         f"{size['width']}×{size['height']}, one thread, {show.inert(provenance.place(data.context))}. Times: "
         "medians over process launches, with 95 % intervals. dB: PSNR to the ground truth"
-        f"{at or ', not measured'} (mandelbulb: means of 4×4 samples); above 50 dB a few pixels at edges "
-        "decide, so levels differ with the size. Lowest roof: of the roofline model on scene0, and the share "
-        "of it that the phase reaches (L1: traffic of the first-level cache; divider: quotients and roots)."
+        f"{at or ', not measured'} (mandelbulb: to its exact surface, means of 4×4 samples; “to a march”: in "
+        "exact arithmetic, where the run lacks that); above 50 dB a few pixels at edges "
+        f"decide, so levels differ with the size.{borrowed} Lowest roof: of the roofline model on scene0, "
+        "and the share of it that the phase reaches (L1: traffic of the first-level cache; divider: "
+        "quotients and roots)."
         + " “To ours”: between the displayed pictures of both." * ratios
         + " Without shadows: on both scenes without shadows and mirrors, beside our fastest phase there."
         * bool(others)

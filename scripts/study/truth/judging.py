@@ -1,8 +1,9 @@
 """How far a phase's picture is from truth: ray by ray first (hits, shapes, distances, normals), then colours.
 
 Truth (truth.truth) is a picture with more planes: `ideal.*` with the ideal soft shadow, `none.*` without
-any, the `shadow` factor of the primary hit, `status` of the primary ray (2 proved, 1 converged only, 0
-undecided) and `status.all` of the pixel's whole chain. Metrics and units: study.truth.schema.
+any, the `shadow` factor of the primary hit, `status` of the primary ray (2 proved, 1 marched, 0 undecided)
+and `status.all` of the pixel's whole chain. A Mandelbulb is marched there, in exact arithmetic; `surface.*`
+are the planes of its exact surface, hit by proof. Metrics and units: study.numbers.accuracy.
 """
 
 import math
@@ -17,9 +18,11 @@ from study.pictures import images
 from study.pictures.images import Picture
 
 FACTOR = 4  # of the averaged pictures of fractals, each way: their single samples are chaotic
-PROVED, CONVERGED = 2, 1  # of the status plane
+PROVED, MARCHED = 2, 1  # of the status plane
 # Key in the metrics → prefix of truth's planes: the paper's estimator, the ideal shadow, no shadow.
 TRUTHS = {"": "", "_ideal": "ideal.", "_none": "none."}
+SURFACE = "surface.", "surface.ideal."  # prefixes of the exact surface's colours
+NEAR = 1e-3  # scene units: a hit that is off by less is on the surface
 GEOMETRY = "dt_p99", "dt_max", "normal_p99_degrees"
 
 
@@ -95,7 +98,7 @@ def _judged(truth: Picture) -> np.ndarray:
 
 
 def _colours(
-    pictures: list[tuple[np.ndarray, np.ndarray]], judged: np.ndarray, factor: int = 1
+    pictures: list[tuple[np.ndarray, ...]], judged: np.ndarray, factor: int = 1, flip: bool = True
 ) -> dict[str, float]:
     """Picture metrics to the three truths, of the pixels judged. The first one's are complete. factor > 1:
     averaged first, and of the blocks of which all is judged."""
@@ -106,13 +109,50 @@ def _colours(
     for which, (exact, made) in zip(TRUTHS, pictures, strict=False):
         if factor > 1:
             exact, made = (images.box_average(x, factor) for x in (exact, made))
-        one = images.colour_errors(exact, made, not which and factor == 1, judged)
+        one = images.colour_errors(exact, made, flip and not which and factor == 1, judged)
         if not which:
             found |= one
         else:
             names = {f"psnr{which}_db": "psnr_db", f"psnr{which}_display_db": "psnr_display_db"}
             found |= {name: one[key] for name, key in (names | {f"rmse{which}": "rmse"}).items()}
     return found
+
+
+def has_surface(truth: Picture) -> bool:
+    """Whether truth has the exact surface of a Mandelbulb in this scene."""
+    return "surface.status" in truth and bool(truth["surface.status"].any())
+
+
+def surface(truth: Picture, image: Picture) -> dict[str, Any] | None:
+    """Errors to the exact surface of a Mandelbulb (study.numbers.accuracy.Surface); None of another scene.
+    A hit is lost if the picture has it more than NEAR behind the proved one, or none: the march went through
+    the surface. It is wrong if it is more than NEAR before it, or hits where nothing is."""
+    if not has_surface(truth):
+        return None
+    proved = truth["surface.status"] == PROVED
+    z, made = (p.astype(np.float64) for p in (truth["surface.Z"], image.Z))
+    hits = proved & np.isfinite(z)
+    lost = hits & ~(made <= z + NEAR)
+    wrong = proved & ~lost & ~(made >= z - NEAR)
+    right = hits & ~lost & ~wrong
+    normals = (
+        np.stack([p[f"{at}N.{axis}"][right] for axis in "xyz"], -1).astype(np.float64)
+        for p, at in ((truth, SURFACE[0]), (image, ""))
+    )
+    angles = images.angles(*normals)
+    exact = [images.rgb(truth, prefix) for prefix in SURFACE]
+    judged = proved & np.all([np.isfinite(x).all(axis=-1) for x in exact], axis=0)
+    pairs = [tuple(np.where(judged[..., None], x, 0) for x in (one, images.rgb(image))) for one in exact]
+    count = max(int(proved.sum()), 1)
+    return {
+        "proved_fraction": float(proved.mean()),
+        "proved_hits": int(hits.sum()),
+        "lost_ppm": 1e6 * float(lost.sum()) / count,
+        "wrong_ppm": 1e6 * float(wrong.sum()) / count,
+        "normal_p50_degrees": float(np.median(angles)) if angles.size else math.nan,
+        **_colours(pairs, judged, flip=False),
+        "antialiased": _colours(pairs, judged, FACTOR),
+    }
 
 
 def shadow_rmse(exact: tuple[np.ndarray, np.ndarray], made: tuple[np.ndarray, np.ndarray]) -> float:
@@ -128,8 +168,8 @@ def metrics(
 ) -> dict[str, Any]:
     """Every error of a picture to truth. `unshadowed`: the phase's picture of the scene without shadows;
     without it there are no metrics of what shadows do. PSNR of identical pictures is math.inf; NaN is a
-    metric that has no value. `fractal`: truth is converged only, so the 4 × 4 averaged pictures and the depth
-    are judged as well."""
+    metric that has no value. `fractal`: truth is marched, so the 4 × 4 averaged pictures and the depth are
+    judged as well, and `surface` has the errors to the exact surface where there is one."""
     status, judged = truth.status, _judged(truth)
 
     def known(linear: np.ndarray) -> np.ndarray:
@@ -145,8 +185,8 @@ def metrics(
         "non_finite": images.non_finite(image) + (images.non_finite(unshadowed) if unshadowed else 0),
         "proved_fraction": float((status == PROVED).mean()),
         "proved_chain_fraction": float((truth.chain == PROVED).mean()),
-        "converged_pixels": int((status == CONVERGED).sum()),
-        "undecided_pixels": int((~(status >= CONVERGED)).sum()),
+        "converged_pixels": int((status == MARCHED).sum()),
+        "undecided_pixels": int((~(status >= MARCHED)).sum()),
         "unjudged_colours": int((~judged).sum()),
         **_hits(truth, image),
         **_colours(pairs, judged),
@@ -156,10 +196,10 @@ def metrics(
         for name, which in (("shadow_rmse", 0), ("shadow_ideal_rmse", 1)):
             found[name] = shadow_rmse((exact[which][judged], exact[2][judged]), both)
     if fractal:
-        decided = status >= CONVERGED
+        decided = status >= MARCHED
         depth = images.geometry(truth.where(decided), image.where(decided)) if decided.any() else {}
         found |= {"depth_agree_fraction": depth.get("depth_agree_fraction", math.nan)}
-        found |= {"antialiased": _colours(pairs, judged, FACTOR)}
+        found |= {"antialiased": _colours(pairs, judged, FACTOR), "surface": surface(truth, image)}
     return found
 
 

@@ -2,13 +2,13 @@
 
 from study.core import registry
 from study.core.registry import Scene, Spec
-from study.numbers.accuracy import Colours, Row
+from study.numbers.accuracy import Colours, Row, Surface
 from study.pictures import gate, images, panels
 from study.pictures.gallery import Gallery, Size
 from study.truth import judging, truth, where
 
 BASE = Spec("baseline", "baseline")
-FLOAT = Spec("opt4", "opt4")  # where truth is converged only, phases behind it may be as far as it is
+FLOAT = Spec("opt4", "opt4")  # where truth is marched, phases behind it may be as far as it is
 
 
 class Subject:
@@ -51,7 +51,7 @@ class Subject:
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size
         stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
-        averaged = found.pop("antialiased", None)
+        averaged, surface = found.pop("antialiased", None), found.pop("surface", None)
         row = Row(
             phase=str(spec),
             scene=self.scene.name,
@@ -61,6 +61,7 @@ class Subject:
             precision=phase.precision,
             **found,
             antialiased=averaged and Colours(**averaged),
+            surface=surface and Surface(**surface | {"antialiased": Colours(**surface["antialiased"])}),
             dt_p99_of_as_many=as_many,
             beyond_outlines=beyond(made) or None,
             **where.shares(self.where, wrong),

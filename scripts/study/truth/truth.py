@@ -18,7 +18,7 @@ from study.pictures import images
 from study.pictures.images import Picture
 
 CACHE = ROOT / "build" / "truth" / "cache"
-PROVED, CONVERGED, UNDECIDED = 2, 1, 0
+PROVED, MARCHED, UNDECIDED = 2, 1, 0
 Size = tuple[int, int]  # width, height
 
 

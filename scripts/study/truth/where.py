@@ -146,12 +146,18 @@ def _decibels(value: float) -> str:
 def _notes(row: Row) -> tuple[str, str]:
     """What stands under the phase's picture and under truth's."""
     colours, proved = row.colours, f"{100 * row.proved_fraction:.6g} % of the camera rays proved"
+    if row.surface:
+        exact = row.surface
+        proved = f"its exact surface: {100 * exact.proved_fraction:.6g} % of the camera rays proved"
     to = f"PSNR to ground truth {_decibels(colours.psnr_db)}; with the ideal shadow "
     to += _decibels(colours.psnr_ideal_db)
     if row.converged_only:
         agree = f"depth agrees within 0.1 % in {100 * row.depth_agree_fraction:.6g} % of the pixels"
-        status = f"{row.converged_pixels:,} pixels converged only: double-double, 104 bits; no proof"
-        return f"4×4 averaged: {to}\n{agree}", f"{status}\n{proved}: hits are judged on these alone"
+        if row.surface and row.surface.antialiased:
+            agree += f"\nto the exact surface {_decibels(row.surface.antialiased.psnr_db)}; ppm: hits lost "
+            agree += f"{show.number(row.surface.lost_ppm)}, wrong {show.number(row.surface.wrong_ppm)}"
+        status = f"{row.converged_pixels:,} pixels marched: double-double, 104 bits; no proof"
+        return f"4×4 averaged: {to}\n{agree}", f"{status}\n{proved}"
     number = show.number
     mine = (
         f"{to}\nppm: false hits {number(row.false_hits_ppm)}, false misses {number(row.false_misses_ppm)}, "

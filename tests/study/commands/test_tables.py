@@ -174,6 +174,19 @@ def test_a_phase_that_draws_the_ideal_shadow_is_held_against_the_ideal_picture(r
         assert front_page._cells({"scene0": opt4}, False)[1] == short.replace(" dB", "")
 
 
+def test_a_mandelbulb_is_held_against_its_exact_surface_where_the_run_has_it(run: Path) -> None:
+    march = {"scene": "mandelbulb", "phase": "opt4", "width": 80, "height": 45, "converged_only": True}
+    march |= {"antialiased": {"psnr_db": 51.4, "psnr_ideal_db": 29.5}}
+    proved = march | {"surface": {"psnr_db": 38.5, "antialiased": {"psnr_db": 42.8, "psnr_ideal_db": 29.4}}}
+    for made, own, remark in ((march, 51.4, True), (proved, 42.8, False)):
+        complete.write(run / "accuracy.json", {"rows": [made]})
+        (one,) = ladder.truth_errors(analysis.load(run)).to_dict("records")
+        assert (one["truth_own_db"], one["truth_psnr_db"]) == (own, 51.4)
+        assert show.gone(one["truth_surface_db"]) is remark
+        assert ("march" in figures.truth_text(one)) is remark
+        assert ("march" in front_page._cells({"mandelbulb": one | {"ms": 1.0}}, False)[-1]) is remark
+
+
 BROKEN = {"psnr_db": None, "rmse": None, "fraction_over_1_255": None, "non_finite": 3}
 BROKEN |= {"within_tolerance": False, "failed": ["non_finite", "psnr_db"]}
 LEFT = {"within_tolerance": None, "left_to": "scripts/stepwise accuracy", "failed": [], "tolerance": {}}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-from types import SimpleNamespace
 
 import emitted
 import numpy as np
@@ -14,10 +13,12 @@ import pytest
 import started
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from study.commands import demo, pictures
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Spec
+from study.numbers import accuracy
 from study.numbers.schema import Verify
 from study.pictures import images, panels
 
@@ -115,12 +116,14 @@ def test_captions_of_the_contact_sheet(run_folder):
 
 def test_a_sheet_of_some_scenes_and_phases_with_their_error_to_truth(run_folder, monkeypatch):
     verified = Verify.load(run_folder / "verify.json")
-    colours = SimpleNamespace(psnr_db=51.4)
-    row = SimpleNamespace(scene="mandelbulb", phase="opt4", converged_only=True, colours=colours)
-    monkeypatch.setattr(pictures.accuracy, "rows", lambda run: [row])
+    size = {"scene": "mandelbulb", "phase": "opt4", "width": 16, "height": 9, "converged_only": True}
+    march = accuracy.Row(**size, antialiased=accuracy.Colours(psnr_db=51.4))
+    surface = accuracy.Surface(psnr_db=38, antialiased=accuracy.Colours(psnr_db=42.8))
     some = pictures.chosen(verified, ["mandelbulb"], ["baseline", "opt4"])
-    captions = [a.get_xlabel() for a in pictures.contact_sheet(run_folder, some).axes]
-    assert captions == ["reference", "PSNR 47.2 dB\n4×4 averaged 51.0 dB\nto ground truth 51.4 dB (4×4)"]
+    for row, said in ((march, "51.4 dB (4×4, march)"), (replace(march, surface=surface), "42.8 dB (4×4)")):
+        monkeypatch.setattr(pictures.accuracy, "rows", lambda run, row=row: [row])
+        captions = [a.get_xlabel() for a in pictures.contact_sheet(run_folder, some).axes]
+        assert captions == ["reference", f"PSNR 47.2 dB\n4×4 averaged 51.0 dB\nto ground truth {said}"]
     with pytest.raises(StudyError, match="mandelbulb, trio"):
         pictures.chosen(verified, ["x"], None)
 

@@ -227,6 +227,30 @@ def test_a_fractal_is_judged_averaged_and_by_depth(blank):
     assert found["depth_agree_fraction"] == pytest.approx(0.95)
 
 
+def test_hits_lost_and_wrong_of_an_exact_surface(blank):
+    """100 pixels: behind, missed and NaN are lost; before, and a hit of nothing, are wrong."""
+    truth, image = made_truth(blank(10, 10)), blank(10, 10)
+    assert judging.surface(truth, image) is None
+    truth |= {f"surface.{name}": truth[name].copy() for name in ("Z", "id", "N.x", "N.y", "N.z", *"RGB")}
+    truth |= {f"surface.ideal.{name}": truth[name] + np.float32(0.01) for name in "RGB"}
+    truth["surface.status"] = np.full((10, 10), 2, np.float32)
+    truth["surface.status"][9] = 0  # undecided: of none of these
+    truth["surface.Z"][1, :2], truth["surface.id"][1, :2] = np.inf, -1
+    image["Z"][1, 1] = np.inf  # rightly; the pixel before it is a hit of nothing
+    image["Z"][0, :4] += np.array([0.0009, 0.0011, np.inf, np.nan], np.float32)
+    image["Z"][2, :2] -= np.array([0.0009, 0.0011], np.float32)
+    image["Z"][9] += 1
+    for name in "RGB":
+        image[name] += np.float32(0.1)
+        truth[f"surface.{name}"][9] = np.nan
+    found = judging.surface(truth, image)
+    assert (found["proved_fraction"], found["proved_hits"]) == (0.9, 88)
+    assert found["lost_ppm"] == pytest.approx(3e6 / 90) and found["wrong_ppm"] == pytest.approx(2e6 / 90)
+    assert found["psnr_db"] == pytest.approx(20, abs=1e-3) == found["antialiased"]["psnr_db"]
+    assert found["psnr_ideal_db"] == pytest.approx(-20 * math.log10(0.09), abs=1e-2)
+    assert found["normal_p50_degrees"] == 0
+
+
 def test_what_truth_does_not_know_is_no_agreement(blank):
     """A tenth off everywhere is 20 dB, however many pixels are judged; of none there is no error."""
     truth, image = made_truth(blank(64, 64)), blank(64, 64)

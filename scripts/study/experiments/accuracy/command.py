@@ -21,10 +21,11 @@ from study.truth.subject import BASE, FLOAT, Subject
 DESCRIPTION = """\
 Each phase's picture is held against truth's, below the picture first. Phases behind opt4 are gated: on no
 metric may one be further from truth than baseline (from the ideal shadow: than baseline or the estimator in
-exact arithmetic; from a truth that is converged only: than baseline or opt4), but for what its phase.json
-grants (tolerance.truth, with a reason); in |Δt| over as many of the true hits as baseline has. A phase that
-draws the ideal shadow (tolerance.ideal) is judged by that and not by the estimator's picture. baseline to
-opt4, and what is not on the ladder, are shown; scripts/stepwise verify has their gate."""
+exact arithmetic; from a fractal's march in exact arithmetic: than baseline or opt4), but for what its
+phase.json grants (tolerance.truth, with a reason); in |Δt| over as many of the true hits as baseline has.
+A phase that draws the ideal shadow (tolerance.ideal) is judged by that and not by the estimator's picture.
+baseline to opt4, and what is not on the ladder, are shown; scripts/stepwise verify has their gate. A
+Mandelbulb's exact surface is proved, too: how far each phase is from it is shown and gates none."""
 STATUSES = {
     1: "a gated phase is further from truth than baseline, or a picture is not finite or not there",
     3: "no phase could run on this CPU",

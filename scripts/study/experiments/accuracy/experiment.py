@@ -32,7 +32,7 @@ def _answer(rows: list[Row]) -> str:
     said = []
     for scene in dict.fromkeys(row.scene for row in rows):
         finite = [row for row in rows if row.scene == scene and row.non_finite == 0]
-        mine = [(level, row.phase) for row in finite if not math.isnan(level := row.colours.psnr_db)]
+        mine = [(level, row.phase) for row in finite if not math.isnan(level := row.shown.psnr_db)]
         if mine:
             (low, worst), (high, best) = min(mine), max(mine)
             said.append(f"on {scene} from {show.number(low)} dB ({worst}) to {show.number(high)} dB ({best})")

@@ -55,7 +55,7 @@ def _verdict(row: Row) -> str:
 
 
 def _proved(row: Row) -> str:
-    return show.share(row.proved_fraction) + "; rest converged only" * row.converged_only
+    return show.share(row.proved_fraction) + "; rest marched" * row.converged_only
 
 
 SHADOWS = (("_none", "no shadow"), ("", "estimator"), ("_ideal", "ideal"))
@@ -92,6 +92,22 @@ AVERAGED = [
 ]
 
 
+SURFACE = [
+    *HEAD,
+    Column("", "rays proved", lambda r: show.share(r.surface.proved_fraction)),
+    Column("", "hits proved", lambda r: f"{r.surface.proved_hits:,}"),
+    _column("of all rays, ppm", "lost", "surface.lost_ppm"),
+    _column("of all rays, ppm", "wrong", "surface.wrong_ppm"),
+    _column("", "normal p50, °", "surface.normal_p50_degrees"),
+    *(
+        _column(f"PSNR dB, {of}", head, f"surface.{infix}psnr{which}_db", _decibels)
+        for of, infix in (("4×4 means", "antialiased."), ("single samples", ""))
+        for which, head in SHADOWS[1:]
+    ),
+    _column("PSNR dB, 4×4 means", "estimator, to the march", "antialiased.psnr_db", _decibels),
+]
+
+
 def _share(kind: str) -> Text:
     return lambda row: show.percent(getattr(row, f"bad_{kind}")) if row.bad_pixels else show.NOTHING
 
@@ -107,6 +123,10 @@ PLACES = [
 FEET = {
     "accuracy": f"{MARK}: further from ground truth than baseline's picture by a digit that is shown, and by "
     "more than the phase grants itself.",
+    "accuracy-surface": "Exact surface: where n iterations end at |z| = 1, hit by proof and coloured by the "
+    "scene's own rules. Lost: the picture has the hit over 1e-3 behind, or none: its march went through the "
+    "surface. Wrong: over 1e-3 before. Normal: the median angle to the exact one. To the march: to "
+    "baseline's in exact arithmetic; that tells rounding alone.",
     "accuracy-where": "Bad: off by more than 1/255 in any channel (linear), or a wrong hit. Each bad pixel "
     f"counts once, in the first of: {'; '.join(where.MEANING[name] for name in where.CLASSES)}.",
 }
@@ -116,10 +136,12 @@ def tables(result: Accuracy) -> list[tuple[str, str, list[Any], list[Column]]]:
     """Name, caption, rows and columns of every table that has rows."""
     rows = result.rows
     fractal = [row for row in rows if row.converged_only]
-    averaged = "Where ground truth is converged only: depth and averaged pictures"
+    averaged = "Fractals, to baseline's march in exact arithmetic: depth and averaged pictures"
+    proved = [row for row in rows if row.surface]
     heights = " and ".join(map(str, sorted({row.height for row in rows})))
     made = [
         ("accuracy", f"Error to ground truth, at n = {heights}", rows, ERRORS),
+        ("accuracy-surface", f"Mandelbulbs, to the exact surface, at n = {heights}", proved, SURFACE),
         ("accuracy-averaged", averaged, fractal, AVERAGED),
         ("accuracy-where", "Where the bad pixels lie", rows, PLACES),
     ]
@@ -149,7 +171,7 @@ def places(rows: Sequence[Row]) -> Figure:
             left = [a + b for a, b in zip(left, ppm, strict=True)]
         for place, total in enumerate(left):
             axes.text(total, place, f" {total:,.0f}", va="center", fontsize=8)
-        size = f"{mine[0].width}×{mine[0].height}" + ", converged only" * mine[0].converged_only
+        size = f"{mine[0].width}×{mine[0].height}" + ", to a march" * mine[0].converged_only
         axes.set(title=f"{scene} ({size})", xlabel="bad pixels, ppm", xlim=(0, 1.18 * max(*left, 1.0)))
         axes.invert_yaxis()
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.10g}")
@@ -159,6 +181,6 @@ def places(rows: Sequence[Row]) -> Figure:
 
 def drawings(result: Accuracy) -> dict[str, Drawing]:
     heights = ", ".join(map(str, sorted({row.height for row in result.rows})))
-    about = f"n = {heights}. A fractal's ground truth is converged only, in double-double (104 bits)."
+    about = f"n = {heights}. A fractal's pixels are held against a march in double-double (104 bits)."
     caption = "Pixels that are wrong, and where they lie"
     return {"accuracy-where": Drawing(caption, about, partial(places, result.rows))} if result.rows else {}

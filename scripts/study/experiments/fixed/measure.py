@@ -106,7 +106,7 @@ def timed(
 def errors(case: Case, scene: Scene, size: Size) -> Picture:
     """How far its picture is from truth, and how many pixels a cleared block took wrongly."""
     made, exact = case.picture(scene, size), truth.picture(scene, size)
-    lost = (exact["status"] >= truth.CONVERGED) & (exact["id"] >= 0) & (made["cleared"] > 0)
+    lost = (exact["status"] >= truth.MARCHED) & (exact["id"] >= 0) & (made["cleared"] > 0)
     return Picture(
         cleared=float(made["cleared"].mean()),
         wrongly_cleared_ppm=float(lost.mean() * 1e6),

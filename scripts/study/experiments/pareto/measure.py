@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from study.core import progress, run
+from study.core import progress, registry, run
 from study.core.registry import BASE, Scene, Spec
 from study.core.run import DriverError
 from study.experiments.pareto.fronts import MEASURES, WITHIN
@@ -67,7 +67,7 @@ def grid(
 
 def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folder: Path) -> Row:
     """The point's row without its time: errors to truth's picture, and the evaluations of its camera rays.
-    Fractals: `exact` is converged only, so PSNR is that of 4 × 4 averaged pictures of `height`, and hits are
+    Fractals: `exact` is marched, so PSNR is that of 4 × 4 averaged pictures of `height`, and hits are
     not judged. Raises DriverError."""
     factor = FACTOR if scene.fractal else 1
     out = folder / f"{scene.name}-{point.spec}-{point.hit_distance:g}-{point.max_steps}.exr"
@@ -81,6 +81,9 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
     if scene.fractal:
         averaged = found | found["antialiased"]
         about = {name: averaged[name] for name in (*TRUTHS, "depth_agree_fraction")}
+        if surface := found["surface"]:
+            ideal = registry.find_phase(point.spec.phase).draws_ideal
+            about |= {"surface_db": surface["antialiased"]["psnr_ideal_db" if ideal else "psnr_db"]}
     else:
         names = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", *TRUTHS)
         about = {name: found[name] for name in names}

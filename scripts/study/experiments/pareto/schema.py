@@ -35,6 +35,7 @@ class Row(Record, kw_only=True):
     dt_max: Annotated[float, key("scene units", "its maximum")] = math.nan
     psnr_db: Annotated[float, key("dB", "to truth, of fractals' means; null: infinite if finite")] = math.nan
     psnr_ideal_db: Annotated[float, key("dB", "to truth with the ideal shadow")] = math.nan
+    surface_db: Annotated[float, key("dB", "to a Mandelbulb's exact surface, of means")] = math.nan
     depth_agree_fraction: Annotated[float, key("share of pixels", "of fractals")] = math.nan
 
     @property

@@ -164,7 +164,7 @@ def note(result: Pareto, measure: str = FIRST) -> str:
         "in turn, on one thread, also of phases that could use more. Marks: a phase with the scene's own "
         f"parameters. Dots: with other hit distances and step caps. Hollow: with an approximated root{named}."
         f" {fronts.left_out(result.rows)} {left}"
-        "A fractal's ground truth is converged, not proved; its pictures are 4×4 means "
+        "A fractal's figures are to a march in exact arithmetic, of 4×4 means "
         f"at n = {result.antialias_n or result.n}. {ABOUT.get(measure, '')}"
     ).strip()
 
@@ -249,6 +249,7 @@ POINTS = [
     Column("error to ground truth", "|Δt| p99", show.plain("dt_p99")),
     Column("error to ground truth", "PSNR dB, estimator", lambda r: _decibels(r, "psnr_db")),
     Column("error to ground truth", "PSNR dB, ideal", lambda r: _decibels(r, "psnr_ideal_db")),
+    Column("error to ground truth", "exact surface", lambda r: _decibels(r, "surface_db")),
     Column("", "timed", _timed),
 ]
 

@@ -16,7 +16,7 @@ from study.numbers import stats
 from study.numbers.beside import PeerRow
 from study.numbers.schema import Interval, Skipped
 from study.pictures import images
-from study.truth import truth
+from study.truth import judging, truth
 from study.truth.judging import FACTOR
 
 FRAMES = 4  # timed ones of a launch; one where a frame takes a second
@@ -45,9 +45,18 @@ def plain(name: str, folder: Path) -> Scene:
 
 
 def errors(exact: images.Picture, rgb: np.ndarray, fractal: bool) -> Errors:
-    """Of linear colours to ground truth, where it knows them; of a fractal's 4×4 means."""
-    known = (exact["status.all"] >= truth.CONVERGED) & np.isfinite(images.rgb(exact)).all(axis=-1)
-    base, own = (np.where(known[..., None], one, 0).astype(np.float32) for one in (images.rgb(exact), rgb))
+    """Of linear colours to ground truth, where it knows them. A fractal's 4×4 means are held against a march,
+    and a Mandelbulb's against its exact surface too."""
+    found = _to(images.rgb(exact), exact["status.all"] >= truth.MARCHED, rgb, fractal)
+    if judging.has_surface(exact):
+        surface = _to(images.rgb(exact, "surface."), exact["surface.status"] == truth.PROVED, rgb, fractal)
+        found["surface_db"] = surface["psnr_db"]
+    return cli.plain(found | {"averaged": fractal})
+
+
+def _to(exact: np.ndarray, known: np.ndarray, rgb: np.ndarray, fractal: bool) -> Errors:
+    known = known & np.isfinite(exact).all(axis=-1)
+    base, own = (np.where(known[..., None], one, 0).astype(np.float32) for one in (exact, rgb))
     bad = int((~np.isfinite(own)).sum())
     if fractal:
         whole = np.repeat(known[..., None], 3, axis=-1).astype(np.float32)
@@ -55,7 +64,7 @@ def errors(exact: images.Picture, rgb: np.ndarray, fractal: bool) -> Errors:
         base, own = images.box_average(base, FACTOR), images.box_average(own, FACTOR)
     found = images.colour_errors(base, own, False, known)
     names = ("psnr_db", "rmse", "fraction_over_1_255", "psnr_display_db")
-    return cli.plain({name: found[name] for name in names} | {"averaged": fractal, "non_finite": bad})
+    return {name: found[name] for name in names} | {"non_finite": bad}
 
 
 class Measuring:

@@ -19,6 +19,7 @@ COLUMNS = [
     Column("", "ms [95 %]", lambda r: show.spread(r.ms)),
     Column("", "times the fastest phase's [95 %]", lambda r: show.spread(r.ratio, 3, "×")),
     Column("", "PSNR to ground truth, dB", lambda r: r.psnr),
+    Column("", "to the exact surface, dB", lambda r: show.number(r.surface_db)),
 ]
 PROGRAMS = [
     Column("", "program", lambda r: r.program),

@@ -25,7 +25,7 @@ COLUMNS = [
     Column("", "size", lambda r: f"{r.width}x{r.height}"),
     *(
         Column("pixels by their camera ray", name.replace("_", " "), show.whole(name))
-        for name in ("proved", "undecided", "converged_only")
+        for name in ("proved", "undecided", "converged_only", "surface_proved")
     ),
     Column("", "widest enclosure of t", lambda r: f"{r.widest:.1e}"),
 ]
@@ -61,7 +61,8 @@ def kept(scene: Scene, size: truth.Size, jobs: int, folder: Path) -> Row:
         height=size[1],
         proved=int(proved.sum()),
         undecided=int((status == truth.UNDECIDED).sum()),
-        converged_only=int((status == truth.CONVERGED).sum()),
+        converged_only=int((status == truth.MARCHED).sum()),
+        surface_proved=int((planes["surface.status"] == truth.PROVED).sum()),
         widest=float(planes["width"][proved].max(initial=0)),
         chain_proved=int((planes["status.all"] == truth.PROVED).sum()),
         sha256=images.sha256(planes),

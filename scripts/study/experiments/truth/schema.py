@@ -16,7 +16,8 @@ class Row(Record, kw_only=True):
     height: Annotated[int, key("pixels", "of the picture", ge=1)]
     proved: Annotated[int, key("pixels", "whose hit or miss is proved")]
     undecided: Annotated[int, key("pixels", "neither")]
-    converged_only: Annotated[int, key("pixels", "of a fractal: converged, not proved")]
+    converged_only: Annotated[int, key("pixels", "of a fractal: marched, not proved")]
+    surface_proved: Annotated[int, key("pixels", "of a Mandelbulb's exact surface: proved")] = 0
     widest: Annotated[float, key("scene units", "widest enclosure of a distance", ge=0)]
     chain_proved: Annotated[int, key("pixels", "whose mirror rays are proved too")]
     sha256: Annotated[str, key("", "of the picture's values")]
