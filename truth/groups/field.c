@@ -58,24 +58,19 @@ bool field_surface(const struct solid *group, const struct ivq p[3],
     return sure;
 }
 
-// A piece of the light's ray; `least` bounds strength·h/t on it from below.
-struct piece {
-    double lo, hi;
-};
-
 // Encloses h/t on the piece, and notes the least value that is seen. Returns whether the piece may hold a smaller one.
-static bool look(struct field_d *field, struct piece x, double scale, double *best) {
-    double m = x.lo + (x.hi - x.lo) / 2, room = 1e-7;
-    struct jet_d h = field_over_d(field, x.lo, m, x.hi);
+static bool look(struct field_d *field, struct ivd t, double scale, double *best) {
+    double m = mid_d(t), room = 1e-7;
+    struct jet_d h = field_over_d(field, t.lo, m, t.hi);
     double here = scale * h.at.hi / m;
     *best = here < *best ? here : *best;
     if (*best <= 0)
         return false;
-    struct ivd t = {x.lo, x.hi}, ratio = div_d(h.over, t);
+    struct ivd ratio = div_d(h.over, t);
     if (!h.rough) { // (h/t)' = (h'·t − h)/t²
         struct ivd turn = div_d(sub_d(mul_d(h.slope, t), h.over), square_d(t));
         if (sign_d(turn) != 0) { // the least is at an end
-            double end = turn.lo > 0 ? x.lo : x.hi;
+            double end = turn.lo > 0 ? t.lo : t.hi;
             double there = scale * field_over_d(field, end, end, end).at.hi / end;
             *best = there < *best ? there : *best;
             return false;
@@ -89,16 +84,16 @@ static bool look(struct field_d *field, struct piece x, double scale, double *be
 double field_least_ratio(const struct solid *group, const struct ray_d *ray, double start,
                          double end, double strength, double best) {
     enum { DEPTH = 128, ROUNDS = 100000 };
-    struct piece stack[DEPTH] = {{start, end}};
+    struct ivd stack[DEPTH] = {{start, end}};
     struct field_d *field = field_open_d(group, ray, true);
     double scale = strength / group->nodes[group->shape->group.root].lipschitz;
     for (int depth = 1, rounds = 0; field && depth > 0 && rounds < ROUNDS && best > 0; rounds++) {
-        struct piece x = stack[--depth];
-        double m = x.lo + (x.hi - x.lo) / 2;
+        struct ivd x = stack[--depth];
+        double m = mid_d(x);
         if (!look(field, x, scale, &best) || depth + 2 > DEPTH || !(m > x.lo && m < x.hi))
             continue;
-        stack[depth++] = (struct piece){m, x.hi}; // the nearer half comes first
-        stack[depth++] = (struct piece){x.lo, m};
+        stack[depth++] = (struct ivd){m, x.hi}; // the nearer half comes first
+        stack[depth++] = (struct ivd){x.lo, m};
     }
     field_close_d(field);
     return best > 0 ? best : 0;

@@ -16,7 +16,6 @@ struct FN(field) {
     struct IV away;
     const struct material *materials; // NULL: not asked for
     struct FN(term) * terms;          // a stack
-    REAL *scratch;
     int *dropped, dropped_count, used, depth;
     bool *dead;
     struct FN(stage) stages[DEEPEST];
@@ -26,8 +25,7 @@ struct FN(field) *
     FN(field_open)(const struct solid *group, const struct FN(ray) * ray, bool outer) {
     struct FN(field) *field = malloc(sizeof *field);
     int root = group->shape->group.root, count = group->nodes[root].end - root;
-    size_t each = sizeof *field->terms + sizeof *field->scratch + sizeof *field->dropped +
-                  sizeof *field->dead;
+    size_t each = sizeof *field->terms + sizeof *field->dropped + sizeof *field->dead;
     void *memory = field ? malloc((size_t)count * each) : NULL;
     if (!memory) {
         free(field);
@@ -41,8 +39,7 @@ struct FN(field) *
                                 .outer = outer,
                                 .ray = *ray,
                                 .terms = memory};
-    field->scratch = (REAL *)(field->terms + count);
-    field->dropped = (int *)(field->scratch + count);
+    field->dropped = (int *)(field->terms + count);
     field->dead = (bool *)(field->dropped + count);
     memset(field->dead, 0, (size_t)count * sizeof *field->dead);
     return field;
@@ -151,11 +148,11 @@ static struct FN(term) FN(operate)(struct FN(field) * field, int index, const st
     const struct node *nodes = field->nodes, *node = &nodes[index];
     struct FN(fold) fold = {.p = p, .terms = field->terms + field->used, .limit = (REAL)INFINITY};
     for (int i = 0; i < 3; i++) {
-        double half = double_above(p[i].over.hi - p[i].over.lo) / 2;
+        double half = (double)(p[i].over.hi - p[i].over.lo) / 2;
         fold.middle[i] = (double)FN(mid)(p[i].over);
         fold.spread += half * half;
     }
-    fold.spread = sqrt(fold.spread) * (1 + 1e-12);
+    fold.spread = sqrt(fold.spread) * (1 + 1e-12); // against rounding
     int start = -1; // the nearest child of a union by the spheres, as it drops most of the others
     double nearest = INFINITY;
     for (int i = index + 1; i < node->end; i = nodes[i].end) {
@@ -182,9 +179,8 @@ static struct FN(term) FN(operate)(struct FN(field) * field, int index, const st
     }
     struct FN(term) all = fold.terms[0];
     if (kept > 1)
-        all = node->blend > 0
-                  ? FN(blended)(fold.terms, kept, node->blend, field->scratch, field->away)
-                  : FN(sharp)(fold.terms, kept);
+        all = node->blend > 0 ? FN(blended)(fold.terms, kept, node->blend, field->away)
+                              : FN(sharp)(fold.terms, kept);
     all.jet = node->operation == NODE_UNION ? all.jet : FN(neg_jet)(all.jet);
     return all;
 }

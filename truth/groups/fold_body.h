@@ -10,7 +10,13 @@ struct FN(term) {
     bool sure; // the material
 };
 
-// The smooth minimum of numbers, and the level τ with Σ max(τ − d, 0) = blend.
+// Bound 0 and 1: the ends of the value at m; 2 and 3: those of all values.
+static REAL FN(bound)(const struct FN(term) * term, int which) {
+    struct IV x = which < 2 ? term->jet.at : term->jet.over;
+    return which & 1 ? x.hi : x.lo;
+}
+
+// The smooth minimum of that bound of the terms, and the level τ with Σ max(τ − d, 0) = blend.
 struct FN(smooth) {
     struct IV value, level;
 };
@@ -18,42 +24,39 @@ struct FN(smooth) {
 // For every τ the minimum is at least φ(τ) = τ − k/2 − Σ max(τ − d, 0)²/2k, a concave function whose maximum it is. At a
 // τ ≥ min d with Σ max(τ − d, 0) = k + e the level is off by at most |e|, as the sum's slope is at least 1, and so φ by at
 // most e²/k. So rounding in τ does not matter.
-static struct FN(smooth) FN(smooth_minimum)(const REAL *d, int count, double blend) {
-    REAL k = blend, least = d[0];
-    for (int i = 1; i < count; i++)
-        least = d[i] < least ? d[i] : least;
+static struct FN(smooth)
+    FN(smooth_minimum)(const struct FN(term) * terms, int count, double blend, int which) {
+    REAL k = blend, least = FN(bound)(terms, which);
+    for (int i = 1; i < count; i++) {
+        REAL d = FN(bound)(&terms[i], which);
+        least = d < least ? d : least;
+    }
     REAL level = least + k;
-    for (int before = -1, active = 0;; before = active, active = 0) {
+    for (int before = count + 1, active = 0;; before = active, active = 0) {
         REAL sum = 0;
-        for (int i = 0; i < count; i++)
-            if (d[i] < level)
-                sum += d[i] - least, active++;
-        if (active == 0 || active == before)
+        for (int i = 0; i < count; i++) {
+            REAL d = FN(bound)(&terms[i], which);
+            if (d < level)
+                sum += d - least, active++;
+        }
+        if (active == 0 || active >= before)
             break;
         level = least + (k + sum) / (REAL)active;
     }
     struct IV at = {level, level}, sum = {-k, -k}, squares = {0, 0};
-    for (int i = 0; i < count; i++)
-        if (d[i] < level) {
-            struct IV over = FN(sub)(at, (struct IV){d[i], d[i]});
-            sum = FN(add)(sum, over);
-            squares = FN(add)(squares, FN(square)(over));
-        }
+    for (int i = 0; i < count; i++) {
+        REAL d = FN(bound)(&terms[i], which);
+        if (!(d < level))
+            continue;
+        struct IV over = FN(sub)(at, (struct IV){d, d});
+        sum = FN(add)(sum, over);
+        squares = FN(add)(squares, FN(square)(over));
+    }
     struct IV wide = FN(point)(blend), half = FN(scale)(wide, 0.5);
     struct IV gap = FN(div)(FN(square)(sum), wide);
     struct IV off = {sum.lo < 0 ? sum.lo : 0, sum.hi > 0 ? sum.hi : 0};
     struct IV value = FN(sub)(FN(sub)(at, half), FN(scale)(FN(div)(squares, wide), 0.5));
     return (struct FN(smooth)){FN(add)(value, (struct IV){0, gap.hi}), FN(sub)(at, off)};
-}
-
-// Takes the numbers of the terms that `which` chooses: 0 and 1 the ends of `at`, 2 and 3 those of `over`.
-static struct FN(smooth)
-    FN(smooth_of)(const struct FN(term) * terms, int count, double blend, int which, REAL *d) {
-    for (int i = 0; i < count; i++) {
-        struct IV x = which < 2 ? terms[i].jet.at : terms[i].jet.over;
-        d[i] = which & 1 ? x.hi : x.lo;
-    }
-    return FN(smooth_minimum)(d, count, blend);
 }
 
 static void FN(mix)(struct FN(term) * sum, const struct FN(term) * term, double weight) {
@@ -66,12 +69,12 @@ static void FN(mix)(struct FN(term) * sum, const struct FN(term) * term, double 
 
 // The smooth minimum rises in every child and is 1-Lipschitz, so its values lie between those of the children's bounds.
 // Its slope is the mean of theirs by the weights (τ − d)/blend.
-static struct FN(term) FN(blended)(const struct FN(term) * terms, int count, double blend,
-                                   REAL *scratch, struct IV away) {
+static struct FN(term)
+    FN(blended)(const struct FN(term) * terms, int count, double blend, struct IV away) {
     struct FN(term) all = {.node = terms[0].node, .sure = true};
     struct FN(smooth) of[4];
     for (int which = 0; which < 4; which++)
-        of[which] = FN(smooth_of)(terms, count, blend, which, scratch);
+        of[which] = FN(smooth_minimum)(terms, count, blend, which);
     all.jet.at = (struct IV){of[0].value.lo, of[1].value.hi};
     all.jet.over = (struct IV){of[2].value.lo, of[3].value.hi};
     struct IV level = {of[2].level.lo, of[3].level.hi}, wide = FN(point)(blend), zero = {0, 0};

@@ -2,12 +2,8 @@
 // automatic differentiation and the mean value form). Included by field.c, once in doubles and once in quads.
 // away: [lo − m, hi − m] of the interval.
 
-static struct FN(jet) FN(constant)(struct IV x) {
-    return (struct FN(jet)){.at = x, .over = x};
-}
-
 static struct FN(jet) FN(number)(double x) {
-    return FN(constant)(FN(point)(x));
+    return (struct FN(jet)){.at = {x, x}, .over = {x, x}};
 }
 
 // Narrows the values by the mean value form.
@@ -61,22 +57,15 @@ static struct FN(jet) FN(inverse)(double x, struct FN(jet) a, struct IV away) {
     return FN(tight)(c, away);
 }
 
-// Either of two functions, whichever it is at each s.
-static struct FN(jet) FN(either)(struct FN(jet) a, struct FN(jet) b) {
-    return (struct FN(jet)){FN(hull)(a.at, b.at), FN(hull)(a.over, b.over),
-                            FN(hull)(a.slope, b.slope), a.rough || b.rough};
-}
-
 // a where `side` ≤ 0, b where it is > 0: they meet where it is 0.
 static struct FN(jet) FN(pick)(struct FN(jet) side, struct FN(jet) a, struct FN(jet) b) {
     if (side.over.hi <= 0)
         return a;
     if (side.over.lo > 0)
         return b;
-    struct FN(jet) c = FN(either)(a, b);
-    c.at = side.at.hi <= 0 ? a.at : side.at.lo > 0 ? b.at : c.at;
-    c.rough = c.rough || side.rough;
-    return c;
+    struct IV at = side.at.hi <= 0 ? a.at : side.at.lo > 0 ? b.at : FN(hull)(a.at, b.at);
+    return (struct FN(jet)){at, FN(hull)(a.over, b.over), FN(hull)(a.slope, b.slope),
+                            a.rough || b.rough || side.rough};
 }
 
 static struct FN(jet) FN(least)(struct FN(jet) a, struct FN(jet) b) {

@@ -37,16 +37,14 @@ static struct dd smooth_minimum(const struct dd *d, int count, double blend) {
     for (int i = 1; i < count; i++)
         least = dd_min(least, d[i]);
     struct dd level = dd_add(least, k);
-    for (int before = -1, active = 0; active != before || active == 0;) {
+    for (int before = count + 1, active = 0;; before = active, active = 0) {
         struct dd sum = k;
-        before = active;
-        active = 0;
         for (int i = 0; i < count; i++)
             if (dd_less(d[i], level)) {
                 sum = dd_add(sum, dd_sub(d[i], least));
                 active++;
             }
-        if (active == 0)
+        if (active == 0 || active >= before)
             break;
         level = dd_add(least, dd_div(sum, dd_from(active)));
     }
