@@ -37,7 +37,7 @@ Runs of two machines, different scenes and other sizes of the picture are said f
 
 With --fail-on-slower the status is 1 for a configuration that is slower, or that the run lacks (vanished).
 It is also 1 for a phase outside its tolerance (failed) or not judged (unverified), and for runs without
-a verdict (machine, scene, size, uncounted). --allow names what is let through."""
+a verdict (machine, scene, size, uncounted, few launches). --allow names what is let through."""
 STATUSES = {1: "with --fail-on-slower: see above"}
 COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads"), ("run", "run")]
 COLUMNS += [("base_ms", "A ms [95 %]"), ("ms", "run ms [95 %]"), ("time", "time A / run [95 %]")]
@@ -132,7 +132,8 @@ def confirmed(found: list[Row], sides: Sequence[Side], args: argparse.Namespace)
     if len(sides) != 2:
         raise StudyError(f"--confirm takes the base and one run, not {len(sides)} runs")
     if other := next((side.run for side in sides if side.run.plan.programs), None):
-        raise StudyError(f"--confirm launches phases, and {other} is of other programs: time both at once")
+        how = "stepwise time --fail-on-slower -- OLD ::: NEW"
+        raise StudyError(f"--confirm launches phases, and {other} is of other programs: {how}")
     work = args.least_work if args.by == INSTRUCTIONS else math.inf  # counts are exact
     seems = [row.key for row in found if row.verdict == SLOWER and row.more_work < work]
     if not seems:
@@ -173,7 +174,7 @@ def run(args: argparse.Namespace) -> Outcome:
             return over_time(args)
         one = Run.open(args.runs[0])
         github = args.export == EXPORTS[0]
-        made: Any = benchmark(one, args.by == "baseline") if github else programs.hyperfine(one.frames())
+        made: Any = benchmark(one, args.by == "baseline") if github else programs.hyperfine(one)
         if args.out:
             store.write_json(args.out, made)
         return Outcome(made, [] if args.out else [json.dumps(cli.plain(made), indent=1)])
@@ -217,5 +218,10 @@ def run(args: argparse.Namespace) -> Outcome:
         for row, name in names.items()
         if row.verdict == SLOWER
     ]
-    stopping = [one for one in (*first, *missing, *slower) if one.kind not in args.allow]
+    few = [
+        Fault(two_runs.FEW, row.run, f"{row.verdict} in {row.run}: {names[row]}")
+        for row in found
+        if row.verdict == changes.FEW
+    ]
+    stopping = [one for one in (*first, *missing, *slower, *few) if one.kind not in args.allow]
     return Outcome(told, lines, failed=[one.text for one in stopping])

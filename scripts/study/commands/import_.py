@@ -45,7 +45,7 @@ def times(files: list[Path], contents: list[Any], results: Path) -> Outcome:
     """Nothing is written before all files are read."""
     for path, content in zip(files, contents, strict=True):
         if not foreign.reader(content):
-            raise StudyError(f"{path}:1: not a file that can be read: {KINDS}, scenes one at a time")
+            raise StudyError(f"{path}:1: of none of these: {KINDS}, scenes one at a time")
     every = [foreign.read(path, content) for path, content in zip(files, contents, strict=True)]
     told, lines, remarks = [], [], []
     for path, found in zip(files, every, strict=True):

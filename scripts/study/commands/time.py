@@ -27,7 +27,7 @@ from study.core.host import quotas
 from study.core.run_schema import End, Plan, Program
 from study.measuring import launcher, programs
 from study.measuring.launcher import Launcher
-from study.numbers import analysis, modes, sequential, summary
+from study.numbers import analysis, modes, noise, sequential, summary
 from study.numbers import programs as table
 from study.pictures import launch_order
 
@@ -44,7 +44,11 @@ A. Ramdas, Bernoulli 28, 2022), so that stopping by it costs none of its 95 %.
 A ratio is the median over rounds of the first program's time over this one's: over 1, this one is faster.
 Warm-up are the first rounds, until no program is 1 % faster than before; they are in no statistic.
 Options that hyperfine has mean what they mean there. Without --shell no shell is between: a command of one
-word is split into words. With one, its own start is in every time."""
+word is split into words. With one, its own start is in every time.
+
+With --fail-on-slower it is a gate: the status is 1 for a program that is slower than the first by more than
+--least, and for one with too few launches."""
+STATUSES = {1: "with --fail-on-slower: see above"}
 MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
 LEAST_ROUNDS = 10  # where no --budget is given: so many even of slow programs
 A_PROGRAM = 1.5  # s that each may take without --budget
@@ -80,6 +84,9 @@ def options(parser: argparse.ArgumentParser) -> None:
     about = f"of measuring at most; default: {A_PROGRAM:g} for each program, or {LEAST_ROUNDS} rounds"
     add("--budget", type=cli.at_least(0.001, float), metavar="SECONDS", help=about)
     add("--launches", type=cli.at_least(1), help="of each program, instead of --precision")
+    about = "smallest change that --fail-on-slower counts, like 2%%; default: 0%%"
+    add("--least", type=cli.percent, default=0.0, metavar="P", help=about)
+    add("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
     add("--warmup", type=cli.at_least(0), metavar="ROUNDS", help="rounds left out; default: found")
     add("--vary", nargs=2, action="append", default=[], metavar=("NAME", "A,B,C"), help="values of {NAME}")
     add("--time-from", type=pattern, metavar="REGEX", help="time what it prints: a number, then its unit")
@@ -123,7 +130,9 @@ def asked(args: argparse.Namespace) -> list[Program]:
         if (before := names[:place].count(name)) > 0:
             names[place] = f"{name} ({before + 1})"
     values = [[(name, value) for value in text.split(",")] for name, text in args.vary]
-    for (name, _), *_ in values:
+    for name, text in args.vary:
+        if not all(text.split(",")):
+            raise StudyError(f"--vary {name} {text}: an empty value; values stand between commas, as 1,2,4")
         if not all(any(f"{{{name}}}" in word for word in one) for one in found):
             raise StudyError(f"--vary {name}: every command must have {{{name}}} in it")
     made = []
@@ -238,18 +247,23 @@ class Timing:
         return self.run
 
 
-def told(target: store.Run, plan: Plan) -> Outcome:
+def told(target: store.Run, plan: Plan, args: argparse.Namespace) -> Outcome:
     frames = target.frames()
-    found = table.rows(analysis.cells_of(frames, plan), plan)
+    cells = analysis.cells_of(frames, plan)
+    found = table.rows(cells, plan)
     picture = launch_order.drawing(frames, plan).write(target.path / "figures" / "launches")
     lines = [summary.table(found, table.COLUMNS), *picture[-1:], target.path]
-    said = [f"warning: {text}" for text in [*table.remarks(found), *quotas.notices(target.context)]]
+    said = [
+        f"warning: {text}"
+        for text in [*table.remarks(found), *noise.others(frames), *quotas.notices(target.context)]
+    ]
     rounds = f"{plan.launches} rounds after {plan.warmup} of warm-up, CPU {plan.cpu}, seed {plan.seed}"
     known = [row.ratio for row in found if row.ratio] or [row.ms for row in found]
     if plan.precision and not all(sequential.within(one, plan.precision) for one in known):
         rounds += f"; not known to ±{100 * plan.precision:.3g} %: --budget allows more"
     result = {"rows": found, "launches": plan.launches, "warmup": plan.warmup}
-    return Outcome(result, [*lines, rounds], target.path, said)
+    failed = table.slower(found, args.least) if args.fail_on_slower else []
+    return Outcome(result, [*lines, rounds], target.path, said, failed=failed)
 
 
 def timed(args: argparse.Namespace) -> store.Run:
@@ -290,5 +304,5 @@ def timed(args: argparse.Namespace) -> store.Run:
 def run(args: argparse.Namespace) -> Outcome:
     target = timed(args)
     if args.export_json:
-        store.write_json(args.export_json, table.hyperfine(target.frames()))
-    return told(target, target.plan)
+        store.write_json(args.export_json, table.hyperfine(target))
+    return told(target, target.plan, args)

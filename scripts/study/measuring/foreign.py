@@ -133,7 +133,7 @@ class Source:
     def ns(self, value: float | None, unit: str, where: str) -> float:
         """Raises StudyError for what is no duration."""
         if value is None or not 0 < value < math.inf:
-            raise self.wrong(f"{'nothing' if value is None else value} is no duration", where)
+            raise self.wrong("no duration" if value is None else f"{value} is no duration", where)
         return value * NS[unit]
 
 
@@ -232,7 +232,7 @@ def read(path: Path, content: Any) -> Found:
     found: Found = reader(content)(Source(path, content))
     if not found.samples:
         left = [f"{one.spec}: {one.reason or one.message}" for one in (*found.skipped, *found.failures)]
-        why = "; ".join(left) or "aggregates alone are none"
+        why = "; ".join(left) or "an empty list" if found.tool == "hyperfine" else "aggregates alone are none"
         raise StudyError(f"{path}:1: this file of {found.tool} has no sample ({why})")
     made = datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC)
     found.time = found.time or made.isoformat(timespec="seconds")

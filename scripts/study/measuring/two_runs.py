@@ -23,8 +23,8 @@ CONTEXT = (
     *(f"cpu.{name}" for name in ("model", "microarchitecture", "stepping", "microcode", "logical_cpus")),
     *("pinned.core_type", "git.commit", "git.dirty", "git.diff_sha256"),
 )
-KINDS = ("vanished", "failed", "unverified", "machine", "scene", "size", "uncounted")
-VANISHED, BROKEN, UNVERIFIED, MACHINE, SCENE, SIZE, UNCOUNTED = KINDS
+KINDS = ("vanished", "failed", "unverified", "machine", "scene", "size", "uncounted", "few")
+VANISHED, BROKEN, UNVERIFIED, MACHINE, SCENE, SIZE, UNCOUNTED, FEW = KINDS
 
 
 @dataclass(frozen=True)

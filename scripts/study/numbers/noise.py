@@ -44,7 +44,12 @@ def remarks(frames: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
     if off := {(one.config, one.launch) for one in clocks.off(frames)}:
         ran = f"launch{'es' * (len(off) > 1)} ran at another clock than the others"
         found.append(f"{len(off)} {ran} (scripts/stepwise compare says which)")
-    seconds = float(frames.ns.sum()) * 1e-9
+    return [*found, *others(frames)]
+
+
+def others(frames: pd.DataFrame) -> list[str]:
+    """One sentence each for stolen time and for other processes."""
+    seconds, found = float(frames.ns.sum()) * 1e-9, []
     if "steal_ticks" in frames and (steal := frames.steal_ticks.sum() * 0.01 / seconds) > 0.01:
         found.append(f"the hypervisor took {steal:.3f} s of all CPUs' time a second measured (steal)")
     if "ctx_involuntary" in frames and (often := frames.ctx_involuntary.sum() / seconds) > PREEMPTIONS:

@@ -9,6 +9,7 @@ import pandas as pd
 
 from study.core import show
 from study.core.run_schema import Plan, Program
+from study.core.store import Run
 from study.numbers import modes, sequential
 from study.numbers.analysis import Cell
 from study.numbers.modes import Modes
@@ -17,7 +18,7 @@ from study.numbers.stats import Interval
 FASTER, SLOWER, FEW = "faster", "slower", "unknown (too few launches)"
 UNSURE, TWO_MODES = "not told apart", "no verdict (two modes)"
 COLUMNS = [("program", "program"), ("case", "case"), ("launches", "launches"), ("ms", "ms [95 %]")]
-COLUMNS += [("user_ms", "user ms"), ("system_ms", "system ms"), ("mib", "peak MiB")]
+COLUMNS += [("cpu_ms", "CPU ms"), ("mib", "peak MiB")]
 COLUMNS += [("instructions", "instructions"), ("joules", "J"), ("ratio", "first / this [95 %]")]
 COLUMNS += [("verdict", "this is")]
 
@@ -32,8 +33,7 @@ class Row:
     case: str
     launches: int
     ms: Interval
-    user_ms: float | None
-    system_ms: float | None
+    cpu_ms: float | None  # user and system: of short programs the kernel guesses which it was
     mib: float | None
     instructions: float | None
     joules: float | None
@@ -90,8 +90,7 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
                 case=program.case,
                 launches=len(ms),
                 ms=sequential.median_interval(ms, stopped),
-                user_ms=_median(cell, "user_ns", 1e6),
-                system_ms=_median(cell, "system_ns", 1e6),
+                cpu_ms=_cpu_ms(cell),
                 mib=_median(cell, "max_rss_kib", 1024),
                 instructions=_median(cell, "instructions"),
                 joules=_median(cell, "joules"),
@@ -103,6 +102,25 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
             )
         )
     return made
+
+
+def _cpu_ms(cell: Cell) -> float | None:
+    if not {"user_ns", "system_ns"} <= {*cell.values}:
+        return None
+    values = (cell.values.user_ns + cell.values.system_ns).dropna()
+    return float(values.median()) / 1e6 if len(values) else None
+
+
+def slower(found: Sequence[Row], least: float) -> list[str]:
+    """A line for each program that surely takes longer than its base by more than `least`, or whose launches
+    are too few to tell."""
+    lines = []
+    for row in found:
+        if row.ratio and row.verdict == FEW:
+            lines.append(f"{row.name}: {FEW}")
+        elif row.ratio and row.verdict != TWO_MODES and row.ratio.high * (1 + least) < 1:
+            lines.append(f"{SLOWER}: {row.name} (ratio {row.ratio.text('.4g')})")
+    return lines
 
 
 def _median(cell: Cell, name: str, unit: float = 1) -> float | None:
@@ -140,9 +158,11 @@ def remarks(found: Sequence[Row]) -> list[str]:
     return said
 
 
-def hyperfine(frames: pd.DataFrame) -> dict[str, Any]:
-    """A run as `hyperfine --export-json` writes one: seconds, of every timed launch."""
-    results = []
+def hyperfine(run: Run) -> dict[str, Any]:
+    """A run as `hyperfine --export-json` writes one: seconds, every timed launch, programs in order."""
+    frames, results = run.frames(), []
+    given_first = {one.name: place for place, one in enumerate(run.plan.programs)}
+    frames = frames.sort_values("spec", key=lambda names: names.map(given_first).fillna(0), kind="stable")
     for _, some in frames[~frames.warmup.astype(bool)].groupby("config", sort=False):
         one = some.iloc[0]
         given = dict(part.split("=", 1) for part in str(one.scene).split(" ") if "=" in part)

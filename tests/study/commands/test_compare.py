@@ -69,7 +69,8 @@ def test_too_few_launches_give_no_verdict(tmp_path):
     (row,) = rows(*runs).values()
     assert row.verdict == "unknown (too few launches)"
     assert not row.time.sufficient
-    assert run(runs[0].path, runs[1].path, "--fail-on-slower").returncode == 0
+    assert run(runs[0].path, runs[1].path, "--fail-on-slower").returncode == 1
+    assert run(runs[0].path, runs[1].path, "--fail-on-slower", "--allow", "few").returncode == 0
 
 
 CPU = {"model": "Some CPU", "logical_cpus": 2}

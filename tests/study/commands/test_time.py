@@ -97,6 +97,19 @@ def test_user_time_and_peak_memory_are_the_program_s_own(timed):
     assert big["verdict"] == small["verdict"].replace("unknown (too few launches)", "") == ""
 
 
+def test_a_gate_fails_for_what_is_surely_slower_by_more_than_least(stepwise, tmp_path):
+    words = ["time", "--results", tmp_path, "--fail-on-slower", *FROM]
+    programs = ["--", "echo took 10 ms", ":::", "echo took 10.3 ms"]
+    assert stepwise(*words, "--launches", 9, *programs).returncode == 1
+    assert stepwise(*words, "--launches", 9, "--least", "2%", *programs).returncode == 1
+    assert stepwise(*words, "--launches", 9, "--least", "4%", *programs).returncode == cli.OK
+    assert stepwise(*words, "--launches", 2, "--least", "4%", *programs).returncode == 1  # too few to tell
+    assert (
+        stepwise(*words, "--launches", 9, "--", "echo took 3 ms", ":::", "echo took 2 ms").returncode
+        == cli.OK
+    )
+
+
 def test_warm_up_is_found_and_left_out(timed, tmp_path):
     """30, 20 and 15 ms, then 10 ms: the first launch that is no faster ends the warm-up."""
     program = counting(tmp_path, "warming", "n == 1 ? 30 : n == 2 ? 20 : n == 3 ? 15 : 10")
