@@ -225,7 +225,8 @@ static enum status hard_shadow(const struct light_ray *light, const struct hit *
     int count = prepared->model.shape_count;
     struct first_d first = first_hit_d(prepared->solids, count, &rough, narrow(reach), &evals);
     bool proved = first.proved || first.inside, blocked = first.shape >= 0 || first.inside;
-    if (!proved) {
+    // A group's hit is known in doubles: quads would know no more of the ray.
+    if (!proved && prepared->model.shapes[hit->shape].type != SHAPE_GROUP) {
         struct first_q fine = first_hit_q(prepared->solids, count, &ray, reach, &evals);
         proved = fine.proved || fine.inside;
         blocked = fine.shape >= 0 || fine.inside;
