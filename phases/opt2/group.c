@@ -1,21 +1,9 @@
 // Groups of shapes. A tree of operations is a program in postfix order, compiled once per scene: children leave
 // their values on a stack, and an operation folds the last of them into one. A node without a frame of its own,
 // a twist or a displacement has no instruction for it.
-#include <stdlib.h>
-#include <string.h>
-
 #include "sdf.h"
 
-enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
-
-struct instruction {
-    enum opcode opcode;
-    int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
-    struct primitive primitive; // TO_FRAME: transform; LEAF: sizes too
-    const struct node *node;
-};
-
-enum { PER_NODE = 4, MAX_FRAMES = 2 * (SCENE_MAX_DEPTH + 2), MAX_VALUES = SCENE_MAX_NODES };
+enum { MAX_FRAMES = 2 * (SCENE_MAX_DEPTH + 2), MAX_VALUES = SCENE_MAX_NODES };
 
 static double sdf_capsule(const double *p, const struct primitive *s) {
     COUNT(sdf_capsule, call);
@@ -203,41 +191,4 @@ void group_surface(const double *point, const struct primitive *group, const str
     apply_transform(point, group, p);
     run(p, group, model->materials, surfaces);
     *surface = surfaces[0];
-}
-
-// Appends the instructions of the node and its children, which read their point from `frame`. Returns the end.
-static struct instruction *compile(const struct model *model, int index, int frame,
-                                   struct instruction *out) {
-    const struct node *node = &model->nodes[index];
-    struct primitive primitive = make_primitive(&node->shape);
-    const double *at = node->shape.position;
-    bool leaf = node->operation == NODE_SHAPE, bent = node->twist != 0.0 || node->amplitude > 0.0;
-    bool moved = primitive.rotated || primitive.repeated || at[0] || at[1] || at[2];
-    if (node->mirror[0] || node->mirror[1] || node->mirror[2] || (moved && (!leaf || bent))) {
-        *out++ = (struct instruction){TO_FRAME, frame++, primitive, node};
-        memset(primitive.position, 0, sizeof primitive.position);
-        primitive.rotated = primitive.repeated = false;
-    }
-    int inner = frame;
-    if (node->twist != 0.0)
-        *out++ = (struct instruction){TWIST, inner++, primitive, node};
-    for (int child = index + 1; child < node->end; child = model->nodes[child].end)
-        out = compile(model, child, inner, out);
-    *out++ = (struct instruction){leaf ? LEAF : FOLD, inner, primitive, node};
-    if (bent || node->shell > 0.0 || node->offset != 0.0)
-        *out++ = (struct instruction){MODIFY, frame, primitive, node};
-    return out;
-}
-
-struct instruction *new_instructions(const struct model *model) {
-    return calloc((size_t)model->node_count * PER_NODE + 1, sizeof(struct instruction));
-}
-
-struct instruction *group_compile(const struct model *model, int root, struct primitive *group,
-                                  struct instruction *out) {
-    struct instruction *end = compile(model, root, 0, out);
-    group->group.program = out;
-    group->group.length = (int)(end - out);
-    group->group.inv_lipschitz = 1.0 / model->nodes[root].lipschitz;
-    return end;
 }

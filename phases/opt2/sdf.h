@@ -60,6 +60,16 @@ struct primitive {
     };
 };
 
+// A step of a group's program.
+enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
+
+struct instruction {
+    enum opcode opcode;
+    int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
+    struct primitive primitive; // TO_FRAME: transform; LEAF: sizes too
+    const struct node *node;
+};
+
 struct prepared {
     struct model model;
     double bounds_sq;
@@ -67,15 +77,10 @@ struct prepared {
     struct instruction *instructions; // of all groups
 };
 
-// prepare.c: the shape as the march evaluates it; of a group, all but its program.
-struct primitive make_primitive(const struct shape *shape);
-
-// group.c: memory for the programs of all groups, NULL if it is short; appends a group's program to `out` and returns
-// the program's end; the field over its Lipschitz constant at a point of the group's frame; the material at a point
-// of the world.
+// prepare.c: memory for the programs of all groups; NULL if it is short.
 struct instruction *new_instructions(const struct model *model);
-struct instruction *group_compile(const struct model *model, int root, struct primitive *group,
-                                  struct instruction *out);
+
+// group.c: the field over its Lipschitz constant at a point of the group's frame; the material at a point of the world.
 double sdf_group(const double *p, const struct primitive *group);
 void group_surface(const double *point, const struct primitive *group, const struct model *model,
                    struct material *surface);

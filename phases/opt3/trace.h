@@ -16,6 +16,16 @@ struct hit {
     vdouble evals; // evaluations of the scene's distance
 };
 
+// A step of a group's program.
+enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
+
+struct instruction {
+    enum opcode opcode;
+    int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
+    struct primitive primitive; // TO_FRAME: transform; LEAF: sizes too
+    const struct node *node;
+};
+
 // The materials of four hits.
 struct surface {
     struct vec color;
@@ -43,13 +53,6 @@ vdouble shadow(struct vec point, struct vec to_light, vdouble distance, vmask ac
 void trace(struct vec origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result);
 
-// render.c: the shape as the march evaluates it; of a group, all but its program.
-struct primitive make_primitive(int index, const struct shape *shape);
-
-// group.c: memory for the programs of all groups, NULL if it is short; appends a group's program to `out` and returns
-// the program's end; the materials at points of the world.
-struct instruction *new_instructions(const struct model *model);
-struct instruction *group_compile(const struct model *model, int root, struct primitive *group,
-                                  struct instruction *out);
+// group.c: the materials at points of the world.
 struct surface group_surface(struct vec point, const struct primitive *group,
                              const struct model *model);

@@ -1,7 +1,6 @@
-// Groups of shapes (group.c): what a primitive holds of them, and the closest of them. Included by sdf.h.
+// Groups of shapes (group.c): what a primitive holds of them, and the closest of them. Included by
+// sdf.h, after vec.h.
 #pragma once
-
-#include "vec.h"
 
 struct local_ray;
 struct prepared;

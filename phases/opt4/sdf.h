@@ -10,8 +10,10 @@
 // Where lanes take different branches, every branch is evaluated and a mask selects the result.
 #pragma once
 
-#include "group.h"
 #include "scene/scene.h"
+#include "vec.h"
+
+#include "group.h" // needs vec.h
 
 // How a shape's distance along a ray is evaluated. AT_POINT: at a point of the shape's frame.
 // LINEAR: a plane without repetition, whose distance is linear in t. POWER: a sphere wider than the

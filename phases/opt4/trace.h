@@ -19,6 +19,16 @@ struct hit {
     vfloat evals;      // evaluations of the scene's distance
 };
 
+// A step of a group's program.
+enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
+
+struct instruction {
+    enum opcode opcode;
+    int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
+    struct primitive primitive; // TO_FRAME: transform; LEAF: sizes too
+    const struct node *node;
+};
+
 // The materials of eight hits.
 struct surface {
     struct vec color;
@@ -72,13 +82,9 @@ void store(struct frame *frame, size_t pixel, int count, const struct shaded *se
 struct local_ray *new_local_rays(const struct prepared *prepared);
 struct vec vec_from_doubles(const double a[3]);
 
-// prepare.c: the shape as the march evaluates it; of a group, all but its program.
-struct primitive make_primitive(int index, const struct shape *shape, const struct limits *limits);
-
-// group.c: memory for the programs of all groups, NULL if it is short; appends a group's program to `out` and returns
-// the program's end; the materials at points of the group's frame.
+// prepare.c: memory for the programs of all groups; NULL if it is short.
 struct instruction *new_instructions(const struct model *model);
-struct instruction *group_compile(const struct model *model, int root, struct primitive *group,
-                                  struct instruction *out);
+
+// group.c: the materials at points of the group's frame.
 struct surface group_surface(struct vec p, const struct primitive *group,
                              const struct model *model);
