@@ -1,4 +1,4 @@
-// log, exp and pow.. Part of simd.h.
+// log, exp, pow, sin and cos. Part of simd.h.
 #pragma once
 
 // log and exp: range reduction after Cody and Waite, "Software manual for the elementary functions"
@@ -35,4 +35,26 @@ static inline vfloat v_exp(vfloat a) {
 // a^b for a > 0: relative error about (2 + |b·ln a|) ulp; 0 gives at most 2^(-127·b).
 static inline vfloat v_pow(vfloat a, vfloat b) {
     return v_exp(b * v_log(a));
+}
+
+// (-1)^parity sin r of r = a - n*pi, which is within pi/2 of 0: sin a for whole n = parity, -cos a for n = parity + 1/2.
+// pi in two parts; the product of n and the first is exact. The polynomial is opt4's (scripts/stepwise polynomials).
+static inline vfloat v_sine_near(vfloat a, vfloat n, vfloat parity) {
+    vfloat r = v_nmadd(n, v_splat(9.67653590e-4f), v_nmadd(n, v_splat(3.140625f), a)), u = r * r;
+    vfloat p = v_madd(u, v_splat(2.6347563918e-6f), v_splat(-0.00019822739489f));
+    p = v_madd(u, p, v_splat(0.0083332421351f));
+    p = v_madd(u, p, v_splat(-0.16666665964f));
+    vfloat half = parity * v_splat(0.5f);
+    return v_negate_where(v_cmp_gt(half, v_floor(half)), v_madd(r * u, p, r));
+}
+
+// sin a and cos a: off by at most 2^-22 for |a| up to 1000.
+static inline vfloat v_sin(vfloat a) {
+    vfloat n = v_round(a * v_splat(0.318309886f));
+    return v_sine_near(a, n, n);
+}
+
+static inline vfloat v_cos(vfloat a) {
+    vfloat n = v_floor(a * v_splat(0.318309886f));
+    return v_splat(0.0f) - v_sine_near(a, n + v_splat(0.5f), n);
 }

@@ -34,7 +34,8 @@
 //
 //   vhalf                       8 and 16 lanes: doubles for half of the lanes, as v_half_...; vdouble has both halves
 //
-// vectors.h: struct vec; with 8 and 16 lanes struct point, a sum of two floats, and doubles. powers.h: v_log, v_exp, v_pow.
+// vectors.h: struct vec; with 8 and 16 lanes struct point, a sum of two floats, and doubles. powers.h: v_log, v_exp, v_pow,
+// v_sin, v_cos.
 //
 // Lanes that change their place, with 8 and 16 lanes: rays are compacted, refilled and gathered by these.
 // With 4 lanes there is v_compress_store alone; it writes as many floats as m has lanes.

@@ -7,6 +7,7 @@
 
 #include "core/packet_group.h"
 #include "core/shape_distances.h"
+#include "groups/region.h"
 
 // Sets the rays' origins in the frame of each shape, and wakes every shape. set_local_directions() comes next.
 static inline void set_local_origins(struct point origin, const struct prepared *scene,
@@ -27,11 +28,22 @@ static inline void set_local_origins(struct point origin, const struct prepared 
         local[i].origin.x = coordinate(primitive, from, 0);
         if (primitive->kind == EVAL_LINEAR)
             continue;
+        if (primitive->kind == EVAL_FIELD)
+            forget_region(local[i].region);
         local[i].origin.y = coordinate(primitive, from, 1);
         local[i].origin.z = coordinate(primitive, from, 2);
         if (primitive->kind == EVAL_POWER)
             local[i].power = power_at(from, primitive->radius_sq);
     }
+}
+
+// Says that the origins, just set, are where the rays were at t.
+static inline void recall_regions(vfloat t, const struct prepared *scene,
+                                  const struct packet_rays *packet) {
+    const struct shape_list *list = shapes_of(packet, scene);
+    for (int n = 0; n < list->count; n++)
+        if (scene->primitives[list->shape[n]].kind == EVAL_FIELD)
+            recall_region(packet->local[list->shape[n]].region, t);
 }
 
 // Sets the rays' directions in the frame of each shape. Precondition: set_local_origins() has set the origins.
@@ -46,6 +58,8 @@ static inline void set_local_directions(struct vec direction, const struct prepa
             local[i].direction.x = vec_dot(vec_set(primitive->normal), direction);
             continue;
         }
+        if (primitive->kind == EVAL_FIELD)
+            forget_region(local[i].region);
         local[i].direction = turned(primitive, direction);
         if (primitive->kind == EVAL_POWER)
             local[i].slope = v_splat(2.0f) * vec_dot(local[i].origin, local[i].direction);
@@ -81,6 +95,8 @@ static inline void move_local_origins(vfloat by, const struct prepared *scene,
         a->origin.x = v_madd(a->direction.x, by, a->origin.x);
         if (scene->primitives[i].kind == EVAL_LINEAR)
             continue;
+        if (scene->primitives[i].kind == EVAL_FIELD && v_any(v_cmp_gt(v_abs(by), v_splat(0.0f))))
+            forget_region(a->region);
         a->origin.y = v_madd(a->direction.y, by, a->origin.y);
         a->origin.z = v_madd(a->direction.z, by, a->origin.z);
         if (scene->primitives[i].kind == EVAL_POWER)

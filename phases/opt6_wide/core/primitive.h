@@ -12,8 +12,12 @@ static inline void split(double a, float *hi, float *lo) {
 }
 
 // How a shape is evaluated along a ray. POINT: its distance at a point of its frame. LINEAR: a line in t, for a plane
-// that is not repeated. POWER: its power, a polynomial in t, for a sphere wider than the bounds.
-enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
+// that is not repeated. POWER: its power, a polynomial in t, for a sphere wider than the bounds. FIELD: a group's
+// program, at a point of the group's frame.
+enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER, EVAL_FIELD };
+
+struct groups;  // groups/program.h
+struct program; // groups/program.h
 
 // A shape in the form that the march evaluates.
 struct primitive {
@@ -32,6 +36,7 @@ struct primitive {
     float size[3];                // box: half size; plane: normal; Mandelbox: squares of its radii
     float bailout;
     int iterations;
+    const struct program *program; // of a group
     // For ray origins, which are moved into the shape's frame in double and then rounded once: position, rows of the
     // shape's matrix (linear plane: its normal in the world's axes), cells.
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
@@ -47,6 +52,7 @@ struct shape_list {
 struct prepared {
     struct model model;
     struct primitive *primitives; // one per shape
+    struct groups *groups;        // NULL: the scene has none
     struct shape_list all;
 };
 

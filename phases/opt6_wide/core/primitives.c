@@ -1,6 +1,34 @@
 // A shape in the form that the march needs.
 #include "core/primitives.h"
 
+#define PI 3.14159265358979323846
+
+// Sets the sizes of a shape that is only in groups: see groups/field.h.
+static void prepare_node_shape(struct primitive *p, const struct shape *shape) {
+    const double *radius = shape->ellipsoid.radius;
+    if ((int)p->type == SHAPE_CAPSULE) {
+        p->a = (float)shape->capsule.radius;
+        p->c = (float)shape->capsule.half_height;
+    } else if ((int)p->type == SHAPE_ELLIPSOID) {
+        for (int i = 0; i < 3; i++)
+            p->size[i] = (float)(1 / radius[i]);
+        p->a = (float)fmin(radius[0], fmin(radius[1], radius[2]));
+    } else {
+        p->a = (float)(2 * PI / shape->gyroid.cell);
+        p->b = (float)(shape->gyroid.cell / (2 * PI * sqrt(3)));
+        p->c = (float)(shape->gyroid.thickness / 2);
+    }
+}
+
+static void prepare_mandelbox(struct primitive *p, const struct shape *shape) {
+    p->a = (float)shape->mandelbox.scale;
+    p->b = (float)fabs(shape->mandelbox.scale);
+    p->c = (float)shape->mandelbox.fold_limit;
+    p->size[0] = (float)(shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius);
+    p->size[1] = (float)(shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius);
+    p->iterations = shape->mandelbox.iterations;
+}
+
 struct primitive prepare_shape(int index, const struct shape *shape, const struct limits *limits) {
     struct primitive p = {.type = shape->type, .index = (float)index};
     double turn[3][3];
@@ -17,7 +45,7 @@ struct primitive prepare_shape(int index, const struct shape *shape, const struc
     }
     p.kind = eval_kind_of(shape, p.repeated, limits);
     prepare_rows(&p, shape, turn);
-    switch (shape->type) {
+    switch ((int)shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
     case SHAPE_ROUNDED_BOX:
@@ -44,20 +72,17 @@ struct primitive prepare_shape(int index, const struct shape *shape, const struc
         to_floats(shape->plane.normal, p.size);
         p.a = (float)shape->plane.offset;
         break;
-    case SHAPE_MANDELBOX:
-        p.a = (float)shape->mandelbox.scale;
-        p.b = (float)fabs(shape->mandelbox.scale);
-        p.c = (float)shape->mandelbox.fold_limit;
-        p.size[0] = (float)(shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius);
-        p.size[1] = (float)(shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius);
-        p.iterations = shape->mandelbox.iterations;
-        break;
+    case SHAPE_GROUP: p.kind = EVAL_FIELD; break;
+    case SHAPE_MANDELBOX: prepare_mandelbox(&p, shape); break;
+    case SHAPE_CAPSULE:
+    case SHAPE_ELLIPSOID:
+    case SHAPE_GYROID: prepare_node_shape(&p, shape); break;
     default:
         p.bailout = (float)shape->mandelbulb.bailout;
         p.iterations = shape->mandelbulb.iterations;
         break;
     }
-    p.steady = !p.repeated && !is_fractal(p.type);
+    p.steady = !p.repeated && !is_fractal(p.type); // of a group: see compile_groups()
     p.slack = 0x1p-18f * extent_of(shape);
     return p;
 }

@@ -56,7 +56,7 @@ static inline enum eval_kind eval_kind_of(const struct shape *shape, bool repeat
 // Returns the distance from a shape's centre to its furthest point; 0 for a plane.
 static inline float extent_of(const struct shape *shape) {
     const double *half = shape->box.half_size;
-    switch (shape->type) {
+    switch ((int)shape->type) {
     case SHAPE_SPHERE: return (float)shape->sphere.radius;
     case SHAPE_BOX: return (float)hypot(hypot(half[0], half[1]), half[2]);
     case SHAPE_ROUNDED_BOX:
@@ -66,6 +66,10 @@ static inline float extent_of(const struct shape *shape) {
         return (float)hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
                             shape->cone.half_height);
     case SHAPE_OCTAHEDRON: return (float)shape->octahedron.radius;
+    case SHAPE_CAPSULE: return (float)(shape->capsule.radius + shape->capsule.half_height);
+    case SHAPE_ELLIPSOID:
+        half = shape->ellipsoid.radius;
+        return (float)fmax(half[0], fmax(half[1], half[2]));
     default: return 0.0f;
     }
 }

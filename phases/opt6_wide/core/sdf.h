@@ -41,6 +41,10 @@ group_distances(struct packet_group *group, int shape, int size, const struct pr
 void bulb_distances(struct packet_group *group, int shape, const struct primitive *primitive,
                     struct nearest_so_far *found);
 
+// Evaluates a group for all packets: groups/field.c.
+void field_distances(struct packet_group *group, int shape, const struct primitive *primitive,
+                     struct nearest_so_far *found);
+
 // Evaluates one shape for all packets: its type is switched on once for all of them.
 __attribute__((always_inline)) static inline void
 distances_to_shape(struct packet_group *group, int shape, int size,
@@ -72,6 +76,7 @@ distances_to_shape(struct packet_group *group, int shape, int size,
         group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_ROUNDED_BOX,
                         found);
         break;
+    case SHAPE_GROUP: field_distances(group, shape, primitive, found); break;
     case SHAPE_MANDELBOX:
         group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_MANDELBOX, found);
         break;

@@ -12,8 +12,19 @@
 // radius² is power + t·(t + slope).
 struct local_ray {
     struct vec origin, direction;
-    vfloat power, slope;
+    union {
+        struct {
+            vfloat power, slope;
+        };
+        struct region
+            *region; // EVAL_FIELD: where its rays need a part of the program only (opt7_tiles)
+    };
 };
+
+// Returns the distance to a group at p, a point of its frame at distance t along the ray or beside it:
+// groups/field.c.
+vfloat field_at(const struct local_ray *a, vfloat t, struct vec p,
+                const struct primitive *primitive, vmask live);
 
 // Returns v in the axes of the shape.
 static inline struct vec turned(const struct primitive *primitive, struct vec v) {
@@ -254,6 +265,8 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *p
     struct vec p = vec_along(a->origin, a->direction, t);
     if (repeated && (type != SHAPE_MANDELBOX || primitive->repeated))
         p = vec_wrapped(primitive, p);
+    if (kind == EVAL_FIELD)
+        return field_at(a, t, p, primitive, live);
     return distance_at(p, primitive, type, live);
 }
 

@@ -1,5 +1,6 @@
 // The list of all shapes, and the memory of the shapes.
 #include "core/primitives.h"
+#include "groups/program.h"
 
 #include <stdlib.h>
 
@@ -25,10 +26,12 @@ bool shapes_reserve(struct prepared *prepared, const struct model *model) {
     int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
     prepared->all.shape = both;
     prepared->all.order = both ? both + model->shape_count : NULL;
-    return prepared->primitives && both;
+    prepared->groups = groups_reserve(model);
+    return prepared->primitives && both && (prepared->groups || model->node_count == 0);
 }
 
 void shapes_release(struct prepared *prepared) {
+    free(prepared->groups);
     free(prepared->primitives);
     free((void *)prepared->all.shape); // frees `order` too: one block of memory
 }

@@ -31,6 +31,8 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     at->origin =
         point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
     set_local_origins(at->origin, scene, packet);
+    if (scene->groups && !v_any(settled))
+        recall_regions(at->t + at->last, scene, packet);
     at->near = near_hit(at->found, scene, packet);
     vmask off = v_and(
         at->found, v_andnot(v_or(at->deep, settled), v_cmp_gt(at->near.distance, v_splat(twice))));

@@ -95,7 +95,10 @@ static inline vfloat moved_distance(const struct primitive *primitive,
             return local->origin.x;
         return v_madd(v_splat(primitive->normal[axis]), v_splat(step), local->origin.x);
     }
-    return distance_at(moved_in(primitive, local, step, axis), primitive, primitive->type, live);
+    struct vec p = moved_in(primitive, local, step, axis);
+    if (primitive->kind == EVAL_FIELD)
+        return field_at(local, v_splat(0.0f), p, primitive, live);
+    return distance_at(p, primitive, primitive->type, live);
 }
 
 static inline struct vec difference(const struct primitive *primitive,

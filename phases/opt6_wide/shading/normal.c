@@ -1,6 +1,7 @@
 // Normals of hits.
 #include "core/packet_group.h"
 #include "core/trace.h"
+#include "groups/field_part.h"
 #include "shading/gradients.h"
 
 // Returns the forward differences of the whole scene's distance.
@@ -67,10 +68,12 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     case SHAPE_CONE: exact = cone_gradient(p, primitive); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
     case SHAPE_PLANE: exact = vec_set(primitive->size); break;
+    case SHAPE_GROUP: exact = field_at_origin(local, primitive, found).gradient; break;
     default: return rounded;
     }
     exact = turned_back(primitive, exact);
-    exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
+    if (primitive->kind != EVAL_FIELD) // a group's field is not as steep everywhere
+        exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
     rounded = vec_scale(rounded, v_splat(1.0f / step));
     struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
     vfloat size = v_max(v_abs(p.x), v_max(v_abs(p.y), v_abs(p.z)));

@@ -1,7 +1,10 @@
 // The light on a hit: B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975).
 #pragma once
 
+#include "core/packet_group.h"
+#include "core/shape_distances.h"
 #include "core/trace.h"
+#include "groups/field_part.h"
 
 // The materials of a packet's hits, gathered.
 struct surfaces {
@@ -9,7 +12,23 @@ struct surfaces {
     vfloat reflectivity, shininess;
 };
 
-static inline struct surfaces gather(vfloat shape, vmask found, const struct model *model) {
+// Takes the materials of hits on groups from the programs' parts. The hits are the origins of the packet's rays.
+static inline void gather_groups(vfloat shape, vmask found, const struct prepared *scene,
+                                 const struct packet_rays *packet, struct surfaces *all) {
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        vmask here = v_and(found, v_cmp_eq(shape, v_splat((float)i)));
+        if (scene->primitives[i].kind != EVAL_FIELD || !v_any(here))
+            continue;
+        struct field_part part = field_at_origin(&packet->local[i], &scene->primitives[i], here);
+        all->color = vec_select(here, part.color, all->color);
+        all->reflectivity = v_select(here, part.reflectivity, all->reflectivity);
+        all->shininess = v_select(here, part.shininess, all->shininess);
+    }
+}
+
+static inline struct surfaces gather(vfloat shape, vmask found, const struct prepared *scene,
+                                     const struct packet_rays *packet) {
+    const struct model *model = &scene->model;
     float id[LANES], values[5][LANES];
     v_store(v_select(found, shape, v_splat(0.0f)), id);
     for (int lane = 0; lane < LANES; lane++) {
@@ -19,9 +38,12 @@ static inline struct surfaces gather(vfloat shape, vmask found, const struct mod
         values[3][lane] = (float)m->reflectivity;
         values[4][lane] = (float)m->shininess;
     }
-    return (struct surfaces){{v_load(values[0]), v_load(values[1]), v_load(values[2])},
-                             v_load(values[3]),
-                             v_load(values[4])};
+    struct surfaces all = {{v_load(values[0]), v_load(values[1]), v_load(values[2])},
+                           v_load(values[3]),
+                           v_load(values[4])};
+    if (scene->groups)
+        gather_groups(shape, found, scene, packet, &all);
+    return all;
 }
 
 static inline struct vec from_to(struct point from, const double to[3]) {

@@ -48,7 +48,7 @@ void trace(const struct ray_group *rays, int bounce, struct trace_context *world
         light[k].lit = v_mask_none();
         if (!v_any(hit[k].found))
             continue;
-        surface[k] = gather(hit[k].shape, hit[k].found, model);
+        surface[k] = gather(hit[k].shape, hit[k].found, world->scene, &world->group->packet[k]);
         light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
     }
     shadow(hit, light, world, reach);

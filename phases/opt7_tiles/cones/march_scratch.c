@@ -1,6 +1,7 @@
 // How a worker's memory is divided.
 #include "cones/march_scratch.h"
 #include "core/shape_distances.h"
+#include "groups/choice.h"
 
 // Rounds up to an even count, so that the lists behind the masks are aligned.
 static size_t even_count(int shapes) {
@@ -14,10 +15,27 @@ static int max_packets(const struct model *model) {
     return SMALL_GROUP;
 }
 
-size_t march_scratch_size(const struct model *model) {
+static size_t size_without_regions(const struct model *model) {
     return even_count(model->shape_count) *
            ((size_t)(max_packets(model) + 2) * (sizeof(struct local_ray) + sizeof(vfloat)) +
             CONE_LEVELS * sizeof(vmask) + (6 + 2 * CONE_LEVELS) * sizeof(int) + sizeof(bool));
+}
+
+size_t march_scratch_size(const struct model *model) {
+    size_t regions = regions_size(model, max_packets(model) + 2);
+    return size_without_regions(model) + (regions ? regions + 63 : 0);
+}
+
+// Gives the rays of groups their regions, behind all else.
+static void place_all_regions(void *memory, const struct model *model,
+                              const struct march_scratch *scratch) {
+    struct local_ray *local[GROUP + 2];
+    for (int k = 0; k < scratch->packets; k++)
+        local[k] = scratch->local + k * model->shape_count;
+    local[scratch->packets] = scratch->probe;
+    local[scratch->packets + 1] = scratch->axis;
+    size_t behind = (size_without_regions(model) + 63) / 64 * 64;
+    place_regions((char *)memory + behind, model, local, scratch->packets + 2);
 }
 
 struct march_scratch march_scratch_of(void *memory, const struct model *model) {
@@ -39,5 +57,7 @@ struct march_scratch march_scratch_of(void *memory, const struct model *model) {
     scratch.mirror = scratch.patch + 2 * n;
     scratch.shadow = scratch.mirror + 2 * n;
     scratch.wanted = (bool *)(scratch.shadow + 2 * n);
+    if (model->features.groups > 0)
+        place_all_regions(memory, model, &scratch);
     return scratch;
 }

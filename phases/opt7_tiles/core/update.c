@@ -1,5 +1,6 @@
 // Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/primitives.h"
+#include "groups/program.h"
 
 // Beyond this radius the power-8 map's orbits escape: |w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on. There the estimate is at
 // least half of the distance to the ball: tests/phases/test_tiles.py samples it.
@@ -23,12 +24,22 @@ static void prepare_bounds(struct primitive *p, const struct shape *shape,
     p->error = 0x1p-18f * fmaxf(extent_of(shape), shape->type == SHAPE_PLANE ? fabsf(p->a) : 1.0f);
 }
 
+static void prepare_group_bounds(struct primitive *p) {
+    if (p->kind != EVAL_FIELD)
+        return;
+    p->trust = p->steady ? BOUND_LIPSCHITZ : BOUND_NONE;
+    p->error = fmaxf(p->slack, 0x1p-18f);
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     for (int i = 0; i < model->shape_count; i++) {
         prepared->primitives[i] = prepare_shape(i, &model->shapes[i], &model->march);
         prepare_bounds(&prepared->primitives[i], &model->shapes[i], &model->march);
     }
+    compile_groups(prepared);
+    for (int i = 0; i < model->shape_count && prepared->groups; i++)
+        prepare_group_bounds(&prepared->primitives[i]);
     list_shapes(prepared);
     return true;
 }

@@ -57,7 +57,7 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
         surface[k] = (struct surfaces){0};
         if (!v_any(hit[k].found))
             continue;
-        surface[k] = gather(hit[k].shape, hit[k].found, model);
+        surface[k] = gather(hit[k].shape, hit[k].found, world->scene, &world->group->packet[k]);
         light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
     }
     shadow(hit, light, world, reach);

@@ -2,21 +2,39 @@
 #include "cones/march_scratch.h"
 #include "core/ray_queues.h"
 #include "core/shape_distances.h"
+#include "groups/choice.h"
 
 // Rounds up to an even count, so that the lists behind the masks are aligned.
 static size_t even_count(int shapes) {
     return ((size_t)shapes + 1) / 2 * 2;
 }
 
-size_t march_scratch_size(int shapes) {
+static size_t size_without_regions(int shapes) {
     return even_count(shapes) *
            ((GROUP + 1) * (sizeof(struct local_ray) + sizeof(vfloat)) + GROUP * sizeof(vfloat) +
             sizeof(struct local_ray) + (STRIP_TILES + 1) * sizeof(vmask) + 8 * sizeof(int) +
             sizeof(bool));
 }
 
-struct march_scratch march_scratch_of(void *memory, int shapes) {
-    size_t n = even_count(shapes);
+size_t march_scratch_size(const struct model *model) {
+    size_t regions = regions_size(model, GROUP + 2);
+    return size_without_regions(model->shape_count) + (regions ? regions + 63 : 0);
+}
+
+// Gives the rays of groups their regions, behind all else.
+static void place_all_regions(void *memory, const struct model *model,
+                              const struct march_scratch *scratch) {
+    struct local_ray *local[GROUP + 2];
+    for (int k = 0; k < GROUP; k++)
+        local[k] = scratch->local + k * model->shape_count;
+    local[GROUP] = scratch->probe;
+    local[GROUP + 1] = scratch->axis;
+    size_t behind = (size_without_regions(model->shape_count) + 63) / 64 * 64;
+    place_regions((char *)memory + behind, model, local, GROUP + 2);
+}
+
+struct march_scratch march_scratch_of(void *memory, const struct model *model) {
+    size_t n = even_count(model->shape_count);
     struct march_scratch scratch = {.wake = memory};
     scratch.local = (struct local_ray *)(scratch.wake + GROUP * n);
     scratch.probe_wake = (vfloat *)(scratch.local + GROUP * n);
@@ -29,5 +47,7 @@ struct march_scratch march_scratch_of(void *memory, int shapes) {
     scratch.mirror = scratch.patch + 2 * n;
     scratch.shadow = scratch.mirror + 2 * n;
     scratch.wanted = (bool *)(scratch.shadow + 2 * n);
+    if (model->features.groups > 0)
+        place_all_regions(memory, model, &scratch);
     return scratch;
 }

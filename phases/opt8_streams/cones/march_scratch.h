@@ -21,5 +21,5 @@ struct march_scratch {
     bool *wanted; // whether each shape goes on the list in work
 };
 
-size_t march_scratch_size(int shapes);
-struct march_scratch march_scratch_of(void *memory, int shapes);
+size_t march_scratch_size(const struct model *model);
+struct march_scratch march_scratch_of(void *memory, const struct model *model);

@@ -13,8 +13,12 @@ static inline void split(double a, float *hi, float *lo) {
 }
 
 // How a shape is evaluated along a ray. POINT: its distance at a point of its frame. LINEAR: a line in t, for a plane
-// that is not repeated. POWER: its power, a polynomial in t, for a sphere wider than the bounds.
-enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
+// that is not repeated. POWER: its power, a polynomial in t, for a sphere wider than the bounds. FIELD: a group's
+// program, at a point of the group's frame.
+enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER, EVAL_FIELD };
+
+struct groups;  // groups/program.h
+struct program; // groups/program.h
 
 // What a shape's distance bounds. BOUND_LIPSCHITZ: two points differ in it by at most their distance. BOUND_BALL:
 // nothing is hit outside of a ball of radius `a`, where it is at least half of the way to the ball. BOUND_NONE: it
@@ -40,7 +44,8 @@ struct primitive {
     float size[3];                // box: half size; plane: normal
     float bailout;
     int iterations;
-    float bound, bound_sq; // radius of a sphere around its position that holds it
+    const struct program *program; // of a group
+    float bound, bound_sq;         // radius of a sphere around its position that holds it
     bool convex;
     float over; // plane: its offset from the world's origin
     float slope_lit, slope_bound,
@@ -68,6 +73,7 @@ struct shape_list {
 struct prepared {
     struct model model;
     struct primitive *primitives; // one per shape
+    struct groups *groups;        // NULL: the scene has none
     struct shape_list all;
     int bulbs;        // number of Mandelbulbs
     bool single_bulb; // one Mandelbulb and at most a plane: see is_single_bulb()

@@ -159,8 +159,8 @@ static size_t whole_lines(size_t size) {
 }
 
 // A worker's memory holds its march_scratch, its ray_queues from this offset on, and then the list of occluders.
-static size_t scratch_offset(int shapes) {
-    return whole_lines(march_scratch_size(shapes));
+static size_t scratch_offset(const struct model *model) {
+    return whole_lines(march_scratch_size(model));
 }
 
 // A tile, or the squares of a strip, in work.
@@ -262,8 +262,9 @@ static bool within_bounds(const struct view *view, const struct model *model) {
 static void draw_strip(const struct job *job, int strip, void *memory) {
     const struct prepared *scene = job->prepared;
     int shapes = scene->model.shape_count, across = strips_across(job->frame), count = 0;
-    struct march_scratch scratch = march_scratch_of(memory, shapes);
-    struct ray_queues *queues = (struct ray_queues *)((char *)memory + scratch_offset(shapes));
+    struct march_scratch scratch = march_scratch_of(memory, &scene->model);
+    struct ray_queues *queues =
+        (struct ray_queues *)((char *)memory + scratch_offset(&scene->model));
     queues->occluders = (int *)((char *)queues + whole_lines(sizeof *queues));
     queues->mirrors = queues->shadows = queues->camera_packets = queues->single_count = 0;
     struct packet_group group;
@@ -297,7 +298,7 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
 
 size_t VARIANT(scratch_size)(const struct model *model) {
     int shapes = model->shape_count;
-    return scratch_offset(shapes) + whole_lines(sizeof(struct ray_queues)) +
+    return scratch_offset(model) + whole_lines(sizeof(struct ray_queues)) +
            whole_lines((size_t)shapes * sizeof(int));
 }
 
@@ -315,7 +316,7 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
     if (!scratch)
         return false;
-    struct march_scratch parts = march_scratch_of(scratch, prepared->model.shape_count);
+    struct march_scratch parts = march_scratch_of(scratch, &prepared->model);
     struct packet_rays all = single_packet(parts.local, prepared->all, parts.wake), *packet = &all;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {

@@ -1,5 +1,6 @@
 // Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/primitives.h"
+#include "groups/program.h"
 
 // Beyond this radius the power-8 map's orbits escape: |w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on. There the estimate is at
 // least half of the distance to the ball: tests/phases/test_tiles.py samples it.
@@ -105,6 +106,28 @@ static bool is_single_bulb(const struct prepared *prepared) {
     return prepared->bulbs == 1 && planes <= 1 && model->march.hit_distance < BULB_SINGLE_HIT;
 }
 
+// Sets what lists and cones need of a group. Outside of its sphere, `radius` around `position`, its distance is at least
+// growth/lipschitz times as far: shadow cones are wider by that. Their slope is below 1, or it clears no ray.
+static void prepare_group(struct prepared *prepared, int index) {
+    struct primitive *p = &prepared->primitives[index];
+    const struct model *model = &prepared->model;
+    if (p->kind != EVAL_FIELD)
+        return;
+    const struct node *root = &model->nodes[model->shapes[index].group.root];
+    p->trust = p->steady ? BOUND_LIPSCHITZ : BOUND_NONE;
+    p->error = fmaxf(p->slack, 0x1p-18f);
+    for (int k = 0; k < 3; k++)
+        p->position[k] = (float)(p->centre[k] + p->row[0][k] * root->centre[0] +
+                                 p->row[1][k] * root->centre[1] + p->row[2][k] * root->centre[2]);
+    p->bound = (float)(root->radius * (1 + 1e-5)) + 2 * p->error;
+    p->bound_sq = p->bound * p->bound;
+    double q = prepared->lit_slope * root->lipschitz / root->growth * (1 + 1e-5);
+    p->slope_lit = (float)fmin(q, 1);
+    p->slope_bound = p->slope_lit * p->bound;
+    p->slope_a = 1 - p->slope_lit * p->slope_lit;
+    prepared->all_bounded = prepared->all_bounded && p->steady && root->radius < INFINITY;
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->all_bounded = true;
@@ -120,6 +143,9 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         prepared->all_bounded = prepared->all_bounded && !p->repeated && p->kind != EVAL_POWER;
     }
     prepared->single_bulb = is_single_bulb(prepared);
+    compile_groups(prepared);
+    for (int i = 0; i < model->shape_count && prepared->groups; i++)
+        prepare_group(prepared, i);
     list_shapes(prepared);
     return true;
 }

@@ -7,6 +7,7 @@
 #include "core/shape_distances.h"
 #include "core/trace.h"
 #include "core/trace_context.h"
+#include "groups/field_part.h"
 
 // The materials of a packet's hits.
 struct surface {
@@ -14,8 +15,19 @@ struct surface {
     vfloat share, shininess, shine_from;
 };
 
+// Sets the materials of hits on a group: a mixture of its shapes'.
+static void mix_surface(vmask same, const struct primitive *s, const struct packet_rays *packet,
+                        struct surface *all) {
+    struct field_part part = field_at_origin(&packet->local[(int)s->index], s, same);
+    all->color = vec_select(same, part.color, all->color);
+    all->share = v_select(same, part.reflectivity * v_splat(0.1f), all->share);
+    all->shininess = v_select(same, part.shininess, all->shininess);
+    all->shine_from = v_select(same, v_splat(0.0f), all->shine_from);
+}
+
 // Gathers the materials, once for each shape that the packet hit.
-static struct surface surface_of(const struct hit *hit, const struct prepared *scene) {
+static struct surface surface_of(const struct hit *hit, const struct prepared *scene,
+                                 const struct packet_rays *packet) {
     float id[LANES];
     v_store(hit->shape, id);
     struct surface all = {0};
@@ -23,6 +35,10 @@ static struct surface surface_of(const struct hit *hit, const struct prepared *s
         const struct primitive *s = &scene->primitives[(int)id[__builtin_ctz(rest)]];
         vmask same = v_and(hit->found, is_shape(hit->shape, (int)s->index));
         rest &= ~v_mask_bits(same);
+        if (s->kind == EVAL_FIELD) {
+            mix_surface(same, s, packet, &all);
+            continue;
+        }
         all.color = vec_select(same, vec_set(s->color), all.color);
         all.share = v_select(same, v_splat(s->share), all.share);
         all.shininess = v_select(same, v_splat(s->shininess), all.shininess);
@@ -149,7 +165,7 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
     if (!v_any(hit->found))
         return color;
     vfloat weight = rays->weight[k];
-    struct surface surface = surface_of(hit, world->scene);
+    struct surface surface = surface_of(hit, world->scene, packet);
     if (model->features.fog) {
         struct vec p = hit->point.hi;
         vfloat far_sq = vec_dot(p, p);

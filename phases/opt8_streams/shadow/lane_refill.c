@@ -2,6 +2,7 @@
 #include "shadow/lane_refill.h"
 #include "core/shape_distances.h"
 #include "core/trace_context.h"
+#include "groups/region.h"
 
 #include <assert.h>
 #include <stddef.h>
@@ -66,6 +67,8 @@ static void fill_lanes(struct ray_stream *stream, int k, unsigned lanes,
         const struct primitive *primitive = &world->scene->primitives[i];
         fill_vectors(m, (vfloat *)&group->packet[k].local[i],
                      (const vfloat *)&stream->packet.local[i], gone, local_ray_vectors(primitive));
+        if (primitive->kind == EVAL_FIELD)
+            forget_region(group->packet[k].local[i].region);
         vfloat *wake = &group->packet[k].wake[i * GROUP];
         if (primitive->steady)
             fill_vectors(m, wake, &stream->packet.wake[i * GROUP], gone, 1);

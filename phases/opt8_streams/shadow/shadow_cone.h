@@ -61,7 +61,7 @@ static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
 // decide (self_shadow()), where the surface is flat enough.
 static inline vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                                 const struct prepared *scene) {
-    if (is_fractal(s->type))
+    if (is_fractal(s->type) || s->kind == EVAL_FIELD)
         return v_mask_none();
     vmask may = v_mask_all();
     if (!s->convex)
