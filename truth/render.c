@@ -158,8 +158,6 @@ static void store_surface(const struct prepared *exact, struct frame *frame, siz
     const struct hit *hit = &result->hit;
     bool known = result->status_all != UNDECIDED, found = hit->shape >= 0;
     double n[3] = {0, 0, 0};
-    for (int i = 0; i < 3 && found; i++)
-        n[i] = (double)mid_q(hit->normal[i]);
     if (found && is_fractal(exact->model.shapes[hit->shape].type))
         bulb_normal(&exact->solids[hit->shape], hit->point, n);
     for (int i = 0; i < 3; i++) {

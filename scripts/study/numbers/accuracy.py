@@ -41,7 +41,9 @@ class Surface(Colours, kw_only=True):
         math.nan
     )
     wrong_ppm: Annotated[float, key("ppm", "the hit is over 1e-3 before the surface")] = math.nan
-    normal_p50_degrees: Annotated[float, key("degrees", "median angle to the exact normal")] = math.nan
+    normal_p50_degrees: Annotated[float, key("degrees", "median angle to a Mandelbulb's exact normal")] = (
+        math.nan
+    )
     antialiased: Annotated[Colours | None, key("", "the same errors of 4×4 means")] = None
 
 

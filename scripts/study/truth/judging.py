@@ -139,7 +139,9 @@ def surface(truth: Picture, image: Picture) -> dict[str, Any] | None:
         np.stack([p[f"{at}N.{axis}"][right] for axis in "xyz"], -1).astype(np.float64)
         for p, at in ((truth, SURFACE[0]), (image, ""))
     )
-    angles = images.angles(*normals)
+    exact_normals, made_normals = normals
+    bulb = exact_normals.any(axis=-1)  # solids have none here
+    angles = images.angles(exact_normals[bulb], made_normals[bulb])
     exact = [images.rgb(truth, prefix) for prefix in SURFACE]
     judged = proved & np.all([np.isfinite(x).all(axis=-1) for x in exact], axis=0)
     pairs = [tuple(np.where(judged[..., None], x, 0) for x in (one, images.rgb(image))) for one in exact]

@@ -157,7 +157,7 @@ def _notes(row: Row) -> tuple[str, str]:
             agree += f"\nto the exact surface {_decibels(row.surface.antialiased.psnr_db)}; ppm: hits lost "
             agree += f"{show.number(row.surface.lost_ppm)}, wrong {show.number(row.surface.wrong_ppm)}"
         status = f"{row.converged_pixels:,} pixels marched: double-double, 104 bits; no proof"
-        return f"4×4 averaged: {to}\n{agree}", f"{status}\n{proved}"
+        return f"4×4 averaged, to its march:\n{to}\n{agree}", f"{status}\n{proved}"
     number = show.number
     mine = (
         f"{to}\nppm: false hits {number(row.false_hits_ppm)}, false misses {number(row.false_misses_ppm)}, "
