@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +62,12 @@ class Section:
     drawn: dict[str, Drawing] = field(default_factory=dict)
     images: dict[Path, str] = field(default_factory=dict)  # pictures, which no figure replaces; captions
     cut: str = ""  # what a quick study left out of it, and how to get it
-    html: str = ""  # a fragment of its own, behind the tables
+    fragment: Callable[[], str] = str  # HTML of its own, behind the tables; made for the page alone
     chart: str = ""  # that answers the mouse, of study.pictures.charts; the first figure is behind it
+
+    @cached_property
+    def html(self) -> str:
+        return self.fragment()
 
 
 def noted(section: Section, programs: Sequence[str]) -> Section:
@@ -119,7 +124,7 @@ class Found:
     parts: list[Part] = field(default_factory=list)
     answer: str = ""
     drawn: dict[str, Drawing] = field(default_factory=dict)
-    html: str = ""
+    fragment: Callable[[], str] = str
     chart: str = ""
     remarks: list[str] = field(default_factory=list)
 

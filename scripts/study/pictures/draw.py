@@ -118,7 +118,7 @@ def _corners(axes: Axes) -> np.ndarray:
         for line in axes.lines
         if line.get_marker() not in ("", "None", None) and line.get_transform() == axes.transData
     ]
-    found += [one.get_offsets() for one in axes.collections if isinstance(one, PathCollection)]
+    found += [np.asarray(one.get_offsets()) for one in axes.collections if isinstance(one, PathCollection)]
     pixels = axes.transData.transform(np.concatenate([np.empty((0, 2)), *found]))
     corners = pixels[:, None] + MARK * axes.figure.dpi / 72 * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
     return axes.transData.inverted().transform(corners.reshape(-1, 2))
@@ -128,12 +128,17 @@ def settle(figure: Figure) -> None:
     """Puts every name of the figure, whose layout is final, beside its mark, on no other name or mark."""
     from adjustText import adjust_text  # a fifth of a second, which few figures need
 
+    vars(figure)["draw_without_rendering"] = lambda: None  # it would once an axes, and nothing moves
     for axes in figure.axes:
-        names = [text for text in axes.texts if isinstance(text, Name)]
-        if names:
+        if names := _names(axes):
             x, y = _corners(axes).T
             line = {"arrowstyle": "-", "color": "#888888", "linewidth": 0.7}
             adjust_text(names, x, y, ax=axes, iter_lim=STEPS, arrowprops=line)
+    del vars(figure)["draw_without_rendering"]
+
+
+def _names(axes: Axes) -> list[Name]:
+    return [text for text in axes.texts if isinstance(text, Name)]
 
 
 def panels(
@@ -176,10 +181,14 @@ def _ready(figure: Figure, note: str) -> None:
     note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
     FigureCanvasAgg(figure)
-    for _ in range(PASSES):  # what stands beside its axes comes home after some only
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    settle(figure)
+    if layout := figure.get_layout_engine():
+        for _ in range(PASSES):  # what stands beside its axes comes home after some only
+            layout.execute(figure)
+    if any(_names(axes) for axes in figure.axes):
+        figure.set_layout_engine("none")  # drawn twice: a line to a name ends where the name was drawn last
+        settle(figure)
+    else:
+        figure.set_layout_engine(None)
 
 
 def bars_of(group: pd.DataFrame, name: str) -> np.ndarray:

@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -94,10 +95,10 @@ def pictures(data: Data) -> Section:
     """What stepwise pictures draws, and the verified pictures to compare."""
     images = {data.path / "figures" / name: text for name, text in PICTURES.items()}
     images = {path: text for path, text in images.items() if path.is_file()}
-    fragment = compared.fragment(data)
     answer = f"{next(iter(images.values()))}." if images else ""
     lacking = "scripts/stepwise pictures --run RUN"
-    return Section("pictures", "Pictures", lacking, [], answer=answer, images=images, html=fragment)
+    html = partial(compared.fragment, data)
+    return Section("pictures", "Pictures", lacking, [], answer=answer, images=images, fragment=html)
 
 
 def notes_html(text: str) -> str:

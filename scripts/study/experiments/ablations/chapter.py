@@ -178,7 +178,7 @@ def negative(path: Path, document: Path = DOCUMENT) -> Section:
     """What did not pay: the document as it is now, and a sentence of this run."""
     results = [kind.load_if_there(path / name) for name, kind in SCHEMAS.items()]
     rows = [row for result in results if result for row in result.rows]
-    made = Found(answer=_unpaid(rows), html=as_html(tried(document)))
+    made = Found(answer=_unpaid(rows), fragment=lambda: as_html(tried(document)))
     return made.section("negative", "What did not pay", path / FILE, "ablations")
 
 

@@ -22,7 +22,7 @@ def calls(study: Study) -> list[Call]:
 def found(data: Stability) -> Found:
     """How far each phase gets in each case; the table, and each case behind its title."""
     drawn = {"hard-cases": Drawing(figures.CAPTION, NOTE, lambda: figures.draw(data))}
-    return Found([], figures.answer(data), drawn, tables.section(data))
+    return Found([], figures.answer(data), drawn, lambda: tables.section(data))
 
 
 section = chapters("stability", "Hard cases", FILE, Stability, found, "results")
