@@ -1,6 +1,5 @@
 """Plots of tests/fixtures/run: every figure is there, is the same each time, and shows what it should."""
 
-import re
 import shutil
 import subprocess
 import sys
@@ -23,7 +22,6 @@ from study.pictures import ladder as ladder_figures
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
-REFERENCE = ROOT / "results" / "reference"
 
 
 @pytest.fixture
@@ -77,29 +75,6 @@ def test_the_same_run_gives_the_same_bytes(
     for name, one in ladder_figures.drawings(data, rows).items():
         for again in one.write(tmp_path / name):
             assert again.read_bytes() == made[again.name].read_bytes()
-
-
-READMES = {"roofline": "roofline", "pareto": "pareto"}  # → the chapter that draws it
-
-
-@pytest.fixture(scope="module")
-def redrawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """README's figures, drawn again by the command of results/reference/README.md."""
-    text = (REFERENCE / "README.md").read_text()
-    folder = re.search(r"are the figures of `([\w.-]+)`", text)
-    assert folder, text
-    out = tmp_path_factory.mktemp("redrawn")
-    done = redraw(REFERENCE / folder[1], "-o", out, "--only", *READMES.values())
-    assert done.returncode == 0 and not done.stderr, done.stderr
-    return out / "figures"
-
-
-@pytest.mark.parametrize("figure", READMES)
-def test_readmes_figures_are_those_of_the_published_run(figure: str, redrawn: Path) -> None:
-    published, again = (
-        np.asarray(Image.open(folder / f"{figure}.png").convert("RGB")) for folder in (REFERENCE, redrawn)
-    )
-    assert published.shape == again.shape and (published != again).any(axis=-1).mean() < 0.001
 
 
 def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) -> None:

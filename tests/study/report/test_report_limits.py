@@ -1,25 +1,46 @@
-"""The page of the newest published study: its size, its questions in order, an answer to each chapter."""
+"""The page of the newest published study: its size, its questions in order, an answer to each chapter, and
+README's figures."""
 
 import re
+from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from study.commands import report
 from study.core.registry import ROOT
 from study.experiments import experiment
 from study.numbers import analysis
 
-PUBLISHED = max((ROOT / "results" / "reference").glob("*/pareto.json")).parent
+REFERENCE = ROOT / "results" / "reference"
+FIGURES = re.search(
+    r"`(\w+)\.png` and `(\w+)\.png` are the figures of `([\w.-]+)`", (REFERENCE / "README.md").read_text()
+)
+PUBLISHED = REFERENCE / FIGURES[3]
 BYTES = 6_000_000
-LACKING = {"toolchains", "peers", "flight", "pictures"}  # of this run
+LACKING = {"toolchains", "peers"}  # of this run
 WITH_A_TABLE = {"negative"}  # opens with the table of a document
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> str:
-    out = tmp_path_factory.mktemp("report") / "index.html"
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("report") / "index.html"
+
+
+@pytest.fixture(scope="module")
+def page(out: Path) -> str:
     return report.page(analysis.load(PUBLISHED), out)
+
+
+@pytest.mark.parametrize("figure", FIGURES.groups()[:2])
+def test_readmes_figures_are_those_of_the_page(figure: str, page: str, out: Path) -> None:
+    published, again = (
+        np.asarray(Image.open(folder / f"{figure}.png").convert("RGB"))
+        for folder in (REFERENCE, out.parent / "figures")
+    )
+    assert published.shape == again.shape and (published != again).any(axis=-1).mean() < 0.001
 
 
 def test_it_is_small_and_whole(page: str) -> None:
@@ -29,7 +50,7 @@ def test_it_is_small_and_whole(page: str) -> None:
 
 def test_every_chapter_answers_with_a_number_and_opens_with_a_figure(page: str) -> None:
     chapters = dict(re.findall(r'<section id="(\w+)">(.*?)</section>', page, re.DOTALL))
-    for name in chapters.keys() - {"summary", "units", "phases", "machine"} - LACKING:
+    for name in chapters.keys() - {"summary", "units", "phases", "machine", "pictures"} - LACKING:
         (answer,) = re.findall(r'<p class="answer">(.*?)</p>', chapters[name])
         assert re.search(r"\d", answer), name
         shown = "<table" if name in WITH_A_TABLE else "<figure"
