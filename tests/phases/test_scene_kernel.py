@@ -118,9 +118,9 @@ def test_kernel_and_general_code_agree(scene: str, shop: Workshop) -> None:
 
 def test_kernels_of_features(shop: Workshop, tmp_path: Path) -> None:
     """Of every fourth of conformance's scenes (STEPWISE_EVERY_KERNEL=1: of all, two minutes) a small
-    picture by its kernel (-O1, which compiles faster) against the general code's, which conformance judges.
+    picture by its kernel (-Og, which compiles faster) against the general code's, which conformance judges.
     """
-    quick = shop.script("less", 'exec gcc "$@" -O1')
+    quick = shop.script("less", 'exec gcc "$@" -Og')
     words = {"STEPWISE_CC": str(quick), "STEPWISE_CACHE": str(tmp_path / "cache")}
     marched = {name for name in FEATURES if "mandelbox" in str(FEATURES[name])}  # which have no kernel
     names = [name for name in FEATURES if name not in marched]

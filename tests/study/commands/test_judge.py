@@ -33,9 +33,13 @@ def judged(monkeypatch, capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", SOLUTIONS)
-def test_the_ladders_solution_is_accepted(judged, number):
+def test_the_ladders_solution_is_accepted(judged, monkeypatch, number):
+    """Counting programs are built and run of the lab alone that asks for lanes."""
     if lacking := registry.missing_isa(Spec.parse(SOLUTIONS[number])):
         pytest.skip(f"the CPU lacks {' '.join(lacking)}")
+    if not judge.labs()[number].lanes:
+        monkeypatch.setattr(try_, "build_together", lambda *_: None)
+        monkeypatch.setattr(try_, "counted", lambda *_: None)
     status, said = judged(number, "--phase", SOLUTIONS[number])
     assert status == 0 and "MISSED" not in said, said
 

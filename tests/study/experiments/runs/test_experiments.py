@@ -61,12 +61,13 @@ def test_chapters_are_made_of_the_files_alone(name: str, tmp_path: Path) -> None
         path = store.stored(source / file)
         if path.exists():
             shutil.copy(path, run / path.name)
+    both = analysis.load(run), analysis.load(source)
     for _, make in one.sections:
-        here, there = make(analysis.load(run)), make(analysis.load(source))
+        here, there = map(make, both)
         tables = [(part.name, part.markdown) for part in here.parts]
         if here.lacking != f"make {name}" and not tables:
             continue  # of another experiment's file
-        assert (tables or here.html or here.drawn) and here.title
+        assert (tables or here.drawn or here.html) and here.title
         assert {name for name, _ in tables} <= {part.name for part in there.parts}
         assert here.answer or not there.answer
 
