@@ -97,7 +97,8 @@ def _number(phase: str) -> int | None:
     return int(found[1]) if found else None
 
 
-PASSES = 3  # of a layout
+PASSES = 3  # of a layout at most: until axes move by less than SETTLED of the figure
+SETTLED = 1e-9
 
 
 class Name(Text):
@@ -182,8 +183,12 @@ def _ready(figure: Figure, note: str) -> None:
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
     FigureCanvasAgg(figure)
     if layout := figure.get_layout_engine():
+        before = after = np.zeros(0)
         for _ in range(PASSES):  # what stands beside its axes comes home after some only
             layout.execute(figure)
+            before, after = after, np.array([axes.get_position().bounds for axes in figure.axes])
+            if before.size and np.abs(after - before).max() < SETTLED:
+                break
     if any(_names(axes) for axes in figure.axes):
         figure.set_layout_engine("none")  # drawn twice: a line to a name ends where the name was drawn last
         settle(figure)
