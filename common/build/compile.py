@@ -89,6 +89,7 @@ class Parsed:
                 own.rename(path)
             temporary = made.with_name(f"{made.name}.{os.getpid()}")
             run([*words, "-x", "c-header", str(path), "-o", str(temporary)], show=False)
+            made.with_name(f"{made.name}.sum").write_text(text)  # what ccache knows it by: no two are equal
             temporary.rename(made)
         return path
 
