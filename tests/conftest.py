@@ -36,17 +36,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--phase", help="of the tests of every phase, those of this one")
 
 
+SLOW = re.compile(r"mark\.slow|hypothesis")
 WHOLLY_SLOW = re.compile(r"^pytestmark = \[?pytest\.mark\.slow|^    pytest\.mark\.slow,$", re.MULTILINE)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Files without a test of the half that is asked for (run.py): importing them takes each worker seconds.
     The conformance suite marks its tests as they are collected."""
-    if collection_path.suffix != ".py" or collection_path.parent.name == "conformance":
-        return None
-    text = collection_path.read_text(encoding="utf-8")
-    quick, rest = not WHOLLY_SLOW.search(text), re.search(r"mark\.slow|hypothesis", text)
-    return {"not slow": not quick, "slow or hypothesis": not rest}.get(config.option.markexpr) or None
+    marked = collection_path.suffix == ".py" and collection_path.parent.name != "conformance"
+    text = collection_path.read_text(encoding="utf-8") if marked else "mark.slow"
+    halves = {"not slow": WHOLLY_SLOW.search(text), "slow or hypothesis": not SLOW.search(text)}
+    return bool(halves.get(config.option.markexpr)) or None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

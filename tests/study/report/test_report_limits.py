@@ -25,21 +25,21 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("report") / "index.html"
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("report")
 
 
 @pytest.fixture(scope="module")
-def page(out: Path) -> str:
-    return report.page(analysis.load(PUBLISHED), out)
+def page(folder: Path) -> str:
+    return report.page(analysis.load(PUBLISHED), folder / "index.html")
 
 
 @pytest.mark.parametrize("figure", FIGURES.groups()[:2])
-def test_readmes_figures_are_those_of_the_page(figure: str, page: str, out: Path) -> None:
-    published, again = (
-        np.asarray(Image.open(folder / f"{figure}.png").convert("RGB"))
-        for folder in (REFERENCE, out.parent / "figures")
-    )
+def test_readmes_figures_are_those_of_the_page(figure: str, page: str, folder: Path) -> None:
+    pictures = [
+        Image.open(where / f"{figure}.png").convert("RGB") for where in (REFERENCE, folder / "figures")
+    ]
+    published, again = map(np.asarray, pictures)
     assert published.shape == again.shape and (published != again).any(axis=-1).mean() < 0.001
 
 
