@@ -61,6 +61,7 @@ CALL struct vec3 place_point(struct vec3 p, const struct shape *shape) {
 
 // The point in the node's frame.
 CALL struct vec3 node_point(struct vec3 p, const struct node *node) {
+    COUNT(node_point, call);
     p = place_point(p, &node->shape);
     return new_vector(mirror(p.x, node->mirror[0]), mirror(p.y, node->mirror[1]),
                       mirror(p.z, node->mirror[2]));
@@ -127,6 +128,7 @@ CALL void child_distances(struct vec3 p, const struct node *nodes, int index, do
 
 // Returns the child that decides a sharp operation, the first of equals.
 CALL int least_child(const double *room, int count) {
+    COUNT(least_child, call);
     int best = 0;
     for (int i = 1; i < count; i++)
         if (COUNT(least_child, child), room[i] < room[best])
@@ -174,6 +176,7 @@ double sdf_group(struct vec3 p, const struct shape *shape) {
 // child that decides; of a blend, the children's in the shares of their weights.
 CALL struct material node_material(struct vec3 p, const struct node *nodes, int index,
                                    const struct material *materials, double *room) {
+    COUNT(node_material, call);
     const struct node *node = &nodes[index];
     if (node->operation == NODE_SHAPE)
         return materials[node->shape.material];

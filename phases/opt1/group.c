@@ -41,6 +41,7 @@ static inline void turn(double *u, double *v, double c, double s) {
 
 // The point in the node's frame.
 static inline void node_point(const double *p, const struct group_node *made, double *q) {
+    COUNT(node_point, call);
     const struct shape *shape = &made->node.shape;
     for (int k = 0; k < 3; k++)
         q[k] = p[k];
@@ -64,6 +65,7 @@ static inline void node_point(const double *p, const struct group_node *made, do
 
 // The point as the node's children, or its shape, see it. Returns how far it is out of the twisted cylinder.
 static inline double twist_point(const double *q, const struct node *node, double *r) {
+    COUNT(twist_point, call);
     for (int k = 0; k < 3; k++)
         r[k] = q[k];
     if (node->twist == 0.0)
@@ -78,27 +80,33 @@ static inline double twist_point(const double *q, const struct node *node, doubl
     return reach - node->twist_radius;
 }
 
+CALL double sdf_capsule(const double *p, const struct shape *shape) {
+    COUNT(sdf_capsule, call);
+    double h = shape->capsule.half_height, y = p[1] - clamp(p[1], -h, h);
+    return sqrt(p[0] * p[0] + y * y + p[2] * p[2]) - shape->capsule.radius;
+}
+
+// A bound, as the next.
+CALL double sdf_ellipsoid(const double *p, const struct group_node *made) {
+    COUNT(sdf_ellipsoid, call);
+    const double *r = made->node.shape.ellipsoid.radius;
+    double x = p[0] / r[0], y = p[1] / r[1], z = p[2] / r[2];
+    return (sqrt(x * x + y * y + z * z) - 1.0) * made->least;
+}
+
+CALL double sdf_gyroid(const double *p, const struct group_node *made) {
+    COUNT(sdf_gyroid, call);
+    double x = p[0] * made->scale, y = p[1] * made->scale, z = p[2] * made->scale;
+    double level = sin(x) * cos(y) + sin(y) * cos(z) + sin(z) * cos(x);
+    return fabs(level) / made->unit - 0.5 * made->node.shape.gyroid.thickness;
+}
+
 static double distance_of_node(const double *p, const struct group_node *made) {
-    const struct shape *shape = &made->node.shape;
-    switch ((int)shape->type) {
-    case SHAPE_CAPSULE: {
-        COUNT(sdf_capsule, call);
-        double h = shape->capsule.half_height, y = p[1] - clamp(p[1], -h, h);
-        return sqrt(p[0] * p[0] + y * y + p[2] * p[2]) - shape->capsule.radius;
-    }
-    case SHAPE_ELLIPSOID: { // a bound
-        COUNT(sdf_ellipsoid, call);
-        const double *r = shape->ellipsoid.radius;
-        double x = p[0] / r[0], y = p[1] / r[1], z = p[2] / r[2];
-        return (sqrt(x * x + y * y + z * z) - 1.0) * made->least;
-    }
-    case SHAPE_GYROID: { // a bound
-        COUNT(sdf_gyroid, call);
-        double x = p[0] * made->scale, y = p[1] * made->scale, z = p[2] * made->scale;
-        double level = sin(x) * cos(y) + sin(y) * cos(z) + sin(z) * cos(x);
-        return fabs(level) / made->unit - 0.5 * shape->gyroid.thickness;
-    }
-    default: return distance_at(p, shape);
+    switch ((int)made->node.shape.type) {
+    case SHAPE_CAPSULE: return sdf_capsule(p, &made->node.shape);
+    case SHAPE_ELLIPSOID: return sdf_ellipsoid(p, made);
+    case SHAPE_GYROID: return sdf_gyroid(p, made);
+    default: return distance_at(p, &made->node.shape);
     }
 }
 
@@ -148,6 +156,7 @@ static void child_distances(const double *p, const struct group_node *nodes, int
 
 // Returns the child that decides a sharp operation, the first of equals.
 static int least_child(const double *room, int count) {
+    COUNT(least_child, call);
     int best = 0;
     for (int i = 1; i < count; i++)
         if (COUNT(least_child, child), room[i] < room[best])
@@ -197,6 +206,7 @@ double sdf_group(const double *p, const struct group_node *nodes, int root) {
 // child that decides; of a blend, the children's in the shares of their weights.
 static struct material node_material(const double *p, const struct group_node *nodes, int index,
                                      const struct material *materials, double *room) {
+    COUNT(node_material, call);
     const struct node *node = &nodes[index].node;
     if (node->operation == NODE_SHAPE)
         return materials[node->shape.material];
