@@ -21,7 +21,7 @@ void field_values(const struct program *program, const struct vec *at, int count
             break;
         case STEP_ENTER:
             for (int k = 0; k < count; k++)
-                p[count + k] = point_in(p[k], n).r;
+                enter_node(n, &p[k], &p[count + k]);
             p += count;
             break;
         case STEP_FOLD:
@@ -33,7 +33,7 @@ void field_values(const struct program *program, const struct vec *at, int count
         case STEP_LEAVE:
             p -= count;
             for (int k = 0; k < count; k++)
-                top[k - count] = shelled(displaced(top[k - count], point_in(p[k], n), n), n);
+                top[k - count] = leave_node(n, &p[k], top[k - count]);
             break;
         default: break;
         }

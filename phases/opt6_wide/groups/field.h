@@ -168,6 +168,14 @@ static inline vfloat folded_distance(const struct step *step, const struct group
     return negated_if(n->operation != NODE_UNION, f);
 }
 
+// Functions with arrays of variable length pass vectors by pointers only: clang does not align their stack for others.
+
+// Takes a point into a node's frame, as its children see it.
+void enter_node(const struct group_node *n, const struct vec *p, struct vec *inside);
+
+// Returns a node's field at p, from that of its shape or operation.
+vfloat leave_node(const struct group_node *n, const struct vec *p, vfloat f);
+
 // Sets the distances of a node's shape from `count` points.
 void shape_distances(const struct step *step, const struct group_node *n, const struct vec *at,
                      int count, vfloat *distance);

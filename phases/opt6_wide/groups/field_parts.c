@@ -33,12 +33,12 @@ static struct vec gradient_in_frame(struct vec p, const struct primitive *s) {
     return vec_scale(g, v_splat(1.0f) / v_max(vec_norm(g), v_splat(1e-18f)));
 }
 
-static struct field_part shape_part(const struct step *step, const struct group_node *n,
-                                    struct vec p) {
+__attribute__((noinline)) static struct field_part
+shape_part(const struct step *step, const struct group_node *n, const struct vec *p) {
     const struct primitive *s = &n->shape;
     vfloat f;
-    shape_distances(step, n, &p, 1, &f);
-    struct vec g = gradient_in_frame(step->first ? p : in_frame(p, s), s);
+    shape_distances(step, n, p, 1, &f);
+    struct vec g = gradient_in_frame(step->first ? *p : in_frame(*p, s), s);
     return (struct field_part){f, step->first ? g : turned_back(s, g), vec_set(n->color),
                                v_splat(n->reflectivity), v_splat(n->shininess)};
 }
@@ -106,10 +106,11 @@ static struct vec gradient_left(struct vec g, struct node_point at, struct vec p
     return turned_back(&n->shape, g);
 }
 
-static void leave_part(const struct group_node *n, struct vec p, struct field_part *part) {
-    struct node_point at = point_in(p, n);
+__attribute__((noinline)) static void leave_part(const struct group_node *n, const struct vec *p,
+                                                 struct field_part *part) {
+    struct node_point at = point_in(*p, n);
     vfloat inside = displaced(part->f, at, n); // which side of a shell is it?
-    part->gradient = gradient_left(part->gradient, at, p, inside, n);
+    part->gradient = gradient_left(part->gradient, at, *p, inside, n);
     part->f = shelled(inside, n);
 }
 
@@ -121,9 +122,9 @@ struct field_part field_parts(const struct program *program, struct vec at) {
         const struct step *step = &program->steps[i];
         const struct group_node *n = &program->nodes[step->node];
         switch (step->kind) {
-        case STEP_SHAPE: *top++ = shape_part(step, n, *p); break;
+        case STEP_SHAPE: *top++ = shape_part(step, n, p); break;
         case STEP_ENTER:
-            p[1] = point_in(*p, n).r;
+            enter_node(n, p, p + 1);
             p++;
             break;
         case STEP_FOLD: {
@@ -132,7 +133,7 @@ struct field_part field_parts(const struct program *program, struct vec at) {
             *top++ = all;
             break;
         }
-        case STEP_LEAVE: leave_part(n, *--p, top - 1); break;
+        case STEP_LEAVE: leave_part(n, --p, top - 1); break;
         default: break;
         }
     }

@@ -30,3 +30,11 @@ void shape_distances(const struct step *step, const struct group_node *n, const 
     }
 #undef CASE
 }
+
+void enter_node(const struct group_node *n, const struct vec *p, struct vec *inside) {
+    *inside = point_in(*p, n).r;
+}
+
+vfloat leave_node(const struct group_node *n, const struct vec *p, vfloat f) {
+    return shelled(displaced(f, point_in(*p, n), n), n);
+}

@@ -43,7 +43,8 @@ static vfloat middle_of(const struct bundle *b, size_t part) {
 
 // Cuts the tube of the rays into pieces. It is as long as the rays are far from the group's sphere, and longer by half
 // of the sphere's radius and by some of its own widths. Its axis has the direction of one ray.
-static struct pieces pieces_of(const struct bundle *b, const struct program *program) {
+__attribute__((noinline)) static struct pieces pieces_of(const struct bundle *b,
+                                                         const struct program *program) {
     vfloat zero = v_splat(0.0f), least = v_splat(INFINITY), off = zero, turn = zero, gap = least;
     vfloat most = v_splat(-INFINITY);
     unsigned lanes = v_mask_bits(b->live[0]);
@@ -110,12 +111,13 @@ static bool misses_cluster(const struct search *s, const struct cluster *c, stru
 }
 
 // Sets the values of the shapes of a cluster, and lowers the least upper bound of their union by them.
-static void value_cluster(struct search *s, int at, float blend, struct vec p, vfloat *least) {
+__attribute__((noinline)) static void value_cluster(struct search *s, int at, float blend,
+                                                    const struct vec *p, vfloat *least) {
     const struct step *step = &s->whole->steps[at];
     const struct cluster *c = &s->whole->clusters[step->node];
     if (step->first)
-        *least = bound_of_clusters(s, c, p);
-    bool misses = misses_cluster(s, c, p, *least + v_splat(blend));
+        *least = bound_of_clusters(s, c, *p);
+    bool misses = misses_cluster(s, c, *p, *least + v_splat(blend));
     for (int i = at + 1; i <= at + step->count; i++) {
         s->begin[i] = i;
         s->alive[i] = false;
@@ -124,7 +126,7 @@ static void value_cluster(struct search *s, int at, float blend, struct vec p, v
             continue;
         const struct step *shape = &s->whole->steps[i];
         COUNT(group_shape, call);
-        shape_distances(shape, &s->whole->nodes[shape->node], &p, 1, &s->value[i]);
+        shape_distances(shape, &s->whole->nodes[shape->node], p, 1, &s->value[i]);
         *least = v_min(s->value[i] + s->radius, *least);
     }
 }
@@ -149,13 +151,13 @@ static void value_fold(struct search *s, int at, const int *fields) {
 }
 
 // Sets all values, and that no step is alive.
-static void value_steps(struct search *s, struct vec centre) {
+static void value_steps(struct search *s, const struct vec *centre) {
     const struct program *whole = s->whole;
     int fields[whole->values], count = 0, enters[whole->points + 1];
     struct vec points[whole->points + 1], *p = points;
     vfloat least = v_splat(INFINITY);
     float blend = 0;
-    points[0] = centre;
+    points[0] = *centre;
     for (int i = 0; i < whole->length; i++) {
         const struct step *step = &whole->steps[i];
         const struct group_node *n = &whole->nodes[step->node];
@@ -165,7 +167,7 @@ static void value_steps(struct search *s, struct vec centre) {
         switch (step->kind) {
         case STEP_CLUSTER:
             blend = step->first ? blend_of_clusters(whole, i) : blend;
-            value_cluster(s, i, blend, *p, &least);
+            value_cluster(s, i, blend, p, &least);
             for (int k = 0; k < step->count; k++)
                 fields[count++] = ++i;
             break;
@@ -176,7 +178,7 @@ static void value_steps(struct search *s, struct vec centre) {
             break;
         case STEP_ENTER:
             enters[p - points] = i;
-            p[1] = point_in(*p, n).r;
+            enter_node(n, p, p + 1);
             p++;
             break;
         case STEP_FOLD:
@@ -187,7 +189,7 @@ static void value_steps(struct search *s, struct vec centre) {
         default:
             p--;
             s->begin[i] = enters[p - points];
-            s->value[i] = shelled(displaced(s->value[i - 1], point_in(*p, n), n), n);
+            s->value[i] = leave_node(n, p, s->value[i - 1]);
             fields[count - 1] = i;
             break;
         }
@@ -272,7 +274,7 @@ void prune_program(const struct local_ray *const *rays, const vfloat *t, const v
     struct search s = {whole, pieces.radius, value, begin, alive, kept, first_kept};
     ACTIVE(LANES);
     COUNT(prune_group, call);
-    value_steps(&s, pieces.centre);
+    value_steps(&s, &pieces.centre);
     for (int i = whole->length - 1; i >= 0; i--) {
         alive[i] = alive[i] || i == whole->length - 1;
         if (alive[i] && whole->steps[i].kind == STEP_FOLD)
