@@ -1,9 +1,7 @@
 // The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
-#ifndef PRIMITIVE_H
-#define PRIMITIVE_H
+#pragma once
 
 #include <stdbool.h>
-#include <stddef.h>
 
 #include "phase.h"
 #include "settings.h"
@@ -14,9 +12,13 @@ static inline void split(double a, float *hi, float *lo) {
     *lo = (float)(a - *hi);
 }
 
-// How a shape is evaluated along a ray: its distance at a point of its frame; a line in t, for a plane that is not
-// repeated; or its power, a polynomial in t, for a sphere wider than the bounds.
-enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
+// How a shape is evaluated along a ray. POINT: its distance at a point of its frame. LINEAR: a line in t, for a plane
+// that is not repeated. POWER: its power, a polynomial in t, for a sphere wider than the bounds. FIELD: a group's
+// program, at a point of the group's frame.
+enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER, EVAL_FIELD };
+
+struct groups;  // groups/program.h
+struct program; // groups/program.h
 
 // A shape in the form that the march evaluates.
 struct primitive {
@@ -32,9 +34,10 @@ struct primitive {
     float normal[3];              // plane: in the world's axes
     float a, b, c;                // sizes: see prepare_shape()
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
-    float size[3];                // box: half size; plane: normal
+    float size[3];                // box: half size; plane: normal; Mandelbox: squares of its radii
     float bailout;
     int iterations;
+    const struct program *program; // of a group
     // For ray origins, which are moved into the shape's frame in double and then rounded once: position, rows of the
     // shape's matrix (linear plane: its normal in the world's axes), cells.
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
@@ -50,6 +53,7 @@ struct shape_list {
 struct prepared {
     struct model model;
     struct primitive *primitives; // one per shape
+    struct groups *groups;        // NULL: the scene has none
     struct shape_list all;
     struct settings settings;
     char said[128]; // the settings, in words
@@ -57,5 +61,3 @@ struct prepared {
 
 // Packets of rays that march together: a group.
 enum { GROUP = 4 };
-
-#endif
