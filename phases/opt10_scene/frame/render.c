@@ -52,6 +52,9 @@ static void make_kernel(struct phase_state *kept) {
             "STEPWISE_PATH forces a path of the general code: no kernel is generated for that";
     else if (!kept->prepared.analytic)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
+    else if (kept->prepared.model.features.groups)
+        loaded->facts.reason =
+            "a scene with groups runs their programs: no kernel is generated for that";
     else if (kept->prepared.bvh.levels)
         loaded->facts.reason =
             "a scene of so many shapes has a BVH: no kernel is generated for that";
@@ -83,7 +86,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
         return NULL;
     kept->sixteen = variant_here().lanes == 16;
     kept->prepared.path = draw_path_forced();
-    if (reserve_prepared(&kept->prepared, model->shape_count)) {
+    if (reserve_prepared(&kept->prepared, model)) {
         prepare_shapes(&kept->prepared, model);
         make_kernel(kept);
         kept->workers = start_team(kept, model, threads);

@@ -11,6 +11,8 @@
 #define KNOWN(scene) (&scene_known)
 // Scenes with a BVH have no kernel. Code for them is neither called nor compiled here.
 #define HAS_BVH(scene) false
+// Nor have scenes with groups.
+#define IS_GROUP(s) false
 #define INLINE __attribute__((__always_inline__)) static inline
 #define KERNEL_SHARED static
 #define KERNEL_INLINE INLINE

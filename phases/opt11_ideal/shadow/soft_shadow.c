@@ -62,6 +62,19 @@ INLINE void darken_by_solid(int i, struct soft_packet *w, const struct prepared 
     }
 }
 
+INLINE void darken_by_group(const struct primitive *s, int i, struct soft_packet *w, float lit) {
+    struct vec zero = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    struct vec o = turned(s, vec_sub(zero, to_centre(s, w->point)));
+    o = vec_select(is_shape(w->shape, i), w->local, o);
+    vfloat t, far = w->far;
+    vmask dark = v_mask_none();
+    if (s->sharp) // many rays enter it: closed forms tell them
+        dark = sharp_enter(s->sharp, o, turned(s, w->to_light), w->active, w->near, far, &t);
+    w->best = v_select(dark, v_splat(0.0f), w->best);
+    w->best =
+        field_widest(s->field, o, turned(s, w->to_light), w->active, w->near, w->far, w->best, lit);
+}
+
 // A Mandelbulb is searched for all queued rays at once, by search_bulb().
 INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepared) {
     const struct primitive *s = &KNOWN(prepared)->primitives[i];
@@ -72,6 +85,8 @@ INLINE void darken_by(int i, struct soft_packet *w, const struct prepared *prepa
     else if (REPEATED(s))
         w->best = widest_in_cells(i, w, room_for((float)KNOWN(prepared)->model.shadow_strength),
                                   prepared);
+    else if (IS_GROUP(s))
+        darken_by_group(s, i, w, (float)(1.0 / KNOWN(prepared)->model.shadow_strength));
     else if (s->type != SHAPE_MANDELBULB)
         darken_by_solid(i, w, prepared);
 }

@@ -1,4 +1,4 @@
-// How shapes are prepared: core/primitives.c, and the frames and sizes it uses.
+// How shapes are prepared: core/prepare_shape.c, and the frames and sizes it uses.
 #pragma once
 
 #include "core/primitive.h"

@@ -150,6 +150,9 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     case SHAPE_CONE: exact = cone_gradient(p, s); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
     case SHAPE_PLANE: exact = vec_set(s->size); break;
+    case SHAPE_GROUP:
+        exact = turned_back(s, field_surface(s->field, p, found).normal);
+        return vec_select(near, rounded, exact);
     default: return rounded;
     }
     exact = turned_back(s, exact);

@@ -9,8 +9,26 @@ struct surfaces {
     vfloat reflectivity, shininess;
 };
 
-static struct surfaces gather(vfloat shape, vmask found, const struct model *model) {
+// A group's materials are mixed in its blends. Precondition: the hits are the origins of world->local_rays.
+static void gather_group(int i, vfloat shape, vmask found, const struct trace_context *world,
+                         struct surfaces *all) {
+    vmask same = v_cmp_lt(v_abs(shape - v_splat((float)i)), v_splat(0.5f));
+    const struct primitive *s = &world->scene->primitives[i];
+    if (s->type != SHAPE_GROUP || !v_any(v_and(same, found)))
+        return;
+    struct vec p = world->local_rays[i].origin;
+    if (s->repeated)
+        p = vec_wrapped(s, p);
+    struct field_surface at = field_surface(s->field, p, v_and(same, found));
+    all->color = vec_select(same, at.color, all->color);
+    all->reflectivity = v_select(same, at.reflectivity, all->reflectivity);
+    all->shininess = v_select(same, at.shininess, all->shininess);
+}
+
+static struct surfaces gather(vfloat shape, vmask found, const struct trace_context *world) {
+    const struct model *model = &world->scene->model;
     float id[LANES], values[5][LANES];
+    struct surfaces mixed;
     v_store(v_select(found, shape, v_splat(0.0f)), id);
     for (int lane = 0; lane < LANES; lane++) {
         const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
@@ -19,9 +37,12 @@ static struct surfaces gather(vfloat shape, vmask found, const struct model *mod
         values[3][lane] = (float)m->reflectivity;
         values[4][lane] = (float)m->shininess;
     }
-    return (struct surfaces){{v_load(values[0]), v_load(values[1]), v_load(values[2])},
-                             v_load(values[3]),
-                             v_load(values[4])};
+    mixed = (struct surfaces){{v_load(values[0]), v_load(values[1]), v_load(values[2])},
+                              v_load(values[3]),
+                              v_load(values[4])};
+    for (int i = 0; i < model->shape_count && model->features.groups; i++)
+        gather_group(i, shape, found, world, &mixed);
+    return mixed;
 }
 
 static struct vec from_to(struct point from, const double to[3]) {
@@ -70,7 +91,7 @@ void trace(struct point origin, struct vec direction, vmask active, int bounce,
         return;
     struct point p = result->hit.point;
     struct vec n = result->hit.normal;
-    struct surfaces surface = gather(result->hit.shape, found, model);
+    struct surfaces surface = gather(result->hit.shape, found, world);
     struct vec color = light_at(p, n, direction, found, &surface, world);
     if (model->features.mirrors && bounce < model->march.max_bounces) {
         // One reflective ray makes the call; the others are masked out of it and of its colour.

@@ -26,7 +26,7 @@ enum draw_path draw_path_forced(void) {
 
 // Returns NULL if the path that `trial` is forced to draws the scene.
 static const char *why_not(struct prepared *trial, const struct scene *scene, bool sixteen) {
-    if (!reserve_prepared(trial, scene->model.shape_count))
+    if (!reserve_prepared(trial, &scene->model))
         return "out of memory";
     prepare_shapes(trial, &scene->model);
     if (trial->path == PATH_MARCH)

@@ -4,9 +4,13 @@
 
 #include "types/primitive.h"
 
-// Allocates the arrays for shape_count shapes. Precondition: *prepared is zeroed. Returns false if memory is
+// Allocates the arrays for the model's shapes. Precondition: *prepared is zeroed. Returns false if memory is
 // short; the caller frees `prepared` in either case.
-bool reserve_prepared(struct prepared *prepared, int shape_count);
+bool reserve_prepared(struct prepared *prepared, const struct model *model);
+// Takes a group apart (frame/sharp_groups.c), relative to the centre of its sphere. Returns false if it has a blend, a
+// modifier other than a mirror, or a shape that is not convex. Of its solids only the frames are set.
+struct sharp;
+bool take_sharp(struct sharp *sharp, const struct shape *group, const float centre[3]);
 void free_prepared(struct prepared *prepared);
 // Sets everything but `cameras`. Precondition: reserve_prepared() returned true.
 void prepare_shapes(struct prepared *prepared, const struct model *model);

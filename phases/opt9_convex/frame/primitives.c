@@ -4,7 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fields/field.h"
 #include "frame/prepare.h"
+#include "hit/sharp.h"
 #include "scene/vector.h"
 #include "types/ideal.h"
 
@@ -75,7 +77,7 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
     }
     p.eval = eval_kind_of(shape, p.repeated, limits);
     prepare_rows(&p, shape, turn, extra);
-    switch (shape->type) {
+    switch ((int)shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
     case SHAPE_ROUNDED_BOX:
@@ -105,6 +107,11 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
         p.a = (float)shape->plane.offset;
         break;
     case SHAPE_MANDELBOX: prepare_mandelbox(&p, shape); break;
+    case SHAPE_GROUP: break;
+    case SHAPE_CAPSULE:
+        p.a = (float)shape->capsule.radius;
+        p.c = (float)shape->capsule.half_height;
+        break;
     default:
         p.bailout = (float)shape->mandelbulb.bailout;
         p.iterations = shape->mandelbulb.iterations;
@@ -117,7 +124,7 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
 // a sphere's radius is exact.
 static double bounding_radius(const struct shape *shape) {
     const double *half = shape->box.half_size;
-    switch (shape->type) {
+    switch ((int)shape->type) {
     case SHAPE_SPHERE: return shape->sphere.radius;
     case SHAPE_BOX:
         return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
@@ -131,7 +138,36 @@ static double bounding_radius(const struct shape *shape) {
     case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
     case SHAPE_MANDELBULB:
         return 1.15; // beyond 2^(1/7) every point escapes; see bulb/bulb_estimate.h
+    case SHAPE_CAPSULE: return (shape->capsule.radius + shape->capsule.half_height) * (1 + 1e-5);
+    case SHAPE_GROUP: return shape->group.nodes[shape->group.root].radius * (1 + 1e-5);
     default: return INFINITY;
+    }
+}
+
+// Sets the sizes and the bound of a group's solid, whose frame is set.
+static void prepare_leaf(struct primitive *p, const struct shape *shape,
+                         const struct limits *limits) {
+    struct primitive_extra extra;
+    struct primitive sized = prepare_shape(0, shape, limits, &extra);
+    double bound = bounding_radius(shape);
+    memcpy(sized.position, p->position, sizeof p->position);
+    memcpy(sized.turn, p->turn, sizeof p->turn);
+    sized.turned = p->turned;
+    sized.eval = EVAL_POINT;
+    sized.bound = (float)bound;
+    sized.bound_sq = (float)(bound * bound);
+    *p = sized;
+}
+
+// Moves a group's position to the centre of its sphere.
+static void prepare_group(struct primitive *p, const struct field *field, const struct sharp *sharp,
+                          struct primitive_extra *extra) {
+    p->field = field;
+    p->sharp = sharp;
+    for (int k = 0; k < 3; k++) {
+        for (int i = 0; i < 3; i++)
+            p->centre[k] += p->row[i][k] * (double)field->centre[i];
+        split(p->centre[k], &p->position[k], &extra->position_lo[k]);
     }
 }
 
@@ -177,7 +213,8 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     double bound = bounding_radius(shape);
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
-    p->convex = shape->type != SHAPE_TORUS && !is_fractal(shape->type);
+    p->convex =
+        shape->type != SHAPE_TORUS && shape->type != SHAPE_GROUP && !is_fractal(shape->type);
     const struct material *m = &model->materials[shape->material];
     to_floats(m->color, p->color);
     p->share = (float)(m->reflectivity * 0.1);
@@ -210,7 +247,7 @@ static bool bvh_pays(const struct prepared *prepared) {
     return marches ? count - prepared->plane_count > BVH_WIDTH : count >= BVH_MIN_SHAPES;
 }
 
-// Builds the BVH, or leaves it without levels. None with a Mandelbulb, whose shadow rays test every shape.
+// Builds the BVH, or leaves it without levels. None with a Mandelbulb or a group, whose shadow rays test every shape.
 // None if max_steps is below BVH_MIN_MAX_STEPS: batches of shadow rays do not count the steps of each ray.
 enum { BVH_MIN_MAX_STEPS = 256 };
 
@@ -220,7 +257,7 @@ static void build_bvh(struct prepared *prepared) {
     bool wanted =
         prepared->path == PATH_BVH || (prepared->path == PATH_DEFAULT && bvh_pays(prepared));
     if (!wanted || !prepared->analytic || prepared->known.repeats || prepared->known.bulbs ||
-        prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
+        prepared->model.features.groups || prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
         return;
     for (int i = 0; i < count; i++) {
         const struct primitive *p = &prepared->primitives[i];
@@ -276,6 +313,22 @@ static struct known_scene known_of(const struct model *model) {
         .lit_slope = lit_slope(model->shadow_strength)};
 }
 
+static void add_group(struct prepared *prepared, int i, struct primitive *p) {
+    const struct shape *shape = &prepared->model.shapes[i];
+    const struct field *field = field_of(prepared->fields, i);
+    struct sharp *sharp = &prepared->sharps[prepared->sharp_count];
+    bool is_sharp = take_sharp(sharp, shape, field->centre);
+    for (int k = 0; k < sharp->leaves && is_sharp; k++)
+        if (sharp->shape[k])
+            prepare_leaf(&sharp->leaf[k], sharp->shape[k], &prepared->model.march);
+    prepared->sharp_count += is_sharp;
+    prepare_group(p, field, is_sharp ? sharp : NULL, &prepared->extras[i]);
+}
+
+static bool has_jumps(const struct shape *group) {
+    return group->group.nodes[group->group.root].jumps;
+}
+
 void prepare_shapes(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     if (SOFT_IS_IDEAL && model->shadows == SHADOWS_IDEAL)
@@ -285,10 +338,14 @@ void prepare_shapes(struct prepared *prepared, const struct model *model) {
     *known = known_of(&prepared->model);
     known->primitives = prepared->primitives;
     prepared->plane_count = 0;
+    fields_prepare(prepared->fields, model);
+    prepared->sharp_count = 0;
     for (int i = 0; i < model->shape_count; i++) {
         struct primitive *p = &prepared->primitives[i];
         *p = prepare_shape(i, &model->shapes[i], &model->march, &prepared->extras[i]);
         prepare_solid(p, &model->shapes[i], model);
+        if (p->type == SHAPE_GROUP)
+            add_group(prepared, i, p);
         if (p->eval == EVAL_LINEAR && known->plane < 0)
             known->plane = i;
         if (p->eval == EVAL_LINEAR)
@@ -297,29 +354,37 @@ void prepare_shapes(struct prepared *prepared, const struct model *model) {
         if ((p->repeated &&
              (known->bulbs || !fits_its_cells(&model->shapes[i], p, &model->march))) ||
             p->eval == EVAL_POWER || p->type == SHAPE_MANDELBOX ||
+            (p->type == SHAPE_GROUP && (!(p->bound < INFINITY) || has_jumps(&model->shapes[i]))) ||
             // With two Mandelbulbs, each one's estimate changes the steps towards the other.
             (p->type == SHAPE_MANDELBULB && (model->march.hit_distance > 0.01 ||
                                              model->shadows == SHADOWS_HARD || known->bulbs > 1)))
             prepared->analytic = false;
     }
+    if (model->features.groups && (known->repeats || known->bulbs))
+        prepared->analytic = false;
     for (int i = 0; i < model->shape_count && known->repeats; i++)
         link_same_grid(prepared->primitives, i, model->shape_count);
     build_bvh(prepared);
 }
 
-bool reserve_prepared(struct prepared *prepared, int shape_count) {
-    size_t count = (size_t)shape_count;
+bool reserve_prepared(struct prepared *prepared, const struct model *model) {
+    size_t count = (size_t)model->shape_count;
     prepared->primitives = calloc(count, sizeof *prepared->primitives);
     prepared->extras = calloc(count, sizeof *prepared->extras);
     prepared->cameras = calloc(count, sizeof *prepared->cameras);
     prepared->planes = calloc(count, sizeof *prepared->planes);
     prepared->leaves = calloc(count, sizeof *prepared->leaves);
-    return prepared->primitives && prepared->extras && prepared->cameras && prepared->planes &&
-           prepared->leaves && bvh_reserve(&prepared->bvh, shape_count);
+    prepared->fields = fields_reserve(model);
+    prepared->sharps = calloc((size_t)model->features.groups + 1, sizeof *prepared->sharps);
+    return prepared->fields && prepared->sharps && prepared->primitives && prepared->extras &&
+           prepared->cameras && prepared->planes && prepared->leaves &&
+           bvh_reserve(&prepared->bvh, model->shape_count);
 }
 
 void free_prepared(struct prepared *prepared) {
     bvh_free(&prepared->bvh);
+    fields_free(prepared->fields);
+    free(prepared->sharps);
     free(prepared->leaves);
     free(prepared->planes);
     free(prepared->cameras);

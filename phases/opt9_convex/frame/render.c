@@ -35,7 +35,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
         return NULL;
     kept->sixteen = variant_here().lanes == 16;
     kept->prepared.path = draw_path_forced();
-    if (reserve_prepared(&kept->prepared, model->shape_count)) {
+    if (reserve_prepared(&kept->prepared, model)) {
         prepare_shapes(&kept->prepared, model);
         kept->workers = workers_start(threads, kept->sixteen ? lanes16_scratch_size(model)
                                                              : lanes8_scratch_size(model));

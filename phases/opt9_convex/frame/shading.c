@@ -32,6 +32,18 @@ static struct vec bulb_normal(struct vec p, vmask found, const struct primitive 
     return vec_scale(n, v_splat(1.0f) / v_select(some, size, v_splat(1.0f)));
 }
 
+// Sets the surface of the lanes that hit a group: materials are mixed in a blend.
+static void group_surface(const struct primitive *s, struct vec p, vmask same,
+                          struct surface *all) {
+    struct field_surface at = field_surface(s->field, p, same);
+    all->normal = vec_select(same, turned_back(s, at.normal), all->normal);
+    all->color = vec_select(same, at.color, all->color);
+    all->share = v_select(same, at.reflectivity * v_splat(0.1f), all->share);
+    all->shininess = v_select(same, at.shininess, all->shininess);
+    vfloat from = v_exp(v_splat(-20.723266f) / at.shininess); // 1e-9 to the power of 1/shininess
+    all->shine_from = v_select(same, from, all->shine_from);
+}
+
 // Sets the surface of the lanes that hit shape i.
 INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepared *scene,
                        struct surface *all) {
@@ -42,7 +54,10 @@ INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepar
     struct vec normal = vec_set(s->normal);
     if (s->type == SHAPE_MANDELBULB)
         normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
-    else if (s->eval != EVAL_LINEAR)
+    else if (IS_GROUP(s)) {
+        group_surface(s, hit->local, same, all);
+        return;
+    } else if (s->eval != EVAL_LINEAR)
         normal = turned_back(s, normal_on(hit->local, s));
     all->normal = vec_select(same, normal, all->normal);
     all->color = vec_select(same, vec_set(s->color), all->color);

@@ -7,6 +7,8 @@
 #pragma once
 
 #include "simd/simd.h"
+
+#include "fields/rays.h"
 #include "types/known_scene.h"
 
 static inline vfloat inverse_of(vfloat d) { // of a component of a direction; 0 becomes 1e-20
@@ -133,6 +135,10 @@ INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, v
 KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
                                 vfloat *t);
 
+// hit/sharp.c. Returns which rays come to the surface of a sharp group between `from` and `to`, from outside, and sets t.
+vmask sharp_enter(const struct sharp *sharp, struct vec o, struct vec d, vmask active, vfloat from,
+                  vfloat to, vfloat *t);
+
 static inline struct vec shared_inverses(struct vec d, const struct vec *known) {
     if (known)
         return *known;
@@ -146,6 +152,11 @@ static inline struct vec shared_inverses(struct vec d, const struct vec *known) 
 INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half,
                           const struct vec *per, const struct primitive *s, vmask near,
                           vfloat *in) {
+    if (IS_GROUP(s)) {
+        vfloat from = v_max(v_splat(0.0f) - half, v_splat(0.0f) - before);
+        return s->sharp ? sharp_enter(s->sharp, c, d, near, from, half, in)
+                        : field_enter(s->field, c, d, near, from, half, in);
+    }
     switch (s->type) {
     case SHAPE_SPHERE: *in = v_splat(0.0f) - half; return near;
     case SHAPE_BOX: return v_and(near, enter_box(c, shared_inverses(d, per), s, in));

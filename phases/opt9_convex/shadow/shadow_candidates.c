@@ -72,7 +72,7 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
         from);
     from = v_zero_where(self, v_max(from, zero));
     candidate->from = from;
-    if (v_any(met) && !bulb)
+    if (v_any(met) && !bulb && !IS_GROUP(s))
         first_entry(s, i, r, met);
 }
 
@@ -145,6 +145,8 @@ INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_
     r->meets_many = v_or(r->meets_many, s->convex ? v_and(r->meets_one, met) : met);
     r->meets_one = v_or(r->meets_one, met);
     r->end = v_select(met, v_max(cone_exit(cone, q), r->end), r->end);
+    if (IS_GROUP(s))
+        return;
     struct vec at, d = turned(s, r->to_light);
     vfloat t;
     vmask behind, in = enter(to_local(s, r->point), d, s, met, &t, &at, &behind);

@@ -124,7 +124,7 @@ INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
 // on its hull. Rays that graze (facing below lit_slope) also need a surface that is flat over two steps.
 INLINE vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                          const struct known_scene *scene) {
-    if (s->type == SHAPE_MANDELBULB)
+    if (s->type == SHAPE_MANDELBULB || IS_GROUP(s))
         return v_mask_none();
     vmask may = v_mask_all();
     if (!s->convex) {

@@ -24,7 +24,8 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
         float slope = lit_slope_for(s, q);
         struct vec to = to_centre(s, point);
         here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);
-        if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && v_any(v_andnot(here, *clear)))
+        if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && !IS_GROUP(s) &&
+            v_any(v_andnot(here, *clear)))
             here = v_or(here, plane_between(to, to_light, s, q));
         if (v_any(v_andnot(here, *clear)))
             here = v_or(here, v_and(is_shape(shape, i), convex_from(s, local, facing, scene)));

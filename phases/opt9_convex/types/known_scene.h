@@ -9,6 +9,7 @@
 // The scene as `const struct known_scene *`.
 #define KNOWN(scene) (&(scene)->known)
 #define HAS_BVH(scene) ((scene)->bvh.levels > 0)
+#define IS_GROUP(s) ((s)->type == SHAPE_GROUP)
 // INLINE: functions that a kernel compiles anew for each shape. KERNEL_SHARED: functions that another file
 // calls. KERNEL_INLINE: both.
 #define INLINE static inline

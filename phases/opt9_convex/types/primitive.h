@@ -8,6 +8,9 @@
 #include "types/bvh.h"
 
 struct frame;
+struct sharp;     // hit/sharp.h
+struct field;     // fields/field.h
+struct field_set; // fields/field.h
 
 // Splits a into an unevaluated sum of two floats.
 static inline void split(double a, float *hi, float *lo) {
@@ -34,6 +37,8 @@ struct primitive {
     float size[3];                // box: half size; plane: normal; Mandelbox: squares of its radii
     float bailout;
     int iterations;
+    const struct sharp *sharp; // of a group of solids (hit/sharp.h); NULL: not one
+    const struct field *field; // of a group, whose `position` and `centre` are its sphere's centre
     float bound, bound_sq; // radius of the bounding sphere about `position`; infinite for a plane
     bool convex;
     float box
@@ -98,6 +103,9 @@ struct prepared {
     struct bvh bvh;                 // of the solids; no levels: the scene has none
     struct bvh_leaf *leaves;        // of the BVH
     int *planes, plane_count;
+    struct field_set *fields;
+    struct sharp *sharps; // room for one per group
+    int sharp_count;
     enum draw_path path; // set by phase_prepare, read by prepare_shapes
 };
 

@@ -11,6 +11,8 @@
 #pragma once
 
 #include "simd/simd.h"
+
+#include "fields/rays.h"
 #include "types/known_scene.h"
 
 // Rays in the frame of one shape. EVAL_LINEAR: the distance is origin.x + t·direction.x. EVAL_POWER:
@@ -271,6 +273,8 @@ static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
 // Returns the distance at a point in the shape's frame, already wrapped if the shape is repeated.
 __attribute__((always_inline)) static inline vfloat
 distance_at(struct vec p, const struct primitive *s, vmask done) {
+    if (IS_GROUP(s))
+        return field_distance(s->field, p);
     switch (s->type) {
     case SHAPE_SPHERE: return sdf_sphere(p, s);
     case SHAPE_BOX: return sdf_box(p, s);

@@ -3,9 +3,9 @@
 #include "tests/c/testing.h"
 
 #pragma GCC diagnostic ignored "-Wunused-function" // of what is included
-#include "core/primitives.c"
+#include "core/prepare_shape.c"
 #include "groups/clusters.c"
-#include "groups/compile.c"
+#include "groups/compile_groups.c"
 #include "groups/field.c"
 #include "groups/field_parts.c"
 #include "groups/node_shapes.c"

@@ -6,6 +6,12 @@
 #include "random_from.h"
 #include "shadow/active_set.c"
 
+// A scene with groups has no active set.
+vfloat field_distance(const struct field *field, struct vec p) {
+    (void)field;
+    return p.x;
+}
+
 // Rays that head for a sphere of bound 0.002, 0.0021 to 0.01 from its centre. Its distance falls as fast as t grows, and
 // the bound's own slack (6e-4 of the way to the centre) is less than a float's ulp of t. Other rays pass the sphere, up
 // to 0.02 beside, or have passed it: there the tangent bounds its distance, and far on the tangent's slope.

@@ -1,0 +1,119 @@
+// The least ratio of a group's field to t along shadow rays. Spheres of a union bound it from above in closed form; a
+// march goes only where a ball says that it may be less: PROOFS.md, 10.
+#include "groups/field.h"
+
+#include "fields/balls.h"
+#include "fields/rays.h"
+
+#define ROOM (1.0f / 64)
+enum { MOST_WIDEST_STEPS = 256 };
+
+// Returns the lesser of `best` and the least ratio between near and far. The field falls no faster than t grows, so no
+// ratio is below `goal` within the next (f − goal·t)/(1 + goal). The goal is so little below the best that the result is
+// at most `room` too large, and about room² at a smooth minimum.
+static vfloat march_ratio(const struct field *field, const struct program *program, struct vec o,
+                          struct vec d, vmask active, vfloat near, vfloat far, vfloat best,
+                          vfloat room) {
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f), t = near;
+    vfloat last = zero, from = zero;
+    o = (struct vec){o.x + v_splat(field->centre[0]), o.y + v_splat(field->centre[1]),
+                     o.z + v_splat(field->centre[2])};
+    for (int step = 0; step < MOST_WIDEST_STEPS && v_any(active); step++) {
+        ACTIVE(v_count(active));
+        COUNT(widest_step, call);
+        struct vec p = vec_along(o, d, t);
+        vfloat f;
+        field_values(program, &p, 1, &f);
+        best = v_select(active, v_min(best, v_max(f / t, zero)), best);
+        vfloat goal = best - room, slope = (f - last) / v_max(t - from, v_splat(1e-12f));
+        vfloat excess = v_nmadd(goal, t, f), next = excess / (one + goal);
+        if (field->bend > 0) {
+            vfloat bent = bent_step(excess, slope - goal, t - from, field->bend);
+            next = v_select(v_cmp_gt(slope, v_splat(-1.0f)), v_max(next, bent), next);
+        }
+        // Where the ratio grows, as above the own surface, or only just does not, what is smaller than a part of t is passed.
+        vfloat ratio = f / t;
+        vmask away = v_cmp_ge(step > 0 ? slope : ratio, goal);
+        next = v_max(next, v_select(away, v_splat(0.1f), v_splat(0x1p-6f)) * t);
+        last = f;
+        from = v_select(active, t, zero);
+        active = v_and(active, v_and(v_cmp_lt(t, far), v_cmp_gt(best, zero)));
+        t = v_select(active, v_min(t + next, far), t);
+    }
+    return best;
+}
+
+// Returns the lesser of `best` and the ratio of a sphere where the ray's tangent touches it, or at the end before that.
+static vfloat ratio_of_sphere(const struct field *f, int i, struct vec o, struct vec d, vfloat near,
+                              vfloat far, vfloat best) {
+    vfloat zero = v_splat(0.0f), radius = v_splat(f->ball[BALL_SPHERE][i]);
+    struct vec v = vec_sub((struct vec){v_splat(f->ball[BALL_X][i]), v_splat(f->ball[BALL_Y][i]),
+                                        v_splat(f->ball[BALL_Z][i])},
+                           o);
+    vfloat along = vec_dot(v, d), square = vec_dot(v, v);
+    struct vec aside = vec_along(v, d, zero - along);
+    vfloat across = v_sqrt(vec_dot(aside, aside)), power = v_nmadd(radius, radius, square);
+    vfloat tangent = v_sqrt(v_max(power, zero));
+    vfloat cosine = v_madd(along, tangent, across * radius); // times square
+    vfloat touch = v_select(v_cmp_gt(cosine, zero), tangent * square / cosine, far);
+    vfloat t = v_min(v_max(touch, near), far);
+    vfloat rise = v_madd(t, t - along - along, power);
+    vfloat root = v_sqrt(v_max(v_madd(radius, radius, rise), zero));
+    return v_min(best, v_max(rise / ((root + radius) * t), zero));
+}
+
+static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d, vmask active,
+                              vfloat near, vfloat far, vfloat best, vfloat room) {
+    int list[f->balls + LANES], kept = 0;
+    struct beam b = beam_of(o, d, active, near, far);
+    float q = v_reduce_max(v_select_or_zero(active, best));
+    int count = list_balls(f, &b, q, f->wider, list);
+    for (int i = 0; i < count; i++)
+        if (f->ball[BALL_SPHERE][list[i]] > 0) {
+            vfloat ratio = ratio_of_sphere(f, list[i], o, d, near, far, best);
+            best = v_select(active, ratio, best);
+        }
+    vfloat begin = v_splat(INFINITY), end = v_splat(-INFINITY);
+    active = v_and(active, v_cmp_gt(best, v_splat(0.0f)));
+    for (int i = 0; i < count; i++) {
+        struct ball_span s = ball_span(f, list[i], 0, o, d, best);
+        vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, far), v_cmp_gt(s.out, near)));
+        begin = v_select(met, v_min(begin, s.in), begin);
+        end = v_select(met, v_max(end, s.out), end);
+    }
+    begin = v_max(begin, near);
+    end = v_min(end, far);
+    active = v_and(active, v_cmp_lt(begin, end));
+    for (int i = 0; i < count; i++) {
+        struct ball_span s = ball_span(f, list[i], f->wider, o, d, best);
+        vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, end), v_cmp_gt(s.out, begin)));
+        if (v_any(v_and(met, active)))
+            list[kept++] = list[i];
+    }
+    if (kept == 0 || (kept == 1 && f->ball[BALL_SPHERE][list[0]] > 0))
+        return best;
+    struct step steps[f->program->length];
+    struct program part = part_of(f, list, kept, steps);
+    return march_ratio(f, &part, o, d, active, begin, end, best, room);
+}
+
+vfloat field_widest(const struct field *field, struct vec o, struct vec d, vmask active,
+                    vfloat near, vfloat far, vfloat best, float lit) {
+    // Only where a cone of slope `best` meets the group's sphere.
+    vfloat along = v_splat(0.0f) - vec_dot(o, d), radius = v_splat(field->radius);
+    struct vec aside = vec_along(o, d, along);
+    vfloat a = v_nmadd(best, best, v_splat(1.0f)), rest = v_madd(best, along, radius);
+    vfloat inside = v_msub(rest, rest, a * vec_dot(aside, aside)), b = v_madd(best, radius, along);
+    vfloat root = v_sqrt(v_max(inside, v_splat(0.0f))), per = v_splat(1.0f) / a;
+    vmask narrow = v_cmp_gt(a, v_splat(1e-3f));
+    near = v_select(narrow, v_max(near, (b - root) * per), near);
+    far = v_select(narrow, v_min(far, (b + root) * per), far);
+    active = v_and(active, v_or(v_not(narrow), v_cmp_gt(inside, v_splat(0.0f))));
+    active = v_and(v_and(active, v_cmp_lt(near, far)), v_cmp_gt(best, v_splat(0.0f)));
+    if (!v_any(active))
+        return best;
+    vfloat room = v_splat(ROOM * (lit < 1.0f ? lit : 1.0f));
+    if (field->balls > 0 && v_all(v_or(narrow, v_not(active))))
+        return widest_of_balls(field, o, d, active, near, far, best, room);
+    return march_ratio(field, field->program, o, d, active, near, far, best, room);
+}

@@ -1,0 +1,104 @@
+// The balls of a union's children: which of them a packet's rays meet, and the program of these alone.
+#pragma once
+
+#include "fields/field.h"
+#include "groups/program.h"
+#include "simd/simd.h"
+
+// A tube about the live rays of a packet: `wide` about its axis from `near` to `far`.
+struct beam {
+    struct vec o, d; // the same in all lanes
+    vfloat wide, near, far;
+};
+
+static inline vfloat of_lane(vfloat a, int lane) {
+    float lanes[LANES];
+    v_store(a, lanes);
+    return v_splat(lanes[lane]);
+}
+
+static inline struct beam beam_of(struct vec o, struct vec d, vmask active, vfloat near,
+                                  vfloat far) {
+    unsigned bits = v_mask_bits(active);
+    int lane = bits ? __builtin_ctz(bits) : 0;
+    struct beam b = {.o = {of_lane(o.x, lane), of_lane(o.y, lane), of_lane(o.z, lane)},
+                     .d = {of_lane(d.x, lane), of_lane(d.y, lane), of_lane(d.z, lane)}};
+    vfloat none = v_splat(-INFINITY), zero = v_splat(0.0f);
+    b.far = v_max_of_lanes(v_select(active, far, none));
+    b.near = zero - v_max_of_lanes(v_select(active, zero - near, none));
+    vfloat off = vec_norm(vec_sub(o, b.o)), turn = vec_norm(vec_sub(d, b.d));
+    vfloat most = v_max(v_abs(b.near), v_abs(b.far));
+    b.wide = v_max_of_lanes(v_select_or_zero(active, v_madd(turn, most, off)));
+    return b;
+}
+
+// Lists the balls, `more` larger, that a cone of slope q about a ray of the beam may meet. Returns their number.
+// Writes up to LANES − 1 numbers behind them.
+static inline int list_balls(const struct field *f, const struct beam *b, float q, float more,
+                             int *list) {
+    int count = 0;
+    vfloat upright = v_splat(q / sqrtf(1 - q * q));
+    vfloat reach = v_madd(v_splat(1.5f), b->wide, v_splat(more));
+    for (int i = 0; i < f->balls; i += LANES) {
+        struct vec v =
+            vec_sub((struct vec){v_load(f->ball[BALL_X] + i), v_load(f->ball[BALL_Y] + i),
+                                 v_load(f->ball[BALL_Z] + i)},
+                    b->o);
+        vfloat along = vec_dot(v, b->d);
+        vfloat square = v_max(v_nmadd(along, along, vec_dot(v, v)), v_splat(0.0f));
+        vfloat t = v_min(v_max(v_madd(v_sqrt(square), upright, along), b->near), b->far);
+        vfloat room = v_load(f->ball[BALL_RADIUS] + i) + v_madd(v_splat(q), t, reach);
+        vmask in = v_cmp_lt(v_madd(t - along, t - along, square), room * room);
+        in = v_and(in, v_mask_first(f->balls - i < LANES ? f->balls - i : LANES));
+        for (unsigned rest = v_mask_bits(in); rest; rest &= rest - 1)
+            list[count++] = i + __builtin_ctz(rest);
+    }
+    return count;
+}
+
+// Where a cone of slope q < 1 about each ray meets a ball, `more` larger.
+struct ball_span {
+    vmask met;
+    vfloat in, out;
+};
+
+static inline struct ball_span ball_span(const struct field *f, int i, float more, struct vec o,
+                                         struct vec d, vfloat q) {
+    struct vec v = vec_sub((struct vec){v_splat(f->ball[BALL_X][i]), v_splat(f->ball[BALL_Y][i]),
+                                        v_splat(f->ball[BALL_Z][i])},
+                           o);
+    vfloat radius = v_splat(f->ball[BALL_RADIUS][i] + more), along = vec_dot(v, d);
+    struct vec aside = vec_along(v, d, v_splat(0.0f) - along);
+    vfloat a = v_nmadd(q, q, v_splat(1.0f)), b = v_madd(q, radius, along);
+    // b² − a·c, with c = along² + aside² − radius²
+    vfloat rest = v_madd(q, along, radius);
+    vfloat inside = v_msub(rest, rest, a * vec_dot(aside, aside));
+    vfloat root = v_sqrt(v_max(inside, v_splat(0.0f))), per = v_splat(1.0f) / a;
+    return (struct ball_span){v_cmp_gt(inside, v_splat(0.0f)), (b - root) * per, (b + root) * per};
+}
+
+// Returns the program of the listed children alone. room: as many steps as the whole has.
+static inline struct program part_of(const struct field *f, const int *list, int count,
+                                     struct step *room) {
+    const struct program *whole = f->program;
+    struct program part = *whole;
+    part.steps = room;
+    part.length = 0;
+    for (int i = 0; i < count; i++)
+        for (int k = f->first[list[i]]; k < f->first[list[i] + 1]; k++)
+            room[part.length++] = whole->steps[k];
+    if (count > 1) {
+        room[part.length] = whole->steps[whole->length - 1];
+        room[part.length++].count = (short)count;
+    }
+    return part;
+}
+
+// Returns how far f stays above 0, if it is `excess` here, has risen at slope `secant` over the last `step`, and bends
+// down by no more than `bend`: the root of excess + (secant − bend·step/2)·x − bend·x²/2.
+static inline vfloat bent_step(vfloat excess, vfloat secant, vfloat step, float bend) {
+    vfloat slope = v_nmadd(v_splat(0.5f * bend), step, secant), zero = v_splat(0.0f);
+    vfloat root = v_sqrt(v_max(v_madd(slope, slope, v_splat(2 * bend) * excess), zero));
+    return v_select(v_cmp_gt(slope, zero), (slope + root) * v_splat(1 / bend),
+                    (excess + excess) / v_max(root - slope, v_splat(1e-12f)));
+}

@@ -1,0 +1,36 @@
+// A group as rays see it. Its program of shapes and operations is opt6_wide's (groups/). Points and rays are in the
+// group's axes, relative to the centre of its sphere.
+#pragma once
+
+#include <stdbool.h>
+
+#include "scene/scene.h"
+
+struct program; // groups/program.h
+
+// The rows of field.ball: centres, the radius of a ball that holds the child's part of the surface, and of a sphere
+// its own radius, else 0.
+enum { BALL_X, BALL_Y, BALL_Z, BALL_RADIUS, BALL_SPHERE, BALL_ROWS };
+
+struct field {
+    const struct program *program;
+    float centre[3]; // of its sphere, in its frame; of a repeated group 0
+    float radius;    // of its sphere
+    float least;     // a field below this is 0: rounding
+    float bend;      // its field bends down by no more than this along a ray; 0: not known
+    // The children of a union whose balls are known; 0: the group is marched as a whole.
+    int balls;
+    float wider;            // farther than this beyond its ball, a child has no part in the surface
+    float *ball[BALL_ROWS]; // each with room for 16 more than `balls`
+    int *first;             // step of each child; the last + 1: of the fold
+};
+
+struct field_set;
+
+// Reserves the fields of the model's groups. Returns NULL if memory is short.
+struct field_set *fields_reserve(const struct model *model);
+void fields_free(struct field_set *set);
+// Prepares them, again whenever the shapes have moved.
+void fields_prepare(struct field_set *set, const struct model *model);
+// Returns the field of shape i, a group.
+struct field *field_of(struct field_set *set, int i);

@@ -1,0 +1,128 @@
+// Rays against a group's field: a march within brackets that closed forms give. See fields/rays.h.
+#include "groups/field.h"
+
+#include "fields/balls.h"
+#include "fields/rays.h"
+
+#include <string.h>
+
+static struct vec in_group(const struct field *f, struct vec p) {
+    return (struct vec){p.x + v_splat(f->centre[0]), p.y + v_splat(f->centre[1]),
+                        p.z + v_splat(f->centre[2])};
+}
+
+vfloat field_distance(const struct field *field, struct vec p) {
+    p = in_group(field, p);
+    vfloat f;
+    field_values(field->program, &p, 1, &f);
+    return f;
+}
+
+struct field_surface field_surface(const struct field *field, struct vec p, vmask found) {
+    struct step room[field->program->length];
+    int list[field->balls + LANES];
+    struct program part = *field->program;
+    if (field->balls > 0) {
+        struct vec still = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+        struct beam b = beam_of(p, still, found, v_splat(0.0f), v_splat(0.0f));
+        int count = list_balls(field, &b, 0, field->wider, list);
+        if (count > 0)
+            part = part_of(field, list, count, room);
+    }
+    struct field_part at = field_parts(&part, in_group(field, p));
+    vfloat size = vec_norm(at.gradient);
+    struct vec n = vec_scale(at.gradient, v_splat(1.0f) / v_max(size, v_splat(1e-18f)));
+    return (struct field_surface){n, at.color, at.reflectivity, at.shininess};
+}
+
+enum { MOST_FIELD_STEPS = 512 };
+
+// Marches from near to far. Two balls about points of a ray that are h apart leave nothing between them if the fields
+// f there add up to h or more. With slope −s that is so for h = 2f/(1 + s): steps that long are tried, and taken back
+// where it was not so (C. Balint and G. Valasek, "Accelerating sphere tracing", Eurographics 2018). Close to a surface a
+// step goes where the secant is 0.
+static vmask march_field(const struct field *field, const struct program *program, struct vec o,
+                         struct vec d, vmask active, vfloat near, vfloat far, vfloat *t) {
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f), at = near, before = zero, step = zero;
+    vfloat least = v_splat(field->least), close = v_splat(1e-3f * field->radius);
+    vmask found = v_mask_none();
+    o = in_group(field, o);
+    for (int steps = 0; steps < MOST_FIELD_STEPS && v_any(active); steps++) {
+        ACTIVE(v_count(active));
+        COUNT(field_step, call);
+        struct vec p = vec_along(o, d, at);
+        vfloat f;
+        field_values(program, &p, 1, &f);
+        vmask forth = v_cmp_gt(step, zero);
+        vmask leapt =
+            v_and(v_and(forth, v_cmp_gt(before, close)), v_cmp_lt(v_abs(f) + before, step));
+        leapt = field->bend > 0 ? v_mask_none() : leapt;
+        vmask reached = v_cmp_lt(steps > 0 ? v_abs(f) : f, least);
+        reached = v_and(v_andnot(leapt, active), reached);
+        found = v_or(found, reached);
+        *t = v_select(reached, at, *t);
+        active = v_andnot(v_or(reached, v_andnot(leapt, v_cmp_ge(at, far))), active);
+        vfloat slope = v_select(forth, (before - f) / v_max(step, v_splat(1e-12f)), one);
+        slope = v_min(v_max(slope, v_splat(-0.6f)), one);
+        vmask near_by = v_cmp_lt(f, close);
+        vfloat next = f * v_select(near_by, one, v_splat(1.9f)) /
+                      v_select(near_by, v_max(slope, v_splat(0.25f)), v_splat(0.9f) + slope);
+        if (field->bend > 0) {
+            next = bent_step(f, v_splat(0.0f) - slope, step, field->bend);
+            next = v_select(v_and(forth, v_cmp_gt(f, zero)), v_max(f, next), f);
+        }
+        next = v_min(v_select(leapt, before - step, next), far - at);
+        at = at + next;
+        step = v_select(leapt, zero, next);
+        before = f;
+    }
+    return found;
+}
+
+// Rays within the balls alone need be marched.
+static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmask active,
+                         vfloat near, vfloat far, vfloat *t) {
+    int list[f->balls + LANES];
+    struct beam b = beam_of(o, d, active, near, far);
+    int count = list_balls(f, &b, 0, 0, list), kept = 0;
+    vfloat begin = v_splat(INFINITY), end = v_splat(-INFINITY), zero = v_splat(0.0f);
+    for (int i = 0; i < count; i++) {
+        struct ball_span s = ball_span(f, list[i], 0, o, d, zero);
+        vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, far), v_cmp_gt(s.out, near)));
+        begin = v_select(met, v_min(begin, s.in), begin);
+        end = v_select(met, v_max(end, s.out), end);
+    }
+    begin = v_max(begin, near);
+    end = v_min(end, far);
+    active = v_and(active, v_cmp_lt(begin, end));
+    if (!v_any(active))
+        return active;
+    if (f->wider > 0) {
+        b = beam_of(o, d, active, begin, end);
+        count = list_balls(f, &b, 0, f->wider, list);
+    }
+    for (int i = 0; i < count; i++) {
+        struct ball_span s = ball_span(f, list[i], f->wider, o, d, zero);
+        vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, end), v_cmp_gt(s.out, begin)));
+        if (v_any(v_and(met, active)))
+            list[kept++] = list[i];
+    }
+    if (kept == 0)
+        return v_mask_none();
+    if (kept == 1 && f->ball[BALL_SPHERE][list[0]] > 0) {
+        float shrink = f->ball[BALL_SPHERE][list[0]] - f->ball[BALL_RADIUS][list[0]];
+        struct ball_span s = ball_span(f, list[0], shrink, o, d, zero);
+        *t = s.in;
+        return v_and(v_and(active, s.met), v_and(v_cmp_ge(s.in, near), v_cmp_lt(s.in, far)));
+    }
+    struct step room[f->program->length];
+    struct program part = part_of(f, list, kept, room);
+    return march_field(f, &part, o, d, active, begin, end, t);
+}
+
+vmask field_enter(const struct field *field, struct vec o, struct vec d, vmask active, vfloat near,
+                  vfloat far, vfloat *t) {
+    if (field->balls > 0)
+        return enter_balls(field, o, d, active, near, far, t);
+    return march_field(field, field->program, o, d, active, near, far, t);
+}

@@ -1,0 +1,149 @@
+// Takes a group's tree apart into leaves and an expression (hit/sharp.h). No vectors in here.
+#include "frame/prepare.h"
+#include "hit/sharp.h"
+#include "scene/vector.h"
+
+#include <math.h>
+
+// Of a frame: q = turn·p + moved.
+struct placed {
+    double turn[3][3], moved[3];
+};
+
+struct taker {
+    const struct node *nodes;
+    struct sharp *sharp;
+    bool fits;
+};
+
+static void write_op(struct taker *w, int step) {
+    w->fits = w->fits && w->sharp->steps < SHARP_STEPS;
+    if (w->fits)
+        w->sharp->step[w->sharp->steps++] = (signed char)step;
+}
+
+static struct primitive *add_leaf(struct taker *w, bool removes) {
+    struct sharp *sharp = w->sharp;
+    w->fits = w->fits && sharp->leaves < SHARP_LEAVES;
+    if (!w->fits)
+        return NULL;
+    sharp->removes[sharp->leaves] = removes;
+    sharp->shape[sharp->leaves] = NULL;
+    write_op(w, sharp->leaves);
+    return &sharp->leaf[sharp->leaves++];
+}
+
+// Adds the half-space normal·q ≤ offset.
+static void add_plane(struct taker *w, const struct placed *at, const double normal[3],
+                      double offset, bool removes) {
+    struct primitive *p = add_leaf(w, removes);
+    if (!p)
+        return;
+    *p = (struct primitive){.type = SHAPE_PLANE, .eval = EVAL_LINEAR};
+    for (int k = 0; k < 3; k++) {
+        for (int i = 0; i < 3; i++)
+            p->normal[k] += (float)(at->turn[i][k] * normal[i]);
+        offset -= normal[k] * at->moved[k];
+    }
+    p->c = (float)offset;
+}
+
+static void add_solid(struct taker *w, const struct placed *at, const struct shape *shape,
+                      bool removes) {
+    struct primitive *p = add_leaf(w, removes);
+    if (!p)
+        return;
+    w->sharp->shape[w->sharp->leaves - 1] = shape;
+    *p = (struct primitive){.eval = EVAL_POINT};
+    for (int k = 0; k < 3; k++) {
+        double position = 0;
+        for (int i = 0; i < 3; i++) {
+            position -= at->turn[i][k] * at->moved[i];
+            p->turn[k][i] = (float)at->turn[k][i];
+            p->turned = p->turned || at->turn[k][i] != (double)(i == k);
+        }
+        p->position[k] = (float)position;
+    }
+}
+
+// Returns whether the node's solid, before its mirror, has no point at −x (y, z by axis).
+static bool is_beside(const struct node *nodes, int index, int axis) {
+    const struct node *node = &nodes[index];
+    int end = node->operation == NODE_DIFFERENCE ? nodes[index + 1].end : node->end;
+    for (int i = index + 1; i < end; i = nodes[i].end)
+        if (nodes[i].centre[axis] < nodes[i].radius)
+            return false;
+    return node->operation != NODE_SHAPE;
+}
+
+static void take_node(struct taker *w, int index, struct placed at, bool removes);
+
+static void take_inside(struct taker *w, int index, const struct placed *at, bool removes) {
+    const struct node *node = &w->nodes[index];
+    if (node->shape.type == SHAPE_PLANE)
+        add_plane(w, at, node->shape.plane.normal, node->shape.plane.offset, removes);
+    else if (node->operation == NODE_SHAPE)
+        add_solid(w, at, &node->shape, removes);
+    for (int i = index + 1; i < node->end && w->fits; i = w->nodes[i].end) {
+        bool first = i == index + 1, away = node->operation == NODE_DIFFERENCE && !first;
+        take_node(w, i, *at, removes != away);
+        if (!first)
+            write_op(w, away                                   ? SHARP_WITHOUT
+                        : node->operation == NODE_INTERSECTION ? SHARP_AND
+                                                               : SHARP_OR);
+    }
+}
+
+// Returns whether a leaf of this type is convex and known to hit/sharp.c.
+static bool has_span(const struct node *node) {
+    enum shape_type type = node->shape.type;
+    return node->operation != NODE_SHAPE || (int)type == SHAPE_CAPSULE ||
+           (type != SHAPE_TORUS && type != SHAPE_ROUNDED_BOX && type < SHAPE_MANDELBULB);
+}
+
+static void take_node(struct taker *w, int index, struct placed at, bool removes) {
+    const struct node *node = &w->nodes[index];
+    const double *cell = node->shape.repeat;
+    w->fits = w->fits && has_span(node) && !(node->blend > 0 && node->children > 1) &&
+              node->twist == 0 && node->amplitude == 0 && node->shell == 0 && node->offset == 0 &&
+              !(cell[0] > 0 || cell[1] > 0 || cell[2] > 0);
+    double turn[3][3];
+    rotation_matrix(node->shape.rotation_degrees, turn);
+    struct placed to = {0};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            to.moved[i] += turn[i][k] * (at.moved[k] - node->shape.position[k]);
+            for (int j = 0; j < 3; j++)
+                to.turn[i][j] += turn[i][k] * at.turn[k][j];
+        }
+    int images = 1 << (node->mirror[0] + node->mirror[1] + node->mirror[2]);
+    for (int image = 0; image < images && w->fits; image++) {
+        struct placed seen = to;
+        int bit = 0;
+        for (int axis = 0; axis < 3; axis++) {
+            bool back = node->mirror[axis] && image >> bit & 1;
+            bit += node->mirror[axis];
+            seen.moved[axis] *= back ? -1 : 1;
+            for (int j = 0; j < 3; j++)
+                seen.turn[axis][j] *= back ? -1 : 1;
+        }
+        take_inside(w, index, &seen, removes);
+        for (int axis = 0; axis < 3 && w->fits; axis++)
+            if (node->mirror[axis] && !is_beside(w->nodes, index, axis)) {
+                double normal[3] = {-(axis == 0), -(axis == 1), -(axis == 2)};
+                add_plane(w, &seen, normal, 0, removes);
+                write_op(w, SHARP_AND);
+            }
+        if (image > 0)
+            write_op(w, SHARP_OR);
+    }
+}
+
+bool take_sharp(struct sharp *sharp, const struct shape *group, const float centre[3]) {
+    struct taker w = {group->group.nodes, sharp, true};
+    sharp->leaves = sharp->steps = 0;
+    struct placed at = {.turn = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                        .moved = {(double)centre[0], (double)centre[1], (double)centre[2]}};
+    take_node(&w, group->group.root, at, false);
+    return w.fits;
+}

@@ -1,0 +1,140 @@
+"""opt9_convex, opt10_scene, opt11_ideal: groups by closed forms and by marches within brackets.
+
+Pictures are held against baseline's, whose fields are plain recursion.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from phase_pictures import needs
+from tile_pictures import EACH_WIDTH, WIDTHS, crowd, picture
+
+from study.core import registry
+from study.pictures import images
+
+PHASES = ["opt9_convex", "opt10_scene", "opt11_ideal"]
+SIZE = (96, 54)
+
+pytestmark = needs(PHASES[0])
+
+
+@functools.cache
+def baselines(text: str) -> dict:
+    with tempfile.TemporaryDirectory() as folder:
+        return picture("baseline", json.loads(text), Path(folder), SIZE)
+
+
+def psnr(mine: dict, other: dict) -> float:
+    """Of two pictures' linear colours, of peak 1, in dB."""
+    square = np.mean((images.rgb(mine) - images.rgb(other)) ** 2)
+    return -10 * np.log10(max(square, 1e-30))
+
+
+def check(phase: str, scene: dict, tmp_path: Path, least: float, width: str = "16 lanes") -> None:
+    """Holds the phase's picture against baseline's: hits, distances, colours by `least` dB."""
+    theirs = baselines(json.dumps(scene))
+    mine = picture(phase, scene, tmp_path, SIZE, **WIDTHS[width])
+    few = mine["Z"].size // 1000
+    assert (mine["id"] != theirs["id"]).sum() <= few
+    both = np.isfinite(mine["Z"]) & np.isfinite(theirs["Z"])
+    assert both.sum() > 100
+    apart = np.abs(mine["Z"][both] - theirs["Z"][both])
+    assert (~(apart <= 2e-5 * theirs["Z"][both])).sum() <= few
+    assert psnr(mine, theirs) >= least
+
+
+def scene_of(name: str, shadows: str) -> dict:
+    scene: dict[str, Any] = json.loads(registry.groups()[name].path.read_text())
+    scene["light"]["shadows"] = shadows
+    return scene
+
+
+@pytest.mark.parametrize("width", EACH_WIDTH)
+@pytest.mark.parametrize("name", ["csg", "metaballs", "bumpy"])
+def test_hard_shadows_and_hits_are_baselines(name: str, width: str, tmp_path: Path) -> None:
+    check("opt9_convex", scene_of(name, "hard"), tmp_path, 50, width)
+
+
+@pytest.mark.parametrize("name", ["csg", "metaballs"])
+def test_soft_shadows_take_the_estimators_steps(name: str, tmp_path: Path) -> None:
+    check("opt10_scene", scene_of(name, "soft"), tmp_path, 50)
+
+
+@pytest.mark.parametrize("name", ["csg", "metaballs"])
+def test_ideal_shadows_are_found(name: str, tmp_path: Path) -> None:
+    check("opt11_ideal", scene_of(name, "ideal"), tmp_path, 50)
+
+
+def solid(kind: str, **keys: Any) -> dict:
+    return {"type": kind, "material": "a", **keys}
+
+
+def group(operation: str, *shapes: dict, **keys: Any) -> dict:
+    return {"type": "group", "operation": operation, "shapes": [*shapes], **keys}
+
+
+# The mirror's plane cuts the box and the cone, the half-space the union; one cut has a cut itself.
+CUT = group(
+    "difference",
+    group(
+        "intersection",
+        group(
+            "union",
+            solid("box", half_size=[0.9, 0.7, 0.8], position=[0.6, 0.1, 0], rotation_degrees=[10, 40, 5]),
+            solid("cone", bottom_radius=0.8, top_radius=0.3, half_height=0.9, position=[0.3, 0.9, 0.2]),
+            group("union", solid("octahedron", radius=1.1), mirror="xz", position=[1.9, -0.3, 0.1]),
+            mirror="x",
+        ),
+        solid("plane", normal=[0.1, 0.98, -0.17], offset=1.1),
+        solid("sphere", radius=3),
+    ),
+    group(
+        "difference",
+        solid("capsule", radius=0.45, half_height=2, rotation_degrees=[80, 10, 0]),
+        solid("sphere", radius=0.4, position=[0, 0.1, -1.2]),
+    ),
+    solid("capsule", radius=0.3, half_height=0.8, position=[1.6, 0, -0.6], rotation_degrees=[0, 0, 60]),
+    position=[0.1, 0, 12],
+    rotation_degrees=[15, 25, 0],
+)
+
+
+@pytest.mark.parametrize("width", EACH_WIDTH)
+def test_cuts_mirrors_and_half_spaces_meet_rays_as_their_field_does(width: str, tmp_path: Path) -> None:
+    scene = scene_of("csg", "hard")
+    scene["materials"]["a"] = {"color": [0.5, 0.4, 0.3], "reflectivity": 0.2, "shininess": 20}
+    scene["shapes"][1] = CUT
+    check("opt9_convex", scene, tmp_path, 50, width)
+
+
+@pytest.mark.parametrize("phase", ["opt9_convex", "opt11_ideal"])
+def test_a_sharp_union_is_its_solids(phase: str, tmp_path: Path) -> None:
+    """With soft shadows: the march's of all solids, and of the one group."""
+    plain = crowd(5, 8, "soft")
+    floors = [s for s in plain["shapes"] if s["type"] == "plane"]
+    solids = [s for s in plain["shapes"] if s["type"] != "plane"]
+    whole = plain | {"shapes": [*floors, group("union", *solids)]}
+    mine, parts = (picture(phase, scene, tmp_path, SIZE) for scene in (whole, plain))
+    few = mine["Z"].size // 1000
+    assert (np.isfinite(mine["Z"]) != np.isfinite(parts["Z"])).sum() <= few
+    assert psnr(mine, parts) >= 50
+
+
+@pytest.mark.parametrize("keys", [{"repeat": [9, 0, 9]}, {"shell": 0.05}, {"offset": 0.1}])
+def test_groups_without_brackets_are_marched(keys: dict, tmp_path: Path) -> None:
+    scene = scene_of("metaballs", "hard")
+    scene["shapes"][0] |= keys
+    check("opt9_convex", scene, tmp_path, 45)
+
+
+def test_a_kernel_is_not_made_for_groups(tmp_path: Path) -> None:
+    made = picture("opt10_scene", scene_of("csg", "hard"), tmp_path, SIZE)
+    general = picture("opt9_convex", scene_of("csg", "hard"), tmp_path, SIZE)
+    assert all(np.array_equal(made[name], general[name], equal_nan=True) for name in made)
