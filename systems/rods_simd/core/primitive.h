@@ -1,4 +1,4 @@
-// The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
+// The scene in the form that the march needs, prepared by core/prepare_shape.c and core/update.c. No lanes in here.
 #pragma once
 
 #include <stdbool.h>
