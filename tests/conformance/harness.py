@@ -134,16 +134,21 @@ def reference(scene: Path, width: int, height: int, *options: str | int, phase: 
     return render(phase, scene, width, height, *options)
 
 
+FAR = {"Z", "surface.Z"}  # +inf where nothing is hit
+
+
 def check_picture(run: Run) -> None:
     """What holds of any picture of any phase, without knowing another."""
     p, scene, limits = run.picture, run.scene, run.record
     phase = registry.phases()[limits["phase"]]
     assert sorted(p) == sorted([*images.AOVS, *phase.planes]), f"{run}: channels {sorted(p)}"
-    bad = {name: int((~np.isfinite(plane)).sum()) for name, plane in p.items() if name != "Z"}
+    bad = {name: int((~np.isfinite(plane)).sum()) for name, plane in p.items() if name not in FAR}
     assert not any(bad.values()), f"{run}: samples that are not finite: {bad}"
+    for far in FAR & p.keys():
+        missed = p[far.replace("Z", "id")] == -1
+        assert np.array_equal(p[far] == np.inf, missed), f"{run}: {far} is not +inf exactly where id is -1"
+        assert np.isfinite(p[far][~missed]).all(), f"{run}: NaN or -inf in {far}"
     miss = p["id"] == -1
-    assert np.array_equal(p["Z"] == np.inf, miss), f"{run}: Z is not +inf exactly where id is -1"
-    assert np.isfinite(p["Z"][~miss]).all(), f"{run}: NaN or -inf in Z"
     assert np.isin(p["id"], range(-1, len(scene["shapes"]))).all(), f"{run}: ids {np.unique(p['id'])}"
     for name in "RGB":
         assert (p[name] >= 0).all(), f"{run}: {name} is negative"

@@ -7,10 +7,10 @@ import subprocess
 
 import enclosures
 import numpy as np
-import oracle_groups
 import pytest
 from flint import arb, ctx
 
+from conformance import oracle_groups
 from study.core import registry, run
 from study.core.build import build
 from study.pictures import images

@@ -19,6 +19,10 @@ TERMS = {
         apply_transform rotate_point approach* local_ray* turned* distance_to_shape coordinate vec_wrapped
         stay_in place_* vec_double_of vec_double_sub wide_*
     """,
+    "groups of shapes": """
+        group_along closest_group node_* mirrored modified to_frame twist* fold* smooth_minimum least_child
+        sin_of
+    """,
     "vector library": "vec_* new_vector",
     "distance functions": "sdf_* clamp power_at bulb_*",
     "normals": "normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit",
