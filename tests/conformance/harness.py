@@ -135,6 +135,7 @@ def reference(scene: Path, width: int, height: int, *options: str | int, phase: 
 
 
 FAR = {"Z", "surface.Z"}  # +inf where nothing is hit
+COLOURS = {f"surface.{kind}{channel}" for kind in ("", "ideal.") for channel in "RGB"}  # NaN where undecided
 
 
 def check_picture(run: Run) -> None:
@@ -142,7 +143,7 @@ def check_picture(run: Run) -> None:
     p, scene, limits = run.picture, run.scene, run.record
     phase = registry.phases()[limits["phase"]]
     assert sorted(p) == sorted([*images.AOVS, *phase.planes]), f"{run}: channels {sorted(p)}"
-    bad = {name: int((~np.isfinite(plane)).sum()) for name, plane in p.items() if name not in FAR}
+    bad = {name: int((~np.isfinite(plane)).sum()) for name, plane in p.items() if name not in FAR | COLOURS}
     assert not any(bad.values()), f"{run}: samples that are not finite: {bad}"
     for far in FAR & p.keys():
         missed = p[far.replace("Z", "id")] == -1
