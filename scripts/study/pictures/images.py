@@ -154,12 +154,15 @@ def sha256(picture: Picture) -> str:
 
 
 def non_finite(picture: Picture) -> int:
-    """Samples that are NaN or infinite. Z = +inf is right where nothing was hit (id −1), and only there."""
+    """Samples that are NaN or infinite. Z = +inf is right where nothing was hit (id −1), and only there. NaN is
+    right as truth's colour of an exact surface that is undecided."""
     count = 0
     for name, plane in picture.items():
         bad = ~np.isfinite(plane)
         if name.endswith("Z"):
             bad &= ~((plane == np.inf) & (picture[f"{name[:-1]}id"] == -1))
+        elif name.startswith("surface.") and name[-1] in "RGB":
+            bad &= ~np.isnan(plane)
         count += int(bad.sum())
     return count
 
