@@ -154,8 +154,8 @@ def sha256(picture: Picture) -> str:
 
 
 def non_finite(picture: Picture) -> int:
-    """Samples that are NaN or infinite. Z = +inf is right where nothing was hit (id −1), and only there. NaN is
-    right as truth's colour of an exact surface that is undecided."""
+    """Samples that are NaN or infinite. Z = +inf is right where nothing was hit (id −1), and only there. NaN
+    is right as truth's colour of an exact surface that is undecided."""
     count = 0
     for name, plane in picture.items():
         bad = ~np.isfinite(plane)
