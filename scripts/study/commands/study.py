@@ -10,11 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from study.core import cli, commands, registry, store
 from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT, Spec, cpu_supports
 from study.core.run import USABLE
+from study.core.run_schema import Plan
 from study.experiments import cuts, experiment
 from study.experiments.experiment import DEPTHS, Call, Experiment, Study
 from study.numbers import analysis, ladder
@@ -73,7 +76,7 @@ def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
     Two sizes of each program tell its start and its frame apart; a frame's time goes with its pixels.
     """
     least, more = CALIBRATED
-    plan = swept(scenes, CALIBRATED, 1, "--dry-run").result
+    plan = msgspec.convert(swept(scenes, CALIBRATED, 1, "--dry-run").result, Plan)
     frames = plan.reps + plan.warmup
     programs: dict[tuple[str, str], dict[int, float]] = {}
     for one in plan.configurations:

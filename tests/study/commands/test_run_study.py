@@ -107,8 +107,14 @@ def plan_of(start: float, programs: dict[str, float]) -> Plan:
     ],
 )
 def test_the_largest_picture_that_fits(start, programs, seconds, height, monkeypatch):
-    monkeypatch.setattr(commands, "called", lambda *_: (Outcome(plan_of(start, programs)), False))
+    monkeypatch.setattr(commands, "called", lambda *_: (Outcome(cli.plain(plan_of(start, programs))), False))
     assert run_study.choose_height(["s"], seconds, 6) == height
+
+
+@pytest.mark.slow
+def test_a_real_dry_run_tells_the_height():
+    assert run_study.choose_height(["two_spheres"], 1e9, 1) == run_study.HEIGHTS[0]
+    assert run_study.choose_height(["two_spheres"], 0, 1) == run_study.HEIGHTS[-1]
 
 
 def test_every_experiment_has_a_quick_depth_or_says_why_not():
