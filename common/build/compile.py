@@ -23,6 +23,7 @@ have, becomes an instruction that traps.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
 import os
@@ -86,7 +87,9 @@ class Parsed:
             if not path.exists():
                 own = path.with_name(f"{path.name}.{os.getpid()}")
                 own.write_text(f"#include <{self.name}>\n")
-                own.rename(path)
+                with contextlib.suppress(FileExistsError):
+                    path.hardlink_to(own)  # never replaces another job's: clang holds its result to the file's age
+                own.unlink()
             temporary = made.with_name(f"{made.name}.{os.getpid()}")
             run([*words, "-x", "c-header", str(path), "-o", str(temporary)], show=False)
             made.with_name(f"{made.name}.sum").write_text(text)  # what ccache knows it by: no two are equal
