@@ -88,7 +88,7 @@ class Parsed:
                 own = path.with_name(f"{path.name}.{os.getpid()}")
                 own.write_text(f"#include <{self.name}>\n")
                 with contextlib.suppress(FileExistsError):
-                    path.hardlink_to(own)  # never replaces another job's: clang holds its result to the file's age
+                    path.hardlink_to(own)  # replaces no other job's: clang compares the file's age
                 own.unlink()
             temporary = made.with_name(f"{made.name}.{os.getpid()}")
             run([*words, "-x", "c-header", str(path), "-o", str(temporary)], show=False)
