@@ -91,7 +91,8 @@ class Parsed:
                     path.hardlink_to(own)  # replaces no other job's: clang compares the file's age
                 own.unlink()
             temporary = made.with_name(f"{made.name}.{os.getpid()}")
-            run([*words, "-x", "c-header", str(path), "-o", str(temporary)], show=False)
+            alone = ["env", "CCACHE_DISABLE=1"]  # another clone's has the path of that clone in it
+            run([*alone, *words, "-x", "c-header", str(path), "-o", str(temporary)], show=False)
             made.with_name(f"{made.name}.sum").write_text(text)  # what ccache knows it by: no two are equal
             temporary.rename(made)
         return path
