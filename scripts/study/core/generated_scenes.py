@@ -42,12 +42,8 @@ NEAR, FAR, DEEP = 20.0, 40.0, 60.0  # scene units from the camera; DEEP: the las
 CLUSTERS, CLUSTER_SIGMA, BALL = 8, 1.5, 1.5
 RAYS = 160, 90  # of the picture whose coverage is set
 MIRRORS_APART = 4.0
-BOND, NEIGHBOURS, GLOBE, TRIES = (
-    0.36,
-    0.42,
-    2.2,
-    24,
-)  # scene units between atoms of a molecule, and its radius
+BOND, NEIGHBOURS, GLOBE = 0.36, 0.42, 2.2  # scene units: between atoms of a molecule; its radius
+TRIES = 24  # directions of a bond
 ATOMS = {"carbon": (0.26, [0.25, 0.25, 0.27]), "nitrogen": (0.25, [0.08, 0.15, 0.75])}  # radius, colour
 ATOMS |= {"oxygen": (0.24, [0.75, 0.06, 0.06]), "hydrogen": (0.2, [0.8, 0.8, 0.8])}
 SHARES = (0.45, 0.57, 0.72, 1.0)  # of the atoms that are of an element or one before it
