@@ -1,0 +1,89 @@
+// What a row of the picture can show: conservative spans, cut before a pixel is drawn. Plain doubles, no vectors.
+// A generated kernel has this text inside, with the scene as constants; so have the tests, without a kernel.
+//
+// "May" is conservative: where a bit is not set, no ray of the span, as the kernel computes it in float, meets the
+// shape. "Sure" likewise: SPAN_PLANE and SPAN_SOLID hold for each ray.
+#pragma once
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "types/primitive.h"
+
+struct view; // phase.h
+
+enum { SPAN_SHAPES = 16, SPAN_DARK = 64, SPAN_BAND = 32, SPAN_MOST = 256 };
+
+enum span_kind {
+    SPAN_BACKGROUND, // no shape may be met: hits is 0
+    SPAN_PLANE,      // each ray meets `shape`, a plane, within the bounds, and nothing before it
+    SPAN_SOLID,      // each ray meets `shape`, a solid, well inside of its outline, and nothing before it
+    SPAN_MIXED       // any of `hits`, or nothing
+};
+
+// Pixels x0 <= x < x1, multiples of the frame's grain but for the picture's right edge.
+struct fused_span {
+    int x0, x1;
+    enum span_kind kind;
+    int shape;          // of SPAN_PLANE and SPAN_SOLID
+    uint64_t hits;      // bit i: a camera ray may meet shape i (solids and planes)
+    uint64_t darkeners; // bit i: solid i may darken a point of a plane that is seen here
+};
+
+// Solid `solid` can darken no point of plane `plane` that is further than this from `centre`, a point of the plane. A
+// solid may have several (parts of it): a point outside of all of them is not darkened.
+struct dark_region {
+    int solid, plane;
+    float centre[3], radius_sq;
+};
+
+// What does not change within a frame.
+struct fused_frame {
+    int width, height, grain;
+    double per_pixel; // half a pixel in the picture's plane at distance 1: tan_half_fov / height
+    double eye[3], forward[3], right[3], up[3], light[3];
+    int shapes;
+    const struct primitive *shape; // [shapes]
+    double bounds_radius, slope;   // slope: 1 / shadow strength; a cone about a light ray
+    uint64_t planes, solids;
+    int dark_count;
+    struct dark_region dark[SPAN_DARK];
+    uint64_t pair[SPAN_SHAPES];   // bit j: solid j may darken a point of shape i
+    uint64_t mirror[SPAN_SHAPES]; // bit j: a mirror ray of shape i may meet shape j
+    uint64_t everywhere;          // shapes whose outline is not known: one crosses the camera's plane
+    struct outline {              // of solids; F2's own
+        int count;
+        double x[24], y[24], top, bottom;
+    } outline[SPAN_SHAPES];
+};
+
+// The outlines in a band of rows.
+struct fused_band {
+    int top, rows;
+    int count;
+    struct band_span { // columns from lo to hi, by row of the band; lo > hi: none
+        uint64_t bit;
+        int role; // spans.c
+        float lo[SPAN_BAND], hi[SPAN_BAND];
+    } span[SPAN_DARK + 3 * SPAN_SHAPES];
+};
+
+// Sets the frame's constants. Returns false if the frame is not of the kind that spans can draw (a solid that reaches out
+// of the bounds, more shapes than there is room for, ...). Precondition: set_local_cameras() returned true: the camera
+// is above all planes, outside of all bounding spheres and within the bounds; no groups, Mandelbulbs, repetition.
+bool fused_frame_set(const struct known_scene *scene, const struct view *view, int width,
+                     int height, int grain, struct fused_frame *frame);
+
+// Sets the outlines in rows top <= y < top + rows, at most SPAN_BAND.
+void fused_band_set(const struct fused_frame *frame, int top, int rows, struct fused_band *band);
+
+// Cuts rows y0 <= y < y0 + rows of the band, taken together, into spans in increasing x that cover [0, width).
+// Returns their number, at most SPAN_MOST (beyond that, the last is mixed with all bits).
+int fused_spans_of_rows(const struct fused_frame *frame, const struct fused_band *band, int y0,
+                        int rows, struct fused_span spans[SPAN_MOST]);
+
+// How far apart, in pixels, the six nodes of a polynomial of degree 5 may be that gives the light and the fog of plane
+// `plane` along rows y0 <= y < y0 + rows between columns x0 and x1: 64, 32, 16, or 0: not at all. The nodes reach two spacings
+// beyond x0 and three beyond x1. The error is below `most` (of a colour).
+int fused_spacing(const struct fused_frame *frame, int plane, int y0, int rows, int x0, int x1,
+                  double most);
