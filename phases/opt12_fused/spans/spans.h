@@ -13,12 +13,13 @@
 struct view; // phase.h
 
 enum { SPAN_SHAPES = 16, SPAN_DARK = 64, SPAN_BAND = 32, SPAN_MOST = 256 };
+enum { SPAN_SIDES = 24, SPAN_ITEMS = 96, SPAN_GROUPS = 1024 };
 
 enum span_kind {
     SPAN_BACKGROUND, // no shape may be met: hits is 0
     SPAN_PLANE,      // each ray meets `shape`, a plane, within the bounds, and nothing before it
-    SPAN_SOLID,      // each ray meets `shape`, a solid, well inside of its outline, and nothing before it
-    SPAN_MIXED       // any of `hits`, or nothing
+    SPAN_SOLID, // each ray meets `shape`, a solid, well inside of its outline, and nothing before it
+    SPAN_MIXED  // any of `hits`, or nothing
 };
 
 // Pixels x0 <= x < x1, multiples of the frame's grain but for the picture's right edge.
@@ -28,6 +29,7 @@ struct fused_span {
     int shape;          // of SPAN_PLANE and SPAN_SOLID
     uint64_t hits;      // bit i: a camera ray may meet shape i (solids and planes)
     uint64_t darkeners; // bit i: solid i may darken a point of a plane that is seen here
+    uint64_t reflected; // bit i: the mirror ray of a plane that is seen here may meet solid i
 };
 
 // Solid `solid` can darken no point of plane `plane` that is further than this from `centre`, a point of the plane. A
@@ -37,35 +39,54 @@ struct dark_region {
     float centre[3], radius_sq;
 };
 
+// What a span is cut by. Each shape has a bit of each: its first in a mask of 64 bits.
+enum span_role { ROLE_MAY = 0, ROLE_SURE = 16, ROLE_DARK = 32, ROLE_REFLECTED = 48 };
+
+// A region of the picture. A ray (x, y, 1), in camera axes, is in it if x >= left.u + left.v·y for each `left`, x <= …
+// for each `right`, and, if `curved`: xx·x² + 2·(xy·y + x)·x + yy·y² + 2·y·y + one >= 0, on the side where
+// side·(x, y, 1) > 0.
+struct span_item {
+    int bit; // role + shape
+    bool curved;
+    int lefts, rights;
+    struct span_side {
+        double u, v;
+    } left[SPAN_SIDES], right[SPAN_SIDES];
+    struct span_conic {
+        double xx, xy, x, yy, y, one, side[3];
+    } conic;
+};
+
 // What does not change within a frame.
 struct fused_frame {
     int width, height, grain;
     double per_pixel; // half a pixel in the picture's plane at distance 1: tan_half_fov / height
-    double eye[3], forward[3], right[3], up[3], light[3];
+    double eye[3], axis[3][3], light[3]; // axis: right, up, forward
+    double reach[3];                     // the picture's largest |x|, |y|, and length of (x, y, 1)
     int shapes;
     const struct primitive *shape; // [shapes]
     double bounds_radius, slope;   // slope: 1 / shadow strength; a cone about a light ray
+    double fog, emission[3];
     uint64_t planes, solids;
+    uint64_t above; // solids that are above all planes
     int dark_count;
     struct dark_region dark[SPAN_DARK];
     uint64_t pair[SPAN_SHAPES];   // bit j: solid j may darken a point of shape i
     uint64_t mirror[SPAN_SHAPES]; // bit j: a mirror ray of shape i may meet shape j
-    uint64_t everywhere;          // shapes whose outline is not known: one crosses the camera's plane
-    struct outline {              // of solids; F2's own
-        int count;
-        double x[24], y[24], top, bottom;
-    } outline[SPAN_SHAPES];
+    // A mirror ray of solid i from o in direction d meets no other solid if guard·d >= 0 and guard·o >= guard_top.
+    float guard[SPAN_SHAPES][3], guard_top[SPAN_SHAPES];
+    int items;
+    struct span_item item[SPAN_ITEMS];
 };
 
-// The outlines in a band of rows.
+// The regions in a band of rows.
 struct fused_band {
     int top, rows;
     int count;
     struct band_span { // columns from lo to hi, by row of the band; lo > hi: none
-        uint64_t bit;
-        int role; // spans.c
+        int bit;
         float lo[SPAN_BAND], hi[SPAN_BAND];
-    } span[SPAN_DARK + 3 * SPAN_SHAPES];
+    } span[SPAN_ITEMS];
 };
 
 // Sets the frame's constants. Returns false if the frame is not of the kind that spans can draw (a solid that reaches out

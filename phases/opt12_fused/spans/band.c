@@ -1,0 +1,163 @@
+// The regions of a frame in a band of rows, and the spans that they cut a row into.
+#include <math.h>
+
+#include "spans/spans.h"
+#include "types/known_scene.h"
+
+// Beyond all columns: at distance 1, in the picture's plane.
+#define BEYOND 1e9
+
+// Narrows [lo, hi] to where the item's sides hold.
+static inline void cut_by_sides(const struct span_item *item, const double *y, double *lo,
+                                double *hi) {
+    for (int k = 0; k < item->lefts; k++) {
+        double u = item->left[k].u, v = item->left[k].v;
+        for (int r = 0; r < SPAN_BAND; r++) {
+            double x = u + v * y[r];
+            lo[r] = lo[r] > x ? lo[r] : x;
+        }
+    }
+    for (int k = 0; k < item->rights; k++) {
+        double u = item->right[k].u, v = item->right[k].v;
+        for (int r = 0; r < SPAN_BAND; r++) {
+            double x = u + v * y[r];
+            hi[r] = hi[r] < x ? hi[r] : x;
+        }
+    }
+}
+
+// Narrows [lo, hi] to the conic's side. With xx < 0 a row meets it in an interval; else in two rays, of which one is
+// on the side. A row that meets all of it has no bound.
+static inline void cut_by_conic(const struct span_conic *q, bool sure, const double *y, double *lo,
+                                double *hi) {
+    bool closed = q->xx < 0, right = q->side[0] > 0;
+    for (int r = 0; r < SPAN_BAND; r++) {
+        double b = q->xy * y[r] + q->x, c = (q->yy * y[r] + 2 * q->y) * y[r] + q->one;
+        double rest = b * b - q->xx * c, root = sqrt(rest > 0 ? rest : 0);
+        double sum = b + (b < 0 ? -root : root);
+        double one = -sum / q->xx, two = sum != 0 ? -c / sum : 0;
+        double first = one < two ? one : two, last = one < two ? two : one;
+        double on = q->side[0] * 0.5 * (first + last) + q->side[1] * y[r] + q->side[2];
+        bool none = closed ? !(rest > 0) || !(on > 0) : sure && !(rest > 0);
+        bool all = !closed && !(rest > 0);
+        double from = closed ? first : right ? last : -BEYOND;
+        double to = closed ? last : right ? BEYOND : first;
+        from = none ? BEYOND : all ? -BEYOND : from;
+        to = none ? -BEYOND : all ? BEYOND : to;
+        lo[r] = lo[r] > from ? lo[r] : from;
+        hi[r] = hi[r] < to ? hi[r] : to;
+    }
+}
+
+KERNEL_SHARED void fused_band_set(const struct fused_frame *frame, int top, int rows,
+                                  struct fused_band *band) {
+    double y[SPAN_BAND], lo[SPAN_BAND], hi[SPAN_BAND];
+    for (int r = 0; r < SPAN_BAND; r++)
+        y[r] = (frame->height - 1 - 2 * (top + r)) * frame->per_pixel;
+    band->top = top;
+    band->rows = rows;
+    band->count = 0;
+    double scale = 0.5 / frame->per_pixel, middle = 0.5 * (frame->width - 1);
+    double most = frame->width + 4.0;
+    for (int i = 0; i < frame->items; i++) {
+        const struct span_item *item = &frame->item[i];
+        struct band_span *to = &band->span[band->count];
+        for (int r = 0; r < SPAN_BAND; r++) {
+            lo[r] = -BEYOND;
+            hi[r] = BEYOND;
+        }
+        cut_by_sides(item, y, lo, hi);
+        if (item->curved)
+            cut_by_conic(&item->conic, item->bit / 16 == ROLE_SURE / 16, y, lo, hi);
+        int some = 0;
+        for (int r = 0; r < SPAN_BAND; r++) {
+            double a = lo[r] * scale + middle, b = hi[r] * scale + middle;
+            bool in = r < rows && a <= b && b > -4 && a < most;
+            some |= in;
+            to->lo[r] = (float)(in ? (a > -4 ? a : -4) : most);
+            to->hi[r] = (float)(in ? (b < most ? b : most) : -4);
+        }
+        to->bit = item->bit;
+        band->count += some != 0;
+    }
+}
+
+// Marks the groups of pixels of one region: those that it touches, or, where it is sure, those within it.
+static inline void mark_groups(const struct band_span *span, int row, int rows, int grain,
+                               int groups, uint64_t *mask) {
+    bool sure = span->bit / 16 == ROLE_SURE / 16;
+    float lo = span->lo[row], hi = span->hi[row];
+    for (int r = 1; r < rows; r++) {
+        float a = span->lo[row + r], b = span->hi[row + r];
+        lo = (a < lo) == sure ? lo : a;
+        hi = (b > hi) == sure ? hi : b;
+    }
+    if (!(lo <= hi))
+        return;
+    const float slack = 0.01f; // pixels: lo and hi are rounded to float
+    float per = 1.0f / (float)grain;
+    int first, last;
+    if (sure) {
+        first = (int)ceilf((lo + slack) * per);
+        last = (int)floorf((hi - slack + 1) * per) - 1;
+    } else {
+        first = (int)floorf((lo - slack) * per);
+        last = (int)floorf((hi + slack) * per);
+    }
+    first = first < 0 ? 0 : first;
+    last = last < groups ? last : groups - 1;
+    uint64_t bit = (uint64_t)1 << span->bit;
+    for (int g = first; g <= last; g++)
+        mask[g] |= bit;
+}
+
+// What a group's mask says.
+static inline struct fused_span span_of(const struct fused_frame *frame, uint64_t mask) {
+    uint64_t all = 0xffff, may = mask & all, sure = mask >> ROLE_SURE & may;
+    struct fused_span span = {.kind = SPAN_MIXED, .shape = -1, .hits = may};
+    uint64_t solids = may & frame->solids;
+    if (may & frame->planes) {
+        span.darkeners = mask >> ROLE_DARK & all;
+        span.reflected = mask >> ROLE_REFLECTED & all;
+    }
+    uint64_t plane = solids ? 0 : sure & frame->planes;
+    uint64_t solid = sure & solids & frame->above;
+    if (!may) {
+        span.kind = SPAN_BACKGROUND;
+    } else if (plane) {
+        span.kind = SPAN_PLANE;
+        span.shape = __builtin_ctzll(plane);
+        span.hits = plane;
+    } else if (solid && solid == solids && !(solids & (solids - 1))) {
+        span.kind = SPAN_SOLID;
+        span.shape = __builtin_ctzll(solid);
+        span.hits = solid;
+        span.darkeners = span.reflected = 0;
+    }
+    return span;
+}
+
+KERNEL_SHARED int fused_spans_of_rows(const struct fused_frame *frame,
+                                      const struct fused_band *band, int y0, int rows,
+                                      struct fused_span spans[SPAN_MOST]) {
+    uint64_t mask[SPAN_GROUPS];
+    int grain = frame->grain, groups = (frame->width + grain - 1) / grain, count = 0;
+    for (int g = 0; g < groups; g++)
+        mask[g] = 0;
+    for (int i = 0; i < band->count; i++)
+        mark_groups(&band->span[i], y0 - band->top, rows, grain, groups, mask);
+    for (int g = 0; g < groups; count++) {
+        int end = g + 1;
+        uint64_t here = mask[g];
+        if (count == SPAN_MOST - 1)
+            for (; end < groups; end++)
+                here = (here | mask[end]) & ~((uint64_t)0xffff << ROLE_SURE);
+        while (end < groups && mask[end] == here)
+            end++;
+        spans[count] = span_of(frame, here);
+        spans[count].x0 = g * grain;
+        spans[count].x1 = end * grain < frame->width ? end * grain : frame->width;
+        g = end;
+    }
+    return count;
+}

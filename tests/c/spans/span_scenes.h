@@ -1,0 +1,268 @@
+// Random scenes for the spans of opt12_fused: one or two planes, and a solid of each type above them or in part below;
+// camera and light above the planes. With what the spans are held against: rays in float, by opt9_convex's closed forms.
+#pragma once
+
+#include "tests/c/testing.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "scene/scene.h"
+#include "scene/vector.h"
+#include "tests/c/phases/random_from.h"
+
+#include "hit/solids.h"
+#include "hit/torus.c"
+#include "spans/band.c"
+#include "spans/frame.c"
+#include "spans/spacing.c"
+
+vmask sharp_enter(const struct sharp *sharp, struct vec o, struct vec d, vmask active, vfloat from,
+                  vfloat to, vfloat *t) { // what enter() links to
+    (void)sharp, (void)o, (void)d, (void)to;
+    *t = from;
+    return active;
+}
+
+vmask field_enter(const struct field *field, struct vec o, struct vec d, vmask active, vfloat from,
+                  vfloat to, vfloat *t) {
+    (void)field, (void)o, (void)d, (void)to;
+    *t = from;
+    return active;
+}
+
+enum { PLANES = 2, SOLIDS = 6, SHAPES = PLANES + SOLIDS };
+#define BOUNDS 100.0
+
+struct random_scene {
+    struct primitive shape[SHAPES];
+    struct known_scene known;
+    struct view view;
+    int width, height;
+};
+
+static void direction_from(double v[3]) {
+    double square;
+    do {
+        for (int k = 0; k < 3; k++)
+            v[k] = random_from(-1, 1);
+        square = dot3(v, v);
+    } while (square > 1 || square < 1e-3);
+    normalize3(v);
+}
+
+// Sets sizes and bound as opt9_convex's prepare_shape() does.
+static void set_size(struct primitive *s, double size) {
+    double bound = 0;
+    for (int k = 0; k < 3; k++)
+        s->size[k] = (float)(size * random_from(0.1, 1));
+    double half = sqrt((double)s->size[0] * s->size[0] + (double)s->size[1] * s->size[1] +
+                       (double)s->size[2] * s->size[2]);
+    s->a = (float)(size * random_from(0.3, 1));
+    s->b = (float)(s->a * random_from(0.1, 0.9));
+    s->c = s->size[0];
+    switch (s->type) {
+    case SHAPE_SPHERE: bound = s->a; break;
+    case SHAPE_BOX: bound = half * (1 + 1e-5); break;
+    case SHAPE_ROUNDED_BOX:
+        s->a *= 0.3f;
+        bound = (half + s->a) * (1 + 1e-5);
+        break;
+    case SHAPE_TORUS:
+        bound = ((double)s->a + s->b) * (1 + 1e-5);
+        s->c = (float)ldexp(5e-7, ilogb(s->a + s->b));
+        break;
+    case SHAPE_CONE: {
+        double across = (double)s->b - s->a, up = 2.0 * s->c;
+        s->slope[0] = (float)across;
+        s->slope[1] = (float)up;
+        s->per_slope_sq = (float)(1 / (across * across + up * up));
+        bound = hypot(s->a, s->c) * (1 + 1e-5);
+        break;
+    }
+    default: bound = s->a * (1 + 1e-5); break;
+    }
+    s->bound = (float)bound;
+    s->bound_sq = (float)(bound * bound);
+}
+
+static void set_solid(struct primitive *s, int index, double size) {
+    static const enum shape_type types[SOLIDS] = {SHAPE_SPHERE, SHAPE_BOX,        SHAPE_ROUNDED_BOX,
+                                                  SHAPE_TORUS,  SHAPE_OCTAHEDRON, SHAPE_CONE};
+    double turn[3], matrix[3][3];
+    *s = (struct primitive){.type = types[index % SOLIDS], .index = (float)index, .turned = true};
+    s->convex = s->type != SHAPE_TORUS;
+    set_size(s, size);
+    for (int k = 0; k < 3; k++)
+        turn[k] = random_from(-180, 180);
+    rotation_matrix(turn, matrix);
+    for (int k = 0; k < 3; k++) {
+        s->centre[k] = random_from(-8, 8);
+        s->position[k] = (float)s->centre[k];
+        for (int j = 0; j < 3; j++) {
+            s->row[k][j] = matrix[k][j];
+            s->turn[k][j] = (float)matrix[k][j];
+        }
+    }
+    s->share = index % 2 ? 0.05f : 0.0f;
+}
+
+static void set_plane(struct primitive *s, int index) {
+    *s = (struct primitive){.type = SHAPE_PLANE,
+                            .eval = EVAL_LINEAR,
+                            .index = (float)index,
+                            .bound = INFINITY,
+                            .shininess = 15,
+                            .color = {1, 1, 1},
+                            .share = 0.03f};
+    direction_from(s->row[0]);
+    if (index == 0 && random_from(0, 2) < 1)
+        memcpy(s->row[0], (double[3]){0, 1, 0}, sizeof s->row[0]);
+    s->offset = random_from(-12, -4);
+    for (int k = 0; k < 3; k++)
+        s->normal[k] = (float)s->row[0][k];
+    s->c = (float)s->offset;
+}
+
+static double height_of(const struct primitive *plane, const double p[3]) {
+    return dot3(plane->row[0], p) - plane->offset;
+}
+
+// Whether a camera there can be drawn by closed forms.
+static bool is_clear(const struct random_scene *scene, const double p[3]) {
+    bool clear = dot3(p, p) < 0.9 * BOUNDS * BOUNDS;
+    for (int i = 0; i < SHAPES; i++) {
+        const struct primitive *s = &scene->shape[i];
+        double to[3];
+        span_along(s->centre, p, -1, to);
+        clear =
+            clear && (i < PLANES ? height_of(s, p) > 0.1 : sqrt(dot3(to, to)) > 1.02 * s->bound);
+    }
+    return clear;
+}
+
+static void place(const struct random_scene *scene, double most, double p[3]) {
+    do {
+        direction_from(p);
+        for (int k = 0; k < 3; k++)
+            p[k] *= most;
+    } while (!is_clear(scene, p) && (most *= 0.99) > 0);
+}
+
+static void aim(struct random_scene *scene, const double at[3]) {
+    double up[3];
+    do
+        direction_from(up);
+    while (view_aim(&scene->view, at, up) != AIM_OK);
+}
+
+static void set_scene(struct random_scene *scene, int width, int height) {
+    memset(scene, 0, sizeof *scene);
+    for (int i = 0; i < PLANES; i++)
+        set_plane(&scene->shape[i], i);
+    for (int i = PLANES; i < SHAPES; i++)
+        set_solid(&scene->shape[i], i, pow(10, random_from(-0.7, 0.4)));
+    scene->known.primitives = scene->shape;
+    scene->known.model = (struct known_model){.shape_count = SHAPES,
+                                              .shadows = SHADOWS_SOFT,
+                                              .shadow_strength = pow(10, random_from(0.1, 1)),
+                                              .fog = 5e-6,
+                                              .march = {BOUNDS, 1e-4, 1e-3, 3}};
+    scene->width = width;
+    scene->height = height;
+    place(scene, random_from(10, 40), scene->view.position);
+    place(scene, random_from(10, 80), scene->view.light_position);
+    double at[3] = {random_from(-5, 5), random_from(-5, 5), random_from(-5, 5)};
+    aim(scene, at);
+    scene->view.tan_half_fov = random_from(0.2, 1);
+    for (int k = 0; k < 3; k++)
+        scene->view.light_emission[k] = 50;
+}
+
+// The direction of LANES pixels from (x, y) on, as the phases compute it.
+static struct vec rays_at(const struct random_scene *scene, int x, int y) {
+    const struct view *view = &scene->view;
+    float per = (float)(view->tan_half_fov / scene->height);
+    vfloat column =
+        v_madd(v_splat(2), v_iota(), v_splat((float)(2 * x + 1 - scene->width))) * v_splat(per);
+    vfloat row = v_splat((float)(scene->height - 1 - 2 * y) * per);
+    struct vec d =
+        vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), column);
+    d = vec_along(d, vec_from_doubles(view->up), row);
+    return vec_scale(d, v_splat(1) / vec_norm(d));
+}
+
+// Which of the rays hit solid i, and how far off.
+static unsigned met_by(const struct random_scene *scene, int i, struct vec d, float t[LANES]) {
+    const struct primitive *s = &scene->shape[i];
+    double from[3];
+    float at[3];
+    span_along(scene->view.position, s->centre, -1, from);
+    for (int k = 0; k < 3; k++)
+        at[k] = (float)dot3(s->row[k], from);
+    struct vec point, local = {vec_dot(vec_set(s->turn[0]), d), vec_dot(vec_set(s->turn[1]), d),
+                               vec_dot(vec_set(s->turn[2]), d)};
+    vmask behind;
+    vfloat far;
+    vmask met = enter(vec_set(at), local, s, v_mask_all(), &far, &point, &behind);
+    v_store(far, t);
+    return v_mask_bits(met);
+}
+
+// Which of the rays come to plane i within the bounds, and how far off: as camera_hit() and in_bounds_nearly() say.
+static unsigned seen_by(const struct random_scene *scene, int i, struct vec d, float t[LANES]) {
+    const struct primitive *s = &scene->shape[i];
+    double above = height_of(s, scene->view.position);
+    float lane[3][LANES];
+    unsigned seen = 0;
+    v_store(v_splat((float)above) / (v_splat(0) - vec_dot(vec_set(s->normal), d)), t);
+    v_store(d.x, lane[0]);
+    v_store(d.y, lane[1]);
+    v_store(d.z, lane[2]);
+    for (int k = 0; k < LANES; k++) {
+        double to[3] = {lane[0][k], lane[1][k], lane[2][k]}, p[3];
+        span_along(scene->view.position, to, -above / dot3(s->row[0], to), p);
+        seen |= (unsigned)(t[k] > 0 && dot3(p, p) <= BOUNDS * BOUNDS) << k;
+    }
+    return seen;
+}
+
+// A point of solid i, on its surface or near its edges.
+static inline void point_of(const struct random_scene *scene, int i, double p[3]) {
+    const struct primitive *s = &scene->shape[i];
+    double m[3], local[3];
+    direction_from(m);
+    struct span_hull hull = {s, s->bound, 0};
+    if (s->type == SHAPE_TORUS) {
+        double round = hypot(m[0], m[2]);
+        for (int k = 0; k < 3; k++)
+            local[k] = s->b * m[k] + (k == 1 ? 0 : s->a * m[k] / round);
+    } else if (!support_point(&hull, m, local)) {
+        for (int k = 0; k < 3; k++)
+            local[k] = s->a * m[k];
+    }
+    for (int k = 0; k < 3; k++)
+        p[k] = s->centre[k] + s->row[0][k] * local[0] + s->row[1][k] * local[1] +
+               s->row[2][k] * local[2];
+}
+
+// The pixel that shows p; false: none.
+static inline bool pixel_of(const struct random_scene *scene, const double p[3], int *x, int *y) {
+    const struct view *view = &scene->view;
+    double to[3], per = view->tan_half_fov / scene->height;
+    span_along(p, view->position, -1, to);
+    double far = dot3(to, view->forward);
+    double column = 0.5 * (dot3(to, view->right) / far / per + scene->width);
+    double row = 0.5 * (scene->height - dot3(to, view->up) / far / per);
+    if (!(far > 0 && column >= 0 && row >= 0 && column < scene->width && row < scene->height))
+        return false;
+    *x = (int)column;
+    *y = (int)row;
+    return true;
+}
+
+static const struct fused_span *span_at(const struct fused_span *spans, int x) {
+    while (spans->x1 <= x)
+        spans++;
+    return spans;
+}
