@@ -62,6 +62,8 @@ KERNEL_SHARED void fused_band_set(const struct fused_frame *frame, int top, int 
     for (int i = 0; i < frame->items; i++) {
         const struct span_item *item = &frame->item[i];
         struct band_span *to = &band->span[band->count];
+        if (item->top > top + rows || item->bottom < top)
+            continue;
         for (int r = 0; r < SPAN_BAND; r++) {
             lo[r] = -BEYOND;
             hi[r] = BEYOND;

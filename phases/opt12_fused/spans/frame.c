@@ -28,6 +28,9 @@ static void add_outline(struct fused_frame *frame, int i) {
     struct span_hull hull = {s, s->bound, 0};
     struct span_source eye = source_at(at, 0);
     set_outline(may, sure, frame, &hull, &eye);
+    set_ball_rows(may, frame, to, s->bound);
+    sure->top = may->top;
+    sure->bottom = may->bottom;
 }
 
 // Of plane i: where it is seen within the bounds and no other plane is nearer.
@@ -44,7 +47,7 @@ static void add_plane(struct fused_frame *frame, int i) {
                 p[k][j] = here.height * frame->axis[k][j] + here.fall[k] * frame->eye[j];
         }
         u[2] += (sure ? -4 : 4) * bounds * most;
-        set_conic(item, u, (const double *[]){p[0], p[1], p[2]}, 1);
+        set_conic(item, frame, u, (const double *[]){p[0], p[1], p[2]}, 1);
         for (int j = 0; j < frame->shapes; j++) {
             if (j == i || !(frame->planes >> j & 1))
                 continue;
@@ -120,10 +123,10 @@ static void add_dark(struct fused_frame *frame, int i, int j) {
     double radius = circle.radius * (1 + ANGLE_ERROR) + grow;
     region->radius_sq = isfinite(radius) ? (float)(radius * radius * (1 + 1e-6)) : INFINITY;
     struct span_item *item = new_item(frame, ROLE_DARK + j);
-    if (s->type == SHAPE_SPHERE) {
-        set_dark_cone(item, frame, &plane, to, s->bound + grow, ball);
+    set_dark_cone(item, frame, &plane, to, s->bound + grow, ball);
+    if (s->type == SHAPE_SPHERE)
         return;
-    }
+    item->curved = false; // its rows count
     double at[3];
     for (int k = 0; k < 3; k++)
         at[k] = -span_dot(s->row[k], to);
@@ -148,6 +151,8 @@ static void add_reflected(struct fused_frame *frame, int i, int j, double offset
     struct span_hull hull = {s, s->bound, grow};
     struct span_source eye = source_at(at, 0);
     set_reflected(item, frame, plane.normal, &hull, &eye);
+    span_along(to, plane.normal, -2 * span_dot(to, plane.normal), at);
+    set_ball_rows(item, frame, at, s->bound + grow);
 }
 
 // Sets the shapes that solid j may darken, by balls about them.
@@ -178,35 +183,69 @@ static void set_pairs(struct fused_frame *frame, int j) {
     }
 }
 
-// Sets the guard of mirror i: of some directions the one that leaves most of the mirror above all other solids.
-static void set_guard(struct fused_frame *frame, int i) {
+// The greatest n·p of all solids but i.
+static double top_of_others(const struct fused_frame *frame, int i, const double n[3]) {
+    double top = -INFINITY, local[3];
+    for (int j = 0; j < frame->shapes; j++) {
+        const struct primitive *s = &frame->shape[j];
+        if (j == i || !(frame->solids >> j & 1))
+            continue;
+        for (int a = 0; a < 3; a++)
+            local[a] = span_dot(s->row[a], n);
+        struct span_hull hull = {s, s->bound, POINT_ERROR * frame->bounds_radius};
+        top = fmax(top, span_dot(n, s->centre) + span_support(&hull, local));
+    }
+    return top;
+}
+
+// Which of some mirror rays of a ball, spread over what the eye sees of it, a guard clears.
+static uint64_t cleared_rays(const struct fused_frame *frame, const struct primitive *s,
+                             const struct span_source *eye, const double n[3], double top) {
+    uint64_t cleared = 0;
+    for (int k = 0; k < 3 * TANGENTS; k++) {
+        double sine = 0.4 + 0.25 * (k / TANGENTS), cosine = sqrt(1 - sine * sine), m[3], o[3], d[3];
+        for (int a = 0; a < 3; a++)
+            m[a] = -cosine * eye->axis[a] +
+                   sine * (span_turn(k) * eye->side[a] + span_turn(k + 12) * eye->up[a]);
+        span_along(s->centre, m, s->bound, o);
+        span_along(o, frame->eye, -1, d);
+        span_along(d, m, -2 * span_dot(d, m), d);
+        cleared |= (uint64_t)(span_dot(n, o) >= top && span_dot(n, d) >= 0) << k;
+    }
+    return cleared;
+}
+
+// Sets the guards of mirror i: of the axes and the planes' normals those that clear most rays.
+static void set_guards(struct fused_frame *frame, int i) {
     const struct primitive *mirror = &frame->shape[i];
-    double best = -INFINITY, grow = POINT_ERROR * frame->bounds_radius;
-    frame->guard_top[i] = INFINITY;
+    uint64_t done = 0;
+    double at[3], top[6 + SPAN_SHAPES], n[6 + SPAN_SHAPES][3] = {{0}};
+    uint64_t cleared[6 + SPAN_SHAPES];
+    span_along(frame->eye, mirror->centre, -1, at);
+    struct span_source eye = source_at(at, 0);
     for (int k = 0; k < 6 + frame->shapes; k++) {
-        double n[3] = {0, 0, 0}, top = -INFINITY, local[3];
+        cleared[k] = 0;
         if (k < 6)
-            n[k / 2] = k % 2 ? 1 : -1;
+            n[k][k / 2] = k % 2 ? 1 : -1;
         else if (frame->planes >> (k - 6) & 1)
-            span_along(n, frame->shape[k - 6].row[0], 1, n);
+            span_along(n[k], frame->shape[k - 6].row[0], 1, n[k]);
         else
             continue;
-        for (int j = 0; j < frame->shapes; j++) {
-            const struct primitive *s = &frame->shape[j];
-            if (j == i || (frame->planes >> j & 1))
-                continue;
-            for (int a = 0; a < 3; a++)
-                local[a] = span_dot(s->row[a], n);
-            struct span_hull hull = {s, s->bound, grow};
-            top = fmax(top, span_dot(n, s->centre) + support_of(&hull, local));
-        }
-        double room = span_dot(n, mirror->centre) + mirror->bound - top;
-        if (!(room > best))
-            continue;
-        best = room;
-        frame->guard_top[i] = (float)(top * (1 + copysign(0x1p-22, top)));
+        top[k] = top_of_others(frame, i, n[k]);
+        cleared[k] = cleared_rays(frame, mirror, &eye, n[k], top[k]);
+    }
+    for (int g = 0; g < SPAN_GUARDS; g++) {
+        int best = 0;
+        for (int k = 1; k < 6 + frame->shapes; k++)
+            if (__builtin_popcountll(cleared[k] & ~done) >
+                __builtin_popcountll(cleared[best] & ~done))
+                best = k;
+        bool some = (cleared[best] & ~done) != 0;
+        done |= cleared[best];
+        frame->guard_top[i][g] =
+            some ? (float)(top[best] + POINT_ERROR * frame->bounds_radius) : INFINITY;
         for (int a = 0; a < 3; a++)
-            frame->guard[i][a] = (float)n[a];
+            frame->guard[i][g][a] = (float)n[best][a];
     }
 }
 
@@ -253,15 +292,16 @@ static bool set_shapes(const struct known_scene *scene, struct fused_frame *fram
     return true;
 }
 
-// Whether solid j is above plane i, so that a ray from above meets it first.
+// Whether solid j is above plane i, so that a ray from above meets it first. It may touch the plane.
 static bool is_above(const struct fused_frame *frame, int i, int j) {
     const struct primitive *plane = &frame->shape[i], *s = &frame->shape[j];
     double local[3], apart[3];
     for (int k = 0; k < 3; k++)
         local[k] = -span_dot(s->row[k], plane->row[0]);
     span_along(s->centre, plane->centre, -1, apart);
-    struct span_hull hull = {s, s->bound, POINT_ERROR * frame->bounds_radius};
-    return span_dot(plane->row[0], apart) - support_of(&hull, local) > plane->offset;
+    struct span_hull hull = {s, s->bound, 0};
+    return span_dot(plane->row[0], apart) - span_support(&hull, local) >
+           plane->offset - 1e-6 * s->bound;
 }
 
 KERNEL_SHARED bool fused_frame_set(const struct known_scene *scene, const struct view *view,
@@ -291,7 +331,7 @@ KERNEL_SHARED bool fused_frame_set(const struct known_scene *scene, const struct
             if (shadows)
                 set_pairs(frame, i);
             if (frame->shape[i].share > 0)
-                set_guard(frame, i);
+                set_guards(frame, i);
             continue;
         }
         add_plane(frame, i);

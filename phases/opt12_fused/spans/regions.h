@@ -33,6 +33,8 @@ static inline struct span_item *new_item(struct fused_frame *frame, int bit) {
     item->bit = bit;
     item->curved = false;
     item->lefts = item->rights = 0;
+    item->top = 0;
+    item->bottom = frame->height;
     return item;
 }
 
@@ -55,8 +57,8 @@ static inline void add_side(struct span_item *item, const struct fused_frame *fr
 }
 
 // Cuts the region by (u·d)² >= k·|g d|² on the side u·d > 0; d = (x, y, 1), g d = the sum of g[k]·d[k].
-static inline void set_conic(struct span_item *item, const double u[3], const double *const g[3],
-                             double k) {
+static inline void set_conic(struct span_item *item, const struct fused_frame *frame,
+                             const double u[3], const double *const g[3], double k) {
     struct span_conic *q = &item->conic;
     item->curved = true;
     q->xx = u[0] * u[0] - k * span_dot(g[0], g[0]);
@@ -67,6 +69,15 @@ static inline void set_conic(struct span_item *item, const double u[3], const do
     q->one = u[2] * u[2] - k * span_dot(g[2], g[2]);
     for (int a = 0; a < 3; a++)
         q->side[a] = u[a];
+    // The rows where the quadratic in x has roots, themselves by a quadratic, and a row more on each side.
+    double steep = q->xy * q->xy - q->xx * q->yy, half = q->xy * q->x - q->xx * q->y;
+    double rest = half * half - steep * (q->x * q->x - q->xx * q->one);
+    if (q->xx < 0 && steep < 0 && rest > 0) {
+        double root = sqrt(rest), scale = 0.5 / frame->per_pixel;
+        double middle = 0.5 * (frame->height - 1) + half / steep * scale;
+        item->top = middle + root / steep * scale - 1;
+        item->bottom = middle - root / steep * scale + 1;
+    }
 }
 
 static inline void set_empty(struct span_item *item, const struct fused_frame *frame) {
@@ -82,7 +93,8 @@ static inline void set_sphere(struct span_item *item, const struct fused_frame *
     for (int a = 0; a < 3; a++)
         u[a] = span_dot(to, frame->axis[a]);
     if (k > 0 && radius > 0)
-        set_conic(item, u, (const double *[]){frame->axis[0], frame->axis[1], frame->axis[2]}, k);
+        set_conic(item, frame, u,
+                  (const double *[]){frame->axis[0], frame->axis[1], frame->axis[2]}, k);
     else if (item->bit / 16 == ROLE_SURE / 16)
         set_empty(item, frame);
 }
@@ -136,7 +148,7 @@ static inline void cut_from_eye(struct span_item *item, const struct fused_frame
 static inline bool holds_hull(const struct span_hull *hull, const double at[3], const double n[3]) {
     double unit[3], zero[3] = {0, 0, 0}, length = sqrt(span_dot(n, n));
     span_along(zero, n, 1 / length, unit);
-    return length > 0 && support_of(hull, unit) <= span_dot(unit, at) + 1e-12 * hull->bound;
+    return length > 0 && span_support(hull, unit) <= span_dot(unit, at) + 1e-12 * hull->bound;
 }
 
 // The planes through the eye that touch both rims of a cone: exact, where its sides are the outline.
@@ -194,6 +206,13 @@ static inline void set_outline(struct span_item *may, struct span_item *sure,
         cut_by_cone(may, frame, hull, eye->at);
 }
 
+// The rows that may meet the outline of a ball. The item stays as it is otherwise.
+static inline void set_ball_rows(struct span_item *item, const struct fused_frame *frame,
+                                 const double to[3], double radius) {
+    set_sphere(item, frame, to, radius * (1 + ANGLE_ERROR) + ANGLE_ERROR * sqrt(span_dot(to, to)));
+    item->curved = false;
+}
+
 // Where a sphere can darken a plane: the cone between it and the ball of light, cut by the plane. to: from the light.
 static inline void set_dark_cone(struct span_item *item, const struct fused_frame *frame,
                                  const struct plane_seen *plane, const double to[3], double r,
@@ -209,7 +228,7 @@ static inline void set_dark_cone(struct span_item *item, const struct fused_fram
         u[k] = span_dot(to, g[k]) / far;
     }
     u[2] += 2 * (plane->height + sqrt(span_dot(apex, apex))) * ANGLE_ERROR * frame->reach[2];
-    set_conic(item, u, (const double *[]){g[0], g[1], g[2]}, 1 - sine * sine);
+    set_conic(item, frame, u, (const double *[]){g[0], g[1], g[2]}, 1 - sine * sine);
 }
 
 // The same for any solid, by half-spaces between it and the ball of light.
@@ -226,7 +245,7 @@ static inline void set_dark_sides(struct span_item *item, const struct fused_fra
     for (int k = 0; k < TANGENTS; k++) {
         if (!t.found[k])
             continue;
-        double out = span_dot(t.m[k], at) - support_of(hull, t.m[k]), n[3];
+        double out = span_dot(t.m[k], at) - span_support(hull, t.m[k]), n[3];
         in_camera(frame, s, t.m[k], n);
         for (int j = 0; j < 3; j++)
             n[j] = plane->height * n[j] + out * plane->fall[j];

@@ -8,12 +8,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "types/primitive.h"
+#include "types/known_scene.h"
 
 struct view; // phase.h
 
 enum { SPAN_SHAPES = 16, SPAN_DARK = 64, SPAN_BAND = 32, SPAN_MOST = 256 };
-enum { SPAN_SIDES = 24, SPAN_ITEMS = 96, SPAN_GROUPS = 1024 };
+enum { SPAN_SIDES = 24, SPAN_ITEMS = 96, SPAN_GROUPS = 1024, SPAN_GUARDS = 2 };
 
 enum span_kind {
     SPAN_BACKGROUND, // no shape may be met: hits is 0
@@ -44,9 +44,10 @@ enum span_role { ROLE_MAY = 0, ROLE_SURE = 16, ROLE_DARK = 32, ROLE_REFLECTED = 
 
 // A region of the picture. A ray (x, y, 1), in camera axes, is in it if x >= left.u + left.v·y for each `left`, x <= …
 // for each `right`, and, if `curved`: xx·x² + 2·(xy·y + x)·x + yy·y² + 2·y·y + one >= 0, on the side where
-// side·(x, y, 1) > 0.
+// side·(x, y, 1) > 0. No row above `top` or below `bottom` meets it.
 struct span_item {
     int bit; // role + shape
+    double top, bottom;
     bool curved;
     int lefts, rights;
     struct span_side {
@@ -73,8 +74,9 @@ struct fused_frame {
     struct dark_region dark[SPAN_DARK];
     uint64_t pair[SPAN_SHAPES];   // bit j: solid j may darken a point of shape i
     uint64_t mirror[SPAN_SHAPES]; // bit j: a mirror ray of shape i may meet shape j
-    // A mirror ray of solid i from o in direction d meets no other solid if guard·d >= 0 and guard·o >= guard_top.
-    float guard[SPAN_SHAPES][3], guard_top[SPAN_SHAPES];
+    // A mirror ray of solid i from o in direction d meets no other solid if guard·d >= 0 and guard·o >= guard_top,
+    // by either guard. guard_top: infinite where there is none.
+    float guard[SPAN_SHAPES][SPAN_GUARDS][3], guard_top[SPAN_SHAPES][SPAN_GUARDS];
     int items;
     struct span_item item[SPAN_ITEMS];
 };
@@ -92,19 +94,21 @@ struct fused_band {
 // Sets the frame's constants. Returns false if the frame is not of the kind that spans can draw (a solid that reaches out
 // of the bounds, more shapes than there is room for, ...). Precondition: set_local_cameras() returned true: the camera
 // is above all planes, outside of all bounding spheres and within the bounds; no groups, Mandelbulbs, repetition.
-bool fused_frame_set(const struct known_scene *scene, const struct view *view, int width,
-                     int height, int grain, struct fused_frame *frame);
+KERNEL_SHARED bool fused_frame_set(const struct known_scene *scene, const struct view *view,
+                                   int width, int height, int grain, struct fused_frame *frame);
 
 // Sets the outlines in rows top <= y < top + rows, at most SPAN_BAND.
-void fused_band_set(const struct fused_frame *frame, int top, int rows, struct fused_band *band);
+KERNEL_SHARED void fused_band_set(const struct fused_frame *frame, int top, int rows,
+                                  struct fused_band *band);
 
 // Cuts rows y0 <= y < y0 + rows of the band, taken together, into spans in increasing x that cover [0, width).
 // Returns their number, at most SPAN_MOST (beyond that, the last is mixed with all bits).
-int fused_spans_of_rows(const struct fused_frame *frame, const struct fused_band *band, int y0,
-                        int rows, struct fused_span spans[SPAN_MOST]);
+KERNEL_SHARED int fused_spans_of_rows(const struct fused_frame *frame,
+                                      const struct fused_band *band, int y0, int rows,
+                                      struct fused_span spans[SPAN_MOST]);
 
 // How far apart, in pixels, the six nodes of a polynomial of degree 5 may be that gives the light and the fog of plane
 // `plane` along rows y0 <= y < y0 + rows between columns x0 and x1: 64, 32, 16, or 0: not at all. The nodes reach two spacings
 // beyond x0 and three beyond x1. The error is below `most` (of a colour).
-int fused_spacing(const struct fused_frame *frame, int plane, int y0, int rows, int x0, int x1,
-                  double most);
+KERNEL_SHARED int fused_spacing(const struct fused_frame *frame, int plane, int y0, int rows,
+                                int x0, int x1, double most);

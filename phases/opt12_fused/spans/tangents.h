@@ -30,7 +30,7 @@ struct span_hull {
 };
 
 // Returns the greatest m·p over the hull's points p; m is of unit length.
-static inline double support_of(const struct span_hull *hull, const double m[3]) {
+static inline double span_support(const struct span_hull *hull, const double m[3]) {
     const struct primitive *s = hull->shape;
     double x = fabs(m[0]), y = fabs(m[1]), z = fabs(m[2]), grow = hull->grow;
     double box = s->size[0] * x + s->size[1] * y + s->size[2] * z;
@@ -102,17 +102,20 @@ static inline struct span_source source_at(const double at[3], double radius) {
 static inline bool tangent_of(const struct span_hull *hull, const struct span_source *from,
                               double c, double s, double m[3]) {
     enum { STEPS = 6 };
-    double sine = fmin((hull->bound + hull->grow + from->radius) / from->far, 0.9999);
+    double per = 1 / from->far,
+           sine = fmin((hull->bound + hull->grow + from->radius) * per, 0.9999);
     bool found = false;
     for (int step = 0; step < STEPS; step++) {
         double cosine = sqrt(1 - sine * sine), lean[3];
         for (int k = 0; k < 3; k++)
             lean[k] = cosine * (c * from->side[k] + s * from->up[k]) - sine * from->axis[k];
-        double need = (support_of(hull, lean) + from->radius) / from->far;
+        double need = (span_support(hull, lean) + from->radius) * per;
         if (need <= sine) {
             found = true;
             for (int k = 0; k < 3; k++)
                 m[k] = lean[k];
+            if (sine - need < 1e-6)
+                break;
         }
         sine = fmin(need + 1e-14, 0.9999);
     }
