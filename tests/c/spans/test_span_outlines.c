@@ -2,9 +2,74 @@
 // Outlines of solids and planes (opt12_fused, PROOFS.md, 1. and 2.) against rays in float.
 #include "span_scenes.h"
 
+#include "hit/solids.h"
+#include "hit/torus.c"
+
 enum { SCENES = MANY(60), CLOSE = MANY(600) };
 
 static struct fused_frame frame;
+
+vmask sharp_enter(const struct sharp *sharp, struct vec o, struct vec d, vmask active, vfloat from,
+                  vfloat to, vfloat *t) { // what enter() links to
+    (void)sharp, (void)o, (void)d, (void)to;
+    *t = from;
+    return active;
+}
+
+vmask field_enter(const struct field *field, struct vec o, struct vec d, vmask active, vfloat from,
+                  vfloat to, vfloat *t) {
+    (void)field, (void)o, (void)d, (void)to;
+    *t = from;
+    return active;
+}
+
+// The direction of LANES pixels from (x, y) on, as the phases compute it.
+static struct vec rays_at(const struct random_scene *scene, int x, int y) {
+    const struct view *view = &scene->view;
+    float per = (float)(view->tan_half_fov / scene->height);
+    vfloat column =
+        v_madd(v_splat(2), v_iota(), v_splat((float)(2 * x + 1 - scene->width))) * v_splat(per);
+    vfloat row = v_splat((float)(scene->height - 1 - 2 * y) * per);
+    struct vec d =
+        vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), column);
+    d = vec_along(d, vec_from_doubles(view->up), row);
+    return vec_scale(d, v_splat(1) / vec_norm(d));
+}
+
+// Which of the rays hit solid i, and how far off.
+static unsigned met_by(const struct random_scene *scene, int i, struct vec d, float t[LANES]) {
+    const struct primitive *s = &scene->shape[i];
+    double from[3];
+    float at[3];
+    span_along(scene->view.position, s->centre, -1, from);
+    for (int k = 0; k < 3; k++)
+        at[k] = (float)dot3(s->row[k], from);
+    struct vec point, local = {vec_dot(vec_set(s->turn[0]), d), vec_dot(vec_set(s->turn[1]), d),
+                               vec_dot(vec_set(s->turn[2]), d)};
+    vmask behind;
+    vfloat far;
+    vmask met = enter(vec_set(at), local, s, v_mask_all(), &far, &point, &behind);
+    v_store(far, t);
+    return v_mask_bits(met);
+}
+
+// Which of the rays come to plane i within the bounds, and how far off: as camera_hit() and in_bounds_nearly() say.
+static unsigned seen_by(const struct random_scene *scene, int i, struct vec d, float t[LANES]) {
+    const struct primitive *s = &scene->shape[i];
+    double above = height_of(s, scene->view.position);
+    float lane[3][LANES];
+    unsigned seen = 0;
+    v_store(v_splat((float)above) / (v_splat(0) - vec_dot(vec_set(s->normal), d)), t);
+    v_store(d.x, lane[0]);
+    v_store(d.y, lane[1]);
+    v_store(d.z, lane[2]);
+    for (int k = 0; k < LANES; k++) {
+        double to[3] = {lane[0][k], lane[1][k], lane[2][k]}, p[3];
+        span_along(scene->view.position, to, -above / dot3(s->row[0], to), p);
+        seen |= (unsigned)(t[k] > 0 && dot3(p, p) <= BOUNDS * BOUNDS) << k;
+    }
+    return seen;
+}
 
 // The shapes that rays from (x, y) on meet first; −1: none. Beyond the bounds a plane still hides.
 static void find_first(const struct random_scene *scene, int x, int y, int first[LANES]) {

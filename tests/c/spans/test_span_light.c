@@ -1,0 +1,252 @@
+// flags: -O2 -iquote phases/opt12_fused -iquote phases/opt11_ideal -iquote phases/opt10_scene -iquote phases/opt9_convex
+// What solids darken, what mirrors show, and the polynomials of a row (opt12_fused, PROOFS.md, 3. to 6.), in double.
+#include "span_scenes.h"
+
+enum { SCENES = MANY(60), POINTS = 600, ROWS = MANY(4000), GRAIN = 8, COLUMNS = 201, LINES = 101 };
+
+static struct fused_frame frame;
+
+static void set_frame(struct random_scene *scene) {
+    assert_true(
+        fused_frame_set(&scene->known, &scene->view, scene->width, scene->height, GRAIN, &frame));
+}
+
+// The span of the picture's middle pixel, at whose centre p is.
+static const struct fused_span *span_of_point(struct random_scene *scene, const double p[3]) {
+    static struct fused_span spans[SPAN_MOST];
+    static struct fused_band band;
+    aim(scene, p);
+    set_frame(scene);
+    fused_band_set(&frame, LINES / 2, 2, &band);
+    fused_spans_of_rows(&frame, &band, LINES / 2, 2, spans);
+    return span_at(spans, COLUMNS / 2);
+}
+
+// Whether z comes into the cone of slope q about the ray from p to the light: |p + t·l − z| < q·t for a t up to there.
+static bool darkens(const struct random_scene *scene, const double p[3], const double z[3],
+                    double q) {
+    double to[3], apart[3], at[3];
+    span_along(scene->view.light_position, p, -1, to);
+    span_along(z, p, -1, apart);
+    double far = sqrt(dot3(to, to)), t = dot3(apart, to) / far;
+    double across = sqrt(fmax(dot3(apart, apart) - t * t, 0));
+    t = fmin(t + across * q / sqrt(1 - q * q), far); // where the cone is nearest to z
+    span_along(apart, to, -t / far, at);
+    return t > 0 && sqrt(dot3(at, at)) < q * t;
+}
+
+static bool is_nearest_plane(const struct random_scene *scene, int i, const double p[3]) {
+    for (int j = 0; j < PLANES; j++)
+        if (j != i && height_of(&scene->shape[j], p) < 1e-3)
+            return false;
+    return dot3(p, p) < 0.999 * BOUNDS * BOUNDS;
+}
+
+// A point of plane i that a point z of a solid darkens: the cone about its ray to the light, of slope q, holds z. v: a
+// direction; the ray that leads through z leans that way. Returns false if there is none.
+static bool darkened_point(const struct random_scene *scene, int i, const double z[3],
+                           const double v[3], double q, double p[3]) {
+    const struct primitive *plane = &scene->shape[i];
+    const double *light = scene->view.light_position;
+    double far = 2 * BOUNDS, to[3], on = height_of(plane, z);
+    for (int step = 0; step < 60; step++) {
+        double from[3], d[3];
+        span_along(light, v, 0.999999 * q * far, from);
+        span_along(z, from, -1, d);
+        double fall = dot3(plane->row[0], d);
+        if (!(fall < 0))
+            return false;
+        span_along(z, d, -on / fall, p);
+        span_along(light, p, -1, to);
+        far = sqrt(dot3(to, to));
+        if (!(far < 1e4))
+            return false;
+    }
+    return darkens(scene, p, z, q);
+}
+
+TEST(test_darkened_points) {
+    int seen = 0, tight = 0;
+    for (int n = 0; n < SCENES; n++) {
+        struct random_scene scene;
+        set_scene(&scene, COLUMNS, LINES);
+        set_frame(&scene);
+        double most[SPAN_DARK] = {0};
+        for (int k = 0; k < POINTS; k++) {
+            int i = k % PLANES, j = PLANES + k / PLANES % SOLIDS;
+            double z[3], v[3], p[3];
+            point_of(&scene, j, z);
+            direction_from(v);
+            if (!darkened_point(&scene, i, z, v, frame.slope, p) || !is_nearest_plane(&scene, i, p))
+                continue;
+            int region = 0;
+            while (frame.dark[region].plane != i || frame.dark[region].solid != j)
+                assert_true(++region < frame.dark_count);
+            double to[3];
+            for (int a = 0; a < 3; a++)
+                to[a] = p[a] - frame.dark[region].centre[a];
+            assert_true(dot3(to, to) <= frame.dark[region].radius_sq);
+            most[region] = fmax(most[region], dot3(to, to) / frame.dark[region].radius_sq);
+            const struct fused_span *span = span_of_point(&scene, p);
+            assert_true(span->kind == SPAN_SOLID || (span->hits >> i & 1));
+            assert_true(span->kind == SPAN_SOLID || (span->darkeners >> j & 1));
+            seen++;
+        }
+        for (int r = 0; r < frame.dark_count; r++)
+            tight += most[r] > 0.8;
+    }
+    assert_true(seen > SCENES * POINTS / 50 && tight > SCENES / 10);
+}
+
+// Solids on which another may cast its shadow.
+TEST(test_pairs) {
+    int clear = 0, found = 0;
+    for (int n = 0; n < SCENES; n++) {
+        struct random_scene scene;
+        set_scene(&scene, COLUMNS, LINES);
+        set_scene(&scene, COLUMNS, LINES);
+        set_frame(&scene);
+        for (int k = 0; k < POINTS; k++) {
+            int i = PLANES + k % SOLIDS, j = PLANES + (k / SOLIDS + 1 + k) % SOLIDS;
+            double p[3], z[3];
+            if (i == j)
+                continue;
+            clear += !(frame.pair[i] >> j & 1);
+            point_of(&scene, i, p);
+            point_of(&scene, j, z);
+            if (!darkens(&scene, p, z, frame.slope))
+                continue;
+            assert_true(frame.pair[i] >> j & 1);
+            found++;
+        }
+    }
+    assert_true(found > SCENES * POINTS / 50 && clear > SCENES * POINTS / 50);
+}
+
+TEST(test_mirrored_solids) {
+    int seen = 0, cleared = 0;
+    for (int n = 0; n < SCENES; n++) {
+        struct random_scene scene;
+        set_scene(&scene, COLUMNS, LINES);
+        set_frame(&scene);
+        for (int k = 0; k < POINTS; k++) {
+            int i = k % PLANES, j = PLANES + k / PLANES % SOLIDS;
+            const struct primitive *plane = &scene.shape[i];
+            double z[3], image[3], d[3], p[3];
+            point_of(&scene, j, z);
+            double height = height_of(plane, scene.view.position), offset = 1e-3;
+            span_along(scene.view.position, plane->row[0], offset - 2 * height, image);
+            span_along(z, image, -1, d);
+            double above = height_of(plane, z) - offset;
+            if (!(above > 0))
+                continue;
+            span_along(z, d, -above / dot3(d, plane->row[0]), p);
+            span_along(p, plane->row[0], -offset, p); // the mirror ray starts above it
+            if (!is_nearest_plane(&scene, i, p))
+                continue;
+            const struct fused_span *span = span_of_point(&scene, p);
+            assert_true(span->kind == SPAN_SOLID || (span->reflected >> j & 1));
+            seen++;
+            cleared += SOLIDS - __builtin_popcountll(span->reflected);
+        }
+    }
+    assert_true(seen > SCENES * POINTS / 50 && cleared > seen * SOLIDS / 4);
+}
+
+TEST(test_guards) {
+    int cleared = 0, all = 0;
+    for (int n = 0; n < SCENES; n++) {
+        struct random_scene scene;
+        set_scene(&scene, COLUMNS, LINES);
+        set_frame(&scene);
+        for (int k = 0; k < POINTS; k++) {
+            int i = PLANES + k % SOLIDS, j = PLANES + (k / SOLIDS + 1 + k) % SOLIDS;
+            double o[3], z[3], d[3], other[3];
+            if (i == j || !(scene.shape[i].share > 0))
+                continue;
+            point_of(&scene, i, o);
+            point_of(&scene, j, z);
+            span_along(z, o, -1, d);
+            direction_from(other);
+            for (int g = 0; g < SPAN_GUARDS; g++) {
+                const float *at = frame.guard[i][g];
+                double n3[3] = {at[0], at[1], at[2]};
+                bool on = dot3(n3, o) >= frame.guard_top[i][g];
+                assert_false(on && dot3(n3, d) >= 0);
+                cleared += on && dot3(n3, other) >= 0;
+            }
+            all++;
+        }
+    }
+    assert_true(cleared > all / 10);
+}
+
+// The plane's colour at x of a row, by its definition. low: where the plane darkens itself.
+static double color_at(const struct random_scene *scene, int i, double x, double y, bool smooth) {
+    const struct view *view = &scene->view;
+    const struct primitive *plane = &scene->shape[i];
+    double d[3], p[3], l[3], m[3], n[3];
+    for (int k = 0; k < 3; k++)
+        d[k] = view->forward[k] + x * view->right[k] + y * view->up[k];
+    normalize3(d);
+    memcpy(n, plane->row[0], sizeof n);
+    span_along(view->position, d, -height_of(plane, view->position) / dot3(n, d), p);
+    span_along(view->light_position, p, -1, l);
+    double far = sqrt(dot3(l, l)), facing = dot3(n, l) / far, square = dot3(p, p);
+    span_along(d, n, -2 * dot3(d, n), m);
+    double shine = fmax(dot3(m, l) / far, 0),
+           fogged = exp(-scene->known.model.fog * square * sqrt(square));
+    double share = fmin(1, scene->known.model.shadow_strength * facing);
+    double light = (facing + 0.2 * pow(shine, plane->shininess)) / far;
+    return fogged * (0.01 + view->light_emission[0] * light * (smooth ? 1 : share));
+}
+
+// Neville's scheme: the polynomial through six nodes, at u.
+static double through_nodes(const double nodes[6], double u) {
+    double p[6];
+    memcpy(p, nodes, sizeof p);
+    for (int n = 1; n < 6; n++)
+        for (int k = 0; k + n < 6; k++)
+            p[k] = ((u - k - n) * p[k] + (k - u) * p[k + 1]) / -n;
+    return p[2 - 2];
+}
+
+TEST(test_polynomials) {
+    static const double shine[4] = {15, 8, 2.5, 60};
+    int some = 0, rows = 0;
+    double most = 1e-6, worst = 0;
+    for (int n = 0; n < ROWS; n++) {
+        struct random_scene scene;
+        set_scene(&scene, 1280, 720);
+        int i = n % PLANES, y = (int)random_from(0, 719), x0 = 16 * (int)random_from(0, 70);
+        int x1 = x0 + 16 * (int)random_from(1, 20);
+        scene.shape[i].shininess = (float)shine[n / PLANES % 4];
+        set_frame(&scene);
+        double per = scene.view.tan_half_fov / 720, up = (719 - 2 * y) * per;
+        double middle = ((x0 + x1) - 1280) * per, d[3];
+        for (int k = 0; k < 3; k++)
+            d[k] = scene.view.forward[k] + middle * scene.view.right[k] + up * scene.view.up[k];
+        if (!(dot3(d, scene.shape[i].row[0]) < 0))
+            continue;
+        rows++;
+        int spacing = fused_spacing(&frame, i, y, 1, x0, x1, most);
+        assert_true(spacing == 64 || spacing == 32 || spacing == 16 || spacing == 0);
+        some += spacing != 0;
+        for (int left = spacing ? x0 - x0 % spacing : x1; left < x1; left += spacing) {
+            double nodes[6];
+            for (int k = 0; k < 6; k++)
+                nodes[k] = color_at(&scene, i, (2 * (left + (k - 2) * spacing) + 1 - 1280) * per,
+                                    up, true);
+            for (int x = left; x < left + spacing; x += 3) {
+                double exact = color_at(&scene, i, (2 * x + 1 - 1280) * per, up, true);
+                double error = fabs(through_nodes(nodes, 2 + (double)(x - left) / spacing) - exact);
+                worst = fmax(worst, error);
+                assert_true(error <= most);
+            }
+        }
+    }
+    print_message("%d of %d, worst %g\n", some, rows, worst);
+    assert_true(some > rows / 4);
+}
+
+RUN_TESTS(NULL, NULL)
