@@ -139,6 +139,12 @@ def test_a_mandelbulb_is_near_the_ideal() -> None:
     assert dots[0] == dots[1]
 
 
+def test_a_mandelbox_is_near_the_ideal() -> None:
+    path = registry.scenes()["mandelbox"].path
+    mine, truth = (harness.render(phase, path, WIDTH, HEIGHT).picture for phase in (PHASE, "truth"))
+    assert decibels(images.rgb(mine), ideal_of(truth), mine["id"] == truth["id"]) >= 60
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("gcc"), reason="gcc would compile kernels")
 @pytest.mark.parametrize("name", ["scene0", "mandelbulb", "lattice"])

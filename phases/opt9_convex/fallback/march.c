@@ -213,14 +213,16 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
 // Returns the ideal soft shadow, 0 ... 1: the least strength·h(t)/t up to the light. As h falls no faster
 // than t grows, no ratio is below `goal` within (h − goal·t)/(1 + goal). goal: so little below the least
 // ratio found that the result is at most ROOM too light (about ROOM² at a smooth minimum). Nothing is proved
-// of a Mandelbulb.
+// of a fractal. A Mandelbox's rays pass near it all the way, and get larger steps.
 #define ROOM (1.0f / 64)
+#define BOX_ROOM (1.0f / 4)
 #define LEAST_STEP 0x1p-16f // of t, for strengths that ask for less
 static vfloat ideal_shadow(vfloat distance, vmask active, const struct trace_context *world) {
     const struct prepared *scene = world->scene;
     float strength = (float)scene->model.shadow_strength, lit = 1.0f / strength;
     vfloat zero = v_splat(0.0f), one = v_splat(1.0f), least = v_splat(lit);
-    vfloat room = v_splat(ROOM * (lit < 1.0f ? lit : 1.0f));
+    float share = scene->model.features.count[SHAPE_MANDELBOX] ? BOX_ROOM : ROOM;
+    vfloat room = v_splat(share * (lit < 1.0f ? lit : 1.0f));
     vfloat t = v_splat((float)scene->model.march.surface_offset);
     vmask done = v_or(v_not(active), v_not(v_cmp_lt(t, distance)));
     while (!v_all(done)) {

@@ -14,7 +14,7 @@ import pytest
 from study.core import cli, commands, registry, store
 from study.core.registry import Spec
 from study.core.run import UNSUPPORTED, DriverError
-from study.experiments.views import command, experiment, gains
+from study.experiments.views import command, experiment, gains, tables
 from study.experiments.views import measure as viewing
 from study.experiments.views.schema import Gain, Row, Views
 from study.measuring.views import TUNED, View
@@ -180,12 +180,28 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     )
     store.write_json(tmp_path / command.FILE, made)
     chapter = experiment.section(SimpleNamespace(path=tmp_path))
-    assert [part.name for part in chapter.parts] == ["views", "views-points"]
+    assert [part.name for part in chapter.parts] == ["views", "views-losses", "views-points"]
     text = chapter.parts[0].markdown
     assert gains.ALONE in text and "2 of 3" in text and "60.0 (parent 70.0)" in text
     assert chapter.answer.startswith("0 of 1")
     with matplotlib.rc_context(STYLE):
         assert chapter.drawn["views-ratios"].make().axes
+
+
+def test_a_step_loses_where_it_is_surely_slower_by_over_three_percent() -> None:
+    unsure = Interval.of(stats.ratio_interval([100.0] * 3 + [80.0] * 4, [100.0] * 7))  # 1.25 by its median
+    some = [row("trio", "own", 0.5), row("trio", "left", 0.1), row("cubes", "own", 1 / 1.02)]
+    every = with_parents([*some, row("lattice", "own", 1, ratio=unsure), row("scene0", "own", 2)])
+    made = SimpleNamespace(rows=every, rungs=gains.over_views(every))
+    (found,) = tables.losses(made)
+    cells = {scene: (text.partition("×")[0], mark) for (scene, _), (text, mark) in found.table.cells}
+    assert cells == {
+        "trio, 160×90": ("2.00", "bad"),
+        "cubes, 160×90": ("1.02", ""),
+        "lattice, 160×90": ("1.25", ""),
+        "scene0, 160×90": ("0.500", ""),
+    }
+    assert found.table.cells[2][1][0].endswith("[1.00,\u00a01.25]")
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """The tables and the figure of further views, made from views.json alone."""
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,8 @@ from study.core import show
 from study.core.show import Column
 from study.experiments.section import Found, Part, left_out, part
 from study.experiments.views.gains import ALONE, BASE, EVERYWHERE, MEDIAN
-from study.experiments.views.schema import Furthest, Gain, Views, decibels
-from study.measuring.views import CLEAR
+from study.experiments.views.schema import Furthest, Gain, Row, Views, decibels
+from study.measuring.views import CLEAR, OWN
 from study.numbers.schema import Interval
 from study.pictures.draw import Drawing
 
@@ -62,6 +63,9 @@ GAINS = [
 ]
 
 
+LOSES = 1.03  # a step takes no longer than that on a scene that it draws
+LOSES_WHERE = "Where a step loses: time of each phase over its parent's, scene by scene"
+LOSES_NOTE = f"✗: over {LOSES:g}×, and the whole interval is over 1. Each scene from its own view."
 POINTS = [
     Column("", "program", lambda r: r.phase),
     Column("", "scene", show.picture),
@@ -77,11 +81,41 @@ POINTS = [
 ]
 
 
+Line = dict[str, Row]  # of one scene, by phase
+
+
+def _lost(phase: str, line: Line) -> str:
+    row = line.get(phase)
+    return "bad" if row and row.loses and 1 / row.ends[0] > LOSES else ""
+
+
+def _over_parent(phase: str, line: Line) -> str:
+    if phase not in line:
+        return show.NOTHING
+    value, low, high = (1 / end for end in line[phase].ends)
+    text = show.spread({"value": value, "low": high, "high": low}, 3, "×")
+    return f"{text} ✗" if _lost(phase, line) else text
+
+
+def losses(result: Views) -> list[Part]:
+    """Time of each phase over its parent's, scene by scene, each seen from its own place."""
+    lines: dict[str, Line] = {}
+    for row in result.rows:
+        if row.view == OWN and row.ratio:
+            lines.setdefault(row.scene, {})[row.phase] = row
+    columns = [Column("", "scene", lambda line: show.picture(next(iter(line.values()))))]
+    for gain in result.rungs:
+        told = partial(_over_parent, gain.phase), partial(_lost, gain.phase)
+        columns.append(Column("time over its parent's", f"{gain.phase} [95\u00a0%]", *told))
+    return part("views-losses", LOSES_WHERE, [*lines.values()], columns, LOSES_NOTE)
+
+
 def parts(result: Views) -> list[Part]:
     size = f"times at n = {result.n}, errors at n = {result.error_n}"
     caption = f"Each phase against its parent, on views it was not tuned on; {size}"
     return [
         *part("views", caption, result.rungs, GAINS),
+        *losses(result),
         *part("views-points", "Every program on every view", result.rows, POINTS),
         *left_out("views-left-out", [*result.failures, *result.left_out]),
     ]
