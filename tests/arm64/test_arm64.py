@@ -28,13 +28,21 @@ from study.pictures import gate, images
 pytestmark = [pytest.mark.slow, arm64.needs_arm64]
 
 SCENES = list(registry.scenes())
+# Every scene by these, a kind of lanes each; by the others, which are of the same words, every fourth.
+WHOLLY = (harness.REFERENCE, "opt4", "opt6_wide", "opt11_ideal")
+DRAWN = [
+    (phase, scene)
+    for i, phase in enumerate(PHASES)
+    for k, scene in enumerate(SCENES)
+    if phase in WHOLLY or (i + k) % 4 == 0
+]
 
 
 def draw(phase: str, scene: Path, width: int, height: int) -> Run:
     """The picture of the cross-built program. Raises harness.Unsupported."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(harness, "binary", arm64.program)
-        return harness.render(phase, scene, width, height)
+        return harness.render(phase, scene, width, height, anew=True)  # by a script, whatever its program
 
 
 def made_of(phase: Phase) -> str:
@@ -52,8 +60,7 @@ def small(tolerance: dict, pixels: int) -> dict:
     return tolerance | {name: max(bound, one[name]) for name, bound in tolerance.items() if name in one}
 
 
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize(("phase", "scene"), DRAWN)
 def test_scene(phase: str, scene: str) -> None:
     """Within the conformance suite's bounds to baseline's picture of this machine, and within the phase's own
     tolerance to it, where it declares one."""
@@ -83,7 +90,7 @@ def test_random_scenes(phase: str) -> None:
     """Any scene that hypothesis draws: status 0, and a picture of finite numbers."""
     size = (3, 2) if phase == TRUTH else (11, 7)
 
-    @settings(max_examples=5, database=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=3, database=None, suppress_health_check=list(HealthCheck))
     @given(random_scenes())
     def each(whole: dict) -> None:
         for one in (whole, spheres_alone(whole)):
@@ -96,10 +103,10 @@ def test_random_scenes(phase: str) -> None:
     each()
 
 
-@pytest.mark.parametrize("phase", ["opt10_scene", "opt11_ideal"])
-def test_a_kernel_is_compiled_there(phase: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It draws what the general code draws, but for the last bits of shininess."""
-    path = registry.scenes()["scene0"].path
+def test_a_kernel_is_compiled_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It draws what the general code draws, but for the last bits of shininess. opt11_ideal's, by the code
+    that it has of opt10_scene."""
+    phase, path = "opt11_ideal", registry.scenes()["scene0"].path
     general = draw(phase, path, 16, 9)
     assert general.record["kernel"] != "generated"
     monkeypatch.setenv("STEPWISE_CC", arm64.COMPILER)

@@ -7,12 +7,15 @@ reduced one, since sanitised programs are slow.
 from __future__ import annotations
 
 import functools
+import hashlib
 import json
 import os
+import shutil
 import subprocess
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from processes import only_warned
@@ -85,13 +88,19 @@ def call(
     env: dict[str, str] | None = None,
     timeout: float = 300,
     timed: bool = False,
+    once: Path | None = None,
 ) -> Run:
-    """The driver with these arguments, whatever comes of it. Not `timed`: clocks, 25 ms a call, are not."""
+    """The driver with these arguments, whatever comes of it. Not `timed`: clocks, 25 ms a call, are not.
+    `once`: the picture among them, if a kept one will do."""
     command = [str(binary(phase).relative_to(ROOT)), *map(str, arguments)]
     environment = os.environ | {UNTIMED: "1"} | (env or {})
     if timed:
         del environment[UNTIMED]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=timeout, env=environment)
+    how = {"cwd": ROOT, "timeout": timeout, "env": environment}
+    if once:
+        done = drawn_once(command, once, **how)
+    else:
+        done = subprocess.run(command, capture_output=True, text=True, **how)
     return Run(command, done.returncode, done.stdout, done.stderr)
 
 
@@ -107,14 +116,55 @@ class Unsupported(Exception):
     """The phase says that it does not render this scene: allowed, and counted."""
 
 
-def render(phase: str, scene: Path, width: int, height: int, *options: str | int, aov: bool = True) -> Run:
-    """A picture. Raises Unsupported if the phase refuses the scene, properly, as not for it."""
+@functools.cache
+def shelf(program: Path, changed_ns: int) -> Path:
+    """Folder of the pictures that this program has drawn, by its bytes; those of another one go."""
+    own = program.parent / "kept" / hashlib.sha256(program.read_bytes()).hexdigest()[:16]
+    own.mkdir(parents=True, exist_ok=True)
+    for other in own.parent.iterdir():
+        if other != own:
+            shutil.rmtree(other, ignore_errors=True)
+    return own
+
+
+# Phases that others are held against. A picture of theirs is drawn once and kept beside the program, for this
+# run of the tests and the next: ground truth takes seconds. test_same_call_same_bits draws anew.
+BESIDE = (REFERENCE, TRUTH)
+MATTER = ("STEPWISE_ISA_LIMIT", "STEPWISE_UNTIMED", "GLIBC_TUNABLES")
+
+
+def drawn_once(command: list[str], picture: Path, **how: Any) -> subprocess.CompletedProcess[str]:
+    """The driver's run (program, scene, options), or what is kept of the same one; `picture`: its file."""
+    program, scene = ROOT / command[0], ROOT / command[1]
+    told = [word for word in command[2:] if word != str(picture)]
+    told += [f"{name}={how['env'].get(name, '')}" for name in MATTER]
+    asked = json.dumps([scene.name, *told, json.loads(scene.read_text())])
+    key = hashlib.sha256(asked.encode()).hexdigest()[:24]
+    kept = shelf(program, program.stat().st_mtime_ns) / f"{key}.exr"
+    record = kept.with_suffix(".json")
+    if kept.is_file():
+        shutil.copyfile(kept, picture)
+        return subprocess.CompletedProcess(command, 0, *json.loads(record.read_text()))
+    done = subprocess.run(command, capture_output=True, text=True, **how)
+    if done.returncode == 0:
+        new = kept.with_suffix(f".{os.getpid()}")
+        new.write_text(json.dumps([done.stdout, done.stderr]))
+        new.replace(record)
+        shutil.copyfile(picture, new)
+        new.replace(kept)
+    return done
+
+
+def render(
+    phase: str, scene: Path, width: int, height: int, *options: str | int, aov=True, anew=False
+) -> Run:
+    """A picture; not `anew`: one that is kept will do. Raises Unsupported if the phase refuses the scene,
+    properly, as not for it."""
     picture = KEPT / f"{phase}.{os.getpid()}.exr"
     KEPT.mkdir(parents=True, exist_ok=True)
     try:
-        run = call(
-            phase, scene, "-n", height, "-w", width, "-o", picture, "--json", *["--aov"] * aov, *options
-        )
+        words = ["-n", height, "-w", width, "-o", picture, "--json", *["--aov"] * aov, *options]
+        run = call(phase, scene, *words, once=None if anew or phase not in BESIDE else picture)
         if run.status == 4:
             check_refusal(run, 4)
             raise Unsupported(run.stderr.strip())

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.parametrize("phase", PHASES)
 
 
 @settings(
-    max_examples=examples(10 if REDUCED else 60),
+    max_examples=examples(10 if REDUCED else 30),
     derandomize=True,
     deadline=None,
     database=None,

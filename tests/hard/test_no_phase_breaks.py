@@ -1,6 +1,6 @@
 """No phase may write NaN, hang or crash on any hard case. How wrong it is: scripts/stepwise stability."""
 
-import os
+import zlib
 
 import pytest
 
@@ -23,10 +23,13 @@ PAIRS = [
 
 @pytest.mark.parametrize(("phase", "case"), PAIRS)
 def test_no_phase_breaks(phase: str, case: hard.Case) -> None:
-    """At the easiest, the middle and the hardest strength."""
+    """At the hardest strength, and at the easiest or the middle one."""
     if lacking := registry.missing_isa(registry.phases()[phase]):
         pytest.skip(f"this CPU lacks {', '.join(lacking)}, which {phase} needs")
-    (row,) = measure.sweep([phase], [case], few=True, jobs=len(os.sched_getaffinity(0)))
+    *others, hardest = case.few()
+    strengths = [*others[zlib.crc32(f"{phase} {case.name}".encode()) % 2 :][:1], hardest]
+    points = [measure.measure_point(hard.Phase(phase), case, strength) for strength in strengths]
+    row = measure.row(phase, case, points)
     again = f"scripts/stepwise stability --phase {phase} --case {case.number}"
     assert not measure.breaks([row]), "\n".join([*measure.breaks([row]), again])
-    assert len(row.errors) == len(case.few())
+    assert len(row.errors) == len(strengths)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from processes import only_warned
 
+from conformance import harness
 from conformance.feature_scenes import FEATURES
 from study.core import registry
 from study.core.build import build
@@ -29,7 +30,7 @@ def path_of(scene: str | Path | dict, folder: Path) -> Path:
         return scene
     if isinstance(scene, str) and scene in registry.scenes():
         return registry.scenes()[scene].path
-    path = folder / "scene.json"
+    path = folder / (f"{scene}.json" if isinstance(scene, str) else "scene.json")
     path.write_text(json.dumps(FEATURES[scene] if isinstance(scene, str) else scene))
     return path
 
@@ -39,11 +40,12 @@ def render(
 ) -> subprocess.CompletedProcess[str]:
     """The driver's run; its picture is folder/picture.exr."""
     program, out = build(phase) if isinstance(phase, str) else phase, folder / "picture.exr"
-    shape = ("-w", size[0], "-n", size[1])
-    words = [program, path_of(scene, folder), *shape, "--aov", "--json", "-o", out, *options]
-    return subprocess.run(
-        list(map(str, words)), capture_output=True, text=True, env=os.environ | env, timeout=300
-    )
+    shape = ("-n", size[1], "-w", size[0])
+    words = [program, path_of(scene, folder), *shape, "-o", out, "--json", "--aov", *options]
+    how = {"env": os.environ | env, "timeout": 300}
+    if phase in harness.BESIDE:
+        return harness.drawn_once(list(map(str, words)), out, **how)
+    return subprocess.run(list(map(str, words)), capture_output=True, text=True, **how)
 
 
 def picture(

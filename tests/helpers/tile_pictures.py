@@ -19,21 +19,21 @@ LACKING = pytest.mark.skipif(not TRUE, reason="the CPU lacks AVX-512; test_emula
 EACH_WIDTH = [pytest.param("16 lanes", marks=LACKING), "8 lanes"]
 
 
-def picture(phase: str, scene: Path | dict, folder: Path, size=SMALL, *arguments: object, **env: str):
+def picture(phase: str, scene: str | Path | dict, folder: Path, size=SMALL, *arguments: object, **env: str):
     """Every plane of the scene's picture."""
     return phase_pictures.picture(phase, scene, folder, *arguments, size=size, **env)
 
 
-def check_starts(phase: str, scene: dict, folder: Path, where: str, size=SMALL) -> tuple[float, float]:
+def check_starts(phase: str, scene: str | dict, folder: Path, where: str) -> tuple[float, float]:
     """No start of the phase is past the true hit, by any width.
 
     Shares of the pixels: those that start beyond the camera or not at all, and of them those that hit.
     """
-    true = picture("truth", scene, folder, size, "--threads", 2)
+    true = picture("truth", scene, folder)
     known = true["status"] > 0
     late, late_hits = [], []
     for width, env in WIDTHS.items():
-        start = picture(phase, scene, folder, size, **env)["start"]
+        start = picture(phase, scene, folder, **env)["start"]
         assert np.isfinite(start).all() and ((start >= 0) | (start == -1)).all(), f"{where}, {width}"
         start = np.where(start < 0, np.inf, start)
         hit = np.maximum(true["Z"], 0)  # of a camera within a Mandelbulb a march steps back

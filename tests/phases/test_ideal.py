@@ -147,7 +147,7 @@ def test_a_mandelbox_is_near_the_ideal() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("gcc"), reason="gcc would compile kernels")
-@pytest.mark.parametrize("name", ["scene0", "mandelbulb", "lattice"])
+@pytest.mark.parametrize("name", ["scene0", "mandelbulb"])
 def test_a_kernel_draws_what_the_general_code_draws(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

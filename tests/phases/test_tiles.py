@@ -75,6 +75,8 @@ def test_no_start_past_the_true_hit(name, tmp_path) -> None:
     late = {}
     scene = registry.scenes()[name]
     for view, seen in views(scene.data).items():
+        if scene.fractal and view in ("side", "near"):  # whose truth takes most of the time
+            continue
         late[view] = check_starts(PHASE, seen, tmp_path, f"{name} from {view}")
     if not scene.fractal:  # rays that may meet a fractal take all of their steps
         assert late["own"][0] > 0.5, f"{name}: hardly a cone has started beyond the camera"
@@ -100,8 +102,8 @@ def test_a_fractal_is_the_parents(name, width, tmp_path) -> None:
 
 @pytest.mark.slow
 def test_no_start_past_the_true_hit_of_any_feature(tmp_path) -> None:
-    for name, scene in FEATURES.items():
-        check_starts(PHASE, scene, tmp_path, name, (33, 19))
+    for name in FEATURES:  # by their names: conformance has drawn truth's pictures of them
+        check_starts(PHASE, name, tmp_path, name)
 
 
 @pytest.mark.parametrize("width", EACH_WIDTH)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 from helpers import imports
@@ -34,7 +35,9 @@ def imported(path: Path) -> set[str]:
     return found - {module(path)}
 
 
-EDGES = {module(path): imported(path) for path in FILES}
+@functools.cache
+def edges() -> dict[str, set[str]]:
+    return {module(path): imported(path) for path in FILES}
 
 
 def upward(name: str, others: set[str]) -> set[str]:
@@ -56,20 +59,20 @@ def test_every_package_has_its_place() -> None:
 
 def test_imports_go_down_only() -> None:
     assert {
-        name: up for name, others in EDGES.items() if name != "study" and (up := upward(name, others))
+        name: up for name, others in edges().items() if name != "study" and (up := upward(name, others))
     } == {}
 
 
 def test_no_modules_import_one_another() -> None:
     packages = {name for name in NAMES if (STUDY.parent / name.replace(".", "/")).is_dir()}
-    assert imports.cycle({name: EDGES[name] - packages for name in NAMES - packages}) == []
+    assert imports.cycle({name: edges()[name] - packages for name in NAMES - packages}) == []
 
 
 def test_an_experiment_knows_no_other_and_nothing_above_knows_one_by_name() -> None:
     """They are known by their objects (study.experiments.experiment)."""
     wrong = {
         name: found
-        for name, others in EDGES.items()
+        for name, others in edges().items()
         if (found := {o for o in others if experiment_of(o) and experiment_of(o) != experiment_of(name)})
     }
     assert wrong == {}

@@ -10,6 +10,7 @@ import subprocess
 import pytest
 from processes import only_warned
 
+from conformance import harness
 from study.core import registry, store
 from study.core.build import build
 from study.core.registry import ROOT
@@ -55,7 +56,12 @@ def draw(tmp_path_factory, written, called, request):
         path = ROOT / "common" / "scenes" / f"{name}.json"
         path = path if path.exists() else written(name, request.module.SCENES[name])
         program = program or build(phase, target)
-        done = called(program, path, size, words, "--aov", "--json", "-o", out, limit=limit)
+        if phase in harness.BESIDE:
+            command = [program, path, "-n", size[1], "-w", size[0], "-o", out, "--json", "--aov"]
+            env = os.environ | {"STEPWISE_UNTIMED": "1"}
+            done = harness.drawn_once([str(word) for word in command], out, env=env)
+        else:
+            done = called(program, path, size, words, "--aov", "--json", "-o", out, limit=limit)
         assert done.returncode == 0 and only_warned(done.stderr), done.stderr
         return images.read(out), json.loads(done.stdout)
 

@@ -20,6 +20,7 @@ pytestmark = pytest.mark.usefixtures("few_resamples")
 
 PHASES, SCENES, LAUNCHES = ("baseline", *(f"opt{i}" for i in range(1, 10))), ("s", "t"), 8
 MANY = pytest.mark.parametrize("gates", [2, pytest.param(40, marks=pytest.mark.slow)])
+FEW = 8  # gates of what must be so in each of them, not in 95 %
 
 
 @pytest.fixture(scope="module")
@@ -62,14 +63,16 @@ def test_identical_code_fails_in_no_more_than_5_percent_of_gates(any_run, gates)
 @MANY
 def test_two_per_mille_fail_every_gate_and_none_where_they_do_not_count(any_run, gates) -> None:
     assert failing(any_run, gates, factor=1.002) >= 0.95 * gates
-    assert failing(any_run, gates, factor=1.002, least=0.02) == 0
-    assert failing(any_run, gates, factor=1.05, least=0.02) == gates
+    few = min(gates, FEW)
+    assert failing(any_run, few, factor=1.002, least=0.02) == 0
+    assert failing(any_run, few, factor=1.05, least=0.02) == few
 
 
 @MANY
 def test_launches_in_two_modes_fail_no_gate(any_run, gates) -> None:
+    few = min(gates, FEW)
     assert failing(any_run, gates, modes=0.08) == 0
-    assert failing(any_run, gates, modes=0.08, factor=1.3) == gates  # every launch beyond the other run's
+    assert failing(any_run, few, modes=0.08, factor=1.3) == few  # every launch beyond the other run's
 
 
 def test_the_rank_test_is_exact() -> None:
