@@ -4,8 +4,10 @@
 
 #include "fields/balls.h"
 #include "fields/rays.h"
+#include "fields/spheres.h"
 
 #define ROOM (1.0f / 64)
+#define DESCENT 0x1p-4f
 enum { MOST_WIDEST_STEPS = 256 };
 
 // Returns the lesser of `best` and the least ratio between near and far. The field falls no faster than t grows, so no
@@ -43,13 +45,43 @@ static vfloat march_ratio(const struct field *field, const struct program *progr
     return best;
 }
 
+// The same for a blend of spheres, whose slope is known: d(f/t)/dt is `turn`/t². Where that changes its sign between two
+// points the least ratio is near the secant's root, and the ray then goes on from the second.
+static vfloat march_spheres_ratio(const struct field *field, const int *list, int count,
+                                  struct vec o, struct vec d, vmask active, vfloat near, vfloat far,
+                                  vfloat best, vfloat room) {
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f), t = near, from = near, last = zero, on = zero;
+    for (int step = 0; step < MOST_WIDEST_STEPS && v_any(active); step++) {
+        ACTIVE(v_count(active));
+        COUNT(widest_step, call);
+        // These quotients need not wait for the field: a larger goal makes a step shorter.
+        vfloat per = one / t, per_goal = one / (one + best - room);
+        struct field_along a = blend_along(field, list, count, o, d, t);
+        best = v_select(active, v_min(best, v_max(a.f * per, zero)), best);
+        vfloat goal = best - room, excess = v_nmadd(goal, t, a.f);
+        vfloat turn = v_msub(a.slope, t, a.f);
+        vmask back = v_cmp_gt(on, zero); // a secant's root
+        vfloat next = bent_root(excess, a.slope - goal, a.bend);
+        next = v_max(next, excess * per_goal);
+        vfloat least = v_select(v_cmp_ge(a.slope, goal), v_splat(0.1f), v_splat(DESCENT)) * t;
+        vfloat root = v_madd((from - t) * v_rcp_approx(turn - last), turn, t);
+        vmask over = v_andnot(back, v_and(v_cmp_lt(last, zero), v_cmp_gt(turn, zero)));
+        vfloat ahead = v_select(back, on, t + v_max(next, least));
+        on = v_select_or_zero(over, ahead);
+        active =
+            v_and(active, v_and(v_or(v_or(back, over), v_cmp_lt(t, far)), v_cmp_gt(best, zero)));
+        last = v_select_or_zero(v_cmp_lt(next, least), v_zero_where(back, turn));
+        from = t;
+        t = v_select(active, v_min(v_select(over, root, ahead), far), t);
+    }
+    return best;
+}
+
 // Returns the lesser of `best` and the ratio of a sphere where the ray's tangent touches it, or at the end before that.
 static vfloat ratio_of_sphere(const struct field *f, int i, struct vec o, struct vec d, vfloat near,
                               vfloat far, vfloat best) {
-    vfloat zero = v_splat(0.0f), radius = v_splat(f->ball[BALL_SPHERE][i]);
-    struct vec v = vec_sub((struct vec){v_splat(f->ball[BALL_X][i]), v_splat(f->ball[BALL_Y][i]),
-                                        v_splat(f->ball[BALL_Z][i])},
-                           o);
+    vfloat zero = v_splat(0.0f), radius = v_splat(f->sphere[i]);
+    struct vec v = vec_sub(ball_centre(f, i), o);
     vfloat along = vec_dot(v, d), square = vec_dot(v, v);
     struct vec aside = vec_along(v, d, zero - along);
     vfloat across = v_sqrt(vec_dot(aside, aside)), power = v_nmadd(radius, radius, square);
@@ -64,12 +96,12 @@ static vfloat ratio_of_sphere(const struct field *f, int i, struct vec o, struct
 
 static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d, vmask active,
                               vfloat near, vfloat far, vfloat best, vfloat room) {
-    int list[f->balls + LANES], kept = 0;
+    int list[f->balls.level[0].count + 1], kept = 0;
     struct beam b = beam_of(o, d, active, near, far);
     float q = v_reduce_max(v_select_or_zero(active, best));
     int count = list_balls(f, &b, q, f->wider, list);
     for (int i = 0; i < count; i++)
-        if (f->ball[BALL_SPHERE][list[i]] > 0) {
+        if (f->sphere[list[i]] > 0) {
             vfloat ratio = ratio_of_sphere(f, list[i], o, d, near, far, best);
             best = v_select(active, ratio, best);
         }
@@ -90,8 +122,10 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
         if (v_any(v_and(met, active)))
             list[kept++] = list[i];
     }
-    if (kept == 0 || (kept == 1 && f->ball[BALL_SPHERE][list[0]] > 0))
+    if (kept == 0 || (kept == 1 && f->sphere[list[0]] > 0))
         return best;
+    if (f->blend > 0 && kept <= MOST_SPHERES)
+        return march_spheres_ratio(f, list, kept, o, d, active, begin, end, best, room);
     struct step steps[f->program->length];
     struct program part = part_of(f, list, kept, steps);
     return march_ratio(f, &part, o, d, active, begin, end, best, room);
@@ -113,7 +147,7 @@ vfloat field_widest(const struct field *field, struct vec o, struct vec d, vmask
     if (!v_any(active))
         return best;
     vfloat room = v_splat(ROOM * (lit < 1.0f ? lit : 1.0f));
-    if (field->balls > 0 && v_all(v_or(narrow, v_not(active))))
+    if (field->balls.levels > 0 && v_all(v_or(narrow, v_not(active))))
         return widest_of_balls(field, o, d, active, near, far, best, room);
     return march_ratio(field, field->program, o, d, active, near, far, best, room);
 }

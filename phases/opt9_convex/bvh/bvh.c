@@ -1,6 +1,6 @@
 // Builds the BVH top-down: the leaves are halved along their longest axis, at whole nodes, until one node is
 // left.
-#include "types/bvh.h"
+#include "core/bvh.h"
 
 #include <math.h>
 #include <stdlib.h>

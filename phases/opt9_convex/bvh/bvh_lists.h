@@ -3,7 +3,7 @@
 #pragma once
 
 #include "simd/simd.h"
-#include "types/bvh.h"
+#include "core/bvh.h"
 
 struct tile_context;
 struct worker_scratch;

@@ -1,7 +1,7 @@
 // Traversals of the BVH: bvh_list() with spheres in the lanes, bvh_visit() with rays in the lanes.
 #pragma once
 
-#include "types/bvh.h"
+#include "core/bvh.h"
 #include "types/tile_context.h"
 
 static inline int append_planes(const struct prepared *scene, int *list, int count) {

@@ -12,9 +12,18 @@ struct beam {
 };
 
 static inline vfloat of_lane(vfloat a, int lane) {
+    if (lane == 0)
+        return v_splat(v_lane0(a));
     float lanes[LANES];
     v_store(a, lanes);
     return v_splat(lanes[lane]);
+}
+
+// Sets the part of the rays that counts.
+static inline void clip_beam(struct beam *b, vmask active, vfloat near, vfloat far) {
+    vfloat none = v_splat(-INFINITY);
+    b->far = v_max_of_lanes(v_select(active, far, none));
+    b->near = v_splat(0.0f) - v_max_of_lanes(v_select(active, v_splat(0.0f) - near, none));
 }
 
 static inline struct beam beam_of(struct vec o, struct vec d, vmask active, vfloat near,
@@ -23,37 +32,49 @@ static inline struct beam beam_of(struct vec o, struct vec d, vmask active, vflo
     int lane = bits ? __builtin_ctz(bits) : 0;
     struct beam b = {.o = {of_lane(o.x, lane), of_lane(o.y, lane), of_lane(o.z, lane)},
                      .d = {of_lane(d.x, lane), of_lane(d.y, lane), of_lane(d.z, lane)}};
-    vfloat none = v_splat(-INFINITY), zero = v_splat(0.0f);
-    b.far = v_max_of_lanes(v_select(active, far, none));
-    b.near = zero - v_max_of_lanes(v_select(active, zero - near, none));
-    vfloat off = vec_norm(vec_sub(o, b.o)), turn = vec_norm(vec_sub(d, b.d));
+    clip_beam(&b, active, near, far);
+    struct vec off = vec_sub(o, b.o), turn = vec_sub(d, b.d);
     vfloat most = v_max(v_abs(b.near), v_abs(b.far));
-    b.wide = v_max_of_lanes(v_select_or_zero(active, v_madd(turn, most, off)));
+    vfloat wide = v_madd(v_sqrt(vec_dot(turn, turn)), most, v_sqrt(vec_dot(off, off)));
+    b.wide = v_max_of_lanes(v_select_or_zero(active, wide));
     return b;
 }
 
-// Lists the balls, `more` larger, that a cone of slope q about a ray of the beam may meet. Returns their number.
-// Writes up to LANES − 1 numbers behind them.
-static inline int list_balls(const struct field *f, const struct beam *b, float q, float more,
-                             int *list) {
-    int count = 0;
+// Returns which of the spheres i to i + LANES − 1, `more` larger, a cone of slope q about a ray of the beam may meet.
+static inline unsigned spheres_in_beam(const struct sphere_array *s, int i, const struct beam *b,
+                                       float q, float more) {
     vfloat upright = v_splat(q / sqrtf(1 - q * q));
     vfloat reach = v_madd(v_splat(1.5f), b->wide, v_splat(more));
-    for (int i = 0; i < f->balls; i += LANES) {
-        struct vec v =
-            vec_sub((struct vec){v_load(f->ball[BALL_X] + i), v_load(f->ball[BALL_Y] + i),
-                                 v_load(f->ball[BALL_Z] + i)},
-                    b->o);
-        vfloat along = vec_dot(v, b->d);
-        vfloat square = v_max(v_nmadd(along, along, vec_dot(v, v)), v_splat(0.0f));
-        vfloat t = v_min(v_max(v_madd(v_sqrt(square), upright, along), b->near), b->far);
-        vfloat room = v_load(f->ball[BALL_RADIUS] + i) + v_madd(v_splat(q), t, reach);
-        vmask in = v_cmp_lt(v_madd(t - along, t - along, square), room * room);
-        in = v_and(in, v_mask_first(f->balls - i < LANES ? f->balls - i : LANES));
-        for (unsigned rest = v_mask_bits(in); rest; rest &= rest - 1)
-            list[count++] = i + __builtin_ctz(rest);
+    struct vec v =
+        vec_sub((struct vec){v_load(s->x + i), v_load(s->y + i), v_load(s->z + i)}, b->o);
+    vfloat along = vec_dot(v, b->d);
+    vfloat square = v_max(v_nmadd(along, along, vec_dot(v, v)), v_splat(0.0f));
+    vfloat t = v_min(v_max(v_madd(v_sqrt(square), upright, along), b->near), b->far);
+    vfloat room = v_load(s->radius + i) + v_madd(v_splat(q), t, reach);
+    vmask in = v_cmp_lt(v_madd(t - along, t - along, square), room * room);
+    return v_mask_bits(v_and(in, v_mask_first(s->count - i < LANES ? s->count - i : LANES)));
+}
+
+// Lists the balls, `more` larger, that a cone of slope q about a ray of the beam may meet. Returns their number.
+static inline int list_balls(const struct field *f, const struct beam *b, float q, float more,
+                             int *list) {
+    const struct sphere_array *balls = &f->balls.level[0], *nodes = &f->balls.level[1];
+    int count = 0, of_nodes = f->balls.levels > 1 ? nodes->count : 1;
+    for (int k = 0; k < of_nodes; k += LANES) {
+        unsigned in = f->balls.levels > 1 ? spheres_in_beam(nodes, k, b, q, more) : 1;
+        for (; in; in &= in - 1) {
+            int i = (k + __builtin_ctz(in)) * BVH_WIDTH, end = i + BVH_WIDTH;
+            for (; i < end && i < balls->count; i += LANES)
+                for (unsigned rest = spheres_in_beam(balls, i, b, q, more); rest; rest &= rest - 1)
+                    list[count++] = i + __builtin_ctz(rest);
+        }
     }
     return count;
+}
+
+static inline struct vec ball_centre(const struct field *f, int i) {
+    const struct sphere_array *balls = &f->balls.level[0];
+    return (struct vec){v_splat(balls->x[i]), v_splat(balls->y[i]), v_splat(balls->z[i])};
 }
 
 // Where a cone of slope q < 1 about each ray meets a ball, `more` larger.
@@ -64,10 +85,8 @@ struct ball_span {
 
 static inline struct ball_span ball_span(const struct field *f, int i, float more, struct vec o,
                                          struct vec d, vfloat q) {
-    struct vec v = vec_sub((struct vec){v_splat(f->ball[BALL_X][i]), v_splat(f->ball[BALL_Y][i]),
-                                        v_splat(f->ball[BALL_Z][i])},
-                           o);
-    vfloat radius = v_splat(f->ball[BALL_RADIUS][i] + more), along = vec_dot(v, d);
+    struct vec v = vec_sub(ball_centre(f, i), o);
+    vfloat radius = v_splat(f->balls.level[0].radius[i] + more), along = vec_dot(v, d);
     struct vec aside = vec_along(v, d, v_splat(0.0f) - along);
     vfloat a = v_nmadd(q, q, v_splat(1.0f)), b = v_madd(q, radius, along);
     // b² − a·c, with c = along² + aside² − radius²
@@ -78,9 +97,15 @@ static inline struct ball_span ball_span(const struct field *f, int i, float mor
 }
 
 // Returns the program of the listed children alone. room: as many steps as the whole has.
-static inline struct program part_of(const struct field *f, const int *list, int count,
+static inline struct program part_of(const struct field *f, int *list, int count,
                                      struct step *room) {
     const struct program *whole = f->program;
+    for (int i = 0; i < count; i++) { // in their order: the first of equals decides the material
+        int child = f->balls.shape[list[i]], k = i;
+        for (; k > 0 && list[k - 1] > child; k--)
+            list[k] = list[k - 1];
+        list[k] = child;
+    }
     struct program part = *whole;
     part.steps = room;
     part.length = 0;

@@ -5,12 +5,9 @@
 #include <stdbool.h>
 
 #include "scene/scene.h"
+#include "core/bvh.h"
 
 struct program; // groups/program.h
-
-// The rows of field.ball: centres, the radius of a ball that holds the child's part of the surface, and of a sphere
-// its own radius, else 0.
-enum { BALL_X, BALL_Y, BALL_Z, BALL_RADIUS, BALL_SPHERE, BALL_ROWS };
 
 struct field {
     const struct program *program;
@@ -18,11 +15,13 @@ struct field {
     float radius;    // of its sphere
     float least;     // a field below this is 0: rounding
     float bend;      // its field bends down by no more than this along a ray; 0: not known
-    // The children of a union whose balls are known; 0: the group is marched as a whole.
-    int balls;
+    // Balls that hold the children's parts of the surface, of a union whose children have such; levels 0: the group is
+    // marched as a whole.
+    struct bvh balls;
     float wider;            // farther than this beyond its ball, a child has no part in the surface
-    float *ball[BALL_ROWS]; // each with room for 16 more than `balls`
+    float *sphere;          // of each ball: its child's radius if that is a sphere, else 0
     int *first;             // step of each child; the last + 1: of the fold
+    float blend, per_blend; // of a union that has spheres alone; else 0
 };
 
 struct field_set;

@@ -8,25 +8,33 @@
 struct field_set {
     struct prepared programs; // of opt6_wide's files: model, primitives, groups
     struct field *fields;     // one per shape; not set of others than groups
-    float *rows;
-    int *first;
+    struct bvh_leaf *leaves;
+    int shapes;
 };
 
-enum { BALL_ROOM = 16 }; // behind the balls of a group
+// Reserves the balls of a group with this root.
+static bool reserve_balls(struct field *f, const struct node *root) {
+    size_t children = (size_t)root->children;
+    f->sphere = calloc(children + 1, sizeof *f->sphere);
+    f->first = calloc(children + 1, sizeof *f->first);
+    return bvh_reserve(&f->balls, root->children) && f->sphere && f->first;
+}
 
 struct field_set *fields_reserve(const struct model *model) {
     struct field_set *set = calloc(1, sizeof *set);
     if (!set)
         return NULL;
     size_t shapes = (size_t)model->shape_count, nodes = (size_t)model->node_count;
-    size_t room = nodes + BALL_ROOM * (size_t)model->features.groups;
     set->programs.primitives = calloc(shapes, sizeof *set->programs.primitives);
     set->programs.groups = groups_reserve(model);
     set->fields = calloc(shapes, sizeof *set->fields);
-    set->rows = calloc(room * BALL_ROWS + 1, sizeof *set->rows);
-    set->first = calloc(room + 1, sizeof *set->first);
-    if (set->programs.primitives && set->fields && set->rows && set->first &&
-        (set->programs.groups || nodes == 0))
+    set->leaves = calloc(nodes + 1, sizeof *set->leaves);
+    bool all = set->programs.primitives && set->fields && set->leaves &&
+               (set->programs.groups || nodes == 0);
+    for (int i = 0; all && i < model->shape_count; i++, set->shapes++)
+        if (model->shapes[i].type == SHAPE_GROUP)
+            all = reserve_balls(&set->fields[i], &model->nodes[model->shapes[i].group.root]);
+    if (all)
         return set;
     fields_free(set);
     return NULL;
@@ -35,11 +43,15 @@ struct field_set *fields_reserve(const struct model *model) {
 void fields_free(struct field_set *set) {
     if (!set)
         return;
+    for (int i = 0; i < set->shapes; i++) {
+        bvh_free(&set->fields[i].balls);
+        free(set->fields[i].sphere);
+        free(set->fields[i].first);
+    }
     free(set->programs.primitives);
     free(set->programs.groups);
     free(set->fields);
-    free(set->rows);
-    free(set->first);
+    free(set->leaves);
     free(set);
 }
 
@@ -71,28 +83,40 @@ static bool is_convex(enum shape_type type) {
 
 // A child's part of the surface is where its field is `drop` or less; where it is blend or more, it has none: PROOFS.md,
 // 13.
-static void set_balls(struct field *f, const struct model *model, int root_index) {
+static void set_balls(struct field *f, const struct model *model, int root_index,
+                      struct bvh_leaf *leaves) {
     const struct node *nodes = model->nodes, *root = &nodes[root_index];
     double drop = root->blend / 2 * (1 - 1.0 / root->children), growth = 1;
-    int step = 0;
-    bool convex = true;
-    for (int i = root_index + 1; i < root->end; i = nodes[i].end) {
+    float radius[root->children];
+    int step = 0, balls = 0;
+    bool convex = true, spheres = root->blend > 0;
+    for (int i = root_index + 1; i < root->end; i = nodes[i].end, balls++) {
         const struct node *n = &nodes[i];
+        struct bvh_leaf *leaf = &leaves[balls];
+        *leaf = (struct bvh_leaf){.shape = balls};
         for (int k = 0; k < 3; k++)
-            f->ball[k][f->balls] = (float)(n->centre[k] - (double)f->centre[k]);
-        f->ball[BALL_RADIUS][f->balls] = (float)((n->radius + drop / n->growth) * (1 + 1e-5));
-        f->first[f->balls] = step;
+            leaf->centre[k] = (float)(n->centre[k] - (double)f->centre[k]);
+        leaf->radius = (float)((n->radius + drop / n->growth) * (1 + 1e-5));
+        f->first[balls] = step;
         int next = step_behind(f->program, step, n->end);
         bool sphere =
             n->operation == NODE_SHAPE && n->shape.type == SHAPE_SPHERE && next == step + 1;
-        f->ball[BALL_SPHERE][f->balls++] = sphere ? (float)n->shape.sphere.radius : 0.0f;
+        radius[balls] = sphere ? (float)n->shape.sphere.radius : 0.0f;
+        spheres = spheres && sphere;
         convex = convex && next == step + 1 && is_convex(n->shape.type);
         step = next;
         growth = fmin(growth, n->growth);
     }
-    f->first[f->balls] = step;
+    f->first[balls] = step;
+    bvh_build(&f->balls, leaves, balls);
+    for (int i = 0; i < balls; i++)
+        f->sphere[i] = radius[f->balls.shape[i]];
     f->bend = convex && root->blend > 0 ? (float)(2 / root->blend) : 0.0f;
     f->wider = (float)((root->blend - drop) / growth * (1 + 1e-5));
+    if (spheres) {
+        f->blend = (float)root->blend;
+        f->per_blend = (float)(1 / root->blend);
+    }
 }
 
 void fields_prepare(struct field_set *set, const struct model *model) {
@@ -100,7 +124,6 @@ void fields_prepare(struct field_set *set, const struct model *model) {
     for (int i = 0; i < model->shape_count; i++)
         set->programs.primitives[i] = prepare_shape(i, &model->shapes[i], &model->march);
     compile_groups(&set->programs);
-    size_t at = 0;
     for (int i = 0; i < model->shape_count; i++) {
         if (model->shapes[i].type != SHAPE_GROUP)
             continue;
@@ -108,17 +131,13 @@ void fields_prepare(struct field_set *set, const struct model *model) {
         int index = model->shapes[i].group.root;
         const struct node *root = &model->nodes[index];
         struct field *f = &set->fields[i];
-        *f = (struct field){.program = p->program, .radius = (float)root->radius};
+        f->program = p->program;
+        f->radius = (float)root->radius;
         f->least = 0x1p-21f * (f->radius < INFINITY ? f->radius : 1.0f);
         bool bounded = !p->repeated && root->radius < INFINITY;
         for (int k = 0; k < 3; k++)
             f->centre[k] = bounded ? (float)root->centre[k] : 0.0f;
-        size_t room = (size_t)(root->end - index) + BALL_ROOM;
-        for (int k = 0; k < BALL_ROWS; k++)
-            f->ball[k] = set->rows + at * BALL_ROWS + (size_t)k * room;
-        f->first = set->first + at;
-        at += room;
         if (bounded && has_balls(model->nodes, root, f->program))
-            set_balls(f, model, index);
+            set_balls(f, model, index, set->leaves);
     }
 }

@@ -3,6 +3,7 @@
 
 #include "fields/balls.h"
 #include "fields/rays.h"
+#include "fields/spheres.h"
 
 #include <string.h>
 
@@ -20,9 +21,9 @@ vfloat field_distance(const struct field *field, struct vec p) {
 
 struct field_surface field_surface(const struct field *field, struct vec p, vmask found) {
     struct step room[field->program->length];
-    int list[field->balls + LANES];
+    int list[field->balls.level[0].count + 1];
     struct program part = *field->program;
-    if (field->balls > 0) {
+    if (field->balls.levels > 0) {
         struct vec still = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
         struct beam b = beam_of(p, still, found, v_splat(0.0f), v_splat(0.0f));
         int count = list_balls(field, &b, 0, field->wider, list);
@@ -79,50 +80,89 @@ static vmask march_field(const struct field *field, const struct program *progra
     return found;
 }
 
-// Rays within the balls alone need be marched.
-static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmask active,
-                         vfloat near, vfloat far, vfloat *t) {
-    int list[f->balls + LANES];
-    struct beam b = beam_of(o, d, active, near, far);
-    int count = list_balls(f, &b, 0, 0, list), kept = 0;
-    vfloat begin = v_splat(INFINITY), end = v_splat(-INFINITY), zero = v_splat(0.0f);
-    for (int i = 0; i < count; i++) {
-        struct ball_span s = ball_span(f, list[i], 0, o, d, zero);
-        vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, far), v_cmp_gt(s.out, near)));
-        begin = v_select(met, v_min(begin, s.in), begin);
-        end = v_select(met, v_max(end, s.out), end);
+// The same for a blend of spheres, whose slope is known: it is above the parabola of bent_step(), and near the surface
+// Newton's last step is right to `least`.
+static vmask march_spheres(const struct field *field, const int *list, int count, struct vec o,
+                           struct vec d, vmask active, vfloat near, vfloat far, vfloat *t) {
+    vfloat zero = v_splat(0.0f), at = near, least = v_splat(field->least);
+    vfloat curved = v_splat(field->bend / (8 * field->least));
+    vmask found = v_mask_none();
+    for (int steps = 0; steps < MOST_FIELD_STEPS && v_any(active); steps++) {
+        ACTIVE(v_count(active));
+        COUNT(field_step, call);
+        struct field_along a = blend_along(field, list, count, o, d, at);
+        vfloat fall = v_max(zero - a.slope, zero), size = v_abs(a.f);
+        vmask straight = v_cmp_lt(curved * size * size, fall * fall * fall);
+        vmask reached = v_cmp_lt(steps > 0 ? size : a.f, least);
+        vfloat last = v_select(straight, a.f / v_max(fall, v_splat(1e-6f)), zero);
+        reached = v_and(active, v_or(reached, straight));
+        *t = v_select(reached, at + v_select(v_cmp_lt(a.f, zero), zero, last), *t);
+        found = v_or(found, reached);
+        active = v_andnot(v_or(reached, v_cmp_ge(at, far)), active);
+        vfloat next = bent_root(a.f, a.slope, a.bend);
+        at = at + v_min(v_select(v_cmp_gt(a.f, zero), v_max(a.f, next), a.f), far - at);
     }
-    begin = v_max(begin, near);
-    end = v_min(end, far);
-    active = v_and(active, v_cmp_lt(begin, end));
-    if (!v_any(active))
-        return active;
-    if (f->wider > 0) {
-        b = beam_of(o, d, active, begin, end);
-        count = list_balls(f, &b, 0, f->wider, list);
-    }
+    return v_and(found, v_cmp_lt(*t, far));
+}
+
+// Returns which rays come to the surface between begin and end, by the children whose balls, made larger by f->wider, they
+// meet there.
+static vmask enter_segment(const struct field *f, struct beam *b, struct vec o, struct vec d,
+                           vmask active, vfloat begin, vfloat end, vfloat *t) {
+    int list[f->balls.level[0].count + 1], kept = 0;
+    clip_beam(b, active, begin, end);
+    int count = list_balls(f, b, 0, f->wider, list);
     for (int i = 0; i < count; i++) {
-        struct ball_span s = ball_span(f, list[i], f->wider, o, d, zero);
+        struct ball_span s = ball_span(f, list[i], f->wider, o, d, v_splat(0.0f));
         vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, end), v_cmp_gt(s.out, begin)));
         if (v_any(v_and(met, active)))
             list[kept++] = list[i];
     }
     if (kept == 0)
         return v_mask_none();
-    if (kept == 1 && f->ball[BALL_SPHERE][list[0]] > 0) {
-        float shrink = f->ball[BALL_SPHERE][list[0]] - f->ball[BALL_RADIUS][list[0]];
-        struct ball_span s = ball_span(f, list[0], shrink, o, d, zero);
-        *t = s.in;
-        return v_and(v_and(active, s.met), v_and(v_cmp_ge(s.in, near), v_cmp_lt(s.in, far)));
+    if (kept == 1 && f->sphere[list[0]] > 0) {
+        float shrink = f->sphere[list[0]] - f->balls.level[0].radius[list[0]];
+        struct ball_span s = ball_span(f, list[0], shrink, o, d, v_splat(0.0f));
+        *t = v_select(active, s.in, *t);
+        return v_and(v_and(active, s.met), v_and(v_cmp_ge(s.in, begin), v_cmp_lt(s.in, end)));
     }
+    if (f->blend > 0 && kept <= MOST_SPHERES)
+        return march_spheres(f, list, kept, o, d, active, begin, end, t);
     struct step room[f->program->length];
     struct program part = part_of(f, list, kept, room);
     return march_field(f, &part, o, d, active, begin, end, t);
 }
 
+// Rays within the balls alone need be marched: from one ball to the next, in the order in which a ray enters them.
+static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmask active,
+                         vfloat near, vfloat far, vfloat *t) {
+    int list[f->balls.level[0].count + 1];
+    struct beam b = beam_of(o, d, active, near, far);
+    int count = list_balls(f, &b, 0, 0, list);
+    vmask found = v_mask_none();
+    while (count > 0 && v_any(active)) {
+        vfloat begin = far, end = far;
+        for (int i = 0; i < count; i++) {
+            struct ball_span s = ball_span(f, list[i], 0, o, d, v_splat(0.0f));
+            vfloat in = v_max(s.in, near);
+            vmask first = v_and(v_and(s.met, v_cmp_gt(s.out, near)), v_cmp_lt(in, begin));
+            begin = v_select(first, in, begin);
+            end = v_select(first, v_min(s.out, far), end);
+        }
+        active = v_and(active, v_cmp_lt(begin, end));
+        if (!v_any(active))
+            break;
+        vmask here = enter_segment(f, &b, o, d, active, begin, end, t);
+        found = v_or(found, here);
+        active = v_andnot(here, active);
+        near = end;
+    }
+    return found;
+}
+
 vmask field_enter(const struct field *field, struct vec o, struct vec d, vmask active, vfloat near,
                   vfloat far, vfloat *t) {
-    if (field->balls > 0)
+    if (field->balls.levels > 0)
         return enter_balls(field, o, d, active, near, far, t);
     return march_field(field, field->program, o, d, active, near, far, t);
 }

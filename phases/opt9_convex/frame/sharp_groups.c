@@ -29,6 +29,7 @@ static struct primitive *add_leaf(struct taker *w, bool removes) {
         return NULL;
     sharp->removes[sharp->leaves] = removes;
     sharp->shape[sharp->leaves] = NULL;
+    sharp->guard[sharp->leaves] = -1;
     write_op(w, sharp->leaves);
     return &sharp->leaf[sharp->leaves++];
 }
@@ -76,10 +77,21 @@ static bool is_beside(const struct node *nodes, int index, int axis) {
     return node->operation != NODE_SHAPE;
 }
 
+// Returns whether the node's solid lies within its first leaf's.
+static bool is_within_first(const struct node *nodes, int index) {
+    const struct node *node = &nodes[index];
+    if (node->mirror[0] || node->mirror[1] || node->mirror[2])
+        return false;
+    return node->operation == NODE_SHAPE ||
+           ((node->operation != NODE_UNION || node->children == 1) &&
+            is_within_first(nodes, index + 1));
+}
+
 static void take_node(struct taker *w, int index, struct placed at, bool removes);
 
 static void take_inside(struct taker *w, int index, const struct placed *at, bool removes) {
     const struct node *node = &w->nodes[index];
+    int first_leaf = w->sharp->leaves, rest = first_leaf;
     if (node->shape.type == SHAPE_PLANE)
         add_plane(w, at, node->shape.plane.normal, node->shape.plane.offset, removes);
     else if (node->operation == NODE_SHAPE)
@@ -87,11 +99,17 @@ static void take_inside(struct taker *w, int index, const struct placed *at, boo
     for (int i = index + 1; i < node->end && w->fits; i = w->nodes[i].end) {
         bool first = i == index + 1, away = node->operation == NODE_DIFFERENCE && !first;
         take_node(w, i, *at, removes != away);
+        rest = first ? w->sharp->leaves : rest;
         if (!first)
             write_op(w, away                                   ? SHARP_WITHOUT
                         : node->operation == NODE_INTERSECTION ? SHARP_AND
                                                                : SHARP_OR);
     }
+    if (node->operation != NODE_SHAPE && node->operation != NODE_UNION &&
+        is_within_first(w->nodes, index + 1))
+        for (int i = rest; i < w->sharp->leaves; i++)
+            if (w->sharp->guard[i] < 0)
+                w->sharp->guard[i] = (signed char)first_leaf;
 }
 
 // Returns whether a leaf of this type is convex and known to hit/sharp.c.

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 #include "scene/scene.h"
-#include "types/bvh.h"
+#include "core/bvh.h"
 
 struct frame;
 struct sharp;     // hit/sharp.h

@@ -1,0 +1,97 @@
+// The blend of a union of plain spheres, without its program: its field and that field's slope along the rays.
+// fields/balls.h comes before it.
+#pragma once
+
+enum { MOST_SPHERES = 48 };
+
+// bend: further along the ray the field is nowhere below f + slope·x − bend·x²/2. No distance is below its tangent, and
+// the blend of the tangents bends down by Σ (slope − mean)²/k at most: PROOFS.md, 13.
+struct field_along {
+    vfloat f, slope, bend;
+};
+
+// Of two distances: least − (k − |a − b|)²/4k where that is not negative (I. Quilez, "smooth minimum").
+static inline struct field_along blend_of_two(const vfloat *d, const vfloat *slope, float k,
+                                              float per_k) {
+    vfloat low = v_min(d[0], d[1]), high = v_max(d[0], d[1]);
+    vmask first = v_cmp_le(d[0], d[1]);
+    vfloat weight = v_max(v_nmadd(high - low, v_splat(0.5f * per_k), v_splat(0.5f)), v_splat(0.0f));
+    vfloat of_low = v_select(first, slope[0], slope[1]), of_high = slope[0] + slope[1] - of_low;
+    vfloat apart = of_high - of_low;
+    return (struct field_along){v_nmadd(weight * weight, v_splat(k), low),
+                                v_madd(weight, apart, of_low),
+                                apart * apart * v_splat(0.5f * per_k)};
+}
+
+// Returns τ for the distances e above the least, in units of k: Michelot's passes, from all that are below 1. A quotient of
+// few bits will do: the derivative of the blend by τ is k·(1 − Σ w) = 0.
+__attribute__((always_inline)) static inline vfloat level_near(const vfloat *e, int count) {
+    vfloat one = v_splat(1.0f), level = one, kept = v_splat((float)count + 1);
+    for (;;) {
+        vfloat sum = one, in_level = v_splat(0.0f);
+        for (int i = 0; i < count; i++) {
+            vmask in = v_cmp_lt(e[i], level);
+            sum = v_add_where(in, sum, e[i]);
+            in_level = v_add_where(in, in_level, one);
+        }
+        if (!v_any(v_cmp_lt(in_level, kept)))
+            return level;
+        kept = in_level;
+        level = sum * v_rcp_approx(kept);
+    }
+}
+
+// Returns the blend of the listed spheres. `count` is a constant where this is inlined with one.
+__attribute__((always_inline)) static inline struct field_along
+blend_of(const struct field *field, const int *list, int count, struct vec p, struct vec d) {
+    vfloat distance[MOST_SPHERES], slope[MOST_SPHERES];
+    for (int i = 0; i < count; i++) {
+        COUNT(group_shape, call);
+        struct vec v = vec_sub(p, ball_centre(field, list[i]));
+        vfloat square = v_max(vec_dot(v, v), v_splat(1e-30f)), per = v_rsqrt_newton(square);
+        distance[i] = v_msub(square, per, v_splat(field->sphere[list[i]]));
+        slope[i] = vec_dot(v, d) * per;
+    }
+    if (count == 2)
+        return blend_of_two(distance, slope, field->blend, field->per_blend);
+    vfloat least = distance[0], half = v_splat(0.5f), weights = v_splat(0.0f), along = weights;
+    for (int i = 1; i < count; i++)
+        least = v_min(distance[i], least);
+    for (int i = 0; i < count; i++)
+        distance[i] = (distance[i] - least) * v_splat(field->per_blend);
+    vfloat level = level_near(distance, count), sum = weights, squares = weights;
+    for (int i = 0; i < count; i++) {
+        vfloat w = v_max(level - distance[i], v_splat(0.0f));
+        weights = v_madd(w, w, weights);
+        along = v_madd(w, slope[i], along);
+        sum = sum + slope[i];
+        squares = v_madd(slope[i], slope[i], squares);
+    }
+    vfloat spread = v_nmadd(sum * v_splat(1.0f / (float)count), sum, squares);
+    vfloat f = v_madd(v_splat(field->blend), v_nmadd(half, weights, level - half), least);
+    return (struct field_along){f, along, spread * v_splat(field->per_blend)};
+}
+
+// Returns the blend of 1 to MOST_SPHERES listed spheres at o + t·d.
+__attribute__((always_inline)) static inline struct field_along
+blend_along(const struct field *field, const int *list, int count, struct vec o, struct vec d,
+            vfloat t) {
+    struct vec p = vec_along(o, d, t);
+    switch (count) {
+    case 2: return blend_of(field, list, 2, p, d);
+    case 3: return blend_of(field, list, 3, p, d);
+    case 4: return blend_of(field, list, 4, p, d);
+    default: return blend_of(field, list, count > 1 ? count : 1, p, d);
+    }
+}
+
+// Returns how far excess + slope·x − bend·x²/2 stays above 0, or a little less.
+static inline vfloat bent_root(vfloat excess, vfloat slope, vfloat bend) {
+    vfloat zero = v_splat(0.0f), tiny = v_splat(1e-12f);
+    bend = v_madd(bend, v_splat(1 + 0x1p-10f), v_splat(1e-4f));
+    vfloat root = v_sqrt_below(v_max(v_madd(slope, slope, (bend + bend) * excess), tiny));
+    vmask down = v_cmp_lt(slope, zero);
+    vfloat over = v_select(down, excess + excess, slope + root);
+    vfloat under = v_select(down, v_max(root - slope, tiny), bend);
+    return over * v_rcp_approx(under) * v_splat(1 - 0x1p-10f);
+}
