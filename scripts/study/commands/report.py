@@ -9,6 +9,7 @@ from pathlib import Path
 from study.commands import tables
 from study.core import html, registry, show, store, table_files
 from study.core.cli import Outcome
+from study.experiments import cuts
 from study.numbers import analysis, ladder, noise, stats
 from study.numbers.analysis import Data
 from study.pictures import charts
@@ -47,8 +48,11 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         "remarks": noise.remarks(data.frames, data.cells),
         "commands": facts.commands(data),
         "skipped": facts.skipped(data),
+        "cuts": [(one.title, one.cut) for one in found if one.cut and one.answer],
+        "said": cuts.remarks(data.path),
         "phases": chapters.described(data),
         "methods": stats.methods(),
+        "viewer": next((one.html for one in found if one.id == "pictures"), ""),
         "left_out": "",
     }
     told["vega"] = charts.scripts() if told["chart"] or any(one.chart for one in found) else ""

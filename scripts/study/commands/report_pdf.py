@@ -51,7 +51,7 @@ def chapter(section: Section, folder: Path) -> dict[str, Any]:
     drawn = [
         {"file": f"{folder.name}/{name}.svg", "caption": one.caption} for name, one in section.drawn.items()
     ]
-    told = {"title": section.title, "answer": section.answer, "cut": section.cut}
+    told = {"title": section.title, "answer": section.answer}
     return told | {"figure": drawn[0] if drawn else None, "tables": tables}
 
 

@@ -2,13 +2,15 @@
 
 import argparse
 import math
+import re
 import shutil
+import sys
 import time
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 
@@ -17,16 +19,17 @@ from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.registry import ROOT, Spec, cpu_supports
 from study.core.run import USABLE
-from study.core.run_schema import Plan
+from study.core.run_schema import STUDY, Plan
 from study.experiments import cuts, experiment
 from study.experiments.experiment import DEPTHS, Call, Experiment, Study
-from study.numbers import analysis, ladder
+from study.numbers import analysis, ladder, stats
 
 PAGE = ROOT / "report" / "out" / "index.html"
 PAGE_SECONDS = 240  # a page takes some twenty seconds: one that is younger is left as it is
-SWEEP_SECONDS = {"quick": 75, "standard": 240}  # of a sweep whose pictures are as large as fits
+SWEEP_SECONDS = {"quick": 150, "standard": 240}  # of a sweep whose pictures are as large as fits
 SLACK = 1.5  # of a quick sweep that other work slows down: without six launches there is no interval
 LAUNCHES = {"quick": 6, "standard": 10}
+FEW_FROM = 1.0  # s: a longer frame has three launches, which know it to a percent
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
 CALIBRATED = (45, 90)  # heights whose frames tell what larger ones take
 HEIGHTS = (360, 320, 288, 256, 224, 192, 160, 128, 96, 64)  # of the headline
@@ -56,7 +59,7 @@ def call(name: str, *words: str | Path | int) -> Outcome:
 
 
 def swept(scenes: Sequence[str], sizes: Sequence[int], launches: int, *more: str | Path) -> Outcome:
-    plan = ["--scene", *scenes, "-n", *sizes, "--launches", launches, "--long", LONG_FRAME]
+    plan = ["--scene", *scenes, "-n", *sizes, "--launches", launches, "--long", LONG_FRAME, "--few", FEW_FROM]
     return call("sweep", *map(str, plan), *more)
 
 
@@ -82,14 +85,15 @@ def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
     for one in plan.configurations:
         programs.setdefault((one.spec, one.scene), {})[one.height] = one.estimate_s
 
-    def launch(by_height: dict[int, float], height: int) -> float:
+    def launched(by_height: dict[int, float], height: int) -> float:
         frame = (by_height[more] - by_height[least]) / frames / (more**2 - least**2) * height**2
         start = max(by_height[least] - frame * frames * (least / height) ** 2, 0)
-        return start + frame * (1 if frame > LONG_FRAME else frames)
+        count = min(stats.FEWEST if frame > FEW_FROM else launches, launches)
+        return count * (start + frame * (1 if frame > LONG_FRAME else frames))
 
     def total(height: int) -> float:
         sizes = (height // 4, height // 2, height)
-        return launches * sum(launch(program, n) for program in programs.values() for n in sizes)
+        return sum(launched(program, n) for program in programs.values() for n in sizes)
 
     return next((height for height in HEIGHTS if total(height) <= seconds), HEIGHTS[-1])
 
@@ -108,9 +112,6 @@ def sweep(args: argparse.Namespace) -> tuple[Outcome, int]:
         height = choose_height(args.scene, args.budget, launches)
         sizes = [height // 4, height // 2, height]
         more += ["--budget", str(args.budget * (SLACK if args.depth == "quick" else 1))]
-    cli.say(
-        f"headline at n = {height}; a kill loses one frame, scripts/stepwise sweep --run DIR --resume goes on"
-    )
     return swept(args.scene, sizes, launches, *more), height
 
 
@@ -118,8 +119,8 @@ def counting(run: Path) -> list[tuple[Spec, str]]:
     """The builds of what a quick study counts and samples, all in one make: a core each."""
     timed = dict.fromkeys(cell.spec for cell in analysis.load(run).cells)
     made = [(Spec.parse(name), "render-blocks") for name in timed]
-    made += [(Spec(name, name), "render-count") for name in registry.ladder()]
-    few = [Spec(name, name) for name in cuts.three()]
+    made += [(Spec(name, name), "render-count") for name in cuts.counted()]
+    few = [Spec(name, name) for name in cuts.three()[:2]]
     return made + [(spec, f"render-{kind}") for spec in few for kind in ("calls", "lines", "blocks-calls")]
 
 
@@ -158,7 +159,7 @@ class Wrong:
         for text in [*outcome.remarks, *outcome.failed]:
             cli.say(text)
         if outcome.ended == cli.FAILED and each.judges:
-            self.failed.append(f"{one.name}: see above")
+            self.failed.append(f"{one.name}: {'; '.join(outcome.failed[:1]) or 'a check failed'}")
         elif outcome.ended and not (outcome.ended == cli.CANNOT_RUN and each.may_lack):
             self.broken.append(f"stepwise {each.command} ended with status {outcome.ended}")
 
@@ -168,7 +169,8 @@ class Wrong:
 
 def report(run: Path, left: Sequence[str]) -> None:
     """The page as far as it goes; it names what is still to come."""
-    call("report", run, *(["--running", *left] if left else []))
+    with cli.heard(lambda _: None):  # the page has its remarks
+        call("report", run, *(["--running", *left] if left else []))
 
 
 def finish(run: Path) -> None:
@@ -178,6 +180,41 @@ def finish(run: Path) -> None:
             store.write_bytes(run / file.relative_to(PAGE.parent), file.read_bytes())
 
 
+class Chapter:
+    """A line of the terminal: what is measured, then what came out. Remarks are kept for the page."""
+
+    def __init__(self, begin: float, title: str) -> None:
+        self.begin, self.title, self.result = begin, title, ""
+        self.remarks: list[str] = []
+        self.heard = cli.heard(self.remarks.append)
+
+    def __enter__(self) -> Self:
+        if sys.stderr.isatty():
+            print(f"\r\033[K{self.title} …", end="", file=sys.stderr, flush=True)
+        self.heard.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *how: Any) -> None:
+        self.heard.__exit__(kind, *how)
+        if kind:  # it is the last thing that is said
+            return cli.say("\n".join(["", *self.remarks[-3:]]))
+        line = f"[{time.monotonic() - self.begin:3.0f} s] {self.title}" + f": {self.result}" * bool(
+            self.result
+        )
+        cli.say("\r\033[K" * sys.stderr.isatty() + line)
+
+
+def came_out(run: Path, one: Experiment) -> str:
+    """The first clause of what the experiment's first chapter answers."""
+    if not one.sections:
+        return ""
+    try:
+        answer = one.sections[0][1](analysis.load(run)).answer
+    except StudyError as error:
+        return str(error)
+    return re.split(r"[.;:] ", f"{answer} ")[0].rstrip(" .")
+
+
 def first_look(scene: str, specs: Sequence[Spec], left: Sequence[str]) -> None:
     """A page within a minute and a half: small pictures, few launches, a run of its own below build/."""
     more = ["--phase", *map(str, specs), "--results", str(FIRST)]
@@ -185,40 +222,39 @@ def first_look(scene: str, specs: Sequence[Spec], left: Sequence[str]) -> None:
     about = f"the study itself (this page is a first look: {len(specs)} phases, {FIRST_HEIGHT} pixels high, "
     assert made.run
     report(made.run, [f"{about}{FIRST_LAUNCHES} launches)", *left])
-    cli.say(f"first look: {PAGE}")
 
 
 def run(args: argparse.Namespace) -> Outcome:
     args.budget = args.budget or SWEEP_SECONDS.get(args.depth)
     begin = time.monotonic()
 
-    def step(text: str) -> None:
-        cli.say(f"[{time.monotonic() - begin:.0f} s] {text}")
-
     shutil.rmtree(PAGE.parent, ignore_errors=True)  # what is of another run must not stand beside this one's
     names, parts = registry.ladder(), chosen(args)
     if not args.part:
-        step("a first look")
-        specs = [Spec(name, name) for name, phase in names.items() if not phase.variants]
+        with Chapter(begin, "a first look") as chapter:
+            specs = [Spec(name, name) for name, phase in names.items() if not phase.variants]
+            build_together([(spec, "render") for spec in specs], len(USABLE))
+            first_look(args.scene[0], [spec for spec in specs if cpu_supports(spec)], [p.what for p in parts])
+            chapter.result = f"{PAGE}, which grows"
+    with Chapter(begin, f"building {len(names)} phases"):
+        specs = [Spec(name, name) for name in names]
         build_together([(spec, "render") for spec in specs], len(USABLE))
-        first_look(args.scene[0], [spec for spec in specs if cpu_supports(spec)], [p.what for p in parts])
-    step(f"building {len(names)} phases")
-    specs = [Spec(name, name) for name in names]
-    build_together([(spec, "render") for spec in specs], len(USABLE))
-    for spec in specs:
-        build(spec)
+        for spec in specs:
+            build(spec)
     wrong = Wrong()
     old = args.part and "sweep" not in args.part
     folder, height = newest(args) if old else (None, 0)
     if folder is None:
-        step("times of every phase")
-        made, height = sweep(args)
-        assert made.run
-        folder = made.run
+        timing = experiment.find_all()["sweep"]
+        with Chapter(begin, timing.what) as chapter:
+            made, height = sweep(args)
+            assert made.run
+            folder = made.run
+            chapter.result = came_out(folder, timing)
         if made.ended:
             wrong.failed.append("a phase crashed")
-        if args.depth == "quick" and not args.part:
-            cuts.note(folder, "sweep", experiment.find_all()["sweep"].cut)
+        quick = args.depth == "quick" and not args.part
+        cuts.note(folder, "sweep", timing.cut if quick else "", [*chapter.remarks, *made.remarks])
     study = Study(folder, args.scene, height, args.depth, bool(args.part))
     drawn = -math.inf if args.part else begin  # the first look is a page
     for number, one in enumerate(parts):
@@ -226,14 +262,18 @@ def run(args: argparse.Namespace) -> Outcome:
             report(folder, [other.what for other in parts[number:]])
             drawn = time.monotonic()
         if number == 0 and study.quick:
-            step("building what counts")
-            build_together(counting(folder), len(USABLE))
-        step(one.what)
-        wrong.measure(one, study)
-        cuts.note(folder, one.name, one.cut if study.quick else "")
-    step("tables and report")
-    finish(folder)
-    cli.say(f"study: {PAGE} after {time.monotonic() - begin:.0f} s; data in {folder}")
+            with Chapter(begin, "building what counts"):
+                build_together(counting(folder), len(USABLE))
+        with Chapter(begin, one.what) as chapter:
+            wrong.measure(one, study)
+            chapter.result = came_out(folder, one)
+        cuts.note(folder, one.name, one.cut if study.quick else "", chapter.remarks)
+    with Chapter(begin, "tables and report"):
+        finish(folder)
+    if remarks := cuts.remarks(folder):
+        cli.say(f"{len(remarks)} remarks: {folder / STUDY}")
+    cli.say(f"data: {folder}")
+    cli.say(f"page: {PAGE} (open it in a browser: xdg-open {PAGE})")
     said = [f"study: {text}; the page shows which" for text in wrong.failed]
     said += [f"study: {text}" for text in wrong.broken]
     result: dict[str, Any] = {"report": PAGE, "height": height}

@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -185,7 +185,22 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+listeners: list[Callable[[str], None]] = []  # the last one hears what commands say, instead of the terminal
+
+
+@contextlib.contextmanager
+def heard(listener: Callable[[str], None]) -> Iterator[None]:
+    """Meanwhile the listener is told all remarks, and progress is a bar on a terminal or nothing."""
+    listeners.append(listener)
+    try:
+        yield
+    finally:
+        listeners.remove(listener)
+
+
 def say(text: str) -> None:
     """Progress and remarks for people: standard error, so that --json stays parseable."""
+    if listeners:
+        return listeners[-1](text)
     sys.stderr.write(text + "\n")  # one write: lines of several threads stay whole
     sys.stderr.flush()

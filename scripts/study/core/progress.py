@@ -36,12 +36,14 @@ class Progress(contextlib.AbstractContextManager["Progress"]):
         form = {"bar_format": BAR} if share else {}
         self.bar: Any = None
         if sys.stderr.isatty():
-            self.bar = tqdm(total=total, desc=self.about, leave=share, dynamic_ncols=True, **form)
+            self.bar = tqdm(
+                total=total, desc=self.about, leave=share and not cli.listeners, dynamic_ncols=True, **form
+            )
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self.bar is not None:
             self.bar.close()
-        elif self.share and not kind:
+        elif self.share and not kind and not cli.listeners:
             cli.say(self.text())
 
     def text(self) -> str:
@@ -63,7 +65,7 @@ class Progress(contextlib.AbstractContextManager["Progress"]):
             if doing:
                 self.bar.set_postfix_str(doing, refresh=False)
             self.bar.update(step)
-        elif time.monotonic() - self.said >= PAUSE:
+        elif time.monotonic() - self.said >= PAUSE and not cli.listeners:
             self.said = time.monotonic()
             cli.say(self.text() + (f"; {doing}" if doing else ""))
 

@@ -118,6 +118,7 @@ class Configuration(Record, kw_only=True):
     threads: Annotated[int, key("threads", "asked for")] = 1
     estimate_s: Annotated[float, key("s", "expected duration of a launch")] = 0
     once: Annotated[bool, key("", "one cold frame a launch: it takes longer than `long`")] = False
+    launches: Annotated[int, key("launches", "of it; 0: the plan's")] = 0
 
     @property
     def group(self) -> tuple[str, int, int]:
@@ -201,6 +202,9 @@ class Plan(File, kw_only=True):
     reps: Annotated[int, key("frames", "timed in a launch")] = 0
     warmup: Annotated[int, key("frames", "before them, in no statistic")] = 0
     long: Annotated[float | None, key("s", "a longer frame is timed alone; null: none is")] = None
+    few: Annotated[float | None, key("s", "a longer frame has three launches; null: all have the same")] = (
+        None
+    )
     budget_s: Annotated[float | None, key("s", "after which no round begins; null: no limit")] = None
     hit_distance: Annotated[float | None, key("scene units", "null: each scene's own")] = None
     max_steps: Annotated[int | None, key("evaluations", "null: each scene's own")] = None
@@ -303,11 +307,12 @@ class About(File, kw_only=True):
 
 
 class Cuts(File, kw_only=True):
-    """What a quick study cut of each experiment. Without an entry the experiment is whole."""
+    """What a quick study cut of each experiment (without an entry it is whole), and what was remarked."""
 
     made_by: ClassVar[str] = "study"
     schema: Annotated[Literal[1], key("", "version of the form")] = 1
     cut: Annotated[dict[str, str], key("", "experiment → a sentence: what the run has of it")]
+    remarks: Annotated[list[str], key("", "of the study's commands, each after its chapter's name")] = []
 
 
 RUN_TOML = "run.toml"

@@ -1,5 +1,6 @@
 """What a quick study measured of each experiment, kept with the run (study.json): the page says it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from study.core import store
@@ -15,13 +16,26 @@ def three() -> list[str]:
     return [name for name in names if cpu_supports(Spec.parse(name))]
 
 
+def counted() -> list[str]:
+    """The paper's steps, whose work their authors declare function by function."""
+    return [name for name, phase in ladder().items() if not phase.variants]
+
+
+def remarks(run: Path) -> list[str]:
+    """What the commands of its study remarked."""
+    found = Cuts.load_if_there(run / STUDY)
+    return found.remarks if found else []
+
+
 def read(run: Path) -> dict[str, str]:
     """Experiment → what the run has of it, a sentence; those that are whole are not in it."""
     found = Cuts.load_if_there(run / STUDY)
     return found.cut if found else {}
 
 
-def note(run: Path, experiment: str, text: str) -> None:
-    """Keeps what was measured of an experiment: a sentence, or nothing where it is whole."""
-    few = read(run) | {experiment: text}
-    store.write_json(run / STUDY, Cuts(cut={name: said for name, said in few.items() if said}))
+def note(run: Path, experiment: str, text: str, remarks: Sequence[str] = ()) -> None:
+    """Keeps what was measured of an experiment: a sentence, or nothing where it is whole; and its remarks."""
+    old = Cuts.load_if_there(run / STUDY) or Cuts(cut={})
+    few, mine = old.cut | {experiment: text}, f"{experiment}: "
+    said = [one for one in old.remarks if not one.startswith(mine)] + [mine + one for one in remarks]
+    store.write_json(run / STUDY, Cuts(cut={name: one for name, one in few.items() if one}, remarks=said))

@@ -123,8 +123,7 @@ def placed(data: Data) -> list[tuple[int, Section]]:
     few = cuts.read(data.path)
     made, programs = [], data.by_simde
     for one in find_all().values():
-        whole = f" The whole: `make study DEPTH=standard` or `make {one.name}`."
-        line = few[one.name] + whole if one.name in few else ""
+        line = few.get(one.name, "")
         made += [(place, replace(noted(make(data), programs), cut=line)) for place, make in one.sections]
     return sorted(made, key=lambda each: each[0])
 

@@ -123,7 +123,7 @@ def headline_size(data: Data, scene: str, height: int | None = None) -> tuple[in
 
     def worth(size: tuple[int, int]) -> tuple[int, int, int]:
         here = [c for c in cells if (c.width, c.height) == size]
-        return sum(len(c.values) >= stats.ENOUGH for c in here), len(here), size[0] * size[1]
+        return sum(len(c.values) >= stats.FEWEST for c in here), len(here), size[0] * size[1]
 
     return max({(c.width, c.height) for c in cells}, key=worth, default=None)
 

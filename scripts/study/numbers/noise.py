@@ -82,8 +82,8 @@ def indistinguishable(cells: Sequence[Cell]) -> list[str]:
 
     for (scene, width, height, threads), some in groupby(sorted(cells, key=lambda c: (key(c), c.spec)), key):
         where, mine = f"{scene} {width}x{height}, threads {threads}", list(some)
-        if min(len(cell.values) for cell in mine) < stats.ENOUGH:
-            found.append(f"{where}: under {stats.ENOUGH} launches, so no two phases can be told apart")
+        if min(len(cell.values) for cell in mine) < stats.FEWEST:
+            found.append(f"{where}: under {stats.FEWEST} launches, so no two phases can be told apart")
             continue
         for a, b in combinations(mine, 2):
             ratio = b.over(a)

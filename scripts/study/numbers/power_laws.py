@@ -15,7 +15,7 @@ import numpy as np
 from study.core.cli import StudyError
 from study.core.schema import Record, key
 from study.numbers.schema import Range
-from study.numbers.stats import ENOUGH, RESAMPLES
+from study.numbers.stats import ENOUGH, FEWEST, RESAMPLES
 
 OFF = 1.10  # a point that far from the law, beyond its launches' noise, is not on it
 LEAST = 3  # points: two are always on one law
@@ -38,7 +38,11 @@ class Law(Record, kw_only=True):
 
 
 def _medians(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Logarithms of the medians of RESAMPLES draws, shape (RESAMPLES,)."""
+    """Logarithms of the medians of RESAMPLES draws, shape (RESAMPLES,); of few values Student's t."""
+    if len(values) < ENOUGH:
+        logs = np.log(values)
+        wide = logs.std(ddof=1) / math.sqrt(len(logs))
+        return logs.mean() + wide * random.standard_t(len(logs) - 1, RESAMPLES)
     return np.log(np.median(values[random.integers(len(values), size=(RESAMPLES, len(values)))], axis=1))
 
 
@@ -62,7 +66,7 @@ def fit(xs: Sequence[float], samples: Sequence[Sequence[float]], exact: bool = F
     drawn: np.ndarray | None = None
     if exact:
         drawn = np.tile(y, (2, 1))
-    elif min(len(point) for point in points) >= ENOUGH:
+    elif min(len(point) for point in points) >= FEWEST:
         random = np.random.default_rng(seed)
         drawn = np.stack([_medians(point, random) for point in points], axis=1)
 

@@ -164,6 +164,27 @@ def test_a_page_is_written_before_all_phases_are_built(done, tmp_path, monkeypat
     assert "functions" in broken
 
 
+def test_a_study_says_a_line_a_chapter_and_keeps_the_remarks(done, tmp_path, monkeypatch, capsys):
+    called = commands.called
+
+    def remarking(name, words):
+        cli.say(f"{name} murmurs")
+        return called(name, words)
+
+    monkeypatch.setattr(commands, "called", remarking)
+    run_study.run(arguments(tmp_path))
+    said = capsys.readouterr().err
+    lines = [line for line in said.splitlines() if line.startswith("[")]
+    parts = [part.what for part in run_study.chosen(arguments(tmp_path))]
+    assert len(lines) == len(parts) + 5
+    for what, line in zip(
+        parts, [line for line in lines if any(part in line for part in parts)], strict=True
+    ):
+        assert what in line
+    assert "frames: frames murmurs" in cuts.remarks(tmp_path / "run")
+    assert "murmurs" not in said
+
+
 def test_a_young_page_is_left_as_it_is(done, tmp_path, monkeypatch):
     monkeypatch.setattr(run_study, "PAGE_SECONDS", 3600)
     run_study.run(arguments(tmp_path))
@@ -178,7 +199,10 @@ def test_the_page_says_what_a_quick_study_cut(tmp_path):
     cuts.note(run, "flops", "One scene.")
     cuts.note(run, "flops", "")  # measured again, by its name
     said = {section.id: section.cut for section in experiment.sections(analysis.load(run)) if section.cut}
-    assert list(said) == ["stability"] and said["stability"].startswith("Two phases.")
+    assert said == {"stability": "Two phases."}
+    cuts.note(run, "verify", "", ["one", "two"])
+    cuts.note(run, "verify", "", ["three"])
+    assert cuts.remarks(run) == ["verify: three"] and cuts.read(run) == {"stability": "Two phases."}
 
 
 def test_the_newest_run_is_taken_and_none_is_none(tmp_path):

@@ -140,8 +140,20 @@ def test_an_interval_holds_its_median_and_stays_within_the_sample(values):
     assert min(values) <= interval.low <= interval.value <= interval.high <= max(values)
 
 
-@pytest.mark.parametrize("count", range(6))
-def test_under_six_launches_there_is_no_interval(count):
+@pytest.mark.parametrize(("few", "many"), [(3, 3), (3, 10), (5, 6)])
+def test_three_to_five_launches_hold_the_true_time_and_ratio_19_times_in_20(few, many):
+    """Student's (and Welch's: 93 to 97 %) against 4,000 trials of lognormal launches, whose median is 1."""
+    random = np.random.default_rng(21)
+    slow, fast = random.lognormal(0, 0.03, (4000, few)), random.lognormal(0, 0.03, (4000, many))
+    medians = [stats.median_interval(one) for one in slow]
+    ratios = [stats.ratio_interval(100 * a, b) for a, b in zip(slow, fast, strict=True)]
+    assert 0.94 <= np.mean([i.low <= 1 <= i.high for i in medians]) <= 0.96
+    assert 0.93 <= np.mean([i.low <= 100 <= i.high for i in ratios]) <= 0.975
+    assert all(i.low <= i.value <= i.high and i.launches == few for i in medians + ratios)
+
+
+@pytest.mark.parametrize("count", range(3))
+def test_under_three_launches_there_is_no_interval(count):
     enough = np.arange(1.0, 9)
     for interval in (stats.median_interval(enough[:count]), stats.ratio_interval(enough, enough[:count])):
         assert not interval.sufficient
@@ -150,7 +162,8 @@ def test_under_six_launches_there_is_no_interval(count):
         assert np.isnan(interval.high)
         assert "insufficient" in interval.text()
     assert np.isnan(stats.median_interval([]).value)
-    assert stats.median_interval(enough[:6]).sufficient
+    assert stats.median_interval(enough[:3]).sufficient
+    assert not stats.median_interval([0.0, 0.0, 1.0]).sufficient  # of no logarithm
 
 
 def test_nan_tells_nothing_apart():

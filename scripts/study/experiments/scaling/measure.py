@@ -147,7 +147,8 @@ def choose(
 
 
 def too_long(needed: float, seconds: float) -> str:
-    return f"all its launches would take about {needed:.3g} s, of {seconds:.3g} s for the whole series"
+    left = max(seconds, 0)
+    return f"all its launches would take about {needed:.3g} s, of {left:.3g} s for the whole series"
 
 
 class Measuring:

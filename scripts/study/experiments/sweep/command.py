@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import itertools
+import math
 import os
 import random
 import re
@@ -22,6 +23,7 @@ from study.core.run import DriverError
 from study.core.run_schema import Configuration, End, Left, Plan, Short
 from study.experiments.sweep.plan import fail, make_plan, now, overrides, sha256
 from study.numbers import analysis, noise, summary
+from study.numbers.stats import FEWEST
 
 DESCRIPTION = """\
 Times phases on scenes and sizes. A round launches every configuration once, in random order, pinned to one
@@ -62,6 +64,7 @@ PLANNED: dict[str, Any] = {  # option of a new run's plan → default
     "launches": 10,
     "warmup": 1,
     "long": None,
+    "few": None,
     "seed": None,
     "cpu": run.FASTEST,
     "hit_distance": None,
@@ -83,6 +86,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--warmup", type=natural, metavar="K", help="frames before those; default: 1")
     about = "a frame longer than that warms itself up: one per launch, no warm-up"
     add("--long", type=cli.at_least(0, float), metavar="SECONDS", help=about)
+    about = f"a frame longer than that has {FEWEST} launches, spread over the rounds"
+    add("--few", type=cli.at_least(0, float), metavar="SECONDS", help=about)
     add("--seed", type=natural, help="of order and padding; default: random")
     add("--cpu", type=natural, help="CPU to pin to; default: of a fast core")
     add("--hit-distance", type=cli.at_least(1e-300, float), metavar="X", help="in scene units")
@@ -154,12 +159,16 @@ class Sweep:
 
     def done(self, config: Configuration) -> int:
         """Whole launches; launches come one after the other, so it is also the next one's number."""
-        launches = self.plan.launches
+        launches = self.launches(config)
         return next((n for n in range(launches) if self.timed(config, n) < self.reps(config)), launches)
 
-    def due(self, config: Configuration, launches: int) -> bool:
-        few = self.done(config) < min(launches, self.plan.launches)
-        return few and self.crashes.get(config.config, 0) < MOST_CRASHES
+    def launches(self, config: Configuration) -> int:
+        return min(config.launches or self.plan.launches, self.plan.launches)
+
+    def due(self, config: Configuration, rounds: int) -> bool:
+        """Whether it lacks a launch after so many rounds; fewer launches than rounds are spread over them."""
+        share = math.ceil(self.launches(config) * min(rounds / max(self.plan.launches, 1), 1))
+        return self.done(config) < share and self.crashes.get(config.config, 0) < MOST_CRASHES
 
     def expected(self, config: Configuration) -> float:
         """Seconds of a launch: the middle one of this process's, or the plan's estimate."""
@@ -167,7 +176,7 @@ class Sweep:
         return seconds[len(seconds) // 2]
 
     def remaining(self) -> float:
-        return sum(self.expected(c) * (self.plan.launches - self.done(c)) for c in self.configs)
+        return sum(self.expected(c) * (self.launches(c) - self.done(c)) for c in self.configs)
 
     def budget(self) -> float:
         return max(self.deadline - time.monotonic(), 0)
@@ -292,10 +301,10 @@ def start(plan: Plan, args: argparse.Namespace) -> Sweep:
 def dry_run(sweep: Sweep) -> Outcome:
     plan, seconds = sweep.plan, sweep.remaining()
     rows = [
-        {"name": str(one), "s": sweep.expected(one), "launches": plan.launches - sweep.done(one)}
+        {"name": str(one), "s": sweep.expected(one), "launches": sweep.launches(one) - sweep.done(one)}
         for one in plan.configurations
     ]
-    todo = sum(plan.launches - sweep.done(config) for config in plan.configurations)
+    todo = sum(sweep.launches(config) - sweep.done(config) for config in plan.configurations)
     lines = [
         summary.table(rows, [("name", "configuration"), ("launches", "launches"), ("s", "s per launch")]),
         f"{todo} launches; CPU {plan.cpu}, seed {plan.seed}",

@@ -19,6 +19,7 @@ from study.core.run import DriverError
 from study.core.run_schema import Configuration, Left, PhaseJson, Plan
 from study.numbers import summary
 from study.numbers.analysis import GENERATED, SECOND_BASE
+from study.numbers.stats import FEWEST
 
 CALIBRATION_HEIGHT = 45
 NEAR = 10  # times --long: up to that a frame is timed at its own size before it counts as long
@@ -110,7 +111,7 @@ def make_plan(args: argparse.Namespace) -> Plan:
     scene once, tiny: what this CPU or a phase refuses is skipped with the reason, the rest gets an expected
     duration in proportion to its pixels; what would by that be too long for more than a frame, but not by
     far, that of a first frame of its size."""
-    same = ("seed", "cpu", "launches", "reps", "warmup", "long", "hit_distance", "max_steps")
+    same = ("seed", "cpu", "launches", "reps", "warmup", "long", "few", "hit_distance", "max_steps")
     plan = Plan(**{key: getattr(args, key) for key in same}, budget_s=args.budget, began=now())
     specs = []
     for spec in wanted_specs(args.phase, args.second_base):
@@ -163,6 +164,7 @@ def make_plan(args: argparse.Namespace) -> Plan:
                     threads=threads,
                     estimate_s=round(start + seconds * (1 if once else args.reps + args.warmup), 4),
                     once=once,
+                    launches=FEWEST if args.few is not None and seconds > args.few else 0,
                 )
             )
     return plan

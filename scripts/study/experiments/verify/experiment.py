@@ -7,14 +7,15 @@ from study.experiments.verify import chapter, command
 from study.numbers import analysis
 from study.numbers.schema import Verify
 
-LEAST = 180  # pixels of height
+LEAST, QUICK = 180, 120  # pixels of height
 
 
 def calls(study: Study) -> list[Call]:
     """On every scene. Shares of pixels need pictures that are not too small."""
     specs = dict.fromkeys(cell.spec for cell in analysis.load(study.run).cells if cell.spec != "baseline")
     averaged = {"full": "180", "standard": "90"}.get(study.depth, "60")
-    size = ["-n", str(max(study.height, LEAST)), "--antialias-n", averaged]
+    height = QUICK if study.quick else max(study.height, LEAST)
+    size = ["-n", str(height), "--antialias-n", averaged]
     run = ["--run", str(study.run)]
     sheet = [] if study.asked else [Call("pictures", run)]
     return [Call("verify", ["--phase", *specs, *size, *run]), *sheet]
@@ -28,6 +29,6 @@ EXPERIMENT = Experiment(
     schemas={"verify.json": Verify},
     calls=calls,
     depth="quick",
-    cut="The Mandelbulb's 4×4 means at height 60.",
+    cut="Pictures of height 120; the Mandelbulb's 4×4 means at height 60.",
     sections=[(510, chapter.verification)],
 )

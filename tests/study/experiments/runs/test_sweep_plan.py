@@ -127,6 +127,18 @@ def test_without_budget_every_configuration_is_launched_once_a_round():
     assert len(launched) == 9
 
 
+def test_fewer_launches_are_spread_over_the_rounds():
+    made = planned({"a": [1, 2]}, launches=6)
+    made.plan.configurations[0].launches = 3
+    assert made.remaining() == 3 * 1 + 6 * 2
+    launched = play(made)
+    assert [name for name, _ in launched].count("c0") == 3 and len(launched) == 9
+    rounds = [launched.index(("c1", number)) for number in range(6)]
+    for number in range(3):  # one in each two rounds
+        place = launched.index(("c0", number))
+        assert rounds[2 * number] - 1 <= place <= rounds[2 * number] + 1
+
+
 def test_a_comparison_left_out_for_a_round_comes_back_when_it_fits():
     costs = {"dear": [10], "cheap": [4]}
     both = [("c0", 0), ("c1", 0), ("c1", 1)]
@@ -189,7 +201,7 @@ def test_scenes_of_one_content_are_told_apart(monkeypatch):
     monkeypatch.setattr(planning, "build", lambda spec: Path(__file__))
     options = {"phase": ["baseline"], "scene": ["cubes", "trio"], "n": [(None, 9)], "threads": [1]}
     options |= {"second_base": False, "hit_distance": None, "max_steps": None, "budget": None, "cpu": 0}
-    options |= {"seed": 1, "launches": 1, "reps": 3, "warmup": 1, "long": None}
+    options |= {"seed": 1, "launches": 1, "reps": 3, "warmup": 1, "long": None, "few": None}
     configurations = planning.make_plan(argparse.Namespace(**options)).configurations
     assert len({one.config for one in configurations}) == len(configurations) == 2
 
@@ -214,9 +226,12 @@ def test_whether_a_frame_is_long_is_seen_at_its_own_size(monkeypatch, long, aske
     monkeypatch.setattr(planning, "build", lambda spec: Path(__file__))
     options = {"phase": ["baseline"], "scene": ["cubes"], "n": [(None, 90), (None, 180)], "threads": [1]}
     options |= {"second_base": False, "hit_distance": None, "max_steps": None, "budget": None, "cpu": 0}
-    options |= {"seed": 1, "launches": 1, "reps": 3, "warmup": 1, "long": long}
+    options |= {"seed": 1, "launches": 1, "reps": 3, "warmup": 1, "long": long, "few": 0.09}
     plan = planning.make_plan(argparse.Namespace(**options))
     assert [one.once for one in plan.configurations] == once and sizes == asked
+    guessed, seen = {90: 0.08, 180: 0.32}, {90: 0.02, 180: 0.1}
+    known = guessed | {height: seen[height] for height in asked}
+    assert [one.launches for one in plan.configurations] == [3 * (known[n] > 0.09) for n in (90, 180)]
 
 
 @pytest.mark.parametrize(
