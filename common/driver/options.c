@@ -22,7 +22,7 @@ static const char USAGE[] =
     "                        times as wide and high is drawn, and timed, and averaged\n"
     "  --display             only the picture as displayed; some phases make it themselves\n"
     "  --threads T           default 1\n"
-    "  --reps R              timed frames, default 1; the camera moves by 1e-6 in between\n"
+    "  --reps R              timed frames, default 1; the camera turns by pixels in between\n"
     "  --frames N            an animation instead: frame k < N is at k/60 s, shapes and the\n"
     "                        camera follow their paths; -o writes the first frame\n"
     "  --first-frame K       start it at frame K: frames K to N-1 are drawn\n"

@@ -6,22 +6,37 @@ pictures are judged.
 
 import argparse
 import math
+import re
 import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from study.commands import try_
-from study.core import cli, json_files, registry, show
-from study.core.build import build_together
+from study.core import cli, json_files, patches, registry, show, store
+from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
-from study.core.registry import Spec
+from study.core.registry import Scene, Spec
 from study.core.run import USABLE
+from study.core.run import render as run_driver
 from study.pictures import images
 from study.pictures.gallery import Gallery
 
 FILE = registry.ROOT / "docs" / "labs" / "labs.json"
 BASE = Spec("baseline", "baseline")
+DOES_NOT_COMPILE = 4  # exit status
+BEFORE = 3  # frames of other views that a process draws before the one whose bits are compared
+ABSURD = 10  # times the goal: then something is not drawn, or not timed
 UNSURE = "The interval holds the goal. Measure again: on a quieter machine, or with --launches 30."
+
+
+ENDS = (".c", ".h")
+HINTS = {
+    "start": "Hand in a phase of your own. The ladder's phases, and phases made from others, are not judged.",
+    "unchanged": "It is the start as it was. `make try NAME=mine` tells after each change what it gained.",
+    "views": "A frame may keep nothing of another: what is kept must hang on the scene alone.",
+}
 
 
 @dataclass(frozen=True)
@@ -29,7 +44,8 @@ class Lab:
     """An entry of labs.json.
 
     Of a lab that asks for a phase: `speedup` over `start` on `scene`, `lanes`: by how much the share of lanes
-    at work must rise, `same_bits`: the picture of `start`, else one within the phase's tolerance. Of one that
+    at work must rise, `calls`: a pattern of functions whose calls (“flops”: all FLOPs) may be at most `share`
+    of the start's, `same_bits`: the picture of `start`, else one within the phase's tolerance. Of one that
     asks for a scene: PSNR to baseline there of `breaks` (at most `below_db`) and of `start` (at least
     `exact_db`). `hints`: what is said, by the check that fails.
     """
@@ -44,6 +60,8 @@ class Lab:
     speedup: float = 1.0
     same_bits: bool = False
     lanes: float = 0.0
+    calls: str = ""
+    share: float = 1.0
     breaks: str = ""
     below_db: float = 0.0
     exact_db: float = 0.0
@@ -58,6 +76,49 @@ class Check:
 
 def labs() -> dict[int, Lab]:
     return {one["number"]: Lab(**one) for one in json_files.read_json(FILE)["labs"]}
+
+
+def of_source(lab: Lab, name: str) -> Check:
+    """Whether the phase was made from the lab's start, and is not as it was."""
+    base, start = (re.split("[@+]", one)[0] for one in (name, lab.start))
+    made = [*patches.lineage(base), registry.parent_of(base)]
+    if base != start and (base in registry.ladder() or start not in made):
+        return Check("start", False, f"made by: make new-phase NAME=mine FROM={lab.start}")
+    mine, theirs = (
+        {
+            file: re.sub(r"\A#line .*\n", "", text)
+            for file, text in patches.tree(one).items()
+            if file[-2:] in ENDS
+        }
+        for one in (name, lab.start)
+    )
+    return Check("unchanged", mine != theirs, f"its sources differ from {lab.start}'s")
+
+
+def of_views(spec: Spec, scene: Scene, height: int) -> Check:
+    """Whether a frame has the bits of a fresh process's after frames of near and of far views."""
+    camera = scene.data["camera"]
+    ahead = np.subtract(camera["look_at"], camera["position"], dtype=float)
+    aside = np.cross(camera.get("up", [0, 1, 0]), ahead)
+    aside *= 0.5 * np.linalg.norm(ahead) / np.linalg.norm(aside)
+    path = {"type": "line", "to": list(camera["position"] + aside), "period": 0.4}
+    (try_.FOLDER / "scenes").mkdir(parents=True, exist_ok=True)
+    flown = try_.FOLDER / "scenes" / f"{scene.name}-flown.json"
+    store.write_json(flown, scene.data | {"camera": camera | {"path": path}})
+    far = {"animation": BEFORE + 1, "first_frame": BEFORE}
+    wrong = []
+    for title, file, words in (("near", scene.path, {}), ("far", flown, far)):
+        pictures = []
+        for before in (0, BEFORE):
+            out = try_.FOLDER / "images" / f"{spec}-{title}-{before}.exr"
+            run_driver(
+                spec, file, height, scene.size(height)[0], warmup=before, out=out, timed=False, **words
+            )
+            pictures.append(images.rgb(images.read(out)))
+        if pictures[0].tobytes() != pictures[1].tobytes():
+            wrong.append(title)
+    said = f"after {BEFORE} frames of other views every bit as in a fresh process"
+    return Check("views", not wrong, said + f" (not after {' and '.join(wrong)} views)" * bool(wrong))
 
 
 def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
@@ -76,11 +137,28 @@ def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
         if now and before:
             said += f" ({show.percent(before)} → {show.percent(now)})"
         made.append(Check("lanes", rises, said))
+    if lab.calls:
+        works = [one.flops if lab.calls == "flops" else _calls(one, lab.calls) for one in (start, mine)]
+        less = bool(works[0] and works[1] is not None and works[1] <= lab.share * works[0])
+        what = "FLOPs" if lab.calls == "flops" else f"calls of {lab.calls}"
+        counts = " → ".join(f"{work:,}" if work is not None else "not counted" for work in works)
+        made.append(
+            Check("work", less, f"{what}: at most {show.percent(lab.share)} of {lab.start}'s ({counts})")
+        )
     ratio = result.ratio
     fast = bool(ratio.sufficient and ratio.low >= lab.speedup)
     unsure = not fast and ratio.high >= lab.speedup
     said = f"at least {lab.speedup}× as fast as {lab.start}: {show.spread(ratio, 3, '×')}"
+    if ratio.value > ABSURD * lab.speedup:
+        said += "; no such change is known to gain that much: look for what is not drawn, or not timed"
     return [*made, Check("unsure" if unsure else "speed", fast, said)]
+
+
+def _calls(side: try_.Side, pattern: str) -> int | None:
+    """Calls of the functions whose whole name fits the pattern; None where they are not counted."""
+    if side.calls is None:
+        return None
+    return sum(count for name, count in side.calls.items() if re.fullmatch(pattern, name))
 
 
 def of_scene(lab: Lab, path: Path, height: int) -> list[Check]:
@@ -102,7 +180,10 @@ def of_scene(lab: Lab, path: Path, height: int) -> list[Check]:
     ]
 
 
-STATUSES = {cli.FAILED: "a check of the lab fails"}
+STATUSES = {
+    cli.FAILED: "a check of the lab fails",
+    DOES_NOT_COMPILE: "it does not compile: the compiler's text",
+}
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -125,11 +206,19 @@ def run(args: argparse.Namespace) -> Outcome:
     else:
         if not args.phase:
             raise StudyError(f"lab {lab.number} asks for a phase: make judge LAB={lab.number} NAME=mine")
-        what = {"name": args.phase, "against": lab.start, "scene": lab.scene}
-        told = try_.compared(argparse.Namespace(**vars(args) | what))
-        checks = of_phase(lab, told)
+        spec, checks = Spec.parse(args.phase), [of_source(lab, args.phase)]
+        try:
+            build(spec)
+        except StudyError as error:
+            compiler = str(error)
+            result = {"lab": lab.number, "checks": [], "hint": None, "try": None, "compiler": compiler}
+            return Outcome(result, [compiler], status=DOES_NOT_COMPILE)
+        if checks[0].passed:
+            what = {"name": args.phase, "against": lab.start, "scene": lab.scene}
+            told = try_.compared(argparse.Namespace(**vars(args) | what))
+            checks += [of_views(spec, registry.find_scene(lab.scene), args.n), *of_phase(lab, told)]
     failing = next((one for one in checks if not one.passed), None)
-    hint = lab.hints.get(failing.name, UNSURE) if failing else None
+    hint = (lab.hints | HINTS).get(failing.name, UNSURE) if failing else None
     lines = [try_.text(told), ""] if told else []
     lines += [
         f"Lab {lab.number}, {lab.title}",

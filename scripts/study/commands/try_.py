@@ -41,23 +41,27 @@ FRAME = 0.1  # s that a timed frame may take: ten launches of both fit half a mi
 POLL = 0.5  # s between two looks at the files
 CHANGED = 0.001  # of calls: less is not listed
 LISTED = 12  # functions
+PACKETS = "packet_distance"  # of phases with packets of rays: the distance of a packet to a shape
 DOUBT = ' The interval holds 1: no difference can be told. More launches narrow it: ARGS="--launches 30".'
 
 
 @dataclass(frozen=True)
 class Side:
     """What is known of one phase: its row against ground truth, its metrics against baseline, what of its
-    tolerance fails, evaluations of a camera ray, and by the counting build FLOPs, lanes and calls."""
+    tolerance fails, evaluations of the scene by a camera ray, and by the counting build evaluations of a
+    shape (a ray's, over all rays of a pixel), FLOPs, lanes and calls."""
 
     name: str
     truth: Row
     baseline: dict[str, Any]
     fails: list[str]
     evaluations: float
+    shape_evaluations: float = math.nan
     ms: Interval | None = None
     flops: int | None = None
     lanes_at_work: float | None = None
     parts: dict[str, Any] | None = None
+    calls: dict[str, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -200,7 +204,14 @@ def compared(args: argparse.Namespace) -> Compared:
         if counts_of:
             parts = {name: one.parts for name, one in counts_of.by_function.items()}
             machine = counts_of.flops.machine if counts_of.flops else None
-            side = replace(side, flops=machine, lanes_at_work=work.efficiency(counts_of), parts=parts)
+            calls_of = {name: one.calls for name, one in counts_of.by_function.items()}
+            side = replace(side, flops=machine, parts=parts, calls=calls_of)
+            one = counts_of.by_function.get(PACKETS)
+            shapes = one.lanes if one else work.evaluations(counts_of.by_function)
+            side = replace(
+                side, shape_evaluations=shapes / found[spec].truth.width / found[spec].truth.height
+            )
+            side = replace(side, lanes_at_work=work.efficiency(counts_of))
         made.append(side)
     (width, n), timed = scene.size(args.n), scene.size(height)
     return Compared(
@@ -233,6 +244,7 @@ def cells(side: Side) -> dict[str, str]:
         "PSNR to baseline, dB": "identical" if base["identical"] else show.number(base["psnr_db"]),
         "pixels off by more than 1/255 to baseline": show.percent(base["fraction_over_1_255"]),
         "evaluations of a camera ray": show.number(side.evaluations, 4),
+        "evaluations of a shape, a pixel": show.number(side.shape_evaluations, 4),
         "declared FLOPs a pixel": declared,
         "lanes at work": lanes,
     }

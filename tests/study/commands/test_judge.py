@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import emitted
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from study.commands import judge, new_phase, try_
 from study.core import cli, patches, registry
 from study.core.registry import ROOT, Spec
+from study.numbers import stats
 
 SOLUTIONS = {1: "baseline+1_precomputed", 2: "opt6_wide", 4: "opt6_wide", 5: "opt8_streams", 6: "opt7_tiles"}
 SMALL = ("--launches", "6", "--seed", "1")
@@ -37,7 +39,8 @@ def test_the_ladders_solution_is_accepted(judged, monkeypatch, number):
     """Counting programs are built and run of the lab alone that asks for lanes."""
     if lacking := registry.missing_isa(Spec.parse(SOLUTIONS[number])):
         pytest.skip(f"the CPU lacks {' '.join(lacking)}")
-    if not judge.labs()[number].lanes:
+    if number not in (1, 5):
+        monkeypatch.setattr(judge, "_calls", lambda side, _: 50 if side.name == SOLUTIONS[number] else 100)
         monkeypatch.setattr(try_, "build_together", lambda *_: None)
         monkeypatch.setattr(try_, "counted", lambda *_: None)
     status, said = judged(number, "--phase", SOLUTIONS[number])
@@ -45,11 +48,66 @@ def test_the_ladders_solution_is_accepted(judged, monkeypatch, number):
 
 
 @pytest.mark.slow
-def test_other_bits_are_refused(judged):
-    """opt2 is fast, and its picture is another."""
+def test_other_bits_are_refused(judged, monkeypatch):
+    """opt2 is fast, and its picture is another; who made it is not looked at here."""
+    monkeypatch.setattr(judge, "of_source", lambda *_: judge.Check("start", True, ""))
     status, said = judged(1, "--phase", "opt2")
     assert status == 1
     assert said.splitlines()[-1] == f"Hint: {judge.labs()[1].hints['picture']}"
+
+
+@pytest.mark.parametrize(
+    ("lab", "phase", "fails"),
+    [
+        (1, "opt1", "start"),  # the ladder's, whatever its parent
+        (4, "opt2", "start"),
+        (1, "baseline", "unchanged"),
+        (4, "opt6_wide+awake", "unchanged"),
+        (1, "baseline+1_precomputed", None),
+        (5, "opt8_streams", None),
+    ],
+)
+def test_what_is_handed_in_is_made_from_the_start(lab, phase, fails):
+    check = judge.of_source(judge.labs()[lab], phase)
+    assert check.passed == (fails is None) and (fails is None or check.name == fails)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kept", [None, "near", "far"])
+def test_a_frame_that_is_kept_is_seen(monkeypatch, kept):
+    """Made up: after other frames the driver shows the first of them again. The real one does not."""
+    render = judge.run_driver
+
+    def stale(spec, path, height, width, *, warmup, **words):
+        if warmup and kept == ("far" if "animation" in words else "near"):
+            shown = registry.find_scene("trio").path
+            return render(spec, shown, height, width, out=words["out"], timed=False)
+        return render(spec, path, height, width, warmup=warmup, **words)
+
+    monkeypatch.setattr(judge, "run_driver", stale)
+    check = judge.of_views(Spec("opt2", "opt2"), registry.find_scene("scene0"), 36)
+    assert check.passed == (kept is None)
+
+
+def test_what_does_not_compile_has_a_status_and_the_compiler_s_text(judged, monkeypatch):
+    def fails(spec):
+        raise cli.StudyError("cannot build:\n  a.c:1:2: error: expected ';'")
+
+    monkeypatch.setattr(judge, "build", fails)
+    status, said = judged(1, "--phase", "baseline+1_precomputed", "--json")
+    assert status == judge.DOES_NOT_COMPILE
+    assert "a.c:1:2: error: expected ';'" in emitted.result(said)["compiler"]
+
+
+@pytest.mark.parametrize(("share", "passed"), [(0.94, True), (0.96, False)])
+def test_work_is_judged_beside_time(share, passed):
+    """A phase that is faster and does the same work has not had the lab's idea."""
+    sides = [SimpleNamespace(flops=1000, calls=None, lanes_at_work=None, fails=[])]
+    sides.append(SimpleNamespace(flops=int(1000 * share), calls=None, lanes_at_work=None, fails=[]))
+    ratio = stats.Interval(2, 1.9, 2.1, 12, True)
+    told = SimpleNamespace(sides=sides, same_bits=True, ratio=ratio)
+    checks = {one.name: one.passed for one in judge.of_phase(judge.labs()[1], told)}
+    assert checks == {"picture": True, "work": passed, "speed": True}
 
 
 @pytest.mark.slow
