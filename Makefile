@@ -63,10 +63,10 @@ report-pdf: setup ## the newest run as a paper of some eight pages (report/out/r
 	@$(PY) scripts/stepwise report-pdf $(ARGS)
 
 try: setup ## NAME=mine SCENE=scene0: a phase beside its parent, speed and error and what changed; WATCH=1: again at every save
-	@$(PY) scripts/stepwise try $(or $(NAME),$(error NAME= is missing))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(WATCH), --watch) $(ARGS)
+	@$(PY) scripts/stepwise try $(or $(NAME),$(PHASE),$(error NAME= is missing))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(WATCH), --watch) $(ARGS)
 
 judge: setup ## LAB=1 NAME=mine: is a lab of docs/labs solved, and a hint if not; of lab 3 SCENE=file.json
-	@$(PY) scripts/stepwise judge $(or $(LAB),$(error LAB= is missing)) $(if $(NAME),--phase $(NAME)) $(if $(SCENE),--file $(SCENE)) $(ARGS)
+	@$(PY) scripts/stepwise judge $(or $(LAB),$(error LAB= is missing)) $(patsubst %,--phase %,$(or $(NAME),$(PHASE))) $(if $(SCENE),--file $(SCENE)) $(ARGS)
 
 new-phase: setup ## NAME=opt4b FROM=opt4: start a phase of your own, derived from FROM; WHOLE=1: with a copy of its files
 	@$(PY) scripts/stepwise new-phase $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM)) $(if $(WHOLE),--whole)

@@ -195,12 +195,13 @@ def compared(args: argparse.Namespace) -> Compared:
     for spec in (*both, BASE):
         build(spec)
     found, same, strip = errors(both, scene, args.n)
-    height = timed_height(both, scene)
-    ms = times(both, scene, height, args.launches, args.seed)
+    untimed = getattr(args, "untimed", False)
+    height = args.n if untimed else timed_height(both, scene)
+    ms = None if untimed else times(both, scene, height, args.launches, args.seed)
     counts = [counted(spec, scene, args.n) for spec in both]
     made = []
     for spec, counts_of in zip(both, counts, strict=True):
-        side = replace(found[spec], ms=stats.median_interval(ms[spec]))
+        side = replace(found[spec], ms=stats.median_interval(ms[spec]) if ms else None)
         if counts_of:
             parts = {name: one.parts for name, one in counts_of.by_function.items()}
             machine = counts_of.flops.machine if counts_of.flops else None
@@ -222,7 +223,7 @@ def compared(args: argparse.Namespace) -> Compared:
         timed_height=timed[1],
         launches=args.launches,
         seed=args.seed,
-        ratio=stats.ratio_interval(*(ms[spec] for spec in both)),
+        ratio=stats.ratio_interval(*(ms[spec] for spec in both)) if ms else stats.UNKNOWN,
         sides=made,
         same_bits=same,
         calls=calls(*counts) if all(counts) else None,

@@ -8,7 +8,7 @@ import emitted
 import pytest
 
 from study.commands import judge, new_phase, try_
-from study.core import cli, patches, registry
+from study.core import cli, json_files, patches, registry
 from study.core.registry import ROOT, Spec
 from study.numbers import stats
 
@@ -97,6 +97,19 @@ def test_what_does_not_compile_has_a_status_and_the_compiler_s_text(judged, monk
     status, said = judged(1, "--phase", "baseline+1_precomputed", "--json")
     assert status == judge.DOES_NOT_COMPILE
     assert "a.c:1:2: error: expected ';'" in emitted.result(said)["compiler"]
+
+
+@pytest.mark.slow
+def test_untimed_in_gradescope_s_form(judged, tmp_path, monkeypatch):
+    """No time is measured, and each check is a point."""
+    monkeypatch.setattr(try_, "timed_height", None)
+    out = tmp_path / "results.json"
+    words = ("--phase", "baseline+1_precomputed", "--untimed", "--gradescope", out)
+    status, said = judged(1, *words)
+    assert status == 0 and "MISSED" not in said
+    tests = json_files.read_json(out)["tests"]
+    assert [one["name"] for one in tests] == ["unchanged", "views", "picture", "work"]
+    assert all(one["score"] == one["max_score"] == 1 for one in tests)
 
 
 @pytest.mark.parametrize(("share", "passed"), [(0.94, True), (0.96, False)])
