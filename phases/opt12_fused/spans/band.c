@@ -84,9 +84,14 @@ KERNEL_SHARED void fused_band_set(const struct fused_frame *frame, int top, int 
     }
 }
 
-// Marks the groups of pixels of one region: those that it touches, or, where it is sure, those within it.
-static inline void mark_groups(const struct band_span *span, int row, int rows, int grain,
-                               int groups, uint64_t *mask) {
+// The groups of pixels of one region in some rows, from first to last: those that it touches, or, where it is sure,
+// those within it.
+struct group_range {
+    int first, last;
+};
+
+static inline struct group_range range_of(const struct band_span *span, int row, int rows,
+                                          int grain, int groups) {
     bool sure = span->bit / 16 == ROLE_SURE / 16;
     float lo = span->lo[row], hi = span->hi[row];
     for (int r = 1; r < rows; r++) {
@@ -95,7 +100,7 @@ static inline void mark_groups(const struct band_span *span, int row, int rows, 
         hi = (b > hi) == sure ? hi : b;
     }
     if (!(lo <= hi))
-        return;
+        return (struct group_range){0, -1};
     const float slack = 0.01f; // pixels: lo and hi are rounded to float
     float per = 1.0f / (float)grain;
     int first, last;
@@ -106,11 +111,7 @@ static inline void mark_groups(const struct band_span *span, int row, int rows, 
         first = (int)floorf((lo - slack) * per);
         last = (int)floorf((hi + slack) * per);
     }
-    first = first < 0 ? 0 : first;
-    last = last < groups ? last : groups - 1;
-    uint64_t bit = (uint64_t)1 << span->bit;
-    for (int g = first; g <= last; g++)
-        mask[g] |= bit;
+    return (struct group_range){first < 0 ? 0 : first, last < groups ? last : groups - 1};
 }
 
 // What a group's mask says.
@@ -139,27 +140,60 @@ static inline struct fused_span span_of(const struct fused_frame *frame, uint64_
     return span;
 }
 
+// Where the masks of groups change: a set of groups, and which bits change there.
+struct span_cuts {
+    uint64_t at[SPAN_GROUPS / 64 + 1], change[SPAN_GROUPS + 1];
+};
+
+static inline void cut_at(struct span_cuts *cuts, int group, uint64_t bit) {
+    uint64_t *word = &cuts->at[group / 64], here = (uint64_t)1 << group % 64;
+    cuts->change[group] = bit ^ (*word & here ? cuts->change[group] : 0);
+    *word |= here;
+}
+
+static inline void set_cuts(const struct fused_band *band, int row, int rows, int grain, int groups,
+                            struct span_cuts *cuts) {
+    struct group_range range[64];
+    uint64_t seen = 0;
+    for (int i = 0; i < band->count; i++) {
+        int bit = band->span[i].bit;
+        struct group_range r = range_of(&band->span[i], row, rows, grain, groups);
+        if (r.first > r.last)
+            continue;
+        if (seen >> bit & 1) { // by another plane
+            r.first = r.first < range[bit].first ? r.first : range[bit].first;
+            r.last = r.last > range[bit].last ? r.last : range[bit].last;
+        }
+        seen |= (uint64_t)1 << bit;
+        range[bit] = r;
+    }
+    for (int w = 0; w <= groups / 64; w++)
+        cuts->at[w] = 0;
+    cut_at(cuts, groups, 0);
+    for (; seen; seen &= seen - 1) {
+        int bit = __builtin_ctzll(seen);
+        cut_at(cuts, range[bit].first, (uint64_t)1 << bit);
+        cut_at(cuts, range[bit].last + 1, (uint64_t)1 << bit);
+    }
+}
+
 KERNEL_SHARED int fused_spans_of_rows(const struct fused_frame *frame,
                                       const struct fused_band *band, int y0, int rows,
                                       struct fused_span spans[SPAN_MOST]) {
-    uint64_t mask[SPAN_GROUPS];
-    int grain = frame->grain, groups = (frame->width + grain - 1) / grain, count = 0;
-    for (int g = 0; g < groups; g++)
-        mask[g] = 0;
-    for (int i = 0; i < band->count; i++)
-        mark_groups(&band->span[i], y0 - band->top, rows, grain, groups, mask);
-    for (int g = 0; g < groups; count++) {
-        int end = g + 1;
-        uint64_t here = mask[g];
-        if (count == SPAN_MOST - 1)
-            for (; end < groups; end++)
-                here = (here | mask[end]) & ~((uint64_t)0xffff << ROLE_SURE);
-        while (end < groups && mask[end] == here)
-            end++;
-        spans[count] = span_of(frame, here);
-        spans[count].x0 = g * grain;
-        spans[count].x1 = end * grain < frame->width ? end * grain : frame->width;
-        g = end;
-    }
+    struct span_cuts cuts;
+    int grain = frame->grain, groups = (frame->width + grain - 1) / grain, count = 0, from = 0;
+    set_cuts(band, y0 - band->top, rows, grain, groups, &cuts);
+    uint64_t mask = 0;
+    for (int w = 0; w <= groups / 64; w++)
+        for (uint64_t rest = cuts.at[w]; rest; rest &= rest - 1) {
+            int group = 64 * w + __builtin_ctzll(rest);
+            if (group > from) {
+                spans[count] = span_of(frame, mask);
+                spans[count].x0 = from * grain;
+                spans[count++].x1 = group < groups ? group * grain : frame->width;
+                from = group;
+            }
+            mask ^= cuts.change[group];
+        }
     return count;
 }

@@ -153,7 +153,7 @@ KERNEL_SHARED int fused_spacing(const struct fused_frame *frame, int plane, int 
         double low = pixel * (x0 - middle - 3 * spacing),
                high = pixel * (x1 - middle + 3 * spacing);
         struct row_light light = row_of(frame, &seen, &frame->shape[plane], y, low, high);
-        if (!(light.least_fall > 0))
+        if (!(light.least_fall > 0) || !(seen.lit > 0))
             return 0;
         double radius = fmin(0.5 * light.point.apart, 0.5 * light.look.apart);
         radius = fmin(radius, 0.6 * light.light.apart);
