@@ -27,26 +27,46 @@ static inline void cut_by_sides(const struct span_item *item, const double *y, d
 }
 
 // Narrows [lo, hi] to the conic's side. With xx < 0 a row meets it in an interval; else in two rays, of which one is
-// on the side. A row that meets all of it has no bound.
+// on the side, and a row without roots is all within. Loops without branches: compilers vectorize them, but for the
+// roots.
 static inline void cut_by_conic(const struct span_conic *q, bool sure, const double *y, double *lo,
                                 double *hi) {
-    bool closed = q->xx < 0, right = q->side[0] > 0;
+    double b[SPAN_BAND], rest[SPAN_BAND], root[SPAN_BAND], one[SPAN_BAND], two[SPAN_BAND];
     for (int r = 0; r < SPAN_BAND; r++) {
-        double b = q->xy * y[r] + q->x, c = (q->yy * y[r] + 2 * q->y) * y[r] + q->one;
-        double rest = b * b - q->xx * c, root = sqrt(rest > 0 ? rest : 0);
-        double sum = b + (b < 0 ? -root : root);
-        double one = -sum / q->xx, two = sum != 0 ? -c / sum : 0;
-        double first = one < two ? one : two, last = one < two ? two : one;
-        double on = q->side[0] * 0.5 * (first + last) + q->side[1] * y[r] + q->side[2];
-        bool none = closed ? !(rest > 0) || !(on > 0) : sure && !(rest > 0);
-        bool all = !closed && !(rest > 0);
-        double from = closed ? first : right ? last : -BEYOND;
-        double to = closed ? last : right ? BEYOND : first;
-        from = none ? BEYOND : all ? -BEYOND : from;
-        to = none ? -BEYOND : all ? BEYOND : to;
-        lo[r] = lo[r] > from ? lo[r] : from;
-        hi[r] = hi[r] < to ? hi[r] : to;
+        b[r] = q->xy * y[r] + q->x;
+        rest[r] = b[r] * b[r] - q->xx * ((q->yy * y[r] + 2 * q->y) * y[r] + q->one);
     }
+    for (int r = 0; r < SPAN_BAND; r++)
+        root[r] = rest[r] > 0 ? sqrt(rest[r]) : 0;
+    for (int r = 0; r < SPAN_BAND; r++) {
+        double c = (q->yy * y[r] + 2 * q->y) * y[r] + q->one, sum = b[r] + copysign(root[r], b[r]);
+        one[r] = -sum / q->xx;
+        two[r] = -c / (sum + 1e-300);
+    }
+    if (q->xx < 0) {
+        for (int r = 0; r < SPAN_BAND; r++) {
+            double first = one[r] < two[r] ? one[r] : two[r],
+                   last = one[r] < two[r] ? two[r] : one[r];
+            double on = q->side[0] * 0.5 * (first + last) + q->side[1] * y[r] + q->side[2];
+            first = on > 0 ? first : BEYOND;
+            first = rest[r] > 0 ? first : BEYOND;
+            lo[r] = lo[r] > first ? lo[r] : first;
+            hi[r] = hi[r] < last ? hi[r] : last;
+        }
+        return;
+    }
+    double none = sure ? BEYOND : -BEYOND, sign = q->side[0] > 0 ? 1 : -1;
+    for (int r = 0; r < SPAN_BAND;
+         r++) { // the ray's end, of the mirrored row if it goes to the left
+        double x = sign * one[r], other = sign * two[r];
+        x = x > other ? x : other;
+        x = rest[r] > 0 ? x : none;
+        one[r] = sign * x;
+    }
+    for (int r = 0; r < SPAN_BAND && sign > 0; r++)
+        lo[r] = lo[r] > one[r] ? lo[r] : one[r];
+    for (int r = 0; r < SPAN_BAND && sign < 0; r++)
+        hi[r] = hi[r] < one[r] ? hi[r] : one[r];
 }
 
 KERNEL_SHARED void fused_band_set(const struct fused_frame *frame, int top, int rows,

@@ -143,6 +143,17 @@ static struct row_error error_of(const struct row_light *r, double radius) {
     return e;
 }
 
+// The greatest spacing of nodes, in pixels of this width, whose error is below `most`: 64, 32 or 16; or 8, too little.
+static inline int widest_spacing(struct row_error e, double pixel, double most) {
+    int spacing = 64;
+    for (; spacing >= 16; spacing /= 2) {
+        double third = pixel * spacing * pixel * spacing * pixel * spacing;
+        if (e.sixth * third * third + e.rest < most)
+            break;
+    }
+    return spacing;
+}
+
 KERNEL_SHARED int fused_spacing(const struct fused_frame *frame, int plane, int y0, int rows,
                                 int x0, int x1, double most) {
     struct plane_seen seen = plane_from(frame, plane, frame->eye);
@@ -158,14 +169,12 @@ KERNEL_SHARED int fused_spacing(const struct fused_frame *frame, int plane, int 
         double radius = fmin(0.5 * light.point.apart, 0.5 * light.look.apart);
         radius = fmin(radius, 0.6 * light.light.apart);
         radius = fmin(radius, 0.1 * light.least_fall / fmax(fabs(light.fall[1]), 1e-30));
-        struct row_error e = error_of(&light, radius), half = error_of(&light, 0.5 * radius);
-        for (; spacing >= 16; spacing /= 2) {
-            double third = pixel * spacing;
-            third *= third * third;
-            if (e.sixth * third * third + e.rest < most ||
-                half.sixth * third * third + half.rest < most)
-                break;
+        int best = widest_spacing(error_of(&light, radius), pixel, most);
+        if (best < spacing) {
+            int other = widest_spacing(error_of(&light, 0.5 * radius), pixel, most);
+            best = best > other ? best : other;
         }
+        spacing = best < spacing ? best : spacing;
     }
     return spacing >= 16 ? spacing : 0;
 }
