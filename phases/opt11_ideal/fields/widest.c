@@ -33,10 +33,12 @@ static vfloat march_ratio(const struct field *field, const struct program *progr
             vfloat bent = bent_step(excess, slope - goal, t - from, field->bend);
             next = v_select(v_cmp_gt(slope, v_splat(-1.0f)), v_max(next, bent), next);
         }
-        // Where the ratio grows, as above the own surface, or only just does not, what is smaller than a part of t is passed.
+        // Where the ratio grows, as above the own surface, or only just does not, what is small beside t or the group is
+        // passed.
         vfloat ratio = f / t;
         vmask away = v_cmp_ge(step > 0 ? slope : ratio, goal);
-        next = v_max(next, v_select(away, v_splat(0.1f), v_splat(0x1p-6f)) * t);
+        vfloat small = v_max(v_splat(0.1f) * t, v_splat(0x1p12f * field->least));
+        next = v_max(next, v_select(away, small, v_splat(0x1p-6f) * t));
         last = f;
         from = v_select(active, t, zero);
         active = v_and(active, v_and(v_cmp_lt(t, far), v_cmp_gt(best, zero)));

@@ -6,6 +6,7 @@
 #include "shadow/shadow_batch.h"
 #include "shadow/shadow_cone.h"
 #include "shadow/shadow_rays.h"
+#include "shadow/sharp_parts.h"
 #include "shadow/soft_packet.h"
 #include "shadow/widest_torus.h"
 #include "types/sdf.h"
@@ -66,13 +67,16 @@ INLINE void darken_by_group(const struct primitive *s, int i, struct soft_packet
     struct vec zero = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     struct vec o = turned(s, vec_sub(zero, to_centre(s, w->point)));
     o = vec_select(is_shape(w->shape, i), w->local, o);
-    vfloat t, far = w->far;
-    vmask dark = v_mask_none();
-    if (s->sharp) // many rays enter it: closed forms tell them
-        dark = sharp_enter(s->sharp, o, turned(s, w->to_light), w->active, w->near, far, &t);
-    w->best = v_select(dark, v_splat(0.0f), w->best);
-    w->best =
-        field_widest(s->field, o, turned(s, w->to_light), w->active, w->near, w->far, w->best, lit);
+    struct vec d = turned(s, w->to_light);
+    struct soft_packet part = *w;
+    vfloat t;
+    if (s->sharp) { // many rays enter it: closed forms tell them
+        vmask dark = sharp_enter(s->sharp, o, d, w->active, w->near, w->far, &t);
+        part.best = w->best = v_select(dark, v_splat(0.0f), w->best);
+        clip_to_parts(s->sharp, o, d, &part);
+    }
+    vfloat found = field_widest(s->field, o, d, part.active, part.near, part.far, w->best, lit);
+    w->best = v_select(part.active, found, w->best);
 }
 
 // A Mandelbulb is searched for all queued rays at once, by search_bulb().

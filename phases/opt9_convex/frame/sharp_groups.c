@@ -30,6 +30,7 @@ static struct primitive *add_leaf(struct taker *w, bool removes) {
     sharp->removes[sharp->leaves] = removes;
     sharp->shape[sharp->leaves] = NULL;
     sharp->guard[sharp->leaves] = -1;
+    sharp->holds[sharp->leaves] = false;
     write_op(w, sharp->leaves);
     return &sharp->leaf[sharp->leaves++];
 }
@@ -98,18 +99,21 @@ static void take_inside(struct taker *w, int index, const struct placed *at, boo
         add_solid(w, at, &node->shape, removes);
     for (int i = index + 1; i < node->end && w->fits; i = w->nodes[i].end) {
         bool first = i == index + 1, away = node->operation == NODE_DIFFERENCE && !first;
+        int leaf = w->sharp->leaves;
         take_node(w, i, *at, removes != away);
+        if (node->operation == NODE_INTERSECTION && !first && w->fits)
+            w->sharp->holds[leaf] = is_within_first(w->nodes, i);
         rest = first ? w->sharp->leaves : rest;
         if (!first)
             write_op(w, away                                   ? SHARP_WITHOUT
                         : node->operation == NODE_INTERSECTION ? SHARP_AND
                                                                : SHARP_OR);
     }
-    if (node->operation != NODE_SHAPE && node->operation != NODE_UNION &&
-        is_within_first(w->nodes, index + 1))
-        for (int i = rest; i < w->sharp->leaves; i++)
-            if (w->sharp->guard[i] < 0)
-                w->sharp->guard[i] = (signed char)first_leaf;
+    bool narrows = node->operation == NODE_INTERSECTION || node->operation == NODE_DIFFERENCE;
+    narrows = narrows && is_within_first(w->nodes, index + 1);
+    for (int i = rest; i < w->sharp->leaves && narrows; i++)
+        if (w->sharp->guard[i] < 0)
+            w->sharp->guard[i] = (signed char)first_leaf;
 }
 
 // Returns whether a leaf of this type is convex and known to hit/sharp.c.

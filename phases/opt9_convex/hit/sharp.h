@@ -12,11 +12,13 @@ enum { SHARP_AND = -1, SHARP_OR = -2, SHARP_WITHOUT = -3 };
 
 // Leaves are solids, and half-spaces at which mirrors cut. removes: the group's surface there is where a ray leaves it.
 // guard: an earlier leaf, without which a ray has no use for this one; −1: none.
+// holds: the leaf holds all of its guard's solid that the group has.
 struct sharp {
     int leaves, steps;
     struct primitive leaf[SHARP_LEAVES];
     const struct shape *shape[SHARP_LEAVES]; // of the model; NULL: a half-space
     bool removes[SHARP_LEAVES];
     signed char guard[SHARP_LEAVES];
+    bool holds[SHARP_LEAVES];
     signed char step[SHARP_STEPS];
 };
