@@ -2,8 +2,8 @@
 // mirror rays ascend, so that the first of equal hits wins, as without a BVH.
 #pragma once
 
-#include "simd/simd.h"
 #include "core/bvh.h"
+#include "simd/simd.h"
 
 struct tile_context;
 struct worker_scratch;

@@ -4,8 +4,8 @@
 
 #include <stdbool.h>
 
-#include "scene/scene.h"
 #include "core/bvh.h"
+#include "scene/scene.h"
 
 struct program; // groups/program.h
 
