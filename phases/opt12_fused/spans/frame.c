@@ -61,7 +61,7 @@ static void add_plane(struct fused_frame *frame, int i) {
 }
 
 // The ball of light that a point of plane i, or of a ball, sees through a cone of the frame's slope: the light, with
-// slope·far as its radius; far: the points' greatest distance from it (PROOFS.md, 3.).
+// slope·far as its radius; far: the points' greatest distance from it (PROOFS.md, 6.).
 static double ball_of_light(const struct fused_frame *frame, double far) {
     return frame->slope * SLOPE_MARGIN * far;
 }

@@ -1,5 +1,5 @@
 // How far apart the nodes of a row's polynomials may be: the error of interpolation is bounded by the size of the light
-// near the row in the complex plane (A. Cauchy's estimate of derivatives; PROOFS.md, 5.). Along a row everything is a
+// near the row in the complex plane (A. Cauchy's estimate of derivatives; PROOFS.md, 10.). Along a row everything is a
 // product of powers of a few vectors that are linear in the column.
 #include <math.h>
 

@@ -1,5 +1,5 @@
 // Half-spaces that hold what a convex solid hides from a point, or darkens of the light of a ball (PROOFS.md, 1. and
-// 3.). Plain doubles; lengths in scene units.
+// 6.). Plain doubles; lengths in scene units.
 #pragma once
 
 #include <math.h>

@@ -163,38 +163,30 @@ static void set_scene(struct random_scene *scene, int width, int height) {
         scene->view.light_emission[k] = 50;
 }
 
-// A point of solid i, on its surface or near its edges.
-static inline void point_of(const struct random_scene *scene, int i, double p[3]) {
+// The point of solid i that is farthest along m, of unit length.
+static inline void farthest_point(const struct random_scene *scene, int i, const double m[3],
+                                  double p[3]) {
     const struct primitive *s = &scene->shape[i];
-    double m[3], local[3];
-    direction_from(m);
+    double local[3], at[3];
+    for (int k = 0; k < 3; k++)
+        local[k] = dot3(s->row[k], m);
     struct span_hull hull = {s, s->bound, 0};
     if (s->type == SHAPE_TORUS) {
-        double round = hypot(m[0], m[2]);
+        double round = hypot(local[0], local[2]);
         for (int k = 0; k < 3; k++)
-            local[k] = s->b * m[k] + (k == 1 ? 0 : s->a * m[k] / round);
-    } else if (!support_point(&hull, m, local)) {
+            at[k] = s->b * local[k] + (k == 1 ? 0 : s->a * local[k] / round);
+    } else if (!support_point(&hull, local, at)) {
         for (int k = 0; k < 3; k++)
-            local[k] = s->a * m[k];
+            at[k] = s->a * local[k];
     }
     for (int k = 0; k < 3; k++)
-        p[k] = s->centre[k] + s->row[0][k] * local[0] + s->row[1][k] * local[1] +
-               s->row[2][k] * local[2];
+        p[k] = s->centre[k] + s->row[0][k] * at[0] + s->row[1][k] * at[1] + s->row[2][k] * at[2];
 }
 
-// The pixel that shows p; false: none.
-static inline bool pixel_of(const struct random_scene *scene, const double p[3], int *x, int *y) {
-    const struct view *view = &scene->view;
-    double to[3], per = view->tan_half_fov / scene->height;
-    span_along(p, view->position, -1, to);
-    double far = dot3(to, view->forward);
-    double column = 0.5 * (dot3(to, view->right) / far / per + scene->width);
-    double row = 0.5 * (scene->height - dot3(to, view->up) / far / per);
-    if (!(far > 0 && column >= 0 && row >= 0 && column < scene->width && row < scene->height))
-        return false;
-    *x = (int)column;
-    *y = (int)row;
-    return true;
+static inline void point_of(const struct random_scene *scene, int i, double p[3]) {
+    double m[3];
+    direction_from(m);
+    farthest_point(scene, i, m, p);
 }
 
 static const struct fused_span *span_at(const struct fused_span *spans, int x) {

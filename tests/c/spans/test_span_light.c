@@ -1,5 +1,5 @@
 // flags: -O2 -iquote phases/opt12_fused -iquote phases/opt11_ideal -iquote phases/opt10_scene -iquote phases/opt9_convex
-// What solids darken, what mirrors show, and the polynomials of a row (opt12_fused, PROOFS.md, 3. to 6.), in double.
+// What solids darken, what mirrors show, and the polynomials of a row (opt12_fused, PROOFS.md, 6. to 10.), in double.
 #include "span_scenes.h"
 
 enum { SCENES = MANY(60), POINTS = 600, ROWS = MANY(4000), GRAIN = 8, COLUMNS = 201, LINES = 101 };
@@ -65,6 +65,19 @@ static bool darkened_point(const struct random_scene *scene, int i, const double
     return darkens(scene, p, z, q);
 }
 
+// A direction in which a plane may touch solid j and, on its other side, the ball of light.
+static void between(const struct random_scene *scene, int j, double q, double m[3]) {
+    double to[3];
+    span_along(scene->view.light_position, scene->shape[j].centre, -1, to);
+    double far = sqrt(dot3(to, to)),
+           sine = fmin(q * random_from(1, 1.5) + scene->shape[j].bound / far, 1);
+    direction_from(m);
+    span_along(m, to, -dot3(m, to) / (far * far), m);
+    normalize3(m);
+    for (int k = 0; k < 3; k++)
+        m[k] = sqrt(1 - sine * sine) * m[k] + sine * to[k] / far;
+}
+
 TEST(test_darkened_points) {
     int seen = 0, tight = 0;
     for (int n = 0; n < SCENES; n++) {
@@ -75,8 +88,10 @@ TEST(test_darkened_points) {
         for (int k = 0; k < POINTS; k++) {
             int i = k % PLANES, j = PLANES + k / PLANES % SOLIDS;
             double z[3], v[3], p[3];
-            point_of(&scene, j, z);
-            direction_from(v);
+            between(&scene, j, frame.slope, v);
+            farthest_point(&scene, j, v, z);
+            for (int a = 0; a < 3; a++)
+                v[a] = -v[a];
             if (!darkened_point(&scene, i, z, v, frame.slope, p) || !is_nearest_plane(&scene, i, p))
                 continue;
             int region = 0;
