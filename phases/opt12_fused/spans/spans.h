@@ -12,7 +12,7 @@
 
 struct view; // phase.h
 
-enum { SPAN_SHAPES = 16, SPAN_DARK = 64, SPAN_BAND = 32, SPAN_MOST = 256 };
+enum { SPAN_SHAPES = 16, SPAN_DARK = 64, SPAN_BAND = 32, SPAN_MOST = 129 };
 enum { SPAN_SIDES = 24, SPAN_ITEMS = 96, SPAN_GROUPS = 1024, SPAN_GUARDS = 2 };
 
 enum span_kind {
@@ -102,13 +102,13 @@ KERNEL_SHARED void fused_band_set(const struct fused_frame *frame, int top, int 
                                   struct fused_band *band);
 
 // Cuts rows y0 <= y < y0 + rows of the band, taken together, into spans in increasing x that cover [0, width).
-// Returns their number, at most SPAN_MOST (beyond that, the last is mixed with all bits).
+// Returns their number: 129 at most, for each of 64 bits changes twice at most.
 KERNEL_SHARED int fused_spans_of_rows(const struct fused_frame *frame,
                                       const struct fused_band *band, int y0, int rows,
                                       struct fused_span spans[SPAN_MOST]);
 
 // How far apart, in pixels, the six nodes of a polynomial of degree 5 may be that gives the light and the fog of plane
-// `plane` along rows y0 <= y < y0 + rows between columns x0 and x1: 64, 32, 16, or 0: not at all. The nodes reach two spacings
-// beyond x0 and three beyond x1. The error is below `most` (of a colour).
+// `plane` along rows y0 <= y < y0 + rows between columns x0 and x1: 64, 32, 16, or 0: not at all. The nodes reach three
+// spacings beyond x0 and x1. The error is below `most` (of a colour), but for rounding in float.
 KERNEL_SHARED int fused_spacing(const struct fused_frame *frame, int plane, int y0, int rows,
                                 int x0, int x1, double most);
