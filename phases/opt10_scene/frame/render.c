@@ -18,6 +18,7 @@ struct phase_state {
     struct workers *workers;
     bool sixteen; // 16 lanes, else 8
     struct loaded_kernel loaded;
+    void *frame_memory; // of the kernel
 };
 
 const char *phase_unsupported(const struct scene *scene) {
@@ -75,8 +76,15 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
 static struct workers *start_team(struct phase_state *kept, const struct model *model,
                                   int threads) {
     size_t size = kept->sixteen ? lanes16_scratch_size(model) : lanes8_scratch_size(model);
-    if (kept->loaded.kernel && kept->loaded.kernel->scratch_size > size)
-        size = kept->loaded.kernel->scratch_size;
+    const struct scene_kernel *kernel = kept->loaded.kernel;
+    if (kernel && kernel->scratch_size > size)
+        size = kernel->scratch_size;
+    if (kernel && kernel->frame_size > 0) {
+        size_t room = (kernel->frame_size + WORKERS_APART - 1) / WORKERS_APART * WORKERS_APART;
+        kept->frame_memory = aligned_alloc(WORKERS_APART, room);
+        if (!kept->frame_memory)
+            return NULL;
+    }
     return workers_start(threads, size);
 }
 
@@ -92,6 +100,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
         kept->workers = start_team(kept, model, threads);
     }
     if (!kept->workers) {
+        free(kept->frame_memory);
         kernel_unload(&kept->loaded);
         free_prepared(&kept->prepared);
         free(kept);
@@ -103,6 +112,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 void phase_release(struct prepared *prepared) {
     struct phase_state *kept = (struct phase_state *)prepared; // its first member
     workers_end(kept->workers);
+    free(kept->frame_memory);
     kernel_unload(&kept->loaded);
     free_prepared(prepared);
     free(kept);
@@ -127,13 +137,16 @@ static void render_tile(const void *data, int tile, void *memory) {
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    struct frame_job job = {
-        {prepared, view, frame, prepared->cameras, tile_height(prepared, frame->height),
-         prepared->analytic && set_local_cameras(prepared, view, kept->sixteen)},
-        NULL,
-        kept->sixteen};
+    struct frame_job job = {{prepared, view, frame, prepared->cameras,
+                             tile_height(prepared, frame->height),
+                             prepared->analytic && set_local_cameras(prepared, view, kept->sixteen),
+                             kept->frame_memory},
+                            NULL,
+                            kept->sixteen};
     if (job.job.analytic)
         job.kernel = kept->loaded.kernel;
+    if (job.kernel && job.kernel->begin && !job.kernel->begin(&job.job))
+        job.kernel = NULL;
     workers_run(kept->workers, render_tile, &job,
                 job.kernel      ? job.kernel->tiles(&job.job)
                 : kept->sixteen ? lanes16_tiles(&job.job)

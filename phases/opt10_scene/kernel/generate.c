@@ -113,12 +113,33 @@ static bool one_material(const struct prepared *p) {
     return true;
 }
 
+// Returns whether the scene has planes and solids alone, each once, and no hard shadows: a kernel that draws spans
+// (opt12_fused) has code for those.
+static bool solids_alone(const struct prepared *p) {
+    for (int i = 0; i < p->model.shape_count; i++)
+        if (p->primitives[i].repeated || p->primitives[i].type == SHAPE_MANDELBULB)
+            return false;
+    return p->model.shape_count <= MAX_UNROLLED && p->model.shadows != SHADOWS_HARD;
+}
+
+// Writes a macro that calls F with the number of each shape of a kind, for functions that are compiled once a shape.
+static void write_each(FILE *to, const char *name, const struct prepared *p, bool planes) {
+    fprintf(to, "#define %s(F)", name);
+    for (int i = 0; i < p->model.shape_count; i++)
+        if ((p->primitives[i].eval == EVAL_LINEAR) == planes)
+            fprintf(to, " F(%d)", i);
+    fputc('\n', to);
+}
+
 static void write_scene(FILE *to, const struct prepared *p) {
     const struct known_scene *k = &p->known;
     fprintf(to, "// %d shapes: the constants of the scene.\n#include <math.h>\n#define SHAPES %d\n",
             p->model.shape_count, p->model.shape_count);
     fprintf(to, "enum { WHOLE_SHININESS = %d, ONE_MATERIAL = %d };\n", whole_shininess(p),
             one_material(p));
+    fprintf(to, "#define FUSED %d\n", solids_alone(p));
+    write_each(to, "EACH_PLANE", p, true);
+    write_each(to, "EACH_SOLID", p, false);
     fprintf(to, "#define UNROLLED %d\n", p->model.shape_count <= MAX_UNROLLED);
     fputs("static const struct primitive scene_shapes[] = {\n", to);
     for (int i = 0; i < p->model.shape_count; i++)

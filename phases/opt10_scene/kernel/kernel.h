@@ -12,6 +12,10 @@ struct scene_kernel {
     size_t scratch_size;
     int (*tiles)(const struct job *job);
     void (*tile)(const struct job *job, int tile, void *memory);
+    // What a kernel computes once a frame for all its tiles, in job->frame_memory; NULL: nothing. False: the general
+    // code draws the frame.
+    size_t frame_size;
+    bool (*begin)(const struct job *job);
 };
 
 #ifndef SCENE_KERNEL

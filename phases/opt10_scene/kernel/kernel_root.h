@@ -18,4 +18,5 @@ static void kernel_tile(const struct job *job, int tile, void *memory) {
 #define COMPILER "gcc " __VERSION__
 #endif
 const struct scene_kernel stepwise_kernel = {
-    KERNEL_TAG, COMPILER, SCRATCH_SIZE(SHAPES, REFILLED_PACKETS), kernel_tiles, kernel_tile};
+    KERNEL_TAG, COMPILER, SCRATCH_SIZE(SHAPES, REFILLED_PACKETS), kernel_tiles, kernel_tile,
+    0,          NULL};

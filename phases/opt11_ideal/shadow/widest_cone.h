@@ -168,49 +168,78 @@ static inline float room_for(float strength) {
     return 0x1p-18f / (strength > 1.0f ? strength : 1.0f);
 }
 
-// Returns the lesser of `best` and the least ratio of the convex solid s (a torus: of its hull), to within
-// `room`. *where: t of the least ratio found. Other lanes keep `best`. A step in 1/t is Newton's for a root of
-// H/t times the derivative of h/t. With core 0 that is Newton's step for the minimum of half the square of h/t,
-// exact where the nearest part is a point or a line; with a core no step is exact (PROOFS.md, 3.).
-INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s, vfloat best,
-                            vmask active, vfloat room, vfloat *where) {
-    vfloat zero = v_splat(0.0f), half = v_splat(0.5f), core = v_splat(core_radius(s));
-    vfloat square = vec_dot(r->o, r->o), towards = zero - vec_dot(r->o, r->d);
-    vfloat low = v_min(v_max(r->near, v_sqrt(square) - v_splat(s->bound)), r->far), high = r->far;
-    // The first place: the ray's nearest to the centre, or where it sees the centre at the least angle. Which of them saves
-    // steps is counted, not derived.
+// The search along a packet of rays: where it looks next, between which t the minimum is, and what it found.
+struct cone_search {
+    vfloat t, low, high, best, where;
+    vmask active;
+    struct along_ray at; // the solid at t
+    vfloat p;            // derivative of u·h(1/u) there
+};
+
+// Starts at the ray's nearest point to the centre, or where it sees the centre at the least angle. Which of them saves
+// steps is counted, not derived.
+INLINE void begin_cone_search(const struct cone_rays *r, const struct primitive *s, vfloat best,
+                              vmask active, struct cone_search *w) {
+    vfloat square = vec_dot(r->o, r->o), towards = v_splat(0.0f) - vec_dot(r->o, r->d);
+    w->low = v_min(v_max(r->near, v_sqrt(square) - v_splat(s->bound)), r->far);
+    w->high = r->far;
     vfloat t = towards;
     if (s->type != SHAPE_OCTAHEDRON && s->type != SHAPE_TORUS)
         t = square * quick_inverse(v_max(towards, v_splat(1e-20f)));
-    t = *where = v_min(v_max(t, low), high);
+    w->t = w->where = v_min(v_max(t, w->low), w->high);
+    w->best = best;
+    w->active = active;
+}
+
+// Looks at w->t. Rays whose minimum is found leave w->active.
+INLINE void look_for_cone(const struct cone_rays *r, const struct primitive *s, vfloat room,
+                          struct cone_search *w) {
+    vfloat zero = v_splat(0.0f), t = w->t;
+    struct along_ray at = w->at = along_solid(r, t, s);
+    vfloat per = quick_inverse(t), ratio = at.h * per;
+    vfloat p = w->p = v_nmadd(t, at.slope, at.h);
+    vmask less = v_and(w->active, v_cmp_lt(ratio, w->best)), later = v_cmp_gt(p, zero);
+    w->best = v_select(less, v_max(ratio, zero), w->best);
+    w->where = v_select(less, t, w->where);
+    vfloat end = v_select(later, w->high, w->low); // the minimum is between t and there
+    w->low = v_select(later, t, w->low);
+    w->high = v_select(later, w->high, t);
+    // By convexity it is no less than the ratio minus this.
+    vfloat above = v_abs(p) * v_abs(end - t) * per;
+    vmask close = v_cmp_ge(v_max(room, ratio - w->best) * end, above);
+    w->active = v_andnot(v_or(close, v_cmp_le(w->best, room)), w->active);
+}
+
+// A step in 1/t: Newton's for a root of H/t times the derivative of h/t. With core 0 that is Newton's step for the minimum of
+// half the square of h/t, exact where the nearest part is a point or a line; with a core no step is exact (PROOFS.md, 3.).
+INLINE void step_cone_search(const struct primitive *s, int step, struct cone_search *w) {
+    vfloat zero = v_splat(0.0f), core = v_splat(core_radius(s)), t = w->t, p = w->p;
+    vfloat height = w->at.h + core, e = v_madd(p + core, p, t * t * w->at.bend);
+    vfloat rest = v_nmadd(height, p, e), next = t * e * quick_inverse(rest);
+    vmask inside = v_and(v_and(v_cmp_gt(rest, zero), v_cmp_gt(e, zero)),
+                         v_and(v_cmp_gt(next, w->low), v_cmp_lt(next, w->high)));
+    w->t = v_select(inside, next, v_select(v_cmp_gt(p, zero), w->high, w->low));
+    // Newton's steps can go to and fro between two parts of a surface: halving ends that.
+    if (step >= 4 && step % 2 == 0)
+        w->t = v_splat(0.5f) * (w->low + w->high);
+}
+
+// Returns the lesser of `best` and the least ratio of the convex solid s (a torus: of its hull), to within
+// `room`. *where: t of the least ratio found. Other lanes keep `best`.
+INLINE vfloat widest_convex(const struct cone_rays *r, const struct primitive *s, vfloat best,
+                            vmask active, vfloat room, vfloat *where) {
+    struct cone_search w;
+    begin_cone_search(r, s, best, active, &w);
     for (int step = 0; step < MOST_CONE_STEPS; step++) {
-        ACTIVE(v_count(active));
+        ACTIVE(v_count(w.active));
         COUNT(widest_step, call);
-        struct along_ray at = along_solid(r, t, s);
-        vfloat per = quick_inverse(t), ratio = at.h * per;
-        vfloat p = v_nmadd(t, at.slope, at.h); // derivative of u·h(1/u)
-        vmask less = v_and(active, v_cmp_lt(ratio, best)), later = v_cmp_gt(p, zero);
-        best = v_select(less, v_max(ratio, zero), best);
-        *where = v_select(less, t, *where);
-        vfloat end = v_select(later, high, low); // the minimum is between t and there
-        low = v_select(later, t, low);
-        high = v_select(later, high, t);
-        // By convexity it is no less than the ratio minus this.
-        vfloat above = v_abs(p) * v_abs(end - t) * per;
-        vmask close = v_cmp_ge(v_max(room, ratio - best) * end, above);
-        active = v_andnot(v_or(close, v_cmp_le(best, room)), active);
-        if (!v_any(active))
+        look_for_cone(r, s, room, &w);
+        if (!v_any(w.active))
             break;
-        vfloat height = at.h + core, e = v_madd(p + core, p, t * t * at.bend);
-        vfloat rest = v_nmadd(height, p, e), next = t * e * quick_inverse(rest);
-        vmask inside = v_and(v_and(v_cmp_gt(rest, zero), v_cmp_gt(e, zero)),
-                             v_and(v_cmp_gt(next, low), v_cmp_lt(next, high)));
-        t = v_select(inside, next, end);
-        // Newton's steps can go to and fro between two parts of a surface: halving ends that.
-        if (step >= 4 && step % 2 == 0)
-            t = half * (low + high);
+        step_cone_search(s, step, &w);
     }
-    return best;
+    *where = w.where;
+    return w.best;
 }
 
 // The same for a sphere, in closed form: the tangents from the origin, of this length, touch the sphere; their

@@ -71,11 +71,10 @@ static vfloat widest_in_ring(const struct cone_rays *r, vfloat from, vfloat to,
     return best;
 }
 
-// Returns the lesser of `best` and the least ratio of the torus. If the hull's is outside of the cylinder, it is
-// the torus's. Else the ray has a part inside, and one before and one behind.
-INLINE vfloat widest_torus(const struct cone_rays *r, const struct primitive *s, vfloat best,
-                           vmask active, vfloat room) {
-    vfloat where, hull = widest_convex(r, s, best, active, room, &where);
+// Returns the lesser of `best` and the least ratio of the torus. hull: the same of its hull, found at `where`. If that
+// is outside of the cylinder, it is the torus's. Else the ray has a part inside, and one before and one behind.
+INLINE vfloat widest_past_hull(const struct cone_rays *r, const struct primitive *s, vfloat best,
+                               vfloat hull, vfloat where, vmask active, vfloat room) {
     struct vec p = vec_along(r->o, r->d, where);
     vmask inside = v_cmp_lt(v_madd(p.x, p.x, p.z * p.z), v_splat(s->a * s->a));
     inside = v_and(v_and(inside, active), v_cmp_lt(hull, best));
@@ -93,4 +92,10 @@ INLINE vfloat widest_torus(const struct cone_rays *r, const struct primitive *s,
     best = widest_convex(&before, s, best, v_and(inside, v_cmp_gt(in, r->near)), room, &where);
     best = widest_convex(&behind, s, best, v_and(inside, v_cmp_lt(out, r->far)), room, &where);
     return widest_in_ring(r, in, out, s, best, v_and(inside, v_cmp_lt(in, out)), room);
+}
+
+INLINE vfloat widest_torus(const struct cone_rays *r, const struct primitive *s, vfloat best,
+                           vmask active, vfloat room) {
+    vfloat where, hull = widest_convex(r, s, best, active, room, &where);
+    return widest_past_hull(r, s, best, hull, where, active, room);
 }

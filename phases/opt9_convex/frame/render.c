@@ -73,7 +73,7 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
     struct frame_job job = {
         {prepared, view, frame, prepared->cameras, tile_height(prepared, frame->height),
-         prepared->analytic && set_local_cameras(prepared, view, kept->sixteen)},
+         prepared->analytic && set_local_cameras(prepared, view, kept->sixteen), NULL},
         kept->sixteen};
     workers_run(kept->workers, render_tile, &job,
                 kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));

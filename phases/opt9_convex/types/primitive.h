@@ -131,4 +131,5 @@ struct job {
     const struct local_camera *cameras; // one per shape
     int tile_height;                    // of analytic tiles, in pixels
     bool analytic;                      // draw by frame/analytic_tile.c, else by fallback/march.c
+    void *frame_memory;                 // a kernel's, for one frame (opt10_scene)
 };

@@ -1,0 +1,72 @@
+// What the packets of a frame share: constants in float, beside the doubles of spans/. Nothing here waits in memory
+// between a ray's direction and its pixel.
+#pragma once
+
+#include "frame/tile.h"
+#include "hit/solids.h"
+#include "simd/simd.h"
+#include "spans/spans.h"
+#include "types/numerics.h"
+
+#define NOINLINE __attribute__((__noinline__)) static
+
+// Packets of this many rows are drawn together: while one waits for a result, the other computes.
+enum { ROWS = 2 };
+#define EACH_ROW(k) _Pragma("GCC unroll 2") for (int k = 0; k < ROWS; k++)
+
+#define SHAPE(i) (&scene_known.primitives[i])
+
+struct fused {
+    struct fused_frame frame;
+    float per, eye[3], forward[3], right[3], up[3], light[3], emission[3];
+    float height[SHAPES];       // plane: of the camera above it
+    float light_height[SHAPES]; // plane: of the light above it
+    bool low[SHAPES];           // plane: the light is so low that the plane itself can darken
+    bool crevice[SHAPES];       // a mirror ray may start inside of the solid
+    bool any_low, stream;
+};
+
+// A row of the picture: the part of its directions that all columns share.
+struct row {
+    struct vec d;
+    int y;
+    float *rgb;
+};
+
+INLINE bool any_of(const vmask m[ROWS]) {
+    vmask any = m[0];
+    for (int k = 1; k < ROWS; k++)
+        any = v_or(any, m[k]);
+    return v_any(any);
+}
+
+INLINE uint64_t bit_of(int i) {
+    return 1ull << i;
+}
+
+// Returns the directions of the pixels from column x on, not of unit length.
+INLINE struct vec look(const struct fused *f, const struct row *r, int x) {
+    vfloat at = v_madd(v_iota(), v_splat(2.0f), v_splat((float)(2 * x + 1 - f->frame.width))) *
+                v_splat(f->per);
+    return vec_along(r->d, vec_set(f->right), at);
+}
+
+// Stores a packet at the picture's right edge, or as it is displayed.
+NOINLINE void put_part(const struct row *r, int x, int count, const struct vec *color,
+                       struct frame *frame) {
+    float line[3 * LANES];
+    v_store_row(line, false, color->x, color->y, color->z);
+    if (frame->shown)
+        display_samples(frame, r->y, x, line, count);
+    else
+        memcpy(r->rgb + 3 * x, line, 3 * (size_t)count * sizeof *line);
+}
+
+INLINE void put(const struct fused *f, const struct row *r, int x, struct vec color,
+                struct frame *frame) {
+    int left = f->frame.width - x;
+    if (left < LANES || frame->shown)
+        put_part(r, x, int_min(left, LANES), &color, frame);
+    else
+        v_store_row(r->rgb + 3 * x, f->stream, color.x, color.y, color.z);
+}

@@ -1,0 +1,31 @@
+// The end of a generated kernel's source: what the program calls of it. A scene of planes and solids is drawn by fused/,
+// another as the parent draws it; what a kernel does not call is not compiled.
+#include "frame/worker_scratch.h"
+#include "fused/begin.h"
+#include "fused/rows.h"
+#include "kernel/kernel.h"
+
+#ifdef __clang__
+#define COMPILER __VERSION__
+#else
+#define COMPILER "gcc " __VERSION__
+#endif
+
+#if FUSED
+const struct scene_kernel stepwise_kernel = {KERNEL_TAG,  COMPILER,   ROWS * sizeof(struct smooth),
+                                             fused_tiles, fused_tile, sizeof(struct fused),
+                                             fused_begin};
+#else
+static int kernel_tiles(const struct job *job) {
+    return count_tiles(job);
+}
+
+static void kernel_tile(const struct job *job, int tile, void *memory) {
+    draw_analytic_tile(
+        job, tile, scratch_at(memory, KNOWN(job->prepared)->model.shape_count, REFILLED_PACKETS));
+}
+
+const struct scene_kernel stepwise_kernel = {
+    KERNEL_TAG, COMPILER, SCRATCH_SIZE(SHAPES, REFILLED_PACKETS), kernel_tiles, kernel_tile,
+    0,          NULL};
+#endif
