@@ -117,14 +117,14 @@ NOINLINE void store_channels(const struct row *r, int x, const struct surface_hi
               hit, surface.normal);
 }
 
-// Follows the mirror rays that leave the shapes `hits`.
-INLINE void follow_from(uint64_t hits, struct mirror_rays next[ROWS], const struct fused *f,
-                        struct vec color[ROWS]) {
+// Follows the mirror rays that leave the shapes `hits`. reflected: the solids that those of planes may meet.
+INLINE void follow_from(uint64_t hits, uint64_t reflected, struct mirror_rays next[ROWS],
+                        const struct fused *f, struct vec color[ROWS]) {
     uint64_t may = 0;
     int guarded = -1, mirrors = 0;
 #define LEAVE(i)                                                                                   \
     if (SHAPE(i)->share > 0.0f && hits >> (i) & 1) {                                               \
-        may |= f->frame.mirror[i];                                                                 \
+        may |= SHAPE(i)->eval == EVAL_LINEAR ? reflected : f->frame.mirror[i];                     \
         guarded = mirrors++ || SHAPE(i)->eval == EVAL_LINEAR ? -1 : (i);                           \
     }
     EACH_PLANE(LEAVE)
@@ -174,7 +174,7 @@ NOINLINE void mixed_packets(const struct fused *f, const struct row r[ROWS], int
     if (any_of(found))
         shade_hits(end, span->hits, false, span->darkeners, f, color, next);
     if (any_active(next))
-        follow_from(span->hits, next, f, color);
+        follow_from(span->hits, span->reflected, next, f, color);
     EACH_ROW(k) put(f, &r[k], x, color[k], job->frame);
 }
 
