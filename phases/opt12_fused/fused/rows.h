@@ -14,6 +14,14 @@ INLINE void background_span(const struct fused *f, const struct row r[ROWS],
         put(f, &r[k], x, color, frame);
 }
 
+// Whether plane i is no mirror, or its mirror rays in a span see only a black background.
+INLINE bool mirrors_nothing(int i, const struct fused_span *span, const struct fused *f) {
+    const double *b = scene_known.model.background;
+    bool black = b[0] == 0.0 && b[1] == 0.0 && b[2] == 0.0;
+    return !(SHAPE(i)->share > 0.0f) ||
+           (black && !span->reflected && f->frame.planes == (uint64_t)1 << i);
+}
+
 // A plane alone, its light from polynomials.
 INLINE void plane_span(int i, const struct fused *f, const struct row r[ROWS],
                        const struct fused_span *span, const struct smooth w[ROWS],
@@ -40,10 +48,10 @@ INLINE void plane_span(int i, const struct fused *f, const struct row r[ROWS],
 }
 
 // Adds the light of the pixels whose nearest hit is a plane of polynomials, and takes them from the hits.
-INLINE void smooth_lanes(int i, struct ends end[ROWS], int x, uint64_t bits,
+INLINE void smooth_lanes(int i, struct ends end[ROWS], int x, const struct fused_span *span,
                          const struct smooth w[ROWS], const struct fused *f,
                          struct vec color[ROWS]) {
-    if (w[0].plane != i || SHAPE(i)->share > 0.0f)
+    if (w[0].plane != i || !mirrors_nothing(i, span, f))
         return;
     vmask on[ROWS];
     EACH_ROW(k) on[k] = v_and(end[k].hit.found, is_shape(end[k].hit.shape, i));
@@ -58,7 +66,7 @@ INLINE void smooth_lanes(int i, struct ends end[ROWS], int x, uint64_t bits,
         d[k] = end[k].d;
     }
     if (scene_known.model.shadows != SHADOWS_NONE)
-        plane_shares(i, d, bits, on, light, f, share);
+        plane_shares(i, d, span->darkeners, on, light, f, share);
     EACH_ROW(k) {
         add_where(on[k], &color[k], plane_color(i, &light[k], share[k], f));
         end[k].hit.found = v_andnot(on[k], end[k].hit.found);
@@ -166,7 +174,7 @@ NOINLINE void mixed_packets(const struct fused *f, const struct row r[ROWS], int
             store_channels(&r[k], x, &end[k].hit, &end[k].d, job);
         no_mirror_rays(&next[k]);
     }
-#define SMOOTH(i) smooth_lanes(i, end, x, span->darkeners, w, f, color);
+#define SMOOTH(i) smooth_lanes(i, end, x, span, w, f, color);
     EACH_PLANE(SMOOTH)
 #undef SMOOTH
     vmask found[ROWS];
@@ -232,8 +240,8 @@ static void draw_span(const struct fused *f, const struct row r[ROWS],
         return;
     }
 #define SPAN(i)                                                                                    \
-    if (span->kind == SPAN_PLANE && span->shape == (i) && !(SHAPE(i)->share > 0.0f) &&             \
-        w[0].plane == (i) && colors) {                                                             \
+    if (span->kind == SPAN_PLANE && span->shape == (i) && w[0].plane == (i) && colors &&           \
+        mirrors_nothing(i, span, f)) {                                                             \
         plane_span_##i(f, r, span, w, job->frame);                                                 \
         return;                                                                                    \
     }
