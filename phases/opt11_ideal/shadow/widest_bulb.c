@@ -1,6 +1,7 @@
 // The least ratio of a Mandelbulb for all queued shadow rays. Its estimate has no closed form: steps that no ratio
 // below the best can hide in. Some rays take hundreds of them, so ended lanes get other rays.
 #include "bulb/bulb_estimate.h"
+#include "shadow/bulb_slope.h"
 #include "shadow/soft_packet.h"
 #include "shadow/widest_cone.h"
 #include "types/sdf.h"
@@ -92,7 +93,7 @@ INLINE int refill_search(struct search_packet *to, struct search_packet *ready, 
 
 // One step of each packet. Returns the number of rays that go on.
 INLINE int step_search(struct search_packet *all, const struct primitive *s, vfloat room) {
-    vfloat h[INTERLEAVED], zero = v_splat(0.0f), one = v_splat(1.0f);
+    vfloat h[INTERLEAVED], zero = v_splat(0.0f);
     struct vec p[INTERLEAVED];
     vmask done[INTERLEAVED];
     int rays = 0;
@@ -107,8 +108,8 @@ INLINE int step_search(struct search_packet *all, const struct primitive *s, vfl
         vmask going = all[k].going;
         at->best = v_select(going, v_min(at->best, ratio), at->best);
         going = v_and(going, v_and(v_cmp_gt(at->best, zero), v_cmp_lt(t, at->end)));
-        vfloat goal = at->best - room;
-        vfloat step = v_nmadd(goal, t, h[k]) * quick_inverse(one + v_max(goal, zero));
+        vfloat goal = at->best - room, slope = search_slope(p[k], s);
+        vfloat step = v_nmadd(goal, t, h[k]) * quick_inverse(slope + v_max(goal, zero));
         at->t = v_select(going, v_min(t + v_max(step, v_splat(0x1p-20f) * t), at->end), t);
         all[k].going = going;
         rays += v_count(going);

@@ -77,16 +77,17 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
         x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
 }
 
-// Moves each ray on by the lesser of h and its height over the plane. oldest: rays that took their lane
+// Moves each ray on (bulb/bulb_steps.h). oldest: rays that took their lane
 // before this count have taken all their steps.
 static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_FIELDS], vfloat h,
                                      vfloat hit_distance, vfloat oldest) {
     vfloat born = field[N_BORN];
     born = v_select(p->done, born + v_splat(1.0f), born); // a lane that waits takes no step
-    vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
-    vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
+    vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]);
+    vmask live = v_not(p->done), reached;
+    vfloat step = close_step(field + N_STATE, live, h, height, hit_distance, &reached);
     p->estimate = v_select(live, h, p->estimate);
-    p->t = p->t + v_select_or_zero(live, least);
+    p->t = p->t + v_select_or_zero(live, step);
     p->reached = v_or(p->reached, reached);
     p->met = v_or(p->met, v_cmp_ge_in(reached, height, h));
     live = v_cmp_ngt_in(v_andnot(reached, live), p->t, field[N_END]);

@@ -2,6 +2,7 @@
 // bulb/chebyshev_pieces.c.
 #pragma once
 
+#include "bulb/bulb_steps.h"
 #include "simd/simd.h"
 #include "types/known_scene.h"
 
@@ -31,7 +32,8 @@ enum chebyshev_field {
     N_MIDDLE,
     N_RAY, // its index in scratch->bulb
     N_BORN,
-    N_FIELDS
+    N_STATE, // of close_step()
+    N_FIELDS = N_STATE + STEP_FIELDS
 };
 
 // A packet: chebyshev_field of each lane, and a bit for each lane in use.

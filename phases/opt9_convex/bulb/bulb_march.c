@@ -7,6 +7,7 @@
 #include "bulb/bulb_chebyshev.h"
 #include "bulb/bulb_estimate.h"
 #include "bulb/bulb_march.h"
+#include "bulb/bulb_steps.h"
 #include "types/sdf.h"
 #include "types/shading_packet.h"
 
@@ -65,9 +66,10 @@ static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_dist
                                 vfloat close) {
     p->born =
         v_select(p->done, p->born + v_splat(1.0f), p->born); // a lane that waits takes no step
-    vfloat height = v_madd(p->t, p->slope, p->height), least = v_min(h, height);
-    vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
-    vfloat step = v_select_or_zero(live, least + p->rest), t = p->t + step;
+    vfloat height = v_madd(p->t, p->slope, p->height);
+    vmask live = v_not(p->done), reached;
+    vfloat way = far_step(live, h, height, hit_distance, close, &reached);
+    vfloat step = v_select_or_zero(live, way + p->rest), t = p->t + step;
     p->rest = v_select(live, step - (t - p->t), p->rest);
     p->t = t;
     p->met = v_or(p->met, v_cmp_ge_in(reached, height, h));
@@ -210,7 +212,7 @@ void march_bulb(const struct primitive *s, int count, const struct limits *limit
                 struct worker_scratch *scratch) {
     scratch->shape = s->index;
     bool coarse = !((float)limits->hit_distance < COARSE_HIT_DISTANCE);
-    float close = coarse ? 0.0f : CLOSE_ESTIMATE;
+    float close = coarse ? -INFINITY : CLOSE_ESTIMATE;
     float hit = (float)limits->hit_distance;
     step_first_together(s, scratch->bulb, count, limits, v_splat(hit > 0x1p-24f ? hit : 0x1p-24f),
                         close);
@@ -275,10 +277,10 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
     for (int i = 0; i < 6; i++)
         pack_wide(near, values[i], field + i, count);
     vfloat t = v_double_to_float(way);
+    vfloat rest = v_double_to_float((vdouble){way.low - v_half_low(t), way.high - v_half_high(t)});
+    start_at(&t, &rest, -half);
     v_compress_store(near, t, field[B_T] + count);
-    v_compress_store(
-        near, v_double_to_float((vdouble){way.low - v_half_low(t), way.high - v_half_high(t)}),
-        field[B_T_LOW] + count);
+    v_compress_store(near, rest, field[B_T_LOW] + count);
     v_store(v_iota() + v_splat((float)count), field[B_RAY] + count);
     v_store(v_splat(0.0f), field[B_BORN] + count);
     v_compress_store(near, to - before, field[B_TO] + count);

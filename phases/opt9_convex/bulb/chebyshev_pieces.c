@@ -146,6 +146,8 @@ KERNEL_SHARED void prepare_pieces(struct worker_scratch *scratch, struct ray_pie
     v_store(near_middle, to->field[N_MIDDLE]);
     v_store(v_load(&scratch->close[C_RAY][first]), to->field[N_RAY]);
     v_store(v_load(&scratch->close[C_HAD][first]), to->field[N_BORN]);
+    for (int i = 0; i < STEP_FIELDS; i++)
+        v_store(v_splat(0.0f), to->field[N_STATE + i]);
     to->next = 0;
     to->count = count;
     scratch->close_first += count;
