@@ -116,9 +116,9 @@ INLINE void camera_hit(int i, struct vec direction, vmask active,
 }
 
 // Sets a packet of camera rays and its hits, except on Mandelbulbs and repeated shapes.
-static inline void camera_packet(const struct tile *tile, struct pixel_block block, int slot,
-                                 const struct job *job, const struct worker_scratch *scratch,
-                                 struct shading_packet *at) {
+INLINE void camera_packet(const struct tile *tile, struct pixel_block block, int slot,
+                          const struct job *job, const struct worker_scratch *scratch,
+                          struct shading_packet *at) {
     struct vec d = get_direction(tile, block, job->frame);
     vmask active = in_picture(block);
     set_camera_ray(tile, d, active, slot, &at->ray);
