@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -108,10 +109,57 @@ CUT = group(
 
 @pytest.mark.parametrize("width", EACH_WIDTH)
 def test_cuts_mirrors_and_half_spaces_meet_rays_as_their_field_does(width: str, tmp_path: Path) -> None:
-    scene = scene_of("csg", "hard")
+    check("opt9_convex", over_floor("hard", CUT), tmp_path, 50, width)
+
+
+def over_floor(shadows: str, *shapes: dict) -> dict:
+    scene = scene_of("csg", shadows)
     scene["materials"]["a"] = {"color": [0.5, 0.4, 0.3], "reflectivity": 0.2, "shininess": 20}
-    scene["shapes"][1] = CUT
-    check("opt9_convex", scene, tmp_path, 50, width)
+    scene["shapes"][1:] = shapes
+    return scene
+
+
+# Solids that lie apart: what cuts one of them is far from the first.
+PARTS = group(
+    "union",
+    group(
+        "difference",
+        group("union", *(solid("sphere", radius=0.7, position=[x, 0.5, 0]) for x in (-2, 0.3))),
+        solid("capsule", radius=0.3, half_height=1, position=[0.3, 0.5, 0], rotation_degrees=[90, 0, 0]),
+    ),
+    group(
+        "difference",
+        solid("box", half_size=[0.7, 0.6, 0.5], position=[2.3, 0, 0]),
+        solid("sphere", radius=0.3, position=[1.6, 0.6, -0.5]),
+    ),
+    solid("capsule", radius=0.25, half_height=0.5, position=[-1, -0.7, -1], rotation_degrees=[0, 0, 70]),
+    position=[0, 0, 13],
+)
+# More than 16 balls: they stand in a hierarchy.
+MANY = group(
+    "union",
+    *(
+        solid(
+            "sphere", radius=0.2 + 0.01 * i, position=[3.2 * math.sin(7 * i), 1.3 * math.sin(3 * i), i / 12]
+        )
+        for i in range(1, 33)
+    ),
+    blend=0.15,
+    position=[0, 0, 13],
+)
+
+
+@pytest.mark.parametrize("phase", ["opt9_convex", "opt11_ideal"])
+@pytest.mark.parametrize("shapes", [PARTS, MANY], ids=["parts", "many"])
+def test_parts_that_lie_apart_have_their_shadows(phase: str, shapes: dict, tmp_path: Path) -> None:
+    scene = over_floor("hard" if phase == "opt9_convex" else "ideal", shapes)
+    check(phase, scene, tmp_path, 50)
+
+
+def test_a_shadow_ray_that_begins_inside_is_dark(tmp_path: Path) -> None:
+    scene = over_floor("hard", PARTS | {"position": [0, -0.8, 13]})
+    scene["march"]["surface_offset"] = 0.3
+    check("opt9_convex", scene, tmp_path, 50)
 
 
 @pytest.mark.parametrize("phase", ["opt9_convex", "opt11_ideal"])
