@@ -2,6 +2,7 @@
 #pragma once
 
 #include "fused/light.h"
+#include "fused/torus.h"
 #include "hit/scene_bounds.h"
 
 struct mirror_rays {
@@ -17,23 +18,66 @@ INLINE void no_mirror_rays(struct mirror_rays *rays) {
     rays->active = v_mask_none();
 }
 
-// Intersects mirror rays with solid i: hit_from_surface() of frame/analytic_tile.c, where the start is known to be
-// outside of it unless crevice[i].
-INLINE void mirror_to_solid(int i, const struct mirror_rays *rays, const struct fused *f,
-                            struct surface_hit *hit) {
-    const struct primitive *s = SHAPE(i);
-    vmask active = rays->active, self = is_shape(rays->leaves, i), behind, met;
-    vfloat t;
-    struct vec local, o = to_local(s, rays->origin), d = turned(s, rays->direction);
-    if (f->crevice[i]) {
-        met = hit_from_surface(o, d, s, active, self, &t, &local);
-    } else {
-        if (s->convex)
-            active = v_andnot(self, active);
-        met = enter(o, d, s, active, &t, &local, &behind);
+// Where packets end, before they are shaded.
+struct ends {
+    struct surface_hit hit;
+    struct vec p, d;
+    vfloat weight;
+};
+
+// Where mirror rays enter solid i, o and d in its frame.
+#define ENTER(i)                                                                                   \
+    INLINE void enter_from_mirror_##i(const struct vec o[ROWS], const struct vec d[ROWS],          \
+                                      const vmask active[ROWS], struct torus_hit hit[ROWS],        \
+                                      vmask behind[ROWS]) {                                        \
+        if (SHAPE(i)->type == SHAPE_TORUS)                                                         \
+            enter_tori_##i(o, d, active, hit);                                                     \
+        else                                                                                       \
+            EACH_ROW(k)                                                                            \
+        hit[k].met = enter(o[k], d[k], SHAPE(i), active[k], &hit[k].t, &hit[k].local, &behind[k]); \
     }
-    take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
+EACH_SOLID(ENTER)
+#undef ENTER
+
+// A mirror ray that starts surface_offset off its surface, in a crevice inside of solid i, hits that at once: see
+// hit_from_surface() of frame/analytic_tile.c.
+INLINE void hit_from_inside(int i, struct vec o, struct vec d, vmask within,
+                            struct torus_hit *hit) {
+    const struct primitive *s = SHAPE(i);
+    if (!v_any(within))
+        return;
+    vfloat h = distance_at(o, s, v_mask_none());
+    vmask inside = v_cmp_gt_in(within, v_splat(0.0f), h);
+    hit->t = v_select(inside, h, hit->t);
+    hit->local = vec_select(inside, vec_along(o, d, h), hit->local);
+    hit->met = v_or(hit->met, inside);
 }
+
+// Intersects mirror rays with solid i. Where no crevice is they start outside of it.
+#define MIRROR(i)                                                                                  \
+    INLINE void mirror_to_solid_##i(const struct mirror_rays rays[ROWS], const struct fused *f,    \
+                                    struct ends end[ROWS]) {                                       \
+        const struct primitive *s = SHAPE(i);                                                      \
+        struct vec o[ROWS], d[ROWS];                                                               \
+        vmask active[ROWS], others[ROWS], behind[ROWS];                                            \
+        struct torus_hit hit[ROWS];                                                                \
+        EACH_ROW(k) {                                                                              \
+            o[k] = to_local(s, rays[k].origin);                                                    \
+            d[k] = turned(s, rays[k].direction);                                                   \
+            others[k] = v_andnot(is_shape(rays[k].leaves, i), rays[k].active);                     \
+            active[k] = s->convex ? others[k] : rays[k].active;                                    \
+            behind[k] = v_cmp_lt_in(others[k], vec_dot(o[k], o[k]), v_splat(s->bound_sq));         \
+        }                                                                                          \
+        enter_from_mirror_##i(o, d, active, hit, behind);                                          \
+        EACH_ROW(k) {                                                                              \
+            if (f->crevice[i])                                                                     \
+                hit_from_inside(i, o[k], d[k], behind[k], &hit[k]);                                \
+            take_hit(v_and(hit[k].met, v_cmp_lt(hit[k].t, end[k].hit.t)), hit[k].t, hit[k].local,  \
+                     s, &end[k].hit);                                                              \
+        }                                                                                          \
+    }
+EACH_SOLID(MIRROR)
+#undef MIRROR
 
 INLINE void mirror_to_plane(int i, const struct mirror_rays *rays, struct surface_hit *hit) {
     const struct primitive *s = SHAPE(i);
@@ -92,13 +136,6 @@ INLINE void reflect(int i, const struct seen *at, vfloat weight, struct mirror_r
     next->leaves = v_select(at->m, v_splat(s->index), next->leaves);
     next->active = v_or(next->active, at->m);
 }
-
-// Where packets end, before they are shaded.
-struct ends {
-    struct surface_hit hit;
-    struct vec p, d;
-    vfloat weight;
-};
 
 // Adds the colour of packets' hits on the shapes `hits`, and sets the mirror rays that leave them. every: the solids
 // that darken a plane are looked for among the frame's regions; else they are `darkeners`.
@@ -165,7 +202,7 @@ NOINLINE void follow_mirror(struct mirror_rays rays[ROWS], uint64_t may, int gua
         if (guarded < 0 || may_meet(rays, &f->frame, guarded)) {
 #define MEET(i)                                                                                    \
     if (may >> (i) & 1)                                                                            \
-        EACH_ROW(k) mirror_to_solid(i, &rays[k], f, &end[k].hit);
+        mirror_to_solid_##i(rays, f, end);
             EACH_SOLID(MEET)
 #undef MEET
         }

@@ -3,7 +3,6 @@
 
 #include "fused/follow.h"
 #include "fused/smooth.h"
-#include "hit/torus_march.h"
 
 INLINE void background_span(const struct fused *f, const struct row r[ROWS],
                             const struct fused_span *span, struct frame *frame) {
@@ -73,42 +72,29 @@ INLINE void smooth_lanes(int i, struct ends end[ROWS], int x, const struct fused
     }
 }
 
-// The two marches to a torus in turns.
-INLINE void meet_torus(int i, const struct job *job, struct ends end[ROWS]) {
-    const struct primitive *s = SHAPE(i);
-    struct torus_march w[ROWS];
-    struct vec o = vec_set(job->cameras[i].at), c[ROWS], d[ROWS];
-    vfloat before[ROWS], zero = v_splat(0.0f);
-    vmask going[ROWS];
-    EACH_ROW(k) {
-        d[k] = turned(s, end[k].d);
-        before[k] = zero - vec_dot(o, d[k]);
-        c[k] = vec_along(o, d[k], before[k]);
-        vfloat rest = v_splat(s->bound_sq) - vec_dot(c[k], c[k]);
-        vfloat half = v_sqrt(v_max(rest, zero));
-        begin_torus(c[k], d[k], s, v_and(v_cmp_gt(rest, zero), v_cmp_gt(before[k] + half, zero)),
-                    zero - half, &w[k]);
-        going[k] = w[k].going;
+// Intersects camera rays with solid i.
+#define MEET(i)                                                                                    \
+    INLINE void meet_solid_##i(const struct job *job, struct ends end[ROWS]) {                     \
+        if (SHAPE(i)->type != SHAPE_TORUS) {                                                       \
+            EACH_ROW(k)                                                                            \
+            camera_hit(i, end[k].d, v_mask_all(), job->cameras, job->prepared, &end[k].hit);       \
+            return;                                                                                \
+        }                                                                                          \
+        struct vec o[ROWS], d[ROWS];                                                               \
+        vmask all[ROWS];                                                                           \
+        struct torus_hit hit[ROWS];                                                                \
+        EACH_ROW(k) {                                                                              \
+            o[k] = vec_set(job->cameras[i].at);                                                    \
+            d[k] = turned(SHAPE(i), end[k].d);                                                     \
+            all[k] = v_mask_all();                                                                 \
+        }                                                                                          \
+        enter_tori_##i(o, d, all, hit);                                                            \
+        EACH_ROW(k)                                                                                \
+        take_hit(v_and(hit[k].met, v_cmp_lt(hit[k].t, end[k].hit.t)), hit[k].t, hit[k].local,      \
+                 SHAPE(i), &end[k].hit);                                                           \
     }
-    for (int step = 0; step < MOST_TORUS_STEPS && any_of(going); step++)
-        EACH_ROW(k) {
-            step_torus(c[k], d[k], s, &w[k]);
-            going[k] = w[k].going;
-        }
-    EACH_ROW(k) {
-        struct surface_hit *hit = &end[k].hit;
-        vfloat t = before[k] + w[k].at;
-        take_hit(v_and(w[k].found, v_cmp_lt(t, hit->t)), t, vec_along(c[k], d[k], w[k].at), s, hit);
-    }
-}
-
-INLINE void meet_solid(int i, const struct job *job, struct ends end[ROWS]) {
-    if (SHAPE(i)->type == SHAPE_TORUS)
-        meet_torus(i, job, end);
-    else
-        EACH_ROW(k)
-    camera_hit(i, end[k].d, v_mask_all(), job->cameras, job->prepared, &end[k].hit);
-}
+EACH_SOLID(MEET)
+#undef MEET
 
 INLINE void meet_plane(int i, struct vec d, const struct fused *f, struct surface_hit *hit) {
     vfloat slope = add_dot(SHAPE(i)->normal, d), zero = v_splat(0.0f);
@@ -125,15 +111,16 @@ NOINLINE void store_channels(const struct row *r, int x, const struct surface_hi
               hit, surface.normal);
 }
 
-// Follows the mirror rays that leave the shapes `hits`. reflected: the solids that those of planes may meet.
-INLINE void follow_from(uint64_t hits, uint64_t reflected, struct mirror_rays next[ROWS],
+// Follows the mirror rays that leave the shapes of a span.
+INLINE void follow_from(const struct fused_span *span, struct mirror_rays next[ROWS],
                         const struct fused *f, struct vec color[ROWS]) {
     uint64_t may = 0;
     int guarded = -1, mirrors = 0;
 #define LEAVE(i)                                                                                   \
-    if (SHAPE(i)->share > 0.0f && hits >> (i) & 1) {                                               \
-        may |= SHAPE(i)->eval == EVAL_LINEAR ? reflected : f->frame.mirror[i];                     \
-        guarded = mirrors++ || SHAPE(i)->eval == EVAL_LINEAR ? -1 : (i);                           \
+    if (SHAPE(i)->share > 0.0f && span->hits >> (i) & 1) {                                         \
+        const bool flat = SHAPE(i)->eval == EVAL_LINEAR;                                           \
+        may |= flat ? span->reflected : f->frame.mirror[i];                                        \
+        guarded = mirrors++ || flat ? -1 : (i);                                                    \
     }
     EACH_PLANE(LEAVE)
     EACH_SOLID(LEAVE)
@@ -154,7 +141,7 @@ NOINLINE void mixed_packets(const struct fused *f, const struct row r[ROWS], int
     }
 #define MEET(i)                                                                                    \
     if (span->hits >> (i) & 1)                                                                     \
-        meet_solid(i, job, end);
+        meet_solid_##i(job, end);
     EACH_SOLID(MEET)
 #undef MEET
 #define MEET(i)                                                                                    \
@@ -182,7 +169,7 @@ NOINLINE void mixed_packets(const struct fused *f, const struct row r[ROWS], int
     if (any_of(found))
         shade_hits(end, span->hits, false, span->darkeners, f, color, next);
     if (any_active(next))
-        follow_from(span->hits, span->reflected, next, f, color);
+        follow_from(span, next, f, color);
     EACH_ROW(k) put(f, &r[k], x, color[k], job->frame);
 }
 
