@@ -194,7 +194,7 @@ def constant(phase: str, file: str, pattern: str) -> float:
     return float(found[1])
 
 
-UPDATE, BOUNDS = "core/update.c", "cones/distance_bounds.h"
+UPDATE, BOUNDS = "core/prepare_bounds.h", "cones/distance_bounds.h"
 RADIUS, TANGENT = r"#define BALL_RADIUS ([\d.]+)f", r"#define FAR_TANGENT ([\d.]+)f"
 
 

@@ -7,6 +7,29 @@
 
 enum { UNROLLED = (int)GROUP < 4 ? (int)GROUP : 4 }; // loops over so many packets are unrolled
 
+// What scene_distances() has found so far, of each packet. `least` is the least distance. `limit` is an upper bound of
+// t + the distance to the nearest shape.
+struct nearest_so_far {
+    vfloat least[GROUP], limit[GROUP];
+};
+
+// Whether no live ray can have this shape as its nearest.
+__attribute__((always_inline)) static inline bool all_asleep(const vfloat *wake, int size,
+                                                             const struct nearest_so_far *found) {
+    vmask awake = v_cmp_nge(wake[0], found->limit[0]);
+    for (int k = 1; k < size; k++)
+        awake = v_or(awake, v_cmp_nge(wake[k], found->limit[k]));
+    return !v_any(awake);
+}
+
+// Lowers `high` once all steady shapes are evaluated. In later steps `high` + t is an upper bound of the distance to the
+// nearest of them.
+__attribute__((always_inline)) static inline void update_high(struct packet_group *group, int size,
+                                                              const struct nearest_so_far *found) {
+    for (int k = 0; k < size; k++)
+        group->high[k] = v_min(found->least[k] - group->t[k], group->high[k]);
+}
+
 // Evaluates one shape for packet k. `steady`, `kind` and `type` are constants where this is inlined.
 __attribute__((always_inline)) static inline void
 packet_distance(struct packet_group *group, int k, int shape, int size,

@@ -1,25 +1,7 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing of implicit
 // surfaces", The Visual Computer 12 (1996). A packet marches until its last ray is done.
-#include "core/packet_group.h"
+#include "march/march.h"
 #include "core/sdf.h"
-#include "march/march_state.h"
-
-// Takes a packet's step number `step`, with its distance known. Returns false if no ray of the packet is left.
-static inline bool march_step(struct march_state *at, int step, int k, struct packet_group *group,
-                              const struct model *model) {
-    vmask live = group->live[k];
-    ACTIVE(v_count(live));
-    COUNT(march_step, call);
-    vfloat t = group->t[k], distance = group->distance[k];
-    vmask going =
-        v_cmp_nlt_in(live, distance, min_step(t, v_splat((float)model->march.hit_distance)));
-    group->t[k] = t = v_add_where(going, t, distance);
-    vmask inside = v_cmp_ngt_in(going, outside_of_bounds(at->exit, t), v_splat(0.0f));
-    if (v_same(inside, live) && step < at->left)
-        return true;
-    end_rays(at, step, k, going, inside, group, march_cap(at, model));
-    return v_any(group->live[k]);
-}
 
 // The hit test is min_step()'s, which widens with t as a float's error does.
 void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world) {
@@ -28,11 +10,7 @@ void march(struct march_state *packets, const struct ray_group *rays, struct tra
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        struct march_state *at = &packets[k];
-        at->exit = bounds_exit_of(at->origin, rays->direction[k], &scene->model);
-        at->left = steps_left(at, group->live[k], march_cap(at, &scene->model));
-        group->t[k] = first_t(at, group->live[k]);
-        at->last = v_zero_where(group->live[k], at->last);
+        begin_march(&packets[k], k, rays, group, &scene->model);
     }
     struct sole_shape sole = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {

@@ -1,6 +1,5 @@
 // The end of a ray's march.
-#include "march/march_state.h"
-#include "core/packet_group.h"
+#include "march/march.h"
 
 // Not inlined: it runs once per ray, the steps around it many times.
 __attribute__((noinline)) void end_rays(struct march_state *at, int step, int k, vmask going,

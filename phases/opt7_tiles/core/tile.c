@@ -9,8 +9,6 @@
 #include "core/trace.h"
 #include "core/trace_context.h"
 
-#include <stdlib.h>
-
 // One worker draws a tile. Cones march first, one in each lane: those of squares of PATCH << TOP_LEVEL pixels, then,
 // quarter by quarter, those of the four squares in each, down to the patches. A patch is one group of packets (two
 // with 8 lanes).
@@ -224,25 +222,4 @@ int VARIANT(tiles)(const struct frame *frame) {
 
 void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
     draw_tile(job, tile, scratch);
-}
-
-bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
-                        double *distance, int *nearest) {
-    size_t size = VARIANT(scratch_size)(&prepared->model);
-    void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!scratch)
-        return false;
-    struct march_scratch parts = march_scratch_of(scratch, &prepared->model);
-    struct packet_rays all = single_packet(parts.local, prepared->all, parts.wake), *packet = &all;
-    struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-    for (size_t i = 0; i < count; i++) {
-        vfloat shape = v_splat(-1.0f);
-        set_local_origins(point_from_doubles(points + 3 * i), prepared, packet);
-        set_local_directions(nowhere, prepared, packet);
-        distance[i] =
-            v_lane0(nearest_shape_at(packet, v_splat(0.0f), prepared, v_mask_all(), &shape));
-        nearest[i] = (int)v_lane0(shape);
-    }
-    free(scratch);
-    return true;
 }

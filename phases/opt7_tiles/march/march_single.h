@@ -7,15 +7,11 @@ struct march_state; // march/march_state.h
 struct model;
 struct packet_group;
 struct prepared;
-struct sole_shape; // core/sdf.h
 
 // Marches all packets of the group to the end, where the plane `shape` is the only shape that the rays can hit. `next`
 // is the number of the first step.
 void march_to_plane(struct march_state *packets, int shape, int next, struct packet_group *group,
                     const struct model *model);
-
-// Whether every live ray hits the plane `sole->shape` before any other shape can wake.
-bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole);
 
 // Marches all packets to the end, where the solid `shape` is the only shape that the rays can hit. Returns false, with
 // nothing done, if there is no march for its type.

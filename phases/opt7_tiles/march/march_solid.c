@@ -1,8 +1,7 @@
 // The march of rays that can hit nothing but one solid.
-#include "core/packet_group.h"
 #include "core/shape_distances.h"
+#include "march/march.h"
 #include "march/march_single.h"
-#include "march/march_state.h"
 
 // Marches all packets to the end. `type` is a constant.
 __attribute__((always_inline)) static inline void march_one_solid(struct march_state packets[GROUP],

@@ -20,9 +20,7 @@ struct march_state {
 };
 
 // Returns the state in which the rays of packet k begin.
-static inline struct march_state march_state_of(const struct ray_group *rays, int k,
-                                                struct trace_context *world) {
-    (void)world;
+static inline struct march_state march_state_of(const struct ray_group *rays, int k) {
     vfloat zero = v_splat(0.0f);
     struct march_state at = {.origin = rays->origin[k], .inside = v_splat(-1.0f)};
     at.before = at.t = at.last = at.evals = zero;
@@ -39,21 +37,7 @@ static inline vfloat first_t(struct march_state *at, vmask live) {
     return t;
 }
 
-// Returns how many evaluations a ray may have.
-static inline int march_cap(const struct march_state *at, const struct model *model) {
-    (void)at;
-    return step_cap(model);
+// Returns the hits that may be off their surface: not those that an earlier call has settled.
+static inline vmask may_be_off(const struct march_state *at, vmask settled) {
+    return v_andnot(v_or(at->deep, settled), at->found);
 }
-
-// Returns how many steps every live ray still has before its cap. Rays that march on from a hit have used some.
-static inline int steps_left(const struct march_state *at, vmask live, int cap) {
-    return cap + (int)v_reduce_min(v_select_or_zero(live, v_splat(0.0f) - at->evals));
-}
-
-// Ends the rays of packet k that have left `going` (at a surface) or `inside` (the bounds), and those that have used
-// up their steps, whatever their neighbours had. `step` counts from 1.
-void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside,
-              struct packet_group *group, int cap);
-
-// Marches the live rays of the group until every one has ended.
-void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world);

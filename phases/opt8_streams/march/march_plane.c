@@ -1,33 +1,6 @@
 // The march of rays that can hit nothing but a plane. Along the plane's normal the distance is linear in t, so a step
 // is one multiply-add, and several steps can go without a test between them.
-#include "core/packet_group.h"
-#include "core/sdf.h"
-#include "core/shape_distances.h"
-#include "march/march_single.h"
-#include "march/march_state.h"
-
-// A packet of rays, by their distance from the plane: `origin` at t = 0, and `direction` per unit of t.
-struct plane_ray {
-    vfloat origin, direction, t;
-    struct bounds_exit exit;
-    vmask live;
-};
-
-// The outcome of a step.
-struct step_result {
-    vfloat distance;
-    vmask going, inside;
-};
-
-static inline struct step_result step_to_plane(struct plane_ray *line, vfloat hit_distance) {
-    ACTIVE(v_count(line->live));
-    COUNT(step_to_plane, call);
-    vfloat distance = v_madd(line->t, line->direction, line->origin);
-    vmask going = v_cmp_nlt_in(line->live, distance, min_step(line->t, hit_distance));
-    line->t = v_add_where(going, line->t, distance);
-    vmask inside = v_cmp_ngt_in(going, outside_of_bounds(line->exit, line->t), v_splat(0.0f));
-    return (struct step_result){distance, going, inside};
-}
+#include "march/plane_step.h"
 
 enum { UNCHECKED_STEPS = 4 };
 
@@ -105,19 +78,4 @@ void march_to_plane(struct march_state *packets, int shape, int next, struct pac
     }
     for (int i = 0; i < group->count; i++)
         packets[group->marching[i]].t = line[group->marching[i]].t;
-}
-
-// Up to the plane, distance + t is at most the ray's t on the plane, origin/−direction. That quotient is taken 2^-16 too
-// large, 256 times the rounding errors of the quotient and of the steps.
-bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *sole) {
-    bool falls = true;
-    for (int i = 0; i < group->count && falls; i++) {
-        int k = group->marching[i];
-        const struct local_ray *a = &group->packet[k].local[sole->shape];
-        vfloat down = v_splat(0.0f) - a->direction.x;
-        vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);
-        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), sole->until[k]);
-        falls = v_same(on, group->live[k]);
-    }
-    return falls;
 }

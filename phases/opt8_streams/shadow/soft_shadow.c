@@ -1,12 +1,8 @@
 // Marches the queued shadow rays in packets: see core/ray_queues.h. Each packet marches until its last ray is done.
 #include "cones/march_scratch.h"
 #include "cones/tile_cones.h"
-#include "core/local_rays.h"
 #include "core/ray_queues.h"
-#include "core/sdf.h"
-#include "core/trace_context.h"
-#include "shading/ideal_shadow.h"
-#include "shading/shadow_step.h"
+#include "shading/march_shadows.h"
 
 static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first,
                               struct ray_queues *queues) {
@@ -20,53 +16,25 @@ static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int 
     }
 }
 
-// Returns how much of the light reaches each origin: 1 lit, 0 in shadow, between them the penumbra of a soft shadow.
 static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
                    struct trace_context *world, vfloat reach[GROUP]) {
-    const struct prepared *scene = world->scene;
-    const struct model *model = &scene->model;
-    float strength = (float)model->shadow_strength, strength_sq = strength * strength;
+    enum shadows shadows = world->scene->model.shadows;
     struct packet_group *group = world->group;
-    bool soft = model->shadows == SHADOWS_SOFT;
     struct shadow_state shades[GROUP];
-    list_for_bundle(rays, soft ? NULL : length,
-                    model->shadows == SHADOWS_HARD ? LIST_HIT : LIST_NEAREST, world,
+    list_for_bundle(rays, shadows == SHADOWS_SOFT ? NULL : length,
+                    shadows == SHADOWS_HARD ? LIST_HIT : LIST_NEAREST, world,
                     world->scratch->shadow);
     for (int k = 0; k < GROUP; k++) {
-        shades[k].least_sq = v_splat(1.0f);
         group->live[k] = rays->active[k];
         if (v_any(rays->active[k]))
-            set_local_origins(rays->origin[k], scene, &group->packet[k]);
+            set_local_origins(rays->origin[k], world->scene, &group->packet[k]);
     }
     start_packets(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->marching[i];
-        set_local_directions(rays->direction[k], scene, &group->packet[k]);
-        shades[k].exit = bounds_exit_of(rays->origin[k], rays->direction[k], model);
-        shades[k].twice_previous =
-            v_splat(1e14f); // its square times t² and strength² is still a float
-        group->t[k] = v_splat((float)model->march.surface_offset);
+        begin_shadow(&shades[k], k, rays->origin[k], rays->direction[k], world);
     }
-    if (model->shadows == SHADOWS_IDEAL) {
-        ideal_shadow(length, group, scene, reach);
-        return;
-    }
-    struct sole_shape sole = {.shape = -1};
-    for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        scene_distances(group, scene, &sole);
-        for (int i = 0; i < group->count;) {
-            int k = group->marching[i];
-            vmask live = group->live[k];
-            vmask on = soft ? soft_step(&shades[k], k, strength_sq, group, model)
-                            : hard_step(&shades[k], length[k], k, group, model);
-            if (v_same(on, live) || end_shadow_rays(k, on, group))
-                i++;
-            else
-                group->marching[i] = group->marching[--group->count];
-        }
-    }
-    for (int k = 0; k < GROUP; k++)
-        reach[k] = v_sqrt(shades[k].least_sq);
+    march_shadows(shades, length, world, reach);
 }
 
 static void cast_packets(struct trace_context *world) {
