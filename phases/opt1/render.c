@@ -27,24 +27,18 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
-    struct prepared *prepared = calloc(1, sizeof *prepared);
-    struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
-    struct group_node *nodes = calloc((size_t)model->node_count + 1, sizeof *nodes);
-    if (!prepared || !primitives || !nodes) {
-        free(prepared);
-        free(primitives);
-        free(nodes);
+    size_t shapes = (size_t)model->shape_count, nodes = (size_t)model->node_count;
+    struct prepared *prepared = calloc(1, sizeof *prepared + shapes * sizeof *prepared->primitives +
+                                              nodes * sizeof *prepared->nodes);
+    if (!prepared)
         return NULL;
-    }
-    prepared->primitives = primitives;
-    prepared->nodes = nodes;
+    prepared->primitives = (struct primitive *)(prepared + 1);
+    prepared->nodes = (struct group_node *)(prepared->primitives + shapes);
     phase_update(prepared, model);
     return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
-    free(prepared->primitives);
-    free(prepared->nodes);
     free(prepared);
 }
 

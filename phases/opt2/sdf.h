@@ -63,6 +63,8 @@ struct primitive {
 // A step of a group's program.
 enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
 
+enum { INSTRUCTIONS_PER_NODE = 4 }; // at most
+
 struct instruction {
     enum opcode opcode;
     int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
@@ -76,9 +78,6 @@ struct prepared {
     struct primitive *primitives;     // one per shape
     struct instruction *instructions; // of all groups
 };
-
-// prepare.c: memory for the programs of all groups; NULL if it is short.
-struct instruction *new_instructions(const struct model *model);
 
 // group.c: the field over its Lipschitz constant at a point of the group's frame; the material at a point of the world.
 double sdf_group(const double *p, const struct primitive *group);

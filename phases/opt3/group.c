@@ -29,18 +29,11 @@ static vdouble sdf_gyroid(struct vec p, const struct primitive *s) {
 }
 
 static vdouble leaf_distance(struct vec point, const struct primitive *s) {
-    struct vec p = apply_transform(point, s);
-    switch (s->type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, s);
-    case SHAPE_BOX: return sdf_box(p, s);
-    case SHAPE_TORUS: return sdf_torus(p, s);
-    case SHAPE_CONE: return sdf_cone(p, s);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, s);
-    case SHAPE_PLANE: return sdf_plane(p, s);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, s);
-    case SHAPE_CAPSULE: return sdf_capsule(p, s);
-    case SHAPE_ELLIPSOID: return sdf_ellipsoid(p, s);
-    default: return sdf_gyroid(p, s);
+    switch ((int)s->type) {
+    case SHAPE_CAPSULE: return sdf_capsule(apply_transform(point, s), s);
+    case SHAPE_ELLIPSOID: return sdf_ellipsoid(apply_transform(point, s), s);
+    case SHAPE_GYROID: return sdf_gyroid(apply_transform(point, s), s);
+    default: return distance_to_shape(point, s, v_mask_none());
     }
 }
 

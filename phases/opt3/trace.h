@@ -19,6 +19,8 @@ struct hit {
 // A step of a group's program.
 enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
 
+enum { INSTRUCTIONS_PER_NODE = 4 }; // at most
+
 struct instruction {
     enum opcode opcode;
     int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one

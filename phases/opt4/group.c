@@ -38,17 +38,11 @@ static struct vec apply_transform(struct vec p, const struct primitive *s) {
 
 static vfloat leaf_distance(struct vec point, const struct primitive *s) {
     struct vec p = apply_transform(point, s);
-    switch (s->type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, s);
-    case SHAPE_BOX: return sdf_box(p, s);
-    case SHAPE_TORUS: return sdf_torus(p, s);
-    case SHAPE_CONE: return sdf_cone(p, s);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, s);
-    case SHAPE_PLANE: return sdf_plane(p, s);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, s);
+    switch ((int)s->type) {
     case SHAPE_CAPSULE: return sdf_capsule(p, s);
     case SHAPE_ELLIPSOID: return sdf_ellipsoid(p, s);
-    default: return sdf_gyroid(p, s);
+    case SHAPE_GYROID: return sdf_gyroid(p, s);
+    default: return distance_at(p, s, v_mask_none());
     }
 }
 

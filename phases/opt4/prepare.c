@@ -1,25 +1,10 @@
 // Prepares the scene in the form that the march needs, again whenever it has moved.
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "phase.h"
+#include "scene/vector.h"
 #include "trace.h"
-
-// The rotations about x, then y, then z as one matrix. Each takes (u, v) to (c·u − s·v, s·u + c·v),
-// on (y,z), then (x,z), then (x,y).
-static void rotation_matrix(const double *degrees, double m[3][3]) {
-    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
-    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
-    for (int axis = 0; axis < 3; axis++) {
-        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
-        for (int k = 0; k < 3; k++) {
-            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
-            *u = c * old - s * *v;
-            *v = s * old + c * *v;
-        }
-    }
-}
 
 static void to_floats(const double from[3], float to[3]) {
     for (int i = 0; i < 3; i++)
@@ -146,8 +131,6 @@ static struct primitive make_primitive(int index, const struct shape *shape,
     return p;
 }
 
-enum { INSTRUCTIONS_PER_NODE = 4 }; // at most
-
 // Appends the instructions of the node and its children, which read their point from `frame`. Returns the end.
 static struct instruction *compile(const struct model *model, int index, int frame,
                                    struct instruction *out) {
@@ -170,11 +153,6 @@ static struct instruction *compile(const struct model *model, int index, int fra
     if (bent || node->shell > 0.0 || node->offset != 0.0)
         *out++ = (struct instruction){MODIFY, frame, primitive, node};
     return out;
-}
-
-struct instruction *new_instructions(const struct model *model) {
-    return calloc((size_t)model->node_count * INSTRUCTIONS_PER_NODE + 1,
-                  sizeof(struct instruction));
 }
 
 static struct instruction *group_compile(const struct model *model, int root,

@@ -7,24 +7,19 @@
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
-    struct prepared *prepared = calloc(1, sizeof *prepared);
-    struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
-    struct instruction *instructions = new_instructions(model);
-    if (!prepared || !primitives || !instructions) {
-        free(prepared);
-        free(primitives);
-        free(instructions);
+    size_t shapes = (size_t)model->shape_count, nodes = (size_t)model->node_count;
+    struct prepared *prepared =
+        calloc(1, sizeof *prepared + shapes * sizeof *prepared->primitives +
+                      nodes * INSTRUCTIONS_PER_NODE * sizeof *prepared->instructions);
+    if (!prepared)
         return NULL;
-    }
-    prepared->instructions = instructions;
-    prepared->primitives = primitives;
+    prepared->primitives = (struct primitive *)(prepared + 1);
+    prepared->instructions = (struct instruction *)(prepared->primitives + shapes);
     phase_update(prepared, model);
     return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
-    free(prepared->instructions);
-    free(prepared->primitives);
     free(prepared);
 }
 

@@ -22,6 +22,8 @@ struct hit {
 // A step of a group's program.
 enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
 
+enum { INSTRUCTIONS_PER_NODE = 4 }; // at most
+
 struct instruction {
     enum opcode opcode;
     int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
@@ -81,9 +83,6 @@ vmask v_mask_first(int count);
 void store(struct frame *frame, size_t pixel, int count, const struct shaded *seen);
 struct local_ray *new_local_rays(const struct prepared *prepared);
 struct vec vec_from_doubles(const double a[3]);
-
-// prepare.c: memory for the programs of all groups; NULL if it is short.
-struct instruction *new_instructions(const struct model *model);
 
 // group.c: the materials at points of the group's frame.
 struct surface group_surface(struct vec p, const struct primitive *group,

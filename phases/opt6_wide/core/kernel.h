@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/primitive.h"
+#include "phase.h"
 
 // One frame's work for all workers.
 struct job {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/primitive.h"
+#include "phase.h"
 #include "simd/simd.h"
 
 enum { BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };

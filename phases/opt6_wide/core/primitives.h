@@ -14,11 +14,6 @@ void list_shapes(struct prepared *prepared);
 bool shapes_reserve(struct prepared *prepared, const struct model *model);
 void shapes_release(struct prepared *prepared);
 
-static inline void to_floats(const double from[3], float to[3]) {
-    for (int i = 0; i < 3; i++)
-        to[i] = (float)from[i];
-}
-
 // Sets the members in double: see struct primitive. A plane that is not repeated has one row.
 static inline void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3]) {
     bool linear = p->kind == EVAL_LINEAR;
@@ -38,19 +33,6 @@ static inline void prepare_rows(struct primitive *p, const struct shape *shape, 
         p->offset = shape->plane.offset;
         to_floats(p->row[0], p->normal);
     }
-}
-
-// Returns how the shape is evaluated. Of a sphere wider than the bounds only a part is seen, from nearer than its
-// radius. There its power is as exact as a point, and more exact near the surface. For other spheres a point is
-// cheaper, and from many radii away more exact. 1e15: its square is a float.
-static inline enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
-                                          const struct limits *limits) {
-    if (repeated)
-        return EVAL_POINT;
-    if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
-        shape->sphere.radius < 1e15)
-        return EVAL_POWER;
-    return shape->type == SHAPE_PLANE ? EVAL_LINEAR : EVAL_POINT;
 }
 
 // Returns the distance from a shape's centre to its furthest point; 0 for a plane.

@@ -2,7 +2,11 @@
 #pragma once
 
 #include "core/packet_group.h"
-#include "march/march_state.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
+
+#include "march/march_state.h" // needs the others
 
 // Ends the rays of packet k that have left `going` (at a surface) or `inside` (the bounds), and those that have used
 // up their steps, whatever their neighbours had. `step` counts from 1.

@@ -1,5 +1,4 @@
 // The ideal soft shadow: the least strength·h(t)/t up to the light, by a slow march.
-#include "shading/ideal_shadow.h"
 #include "core/packet_group.h"
 #include "core/sdf.h"
 #include "shading/shadow_step.h"

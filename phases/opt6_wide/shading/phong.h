@@ -4,8 +4,8 @@
 #include "core/packet_group.h"
 #include "core/shape_distances.h"
 #include "core/trace.h"
+#include "core/trace_context.h"
 #include "groups/field_part.h"
-#include "shading/light_from.h"
 
 // The materials of a packet's hits, gathered.
 struct surfaces {
@@ -64,4 +64,45 @@ static inline struct vec light_at(struct vec n, struct vec direction, const stru
                          v_madd(emission.y * v_madd(base.y, facing, specular), reach, color.y),
                          v_madd(emission.z * v_madd(base.z, facing, specular), reach, color.z)};
     return vec_select(light->lit, bright, color);
+}
+
+// Marches the rays of `size` packets and lights their hits, without mirrors and fog. Each array has one element per
+// packet.
+static inline void light_hits(const struct ray_group *rays, int size, struct trace_context *world,
+                              struct hit *hit, struct lighting *light, struct surfaces *surface,
+                              vfloat *reach, struct shaded *result) {
+    struct vec background = vec_from_doubles(world->scene->model.background);
+    ray_march(rays, world, hit);
+    for (int k = 0; k < size; k++) {
+        light[k].lit = v_mask_none();
+        surface[k] = (struct surfaces){0};
+        if (!v_any(hit[k].found))
+            continue;
+        surface[k] = gather(hit[k].shape, hit[k].found, world->scene, &world->group->packet[k]);
+        light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
+    }
+    shadow(hit, light, world, reach);
+    for (int k = 0; k < size; k++) {
+        result[k] = (struct shaded){.color = background, .hit = hit[k]};
+        if (v_any(hit[k].found))
+            result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],
+                                       &surface[k], world->view);
+    }
+}
+
+// Adds fog to the hits' colours, and sets that of the rays that hit nothing.
+static inline void add_fog(int size, const struct model *model, struct shaded *result) {
+    struct vec background = vec_from_doubles(model->background);
+    for (int k = 0; k < size; k++) {
+        const struct hit *hit = &result[k].hit;
+        struct vec color = result[k].color;
+        if (!v_any(hit->found))
+            continue;
+        if (model->features.fog) {
+            struct vec p = hit->point.hi;
+            vfloat far_sq = vec_dot(p, p);
+            color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
+        }
+        result[k].color = vec_select(hit->found, color, background);
+    }
 }

@@ -37,38 +37,12 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
 void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
            struct shaded *result) {
     const struct model *model = &world->scene->model;
-    const double *b = model->background;
-    struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
     struct hit hit[GROUP];
     struct lighting light[GROUP];
-    struct surfaces surface[GROUP] = {0};
+    struct surfaces surface[GROUP];
     vfloat reach[GROUP];
-    ray_march(rays, world, hit);
-    for (int k = 0; k < GROUP; k++) {
-        light[k].lit = v_mask_none();
-        if (!v_any(hit[k].found))
-            continue;
-        surface[k] = gather(hit[k].shape, hit[k].found, world->scene, &world->group->packet[k]);
-        light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
-    }
-    shadow(hit, light, world, reach);
-    for (int k = 0; k < GROUP; k++) {
-        result[k] = (struct shaded){.color = background, .hit = hit[k]};
-        if (v_any(hit[k].found))
-            result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],
-                                       &surface[k], world->view);
-    }
+    light_hits(rays, GROUP, world, hit, light, surface, reach, result);
     if (model->features.mirrors && bounce < model->march.max_bounces)
         mirror(rays, bounce, world, surface, result);
-    for (int k = 0; k < GROUP; k++) {
-        struct vec color = result[k].color;
-        if (!v_any(hit[k].found))
-            continue;
-        if (model->features.fog) {
-            struct vec p = hit[k].point.hi;
-            vfloat far_sq = vec_dot(p, p);
-            color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
-        }
-        result[k].color = vec_select(hit[k].found, color, background);
-    }
+    add_fog(GROUP, model, result);
 }

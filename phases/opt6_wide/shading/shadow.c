@@ -1,6 +1,8 @@
 // Soft and hard shadows: one packet of shadow rays for each packet of hits.
+#include "core/sdf.h"
 #include "core/trace.h"
-#include "shading/march_shadows.h"
+#include "core/trace_context.h"
+#include "shading/shadow_step.h"
 
 void shadow(const struct hit *hit, const struct lighting *light, struct trace_context *world,
             vfloat *reach) {

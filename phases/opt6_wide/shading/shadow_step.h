@@ -4,6 +4,21 @@
 #include "core/packet_group.h"
 #include "march/march_step.h"
 
+struct trace_context; // core/trace_context.h
+
+// Makes the shadow rays of packet k ready. Their origins are set.
+void begin_shadow(struct shadow_state *ray, int k, struct point origin, struct vec to_light,
+                  struct trace_context *world);
+
+// Sets how much of the light reaches each origin: 1 lit, 0 in shadow, between them the penumbra of a soft shadow.
+// `distance` is the light's. The marching packets are ready.
+void march_shadows(struct shadow_state *rays, const vfloat *distance, struct trace_context *world,
+                   vfloat *reach);
+
+// The same of the ideal soft shadow.
+void ideal_shadow(const vfloat *distance, struct packet_group *group, const struct prepared *scene,
+                  vfloat *reach);
+
 // Keeps the rays `live` of packet k. Returns whether there are any.
 __attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live,
                                                               struct packet_group *group) {

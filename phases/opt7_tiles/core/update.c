@@ -1,6 +1,7 @@
 // Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/prepare_bounds.h"
 #include "groups/program.h"
+#include "phase.h"
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;

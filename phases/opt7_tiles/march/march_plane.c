@@ -1,5 +1,8 @@
 // The march of rays that can hit nothing but a plane. Along the plane's normal the distance is linear in t, so a step
 // is one multiply-add.
+#include "core/shape_distances.h"
+#include "march/march.h"
+#include "march/march_single.h"
 #include "march/plane_step.h"
 
 // Marches four packets from step number `next` on. They march abreast: the operations of each depend on each other, so

@@ -1,9 +1,5 @@
-// The state of a packet's march.
+// The state of a packet's march. Included by march/march.h, after core/trace.h and march/march_step.h.
 #pragma once
-
-#include "core/trace.h"
-#include "core/trace_context.h"
-#include "march/march_step.h"
 
 // Where the rays of a packet are: at the distance before + t + last. t and the last step are kept apart, because their
 // rounded sum would lose the digits that place the hit on the surface.

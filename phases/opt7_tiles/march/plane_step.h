@@ -1,9 +1,7 @@
 // A step towards a plane. Along its normal the distance is linear in t, so a step is one multiply-add.
 #pragma once
 
-#include "core/shape_distances.h"
-#include "march/march.h"
-#include "march/march_single.h"
+#include "march/march_step.h"
 
 // A packet of rays, by their distance from the plane: `origin` at t = 0, and `direction` per unit of t.
 struct plane_ray {

@@ -48,42 +48,15 @@ static inline void trace_packets(const struct ray_group *rays, int bounce,
                                  struct lighting *light, struct surfaces *surface, vfloat *reach,
                                  struct shaded *result) {
     const struct model *model = &world->scene->model;
-    const double *b = model->background;
-    struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
     const int size = packets_in(world->group);
-    ray_march(rays, world, hit);
-    for (int k = 0; k < size; k++) {
-        light[k].lit = v_mask_none();
-        surface[k] = (struct surfaces){0};
-        if (!v_any(hit[k].found))
-            continue;
-        surface[k] = gather(hit[k].shape, hit[k].found, world->scene, &world->group->packet[k]);
-        light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
-    }
-    shadow(hit, light, world, reach);
-    for (int k = 0; k < size; k++) {
-        result[k] = (struct shaded){.color = background, .hit = hit[k]};
-        if (v_any(hit[k].found))
-            result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],
-                                       &surface[k], world->view);
-    }
+    light_hits(rays, size, world, hit, light, surface, reach, result);
     if (model->features.mirrors && bounce < model->march.max_bounces)
         for (int first = 0; first < size; first += SMALL_GROUP) {
             const struct ray_group some = {rays->origin + first, rays->direction + first,
                                            rays->active + first, rays->start};
             mirror(&some, bounce, world, surface + first, result + first);
         }
-    for (int k = 0; k < size; k++) {
-        struct vec color = result[k].color;
-        if (!v_any(hit[k].found))
-            continue;
-        if (model->features.fog) {
-            struct vec p = hit[k].point.hi;
-            vfloat far_sq = vec_dot(p, p);
-            color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
-        }
-        result[k].color = vec_select(hit[k].found, color, background);
-    }
+    add_fog(size, model, result);
 }
 
 // A large group holds camera rays only, so the recursion's arrays stay small and every bounce fits the stack.

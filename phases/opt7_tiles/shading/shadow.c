@@ -1,8 +1,11 @@
 // Soft and hard shadows: one packet of shadow rays for each packet of hits.
 #include "cones/march_scratch.h"
 #include "cones/tile_cones.h"
+#include "core/local_rays.h"
+#include "core/sdf.h"
 #include "core/trace.h"
-#include "shading/march_shadows.h"
+#include "core/trace_context.h"
+#include "shading/shadow_step.h"
 
 // Lists the shapes that the shadow rays can meet, and sets the rays' origins in the frames of these shapes.
 static void list_occluders(const struct hit *hit, const struct lighting *light,

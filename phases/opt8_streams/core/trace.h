@@ -2,7 +2,10 @@
 // which calls ray_march() and queues shadow and mirror rays; ray_march() calls near_hit() and normal_at().
 #pragma once
 
-#include "core/near_hit.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
+
+#include "core/near_hit.h" // needs simd.h
 
 struct ray_group;
 struct trace_context; // core/trace_context.h

@@ -1,6 +1,7 @@
 // Prepares the scene in the form that the march needs, again whenever it has moved.
 #include "core/prepare_bounds.h"
 #include "groups/program.h"
+#include "phase.h"
 
 // Returns the radius of a sphere around the shape's position that holds it. 1e-5 is for rounding.
 static double bounding_radius(const struct shape *shape) {

@@ -8,7 +8,6 @@
 #include "core/trace.h"
 #include "core/trace_context.h"
 #include "groups/field_part.h"
-#include "shading/light_from.h"
 
 // The materials of a packet's hits.
 struct surface {

@@ -1,8 +1,11 @@
 // Marches the queued shadow rays in packets: see core/ray_queues.h. Each packet marches until its last ray is done.
 #include "cones/march_scratch.h"
 #include "cones/tile_cones.h"
+#include "core/local_rays.h"
 #include "core/ray_queues.h"
-#include "shading/march_shadows.h"
+#include "core/sdf.h"
+#include "core/trace_context.h"
+#include "shading/shadow_step.h"
 
 static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first,
                               struct ray_queues *queues) {

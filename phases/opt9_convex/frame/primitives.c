@@ -10,11 +10,6 @@
 #include "scene/vector.h"
 #include "types/ideal.h"
 
-static void to_floats(const double from[3], float to[3]) {
-    for (int i = 0; i < 3; i++)
-        to[i] = (float)from[i];
-}
-
 // Sets row, centre, offset and normal (see struct primitive). A linear plane has one row.
 static void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3],
                          struct primitive_extra *extra) {
@@ -35,19 +30,6 @@ static void prepare_rows(struct primitive *p, const struct shape *shape, double 
         p->offset = shape->plane.offset;
         to_floats(p->row[0], p->normal);
     }
-}
-
-// Returns how the shape is evaluated. A sphere wider than the bounds is seen from within its radius, where
-// the power is more exact than a point. A smaller sphere is cheaper as a point, and more exact from afar.
-// 1e15: its square is a float.
-static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
-                                   const struct limits *limits) {
-    if (repeated)
-        return EVAL_POINT;
-    if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
-        shape->sphere.radius < 1e15)
-        return EVAL_POWER;
-    return shape->type == SHAPE_PLANE ? EVAL_LINEAR : EVAL_POINT;
 }
 
 static void prepare_mandelbox(struct primitive *p, const struct shape *shape) {

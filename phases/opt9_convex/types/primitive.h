@@ -2,27 +2,17 @@
 // are built for 8 and for 16 lanes share this header with the files that are built once.
 #pragma once
 
-#include <stdbool.h>
+#include "scene/scene.h"
 
 #include "core/bvh.h"
-#include "scene/scene.h"
+#include "core/eval_kind.h" // needs scene.h
 
 struct frame;
 struct sharp;     // hit/sharp.h
 struct field;     // fields/field.h
 struct field_set; // fields/field.h
 
-// Splits a into an unevaluated sum of two floats.
-static inline void split(double a, float *hi, float *lo) {
-    *hi = (float)a;
-    *lo = (float)(a - *hi);
-}
-
-// How a shape's distance is evaluated. POINT: at a point in its frame. LINEAR: a plane that is not repeated,
-// linear in t. POWER: a sphere wider than the bounds, by its power, quadratic in t.
-enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
-
-// A shape in the form that the renderer evaluates. Lengths are in scene units.
+// A shape in the form that the renderer evaluates. Lengths are in scene units. A group is evaluated at a POINT.
 struct primitive {
     enum eval_kind eval;
     enum shape_type type;

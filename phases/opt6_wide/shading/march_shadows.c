@@ -1,15 +1,11 @@
 // Marches the shadow rays of a group of packets.
-#pragma once
-
 #include "core/local_rays.h"
 #include "core/sdf.h"
 #include "core/trace_context.h"
-#include "shading/ideal_shadow.h"
 #include "shading/shadow_step.h"
 
-// Makes the shadow rays of packet k ready. Their origins are set.
-static inline void begin_shadow(struct shadow_state *ray, int k, struct point origin,
-                                struct vec to_light, struct trace_context *world) {
+void begin_shadow(struct shadow_state *ray, int k, struct point origin, struct vec to_light,
+                  struct trace_context *world) {
     const struct model *model = &world->scene->model;
     set_local_directions(to_light, world->scene, &world->group->packet[k]);
     ray->exit = bounds_exit_of(origin, to_light, model);
@@ -17,10 +13,8 @@ static inline void begin_shadow(struct shadow_state *ray, int k, struct point or
     world->group->t[k] = v_splat((float)model->march.surface_offset);
 }
 
-// Sets how much of the light reaches each origin: 1 lit, 0 in shadow, between them the penumbra of a soft shadow.
-// `distance` is the light's. The marching packets are ready.
-static inline void march_shadows(struct shadow_state *rays, const vfloat *distance,
-                                 struct trace_context *world, vfloat *reach) {
+void march_shadows(struct shadow_state *rays, const vfloat *distance, struct trace_context *world,
+                   vfloat *reach) {
     const struct model *model = &world->scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
     struct packet_group *group = world->group;
