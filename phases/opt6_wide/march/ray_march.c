@@ -9,7 +9,7 @@ void ray_march(const struct ray_group *rays, struct trace_context *world, struct
     struct march_state packets[GROUP];
     unsigned going = 0;
     for (int k = 0; k < packets_in(group); k++) {
-        packets[k] = march_state_of(rays, k);
+        packets[k] = march_state_of(rays, k, world);
         group->live[k] = rays->active[k];
         if (!v_any(rays->active[k]))
             continue;

@@ -16,7 +16,9 @@ struct march_state {
 };
 
 // Returns the state in which the rays of packet k begin.
-static inline struct march_state march_state_of(const struct ray_group *rays, int k) {
+static inline struct march_state march_state_of(const struct ray_group *rays, int k,
+                                                struct trace_context *world) {
+    (void)world;
     vfloat zero = v_splat(0.0f);
     struct march_state at = {.origin = rays->origin[k], .inside = v_splat(-1.0f)};
     at.before = at.t = at.last = at.evals = zero;
@@ -31,6 +33,12 @@ static inline vfloat first_t(struct march_state *at, vmask live) {
     vfloat t = v_select(live, at->start, at->t);
     at->start = v_splat(0.0f);
     return t;
+}
+
+// Returns how many evaluations a ray may have.
+static inline int march_cap(const struct march_state *at, const struct model *model) {
+    (void)at;
+    return step_cap(model);
 }
 
 // Returns the hits that may be off their surface: not those that an earlier call has settled.

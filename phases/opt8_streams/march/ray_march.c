@@ -45,7 +45,7 @@ void ray_march(const struct ray_group *rays, struct trace_context *world, struct
     unsigned going = 0;
     bool recalled = rays->marched < 0;
     for (int k = 0; k < GROUP; k++) {
-        packets[k] = march_state_of(rays, k);
+        packets[k] = march_state_of(rays, k, world);
         group->live[k] = rays->active[k];
         if (!v_any(rays->active[k]))
             continue;

@@ -1,21 +1,10 @@
 // The scene in the form that the march needs, prepared by core/prepare_shape.c and core/update.c. No lanes in here.
 #pragma once
 
-#include <stdbool.h>
-
-#include "phase.h"
+#include "scene/scene.h"
 #include "settings.h"
 
-// Splits a double into the sum of two floats.
-static inline void split(double a, float *hi, float *lo) {
-    *hi = (float)a;
-    *lo = (float)(a - *hi);
-}
-
-// How a shape is evaluated along a ray. POINT: its distance at a point of its frame. LINEAR: a line in t, for a plane
-// that is not repeated. POWER: its power, a polynomial in t, for a sphere wider than the bounds. FIELD: a group's
-// program, at a point of the group's frame.
-enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER, EVAL_FIELD };
+#include "core/eval_kind.h" // needs scene.h
 
 struct groups;  // groups/program.h
 struct program; // groups/program.h

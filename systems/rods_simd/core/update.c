@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "core/primitives.h"
+#include "phase.h"
 
 const char *phase_unsupported(const struct scene *scene) {
     (void)scene;

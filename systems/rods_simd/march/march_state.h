@@ -1,10 +1,5 @@
-// The state of a packet's march.
-#ifndef MARCH_STATE_H
-#define MARCH_STATE_H
-
-#include "core/trace.h"
-#include "core/trace_context.h"
-#include "march/march_step.h"
+// The state of a packet's march. Included by march/march.h, after core/trace.h and march/march_step.h.
+#pragma once
 
 // Where the rays of a packet are: at the distance before + t + last. t and the last step are kept apart, because their
 // rounded sum would lose the digits that place the hit on the surface.
@@ -48,23 +43,7 @@ static inline int march_cap(const struct march_state *at, const struct model *mo
     return at->cap;
 }
 
-// Returns how many steps every live ray still has before its cap. Rays that march on from a hit have used some.
-static inline int steps_left(const struct march_state *at, vmask live, int cap) {
-    float evals[LANES];
-    v_store(v_select_or_zero(live, at->evals), evals);
-    int had = 0;
-    for (int lane = 0; lane < LANES; lane++)
-        had = (int)evals[lane] > had ? (int)evals[lane] : had;
-    return cap - had;
+// Returns the hits that may be off their surface: not those that an earlier call has settled.
+static inline vmask may_be_off(const struct march_state *at, vmask settled) {
+    return v_andnot(v_or(at->deep, settled), at->found);
 }
-
-// Ends the rays of packet k that have left `going` (they have reached a surface) or `inside` (they have left the
-// bounds), and those that have used up their steps. `step` counts from 1. Each ray has its own cap, so its
-// neighbours in the packet do not matter.
-void end_rays(struct march_state *at, int step, int k, vmask going, vmask inside,
-              struct packet_group *group, int cap);
-
-// Marches the live rays of the group until every one has ended.
-void march(struct march_state *packets, const struct ray_group *rays, struct trace_context *world);
-
-#endif
