@@ -123,12 +123,15 @@ TEST(test_pairs) {
         set_frame(&scene);
         for (int k = 0; k < POINTS; k++) {
             int i = PLANES + k % SOLIDS, j = PLANES + (k / SOLIDS + 1 + k) % SOLIDS;
-            double p[3], z[3];
+            double p[3], z[3], m[3];
             if (i == j)
                 continue;
             clear += !(frame.pair[i] >> j & 1);
-            point_of(&scene, i, p);
-            point_of(&scene, j, z);
+            between(&scene, j, frame.slope, m);
+            farthest_point(&scene, j, m, z);
+            for (int a = 0; a < 3; a++)
+                m[a] = -m[a];
+            farthest_point(&scene, i, m, p);
             if (!darkens(&scene, p, z, frame.slope))
                 continue;
             assert_true(frame.pair[i] >> j & 1);
