@@ -1,0 +1,63 @@
+"""opt12_fused: the spans that its kernel draws, against the tiles of its general code."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import phase_pictures
+import pytest
+
+from study.core import registry
+from study.core.build import build
+from study.pictures import images
+
+PHASE = "opt12_fused"
+SIZE = (107, 61)  # no whole packets, and a last row without a second one
+
+pytestmark = [
+    pytest.mark.slow,
+    phase_pictures.needs(PHASE),
+    pytest.mark.skipif(not shutil.which("gcc"), reason="gcc would compile kernels"),
+]
+
+
+def scene(tilted: bool) -> dict:
+    """scene0; tilted: with a mirroring slope, a wall, a low lamp, no fog and a rolled camera."""
+    data = json.loads(registry.scenes()["scene0"].path.read_text())
+    if tilted:
+        data["camera"]["up"] = [math.sin(0.3), math.cos(0.3), 0]
+        data["light"]["position"] = [20, 8, 0]
+        data["fog"] = 0
+        data["materials"]["clay"] = {"color": [0.8, 0.5, 0.3], "reflectivity": 0.4, "shininess": 11.5}
+        data["shapes"][0] |= {"normal": [0.2, 1, -0.1], "material": "clay"}
+        data["shapes"].append({"type": "plane", "normal": [1, 0, 0], "offset": -9, "material": "blue"})
+    return data
+
+
+def picture(data: dict, folder: Path, *options: str, **env: str) -> tuple[np.ndarray, str]:
+    """Colours, and what the record says of the kernel."""
+    path, out = folder / "scene.json", folder / "picture.exr"
+    path.write_text(json.dumps(data))
+    words = [build(PHASE), path, "-w", SIZE[0], "-n", SIZE[1], "-o", out, "--json", *options]
+    env = os.environ | {"STEPWISE_CACHE": str(folder / "cache"), "STEPWISE_CC": "gcc"} | env
+    run = subprocess.run(list(map(str, words)), capture_output=True, text=True, env=env, timeout=300)
+    assert run.returncode == 0, run.stderr
+    return images.rgb(images.read(out)).astype(float), json.loads(run.stdout)["kernel"]
+
+
+@pytest.mark.parametrize("tilted", [False, True])
+def test_spans_draw_what_tiles_draw(tilted: bool, tmp_path: Path) -> None:
+    wanted, kernel = picture(scene(tilted), tmp_path, STEPWISE_CC="none")
+    assert kernel != "generated"
+    for options in [(), ("--aov",), ("--threads", "3")]:
+        made, kernel = picture(scene(tilted), tmp_path, *options)
+        assert kernel == "generated"
+        off = abs(made - wanted) / max(1.0, wanted.max())
+        assert off.max() < 1e-3
+        assert -10 * math.log10((off**2).mean()) > 100
